@@ -19,6 +19,8 @@ WITHOUT_CHECKOUT = (
     "import sys; sys.meta_path[:] = [f for f in sys.meta_path if 'Redirecting' not in type(f).__name__]; "
 )
 POSE = "x_mm,y_mm,z_mm\n10,10,300\n"
+PACKAGES = [folder for folder in sys.path if Path(folder).name == "site-packages"]
+TRAJECTORY = "t_s,x_mm,y_mm\n0,20,80\n"
 
 
 def build(folder: Path, *settings: str, prefix: tuple[str, ...] = (), **environment: str) -> Path:
@@ -71,9 +73,22 @@ def assert_usable_without_kernels(wheel: Path, folder: Path) -> None:
     assert asked.stdout == solved.stdout
 
 
+@pytest.mark.realtime
 def test_without_a_compiler_the_package_installs_and_reports_the_twins(tmp_path: Path) -> None:
     wheel = build(tmp_path / "wheel", CXX="/nonexistent", CC="/nonexistent")
     assert_usable_without_kernels(wheel, tmp_path / "site")
+    ran = subprocess.run(
+        [Path(sys.executable).resolve(), "-m", "contid", "run", "finger", "--mock"],
+        cwd=tmp_path / "site",
+        # Folders of PYTHONPATH have no import hooks: the child processes do not see the checkout either.
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path / "site"), *PACKAGES])},
+        input=TRAJECTORY,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stderr.count("NumPy twins") == 1, ran.stderr  # of the daemon, not of its control process too
 
 
 def test_without_python_headers_the_package_installs_and_reports_the_twins(tmp_path: Path) -> None:

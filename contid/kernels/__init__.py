@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final
 
-__all__ = ["PURE_PYTHON", "in_use", "load"]
+__all__ = ["PURE_PYTHON", "in_use", "load", "warn_of_twins"]
 
 LOG = logging.getLogger(__name__)
 
@@ -34,8 +34,13 @@ def load(name: str) -> ModuleType | None:
         return None
     kernel = (_imported(f"{name}_avx2") if has_avx2() else None) or _imported(name)
     if kernel is None:
-        _warn_of_twins()
+        _warn_once()
     return kernel
+
+
+def warn_of_twins() -> None:
+    """Log once that no kernel is compiled, for a process whose children compute."""
+    load(KERNELS[0])
 
 
 def in_use() -> str:
@@ -53,7 +58,7 @@ def _disabled() -> bool:
 
 
 @cache
-def _warn_of_twins() -> None:
+def _warn_once() -> None:
     """One line per process: on stderr in a script, in the log of a daemon."""
     LOG.warning("contid uses NumPy twins, about 1000 times slower than its kernels: %s", _remedy())
 
