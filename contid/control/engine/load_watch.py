@@ -10,8 +10,9 @@ from contid.control.engine.exchange import Exchange
 from contid.control.engine.robots import Robots
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.load_sensing.identified_arm import Numbers
-from contid.control.tick.load_sensing.load_feed import FedLoad, fed, loaded
+from contid.control.tick.load_sensing.load_feed import CountedLoad, FedLoad, certain_share, fed, loaded
 from contid.control.tick.load_sensing.load_observer import LoadFound, LoadObserver, in_bar
+from contid.control.tick.play import led
 from contid.control.tick.tip_feedback import Measurement
 from contid.targets import ZERO3, Target, Vec3
 
@@ -41,7 +42,7 @@ class LoadWatch:
             for config in robots.configs
             if config.sensing is not None and config.sensing.load == "estimated"
         }
-        self._counts: dict[str, tuple[float, Vec3]] = {}
+        self._counts: dict[str, CountedLoad] = {}
         self._shown: dict[int, LoadFound] = {}
 
     def tick(self, now_s: float, measured: Mapping[str, Measurement]) -> None:
@@ -49,7 +50,7 @@ class LoadWatch:
         for index, observer in self.observers.items():
             config, state = self._robots.configs[index], self._robots.states[index]
             own = len(config.axes) - config.extra_axes
-            commands = in_bar(state.command[:own])
+            commands = in_bar(led(state.command, state.lead.added)[:own])
             observer.tick(now_s, self._reported(config), commands, measured.get(config.name))
             found = observer.found
             if found is None or now_s - found.time_s > SHOWN_S:
@@ -58,8 +59,11 @@ class LoadWatch:
             elif self._shown.get(index) is not found:
                 self._shown[index] = found
                 self.in_world[config.name] = _in_world(config, found)
-                if found.margin:
-                    self._counts[config.name] = (found.time_s, self.in_world[config.name][0])
+                if found.held:
+                    x, y, z = self.in_world[config.name][0]
+                    share = certain_share(found.force_in_base, found.covariance)
+                    force = (share * x, share * y, share * z)
+                    self._counts[config.name] = CountedLoad(found.time_s, force, found.margin)
 
     def loaded(self, targets: Mapping[str, Target | None], now_s: float) -> Mapping[str, Target | None]:
         """The targets of this tick, with the estimated load where the solver is to have it."""

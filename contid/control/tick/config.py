@@ -18,6 +18,7 @@ from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import CurrentSense, RackFinger
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
+from contid.units import BAR
 
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1
@@ -93,6 +94,7 @@ class RobotConfig:
         period_s: of the tick.
         feedback: closed loop on the tip, None when off.
         play: half width of the play of every axis [m or Pa], None without.
+        loops: half width of the hysteresis loop of every regulator [Pa], None without.
         capstan: lead of the friction of tendons in the bends, None without.
         taut: bounds of the tensions of a tendon robot, None without.
         sensing: description of an arm that senses the force on its tip, None without.
@@ -126,6 +128,7 @@ class RobotConfig:
     period_s: float
     feedback: FeedbackConfig | None = None
     play: Actuation | None = None
+    loops: Actuation | None = None
     capstan: Capstan | None = None
     taut: Taut | None = None
     sensing: Cosserat | None = None
@@ -183,6 +186,7 @@ def robot_config(
         period_s=period_s,
         feedback=None if robot.feedback is None else FeedbackConfig.of(robot.feedback),
         play=None if robot.play is None else (*robot.play, *(0.0,) * len(robot.extra_axis_names)),
+        loops=_loops(robot),
         capstan=getattr(model, "capstan", None),
         taut=getattr(model, "taut", None),
         sensing=robot if isinstance(robot, Cosserat) and robot.sense is not None else None,
@@ -193,3 +197,11 @@ def robot_config(
         straight=getattr(model, "taut", None) is not None or getattr(model, "straight_approach", False),
         shared=getattr(model, "shared", None),
     )
+
+
+def _loops(robot: RobotDescription) -> Actuation | None:
+    """Half the loops that a calibration found; a positive ``loop_bar`` is no loop of a chamber that lags."""
+    error = robot.correction if isinstance(robot, Cosserat) else None
+    if error is None:
+        return None
+    return (*(max(-half, 0.0) * BAR for half in error.loop_bar), *(0.0,) * len(robot.extra_axis_names))

@@ -42,12 +42,14 @@ class Lead:
         play: the part that leads play.
         friction: the part that leads friction in the bends, of the tendons.
         slides: sense of sliding of the tendons in the sections.
+        chambers: pressures that the chambers of regulators with hysteresis hold [Pa].
     """
 
     added: Actuation = ()
     play: Actuation = ()
     friction: Actuation = ()
     slides: Actuation = ()
+    chambers: Actuation = ()
 
 
 NO_LEAD: Final = Lead()

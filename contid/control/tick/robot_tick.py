@@ -21,6 +21,7 @@ from contid.control.tick.faults import Fault, of_device
 from contid.control.tick.limits import ACCELERATION
 from contid.control.tick.next_command import next_command
 from contid.control.tick.play import led, next_lead
+from contid.control.tick.regulator_loops import next_loop_lead
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
@@ -240,6 +241,8 @@ def _limited(
     lead = state.lead
     if config.play is not None or config.capstan is not None:
         lead = next_lead(config.play, config.capstan, lead, command, increments, config.limits)
+    elif config.loops is not None:
+        lead = next_loop_lead(config.loops, lead, command, config.limits, config.period_s)
     # Written out: `replace` costs three times as much, and this runs for every robot in every tick.
     after = RobotState(
         state.mode, state.since_s, state.fault, state.message, state.enabled, state.arm_requested,

@@ -5,7 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from contid.control.tick.load_sensing.load_feed import FADE_S, GAIN_PER_S, STALE_S, FedLoad, fed, loaded
+from contid.control.tick.load_sensing.load_feed import (
+    FADE_S,
+    GAIN_PER_S,
+    STALE_S,
+    UNCERTAIN,
+    CountedLoad,
+    FedLoad,
+    certain_share,
+    fed,
+    loaded,
+)
 from contid.targets import ZERO3, Target
 
 PERIOD_S = 0.005
@@ -25,7 +35,7 @@ def run(seconds, estimate, state=None, known=ZERO3, start_s=0.0):
 
 def newest(now_s):
     """A tracker of 50 Hz."""
-    return math.floor(now_s / 0.02) * 0.02, FORCE
+    return CountedLoad(math.floor(now_s / 0.02) * 0.02, FORCE)
 
 
 def test_it_approaches_the_estimate_as_the_filter_does():
@@ -63,3 +73,32 @@ def test_a_tracker_that_returns_during_the_fade_makes_no_step():
     z = np.array([state.added_n[2] for state in [lost[-1], *back]])
     assert np.abs(np.diff(z)).max() <= GAIN_PER_S * PERIOD_S * FORCE[2]
     assert z[-1] == pytest.approx(FORCE[2], rel=1e-2)
+
+
+def test_without_a_margin_it_does_not_grow_but_falls():
+    def margin_lost(now_s):
+        return CountedLoad(newest(now_s).time_s, FORCE, margin=now_s < 0.2)
+
+    states = run(3.0, margin_lost)
+    z = [state.added_n[2] for state in states]
+    assert z[-1] == z[round(0.25 / PERIOD_S)]
+    assert 0.4 * FORCE[2] < z[-1] < 0.65 * FORCE[2]
+    taken_off = run(
+        3.0, lambda now_s: CountedLoad(newest(now_s).time_s, ZERO3, margin=False), states[-1], start_s=3.0
+    )
+    assert taken_off[-1].added_n == pytest.approx(ZERO3, abs=1e-6)
+
+
+def test_noise_about_no_load_is_not_fed_and_a_load_nearly_whole():
+    rng = np.random.default_rng(3)
+    spread = np.array([[1.0, 0.3, 0.0], [0.3, 2.0, -0.5], [0.0, -0.5, 9.0]]) * 1e-8
+    row_major = spread.ravel().tolist()
+    noise = rng.multivariate_normal(np.zeros(3), spread, 2000)
+    shares = np.array([certain_share(tuple(each), row_major) for each in noise.tolist()])
+    # Of three normal components 97.1 % are within a squared distance of 9 (chi-squared distribution).
+    assert (shares == 0.0).mean() == pytest.approx(0.971, abs=0.015)
+    for count in (10.0, 30.0):
+        force = (0.0, 0.0, count * 1e-4)
+        squared = np.array(force) @ np.linalg.inv(spread) @ np.array(force)
+        assert certain_share(force, row_major) == pytest.approx(max(0.0, 1.0 - UNCERTAIN / squared))
+    assert certain_share(ZERO3, row_major) == 0.0

@@ -30,7 +30,7 @@ from contid.units import MM_PER_M, STANDARD_GRAVITY
 
 #: Steps of the force per measurement.
 TRIALS: Final = 4
-#: The arm must be stable under this many times a force that the solver gets; reached in these steps.
+#: The arm must be stable under these multiples of a force: to keep it in the solver, and to get more of it.
 MARGIN: Final = (1.25, 1.5)
 #: Sudden changes that are kept.
 MOST_JUMPS: Final = 64
@@ -53,13 +53,15 @@ class LoadFound:
         force_in_base: [N].
         covariance: of it, row-major [N^2].
         settled: the average is as long as its time constant.
-        margin: the arm is stable under 1.5 times this force; False where that was not looked for.
+        held, margin: the arm is stable under 1.25 and 1.5 times this force; False where that was not
+            looked for.
     """
 
     time_s: float
     force_in_base: Vec3
     covariance: tuple[float, ...]
     settled: bool
+    held: bool
     margin: bool
 
 
@@ -196,18 +198,19 @@ class _Estimation:
         spread = tuple(self._filter.covariance.ravel().tolist())
         reached, moment = tip, self._moment
         force = _vector(self._filter.force)
-        margin = self._checks_margin
+        stable: list[bool] = []
         for last, part in zip((1.0, *MARGIN), MARGIN, strict=False):
-            if not margin:
+            if not self._checks_margin or not all(stable):
                 break
             yield
             more = (part - last) * self._filter.force
             predicted = np.array(moment) + np.cross(reached, more)
             there = self.arm.near(corrected, _vector(part * self._filter.force), predicted.tolist())
-            margin = there is not None
+            stable.append(there is not None)
             if there is not None:
                 reached, moment = np.array(there[0]), there[1]
-        self.found = LoadFound(measurement.time_s, force, spread, self._filter.settled, margin)
+        held, margin = (*stable, False, False)[:2]
+        self.found = LoadFound(measurement.time_s, force, spread, self._filter.settled, held, margin)
         yield
 
     def _unloaded(self, corrected: Numbers, tip: Array) -> Array:
