@@ -67,11 +67,14 @@ class Operator(threading.Thread):
         with Client(self._folder / "lab.sock", name="operator") as client:
             while not self._ended.is_set() or (self._waiting and time.monotonic() < self._give_up_s):
                 time.sleep(0.2)
-                if not (self._ended.is_set() or self._waiting) and time.monotonic() >= self.begin_s + next_s:
+                well = self._all_well(client)
+                if well and self._waiting:
+                    self.cables[-1].back_s = time.monotonic() - self.begin_s - self.cables[-1].at_s - OUT_S
+                # A robot that is in FAULT already cannot report the cable.
+                due = time.monotonic() >= self.begin_s + next_s
+                if due and well and not (self._ended.is_set() or self._waiting):
                     next_s = next(pulls, math.inf)
                     self._pull(next(buses).name)
-                if self._all_well(client) and self._waiting:
-                    self.cables[-1].back_s = time.monotonic() - self.begin_s - self.cables[-1].at_s - OUT_S
 
     @property
     def _waiting(self) -> bool:
