@@ -61,6 +61,14 @@ def test_the_commands_of_a_page_run(page: str, tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+def test_no_two_pages_record_to_the_same_file() -> None:
+    """A reader goes from one page to the next in one folder, where recordings are never overwritten."""
+    recorded = [
+        file for page in PAGES for block in blocks(page) for file in re.findall(r"--record (\S+)", block)
+    ]
+    assert len(recorded) == len(set(recorded)), recorded
+
+
 def test_the_readme_is_short() -> None:
     text = (ROOT / "README.md").read_text()
     assert len(text.splitlines()) <= 150
