@@ -62,8 +62,8 @@ def test_two_arms_are_never_accepted_nearer_than_they_are():
         assert found.lower_m <= found.upper_m
         if truth is not dense:
             assert truth - found.lower_m < TOLERANCE_M
-        penetrations += truth < 0.0
-        falsely_refused += truth >= 1e-3 > found.lower_m
+        penetrations += bool(truth < 0.0)
+        falsely_refused += bool(truth >= 1e-3 > found.lower_m)
     assert penetrations > CONFIGURATIONS / 20
     assert falsely_refused <= 0.02 * CONFIGURATIONS
 

@@ -163,7 +163,7 @@ def _parametrised(
             if np.max(needs[worst]) <= 1.0:
                 found.append((ticks, _Timing(at, worst)))
                 break
-            slower = _spread(np.max(list(needs.values()), axis=0), spread)
+            slower = _spread(np.stack(list(needs.values())).max(axis=0), spread)
             pace = np.interp(0.5 * (clock[1:] + clock[:-1]), times, slower)
             clock = np.concatenate([[0.0], np.cumsum(np.diff(clock) * pace)])
     if not found:
