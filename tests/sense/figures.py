@@ -3,7 +3,7 @@
 The plant is `tests.sense.observed.Loaded`: literal equations, moduli wrong by +4 and -3 %, moments by
 -2 %, regulators off by up to 0.03 bar, hysteresis loops of 0.03 bar, tracker noise 0.3 mm at 50 Hz.
 
-    python -m tests.sense.figures [ARMS] [SPIRAL_MINUTES]
+    python -m tests.sense.figures [ARMS] [SPIRAL_MINUTES] [FIRST_SEED]
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from tests.sense.plant import shipped_robot
 LOADS = 20
 
 
-def static_loads(arms):
+def static_loads(arms, first=0):
     """Loads put on resting arms; errors 1 s later, jumps while they move."""
     errors, shares, settled = [], [], []
-    for seed in range(arms):
+    for seed in range(first, first + arms):
         rng, body = np.random.default_rng(seed), plant()
         run = Run(calibrated(body, rng), body, rng)
         run.move(rng.uniform(0.05, 1.2, 6))
@@ -151,8 +151,9 @@ class _Nothing:
 
 
 if __name__ == "__main__":
-    arms, minutes = (float(each) for each in (*sys.argv[1:3], *("10", "60")[len(sys.argv) - 1 :]))
-    static_loads(int(arms))
+    given = [float(each) for each in sys.argv[1:]]
+    arms, minutes, first = (*given, *(10.0, 60.0, 0.0)[len(given) :])
+    static_loads(int(arms), int(first))
     walls(10)
     spirals(minutes)
     times()

@@ -51,6 +51,7 @@ class IdentifiedArm:
         self._middle: list[float] = (0.5 * (lower + upper)).tolist()
         least, most = (part * (upper - lower) for part in HALF_LOOP)
         self.half_loop: list[float] = np.clip(np.abs(found.loop_bar), least, most).tolist()
+        self._axis_bar2, self._tip_mm2 = found.axis_sigma_bar**2, found.tip_sigma_mm**2 * np.eye(3)
         width = len(found.covariance_factor)
         self._factor = np.zeros((width, width))
         for i, row_of_factor in enumerate(found.covariance_factor):
@@ -95,12 +96,13 @@ class IdentifiedArm:
             by_pressure: derivative of the tip [mm/bar], shape ``(3, k)``.
             by_scale: derivative of the tip by the scales [mm], shape ``(3, m)``.
         """
-        found = self._found
         away = np.array(pressures) - self._middle
-        columns = np.hstack([by_pressure, by_pressure * away, by_pressure * np.array(sides), by_scale])
+        columns = np.concatenate(
+            [by_pressure, by_pressure * away, by_pressure * np.array(sides), by_scale], axis=1
+        )
         open_ = columns @ self._factor
-        spread: Array = open_ @ open_.T + found.axis_sigma_bar**2 * by_pressure @ by_pressure.T
-        return spread + found.tip_sigma_mm**2 * np.eye(3)
+        spread: Array = open_ @ open_.T + self._axis_bar2 * by_pressure @ by_pressure.T
+        return spread + self._tip_mm2
 
     def sides_mm2(self, unknown: Sequence[float], by_pressure: Array) -> Array:
         """Covariance of the tip by unknown sides of the hysteresis, evenly spread from -1 to 1.

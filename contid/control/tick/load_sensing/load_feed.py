@@ -14,8 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-import numpy as np
-
+from contid.control.tick.load_sensing.symmetric import squared_distance
 from contid.targets import ZERO3, Target, Vec3
 
 #: Of the filter; slower than the estimate, so that its noise does not move the arm.
@@ -68,8 +67,8 @@ def certain_share(force_n: Vec3, covariance: Sequence[float]) -> float:
         force_n: estimated.
         covariance: of it, row-major [N^2], shape ``(9,)``.
     """
-    force = np.array(force_n)
-    squared = float(force @ np.linalg.solve(np.array(covariance).reshape(3, 3), force))
+    a, b, c, _, d, e, _, _, f = covariance
+    squared = squared_distance(force_n, (a, b, c, d, e, f))
     return max(0.0, 1.0 - UNCERTAIN / squared) if squared > 0.0 else 0.0
 
 

@@ -16,17 +16,19 @@ Units: mm and N.
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from contid.control.tick.load_sensing.symmetric import cofactors, squared_distance
 from contid.kinematics.array import Array
 
 #: Squared distance of the gate; the normal distribution exceeds it once in 1e9 tests of three components.
 GATE: Final = 44.0
 #: Numbers of newest measurements whose mean is compared.
-WIDTHS: Final = np.array([1, 2, 3, 5, 8])
+WIDTHS: Final = (1, 2, 3, 5, 8)
 #: Measurements before the gate is used.
 _ARMED: Final = 15
 #: A shorter step is at the rounding of the numbers [N].
@@ -62,7 +64,8 @@ class LoadFilter:
     """
 
     def __init__(self, noise_mm: float, window_s: float, expected_n: float) -> None:
-        self._noise: Array = noise_mm**2 * np.eye(3)
+        self._noise_mm2 = noise_mm**2
+        self._noise: Array = self._noise_mm2 * np.eye(3)
         self._window_s = window_s
         self._prior: Array = np.eye(3) / expected_n**2
         self.force: Array = np.zeros(3)
@@ -93,8 +96,10 @@ class LoadFilter:
         self._missed = newest.mean(axis=0) if len(newest) else np.zeros(3)
         self._newest = newest
 
-    def add(self, t_s: float, missed: Array, compliance: Array, model: Array) -> Jump | None:
-        """Take a measurement; a `Jump` when the force changed suddenly.
+    def add(
+        self, t_s: float, missed: Array, compliance: Array, model: Array
+    ) -> Generator[None, None, Jump | None]:
+        """Take a measurement in two parts; a `Jump` when the force changed suddenly.
 
         Args:
             t_s: when it was captured; later than the one before.
@@ -105,7 +110,7 @@ class LoadFilter:
         step_s = min(t_s - self._last_s, self._window_s)
         least = -math.expm1(-step_s / self._window_s)
         self._last_s = t_s
-        newest = np.vstack([missed, self._newest[: int(WIDTHS[-1]) - 1]])
+        newest = np.concatenate([missed[None], self._newest[: WIDTHS[-1] - 1]])
         jump = None
         if self.count >= _ARMED and (found := self._jump(newest, compliance, model)) is not None:
             jump, width = found
@@ -115,6 +120,7 @@ class LoadFilter:
             self._since_s += step_s if self.count > 1 else 0.0
             self._missed = self._missed + max(1.0 / self.count, least) * (missed - self._missed)
             self._newest = newest
+        yield
         # An exponential average of gain g has the variance of 2/g - 1 equal ones.
         average = self._noise / min(self.count, 2.0 / max(1.0 / self.count, least) - 1.0)
         self._weight = _inverse(average + model)
@@ -129,9 +135,12 @@ class LoadFilter:
     def proposed(self) -> Array | None:
         """The force to be tried next [N]; None at the least cost."""
         downhill = self._compliance.T @ self._weight @ self._missed - self._prior @ self.force
-        damped = self._information + self._damping * np.diag(np.diag(self._information))
-        step = np.linalg.solve(damped, downhill)
-        if float(np.abs(step).max()) < _ROUNDED_N:
+        if self._damping:
+            damped = self._information + self._damping * np.diag(np.diag(self._information))
+            step = _inverse(damped) @ downhill
+        else:
+            step = self.covariance @ downhill
+        if max(map(abs, step.tolist())) < _ROUNDED_N:
             return None
         self._tried = self.force + step
         return self._tried
@@ -172,19 +181,29 @@ class LoadFilter:
 
     def _jump(self, newest: Array, compliance: Array, model: Array) -> tuple[Jump, int] | None:
         """A jump and the number of measurements that show it best."""
-        widths = WIDTHS[len(newest) >= WIDTHS]
-        means = np.cumsum(newest, axis=0)[widths - 1] / widths[:, None]
         known = model + compliance @ self.covariance @ compliance.T
-        spreads = known + self._noise / widths[:, None, None]
-        distances = (means * np.linalg.solve(spreads, means[:, :, None])[:, :, 0]).sum(axis=1)
-        worst = int(distances.argmax())
-        if distances[worst] <= GATE:
+        (a, b, c), (_, d, e), (_, _, f) = known.tolist()
+        rows, noise = newest.tolist(), self._noise_mm2
+        best, worst, mean = 0.0, 0, (0.0, 0.0, 0.0)
+        x = y = z = 0.0
+        for width, (px, py, pz) in enumerate(rows, 1):
+            x, y, z = x + px, y + py, z + pz
+            if width in WIDTHS:
+                at, part = (x / width, y / width, z / width), noise / width
+                distance = squared_distance(at, (a + part, b, c, d + part, e, f + part))
+                if distance > best:
+                    best, worst, mean = distance, width, at
+        if best <= GATE:
             return None
         weight = _inverse(self._noise + known)
         inverse = _inverse(compliance.T @ weight @ compliance + self._prior)
-        x, y, z = (inverse @ compliance.T @ weight @ means[worst]).tolist()
-        return Jump((x, y, z), float(distances[worst])), int(widths[worst])
+        x, y, z = (inverse @ compliance.T @ weight @ np.array(mean)).tolist()
+        return Jump((x, y, z), best), worst
 
 
 def _inverse(matrix: Array) -> Array:
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+    """Of a symmetric matrix, shape ``(3, 3)``."""
+    (a, b, c), (_, d, e), (_, _, f) = matrix.tolist()
+    rows, whole = cofactors((a, b, c, d, e, f))
+    a, b, c, d, e, f = [each / whole for each in rows]
+    return np.array(((a, b, c), (b, d, e), (c, e, f)))

@@ -123,7 +123,7 @@ class LoadObserver:
 
 
 class _Estimation:
-    """The work between two measurements; it makes one call of the kernel between two yields."""
+    """The work between two measurements, in parts of about the same time between its yields."""
 
     def __init__(self, robot: Cosserat, sensing: LoadSensing, period_s: float) -> None:
         self.arm = IdentifiedArm(robot)
@@ -150,8 +150,8 @@ class _Estimation:
                 continue
             self._used_s = measurement.time_s
             pose = self.trace.at(measurement.time_s)
+            yield
             if pose is None:
-                yield
                 continue
             if self._model is None:
                 yield from self._renew(pose)
@@ -171,26 +171,33 @@ class _Estimation:
                 self._filter.restart(0.5 * self._filter.force)  # back to where the arm is stable
                 yield
                 return
-        by_pressure = np.array(here[3]).reshape(3, -1)
-        late = by_pressure @ np.array(pose.late)
         assert self._model is not None
-        model = self._model + np.outer(late, late) + self.arm.sides_mm2(pose.side_open, by_pressure)
+        model = self._model
+        if any(pose.late) or any(pose.side_open):
+            by_pressure = np.array(here[3]).reshape(3, -1)
+            late = by_pressure @ np.array(pose.late)
+            model = model + late[:, None] * late
+            if any(pose.side_open):
+                model = model + self.arm.sides_mm2(pose.side_open, by_pressure)
+        yield
         tip, self._moment = np.array(here[0]), here[1]
         seen = MM_PER_M * np.array(self._frame.point_in_base(measurement.tip_in_world))
-        jump = self._filter.add(measurement.time_s, seen - tip, _matrix(here[2]), model)
+        jump = yield from self._filter.add(measurement.time_s, seen - tip, _matrix(here[2]), model)
         if jump is not None:
             self.jumps.append((measurement.time_s, jump))
             yield
             # Steps never lead back from an equilibrium of another branch: look at the unloaded arm.
             tip = self._unloaded(corrected, tip)
-        for _ in range(TRIALS):
+        for trial in range(TRIALS):
             tried = self._filter.proposed()
             if tried is None:
                 break
-            yield
+            if trial or jump is not None:
+                yield
             # A force on the tip has a moment about the base that follows from the tip.
-            predicted = np.array(self._moment) + np.cross(tip, tried - self._filter.force)
-            there = self.arm.near(corrected, _vector(tried), predicted.tolist())
+            predicted = _moved(self._moment, tip, tried - self._filter.force)
+            there = self.arm.near(corrected, _vector(tried), predicted)
+            yield
             if there is None:
                 self._filter.judge(None, _NONE)
             elif self._filter.judge(np.array(there[0]) - tip, _matrix(there[2])):
@@ -199,16 +206,17 @@ class _Estimation:
         reached, moment = tip, self._moment
         force = _vector(self._filter.force)
         stable: list[bool] = []
+        if self._checks_margin:
+            yield
         for last, part in zip((1.0, *MARGIN), MARGIN, strict=False):
             if not self._checks_margin or not all(stable):
                 break
-            yield
-            more = (part - last) * self._filter.force
-            predicted = np.array(moment) + np.cross(reached, more)
-            there = self.arm.near(corrected, _vector(part * self._filter.force), predicted.tolist())
+            predicted = _moved(moment, reached, (part - last) * self._filter.force)
+            there = self.arm.near(corrected, _vector(part * self._filter.force), predicted)
             stable.append(there is not None)
             if there is not None:
                 reached, moment = np.array(there[0]), there[1]
+        yield
         held, margin = (*stable, False, False)[:2]
         self.found = LoadFound(measurement.time_s, force, spread, self._filter.settled, held, margin)
         yield
@@ -247,14 +255,17 @@ class _Estimation:
         columns = []
         for scale in range(arm.scales):
             moved = arm.near(corrected, load, here[1], scale)
-            yield
+            if scale % 2:
+                yield
             if moved is None:
                 return
-            columns.append((np.array(moved[0]) - np.array(here[0])) / SCALE_STEP)
+            columns.append([(a - b) / SCALE_STEP for a, b in zip(moved[0], here[0], strict=True)])
+        yield
         by_pressure = np.array(here[3]).reshape(3, -1)
         self._moment = here[1]
         self._model = arm.covariance_mm2(pose.pressures, pose.sides, by_pressure, np.array(columns).T)
         self._model_at = (pose.pressures, force)
+        yield
 
 
 def _rehearse(estimation: _Estimation, axes: int) -> None:
@@ -264,6 +275,12 @@ def _rehearse(estimation: _Estimation, axes: int) -> None:
         estimation.trace.tick(0.1 * number, still, still)
         estimation.newest = Measurement((0.01 * (number % 2), 0.0, 0.09), 0.1 * number)
         next(work)
+
+
+def _moved(moment: Numbers, tip: Array, change: Array) -> Numbers:
+    """The base moment after a change of the force on the tip, which stays where it is."""
+    (a, b, c), (x, y, z), (u, v, w) = moment, tip.tolist(), change.tolist()
+    return (a + y * w - z * v, b + z * u - x * w, c + x * v - y * u)
 
 
 def _vector(array: Array) -> Vec3:
