@@ -22,7 +22,7 @@ from contid.control.engine.events.orders import OrderGiven
 from contid.control.engine.events.run import StopBegan
 from contid.remote.protocol.socket_path import is_listening
 from contid.session.read import Session
-from tests.campaign.exits import left_alive, limit_s
+from tests.campaign.ended_daemons import left_alive, limit_s
 from tests.campaign.wired.checks import Injected, Tally, judge
 from tests.campaign.wired.lab_file import RATE_HZ, robot_file
 from tests.campaign.wired.wires import Wires
