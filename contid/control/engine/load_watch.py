@@ -63,6 +63,10 @@ class LoadWatch:
                     x, y, z = self.in_world[config.name][0]
                     share = certain_share(found.force_in_base, found.covariance)
                     force = (share * x, share * y, share * z)
+                    if not found.settled:
+                        # After a sudden change the first estimates may be far off; the solver keeps the last.
+                        before = self._counts.get(config.name)
+                        force = ZERO3 if before is None else before.force_n
                     self._counts[config.name] = CountedLoad(found.time_s, force, found.margin)
 
     def loaded(self, targets: Mapping[str, Target | None], now_s: float) -> Mapping[str, Target | None]:

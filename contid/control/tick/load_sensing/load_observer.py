@@ -35,7 +35,7 @@ MARGIN: Final = (1.25, 1.5)
 #: Sudden changes that are kept.
 MOST_JUMPS: Final = 64
 #: Calls of the kernel per second of ticks; slower ticks make more calls each.
-CALLS_HZ: Final = 400.0
+CALLS_HZ: Final = 500.0
 #: Covariance of the model: renewed after a change of a pressure [bar] or of the force [N].
 _MOVED_BAR: Final = 0.01
 _MOVED_N: Final = 0.002
