@@ -81,6 +81,19 @@ def test_the_message_has_speed_limit_and_factor(tmp_path: Path) -> None:
     assert min(abs(int(match[1]) - 2 - quarter) for quarter in (50, 150)) < 8
 
 
+def test_a_row_within_speed_and_acceleration_states_no_factor(tmp_path: Path) -> None:
+    """Its axis could not make up for the rows before."""
+    turns = [2.0 * math.pi * k / 25.0 for k in range(26)]
+    circle = (
+        f"{0.02 * k},{30.0 - 10.0 * (1.0 - math.cos(a))},{80.0 + 10.0 * math.sin(a)}\n"
+        for k, a in enumerate(turns)
+    )
+    done = run("t_s,x_mm,y_mm\n" + "".join(circle), tmp_path)
+    assert done.returncode == 2
+    assert "falls behind at" in done.stderr
+    assert "at least 1 times" not in done.stderr
+
+
 def test_a_stretched_run_keeps_path_and_limits(tmp_path: Path) -> None:
     done = run(sine(0.4), tmp_path, "--stretch", "--record", "s.mcap", "--log", "log.csv", "--json")
     assert done.returncode == 0, done.stderr

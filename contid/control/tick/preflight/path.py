@@ -250,12 +250,16 @@ class _Follower:
         ]
         slowdown = max(1.0, by_speed, by_acceleration)
         over = " and ".join(text for share, text in needs if share > 1.0)
-        # Within both limits an axis is late where it has to brake before the end of its travel.
-        both = over or " and ".join(text for _, text in needs)
-        return PathFinding(
-            f"{config.axes[axis]} needs {both}: slow down at least {rounded_up(slowdown)} times",
-            slowdown=slowdown,
-        )
+        if not over:  # it has to brake before the end of its travel, or could not make up for rows before
+            over = f"falls behind at {' and '.join(text for _, text in needs)}"
+        else:
+            over = f"needs {over}"
+        return PathFinding(f"{config.axes[axis]} {over}: {slower(slowdown)}", slowdown=slowdown)
+
+
+def slower(slowdown: float) -> str:
+    """What to do about a path that is too fast by a factor, which is 1 where it is not known."""
+    return f"slow down at least {rounded_up(slowdown)} times" if slowdown > 1.0 else "slow down"
 
 
 def rounded_up(factor: float) -> str:

@@ -11,7 +11,7 @@ from typing import Final
 from contid.clearance.guard import ClearanceGuard
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.preflight.clearance import ClearancePreflight
-from contid.control.tick.preflight.path import PathFinding, PathPreflight, rounded_up
+from contid.control.tick.preflight.path import PathFinding, PathPreflight, slower
 from contid.errors import BadInputError, Located
 from contid.kinematics.rope.chain import ChainGuard, Tip
 from contid.targets import ZERO3, Actuation, Solution, Target
@@ -249,9 +249,7 @@ class _Refused:
         place = max(self.rows)
         if self.worst.keys() == {True}:
             place = self.worst[True].row
-            message += (
-                f"; the worst is this one: slow down at least {rounded_up(self.worst[True].slowdown)} times"
-            )
+            message += f"; the worst is this one: {slower(self.worst[True].slowdown)}"
         elif self.worst[False].residual_m > 0.0:
             place = self.worst[False].row
             message += f"; the worst is this one, by {m_to_mm(self.worst[False].residual_m):.3g} mm"
