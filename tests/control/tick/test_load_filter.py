@@ -26,11 +26,21 @@ def cost(force, measured):
     return float(((measured - tip(force)) ** 2).sum() / spread + (force**2).sum() / EXPECTED_N**2)
 
 
+def added(found, *measurement):
+    """Every part of a measurement at once."""
+    parts = found.add(*measurement)
+    while True:
+        try:
+            next(parts)
+        except StopIteration as end:
+            return end.value
+
+
 def settled(measured, start, steps=60):
     """The filter after one measurement, with the cost at every step."""
     found = LoadFilter(NOISE_MM, 0.4, EXPECTED_N)
     found.restart(np.array(start))
-    found.add(0.0, measured - tip(found.force), compliance(found.force), MODEL_MM2)
+    added(found, 0.0, measured - tip(found.force), compliance(found.force), MODEL_MM2)
     costs = [cost(found.force, measured)]
     for _ in range(steps):
         tried = found.proposed()
@@ -71,7 +81,7 @@ def test_a_force_where_the_model_has_no_equilibrium_is_not_taken():
 def linear(force, rng, found, t_s):
     """One measurement of a tip of 50 mm/N."""
     missed = 50.0 * (np.array(force) - found.force) + rng.normal(0.0, NOISE_MM, 3)
-    jump = found.add(t_s, missed, 50.0 * np.eye(3), MODEL_MM2)
+    jump = added(found, t_s, missed, 50.0 * np.eye(3), MODEL_MM2)
     for _ in range(3):
         if (tried := found.proposed()) is not None:
             found.judge(50.0 * (tried - found.force), 50.0 * np.eye(3))
