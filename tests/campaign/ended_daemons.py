@@ -117,11 +117,7 @@ class EndedDaemons:
         return left
 
     def _clean(self) -> None:
-        with suppress(psutil.NoSuchProcess):
-            for each in psutil.Process(self.process.pid).children(recursive=True):
-                each.kill()
-        self.process.kill()
-        self.process.wait()
+        kill_family(self.process)
         if self.process.stdin is not None:
             with suppress(BrokenPipeError):
                 self.process.stdin.close()
@@ -158,6 +154,15 @@ class EndedDaemons:
 
     def _stderr(self) -> str:
         return (self.folder / "stderr").read_text(errors="replace")
+
+
+def kill_family(process: subprocess.Popen[bytes]) -> None:
+    """Kill a process and all that it started; returns once it has ended."""
+    with suppress(psutil.NoSuchProcess):
+        for each in psutil.Process(process.pid).children(recursive=True):
+            each.kill()
+    process.kill()
+    process.wait()
 
 
 def left_alive(

@@ -22,7 +22,7 @@ from contid.control.engine.events.orders import OrderGiven
 from contid.control.engine.events.run import StopBegan
 from contid.remote.protocol.socket_path import is_listening
 from contid.session.read import Session
-from tests.campaign.ended_daemons import left_alive, limit_s
+from tests.campaign.ended_daemons import kill_family, left_alive, limit_s
 from tests.campaign.wired.checks import Injected, Tally, judge
 from tests.campaign.wired.lab_file import RATE_HZ, robot_file
 from tests.campaign.wired.wires import Wires
@@ -122,11 +122,7 @@ class WiredDaemon:
             raise NotStartedError(f"not armed: {error}: {self._stderr.read_text()}") from error
 
     def _kill(self) -> None:
-        with suppress(psutil.NoSuchProcess):
-            for child in psutil.Process(self._process.pid).children(recursive=True):
-                child.kill()
-        self._process.kill()
-        self._process.wait()
+        kill_family(self._process)
 
     def _states(self) -> set[str]:
         return set(self._state_of().values())
