@@ -3,102 +3,17 @@
 from __future__ import annotations
 
 import enum
-import math
-from typing import Annotated, ClassVar, Final, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal
 
 from pydantic import Field, model_validator
 
-from contid.robot_file.base import Interval, NonNegative, Positive, Quantity, Size, Strict
-from contid.robot_file.clearance import PlaneDescription
+from contid.robot_file.base import Interval, Positive, Quantity, Strict
+from contid.robot_file.pneumatic.geometry import CosseratGeometry
 from contid.robot_file.pneumatic.sense import ModelErrors, Sense
+from contid.robot_file.pneumatic.simulated import SimulatedArm
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
 from contid.units import BAR
-
-
-class SectionGeometry(Strict):
-    """One pneumatic section and the rigid part that follows it (Table I).
-
-    Attributes:
-        length_mm: chamber length at rest.
-        link_mm: rigid length after the chambers: the connection to the next section, or the rigid tip.
-        radius_mm: of the outside.
-        channel_radius_mm: of the central channel.
-        chamber_radius_mm: of one chamber.
-        chamber_placement_mm: distance of the chambers' centres from the axis.
-        pair_angle_deg: angle between the two chambers of one pair.
-        first_pair_deg: azimuth of the first pair; not in the paper, 0 is +x.
-        modulus_pa: b1..b5 of ``E = b1 x^4 + b2 x^3 + b3 x^2 + b4 x + b5``, E in Pa, x the average pressure in
-            bar (eq. 20); `contid calibrate modulus` fits them.
-        modulus_up_to_bar: x is clamped here (the printed fits rise again beyond, or were not measured).
-        bending_gain: scale of the pressure's bending moment; 1 as derived.
-        density_kg_m3: of the silicone; 0 for no weight.
-        link_mass_g: of the rigid part.
-    """
-
-    length_mm: Size
-    link_mm: NonNegative = 0.0
-    radius_mm: Size
-    channel_radius_mm: NonNegative
-    chamber_radius_mm: Size
-    chamber_placement_mm: Size
-    pair_angle_deg: Annotated[float, Field(ge=0, lt=180)]
-    first_pair_deg: float = 0.0
-    modulus_pa: tuple[float, float, float, float, float]
-    modulus_up_to_bar: Positive = 1.9
-    bending_gain: Positive = 1.0
-    density_kg_m3: NonNegative = 0.0
-    link_mass_g: NonNegative = 0.0
-
-    @model_validator(mode="after")
-    def _possible(self) -> SectionGeometry:
-        if self.chamber_placement_mm + self.chamber_radius_mm > self.radius_mm:
-            raise ValueError("the chambers stick out of the section: placement + chamber radius > radius")
-        if self.chamber_placement_mm - self.chamber_radius_mm < self.channel_radius_mm:
-            raise ValueError(
-                "the chambers cut into the central channel: placement - chamber radius < channel"
-            )
-        if self.link_mass_g > 0.0 and self.link_mm == 0.0:
-            raise ValueError("link_mass_g needs a link_mm to act on")
-        b1, b2, b3, b4, b5 = self.modulus_pa
-        for i in range(101):
-            x = self.modulus_up_to_bar * i / 100.0
-            modulus = (((b1 * x + b2) * x + b3) * x + b4) * x + b5
-            slope = ((4.0 * b1 * x + 3.0 * b2) * x + 2.0 * b3) * x + b4
-            if modulus <= 0.0 or modulus - x * slope <= 0.0:
-                raise ValueError(
-                    f"modulus_pa at {x:.3g} bar: E must be positive and the elongation x/E must grow with x; "
-                    f"E is {modulus:.4g} Pa there. Lower modulus_up_to_bar or fit again"
-                )
-        return self
-
-
-class CosseratGeometry(Strict):
-    """Sections from base to tip, and the direction of gravity.
-
-    Attributes:
-        sections: one entry per section, from the base; each has three pressures.
-        gravity: direction of gravity in the base frame. The arm grows along +z, so by default its tip hangs
-            down. It applies to the arm's own weight; the load on the tip is a force of the trajectory.
-    """
-
-    sections: Annotated[tuple[SectionGeometry, ...], Field(min_length=1, max_length=8)]
-    gravity: tuple[float, float, float] = (0.0, 0.0, 1.0)
-
-    @property
-    def gravity_unit(self) -> tuple[float, float, float]:
-        """The direction of gravity as a unit vector."""
-        x, y, z = self.gravity
-        length = math.hypot(x, y, z)
-        return (x / length, y / length, z / length)
-
-    @model_validator(mode="after")
-    def _gravity_points_somewhere(self) -> CosseratGeometry:
-        if math.hypot(*self.gravity) == 0.0:
-            raise ValueError(
-                "gravity is a direction and must not be zero; leave densities at 0 for no weight"
-            )
-        return self
 
 
 class CosseratLimits(Strict):
@@ -148,74 +63,6 @@ class CosseratSolver(Strict):
 
 #: No identified gain, modulus or moment is farther from the file's, as a part of it.
 _MOST_ERROR: Final = 0.9
-#: An error of a parameter [%].
-_Percent = Annotated[float, Field(gt=-50, lt=100)]
-
-
-class SimulatedErrors(Strict):
-    """By what a simulated arm differs from the model of this file.
-
-    Attributes:
-        modulus_percent: by which the modulus of every section, from the base, is greater.
-        moment_percent: by which the pressure moments are greater.
-        regulator_bar: every regulator is off by a constant error up to this, drawn from ``seed``.
-        hysteresis_bar: width of the play between the pressure of a regulator and what acts.
-        seed: of the errors of the regulators.
-    """
-
-    modulus_percent: tuple[_Percent, ...] = ()
-    moment_percent: _Percent = 0.0
-    regulator_bar: NonNegative = 0.0
-    hysteresis_bar: NonNegative = 0.0
-    seed: int = 0
-
-
-class SimulatedTracker(Strict):
-    """The tracker of a simulated tip; its measurements arrive as those of a real one.
-
-    Attributes:
-        rate_hz: measurements per second.
-        noise_mm: standard deviation of every component.
-        latency_ms: from the capture of a measurement to its arrival.
-        seed: of the noise.
-        hidden_s: intervals without a measurement, after the bus was first opened.
-    """
-
-    rate_hz: Annotated[float, Field(gt=0, le=1000)] = 50.0
-    noise_mm: NonNegative = 0.3
-    latency_ms: Annotated[float, Field(ge=0, le=500)] = 10.0
-    seed: int = 0
-    hidden_s: tuple[Interval, ...] = ()
-
-
-class SimulatedArm(Strict):
-    """What ``--mock`` and ``driver: sim`` simulate beside the devices; real devices ignore it.
-
-    The arm is at rest at every instant, by the literal equations of the paper, not by contid's model.
-
-    Attributes:
-        payload_g: mass that hangs on the tip.
-        payload_at_s: when it is put on, after the bus was first opened.
-        payload_until_s: when it is taken off; never when left out.
-        wall: rigid and without friction, in the world; it stops the tip only.
-        errors: by what the arm differs from the model.
-        tracker: that measures the tip.
-    """
-
-    payload_g: NonNegative = 0.0
-    payload_at_s: NonNegative = 0.0
-    payload_until_s: Positive | None = None
-    wall: PlaneDescription | None = None
-    errors: SimulatedErrors = SimulatedErrors()
-    tracker: SimulatedTracker = SimulatedTracker()
-
-    @model_validator(mode="after")
-    def _in_order(self) -> Self:
-        if self.payload_until_s is not None and not self.payload_until_s > self.payload_at_s:
-            raise ValueError(
-                f"payload_until_s {self.payload_until_s:g} is not after payload_at_s {self.payload_at_s:g}"
-            )
-        return self
 
 
 class Cosserat(RobotDescription):

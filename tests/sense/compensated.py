@@ -10,8 +10,9 @@ from contid.control.engine.messages import Rows
 from contid.control.engine.virtual import VirtualProcess
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.base import TipFeedback
-from contid.robot_file.cosserat import Cosserat, SimulatedArm, SimulatedTracker
+from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import with_mock
+from contid.robot_file.pneumatic.simulated import SimulatedArm, SimulatedTracker
 from contid.robot_file.shipped import load_named
 from contid.targets import Target
 from contid_drivers.sim.bus import SimBus

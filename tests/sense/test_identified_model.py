@@ -6,8 +6,9 @@ import pytest
 from contid.kinematics.batch import Targets, forward_many, inverse_many
 from contid.kinematics.cosserat.identified import scaled_arm
 from contid.kinematics.cosserat.model import CosseratModel
-from contid.robot_file.cosserat import Cosserat, SimulatedArm, SimulatedErrors
+from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.pneumatic.sense import LoadSensing, ModelErrors, Sense
+from contid.robot_file.pneumatic.simulated import SimulatedArm, SimulatedErrors
 from contid.targets import Target
 from contid_drivers.sim.arm.body import SimulatedBody
 from tests.sense.observed import GRAM_N, calibrated, pascal

@@ -12,7 +12,7 @@ from contid.control.engine import messages as msg
 from contid.control.engine.events.orders import GotoEnded, OrderRefused
 from contid.control.engine.events.robots import ContactBegan, SqueezeChanged
 from contid.control.engine.wiring import build_robot_configs
-from contid.control.tick.contact.squeeze import Squeeze, _moved
+from contid.control.tick.contact.squeeze_way import Squeeze, moved
 from contid.control.tick.supervisor import Mode
 from contid.robot_file.load import parse_robot_file
 from contid.session.read import Session
@@ -74,7 +74,7 @@ def test_no_sequence_of_forces_exceeds_the_jerk() -> None:
     for _ in range(20_000):
         if random.random() < 0.3:
             goal = float(random.normal(0.0, 0.5))
-        squeeze = _moved(config, squeeze, goal)
+        squeeze = moved(config, squeeze, goal)
         shares.append(squeeze.share)
     jerk = np.abs(np.diff(shares, n=3)) * RATE_HZ**3 * max(map(abs, squeeze.way))
     assert min(shares) > 0.0

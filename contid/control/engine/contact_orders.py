@@ -17,7 +17,7 @@ from contid.control.engine.robots import Order, Robots
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.contact.current_contact import CurrentContact
-from contid.control.tick.contact.squeeze import SqueezeEnd, SqueezeReport
+from contid.control.tick.contact.squeeze_way import SqueezeEnd, SqueezeReport
 from contid.control.tick.contact.tip_contact import TipContact, TipContactFound
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import RobotState

@@ -16,7 +16,8 @@ from typing import Final
 from contid.control.tick.arming import approach, next_arming
 from contid.control.tick.axis_motions import braking, braking_at_once, inwards
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.contact.squeeze import Squeeze, SqueezeEnd, SqueezeReport, next_squeeze
+from contid.control.tick.contact.squeeze import next_squeeze
+from contid.control.tick.contact.squeeze_way import Squeeze, SqueezeEnd, SqueezeReport
 from contid.control.tick.faults import Fault, of_device
 from contid.control.tick.limits import ACCELERATION
 from contid.control.tick.next_command import next_command

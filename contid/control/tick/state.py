@@ -6,7 +6,7 @@ import enum
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from contid.control.tick.contact.squeeze import Squeeze
+from contid.control.tick.contact.squeeze_way import Squeeze
 from contid.control.tick.faults import Fault
 from contid.control.tick.play import NO_LEAD, Lead
 from contid.control.tick.supervisor import Mode

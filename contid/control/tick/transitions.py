@@ -18,7 +18,8 @@ from contid.control.tick.axis_motions import (
     speed,
 )
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.contact.squeeze import Squeeze, why_not
+from contid.control.tick.contact.squeeze import why_not
+from contid.control.tick.contact.squeeze_way import Squeeze
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
 from contid.control.tick.supervisor import REST_OF, Event, Mode, allowed, move

@@ -13,7 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.robot_file.cosserat import Cosserat, SectionGeometry
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.pneumatic.geometry import SectionGeometry
 from contid.targets import Actuation
 from contid.units import BAR
 

@@ -17,7 +17,8 @@ from contid.kinematics.cosserat.section import Rod, Section
 from contid.kinematics.cosserat.shape import stations
 from contid.kinematics.cosserat.solve import Limits
 from contid.kinematics.cosserat.statics import sweep
-from contid.robot_file.cosserat import Cosserat, Orientation, SectionGeometry
+from contid.robot_file.cosserat import Cosserat, Orientation
+from contid.robot_file.pneumatic.geometry import SectionGeometry
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3, Wrench6
 from contid.units import BAR, LIMIT_TOLERANCE_PA, MM_PER_M, mm_to_m
 

@@ -7,95 +7,17 @@ import time
 from collections.abc import Mapping, Sequence
 
 from contid.errors import DeviceError, DeviceLostError
-from contid.hal import AxisOnBus, Clock, DeviceKind, Rest, Sample
+from contid.hal import AxisOnBus, Clock, Rest, Sample
 from contid_drivers.due import messages
-from contid_drivers.due.codes import DUTY_FULL, BoardState, RestCode, Type
-from contid_drivers.due.messages import BoardReport, Hello, Refused, Telemetry
+from contid_drivers.due.axis import DEMAND_LIMIT, POSITION_LOST, BoardAxis
+from contid_drivers.due.codes import BoardState, RestCode, Type
+from contid_drivers.due.messages import Hello, Refused, Telemetry
 from contid_drivers.due.options import DueBusOptions
 from contid_drivers.due.session import DueConnection, refused
-from contid_drivers.due.wiring import Scale, axis_options
 
 #: A board silent for longer than this [s] counts as lost.
 SILENCE_S = 0.5
-#: Magnitude limit of a demand [counts or Pa]; the board computes in 32 bits.
-_DEMAND_LIMIT = 1_000_000_000
-#: Commands further apart than this [s] are steps; the board does not interpolate between them.
-STREAM_GAP_S = 0.1
 _REST = {Rest.HOLD: RestCode.HOLD, Rest.RELAX: RestCode.RELAX, Rest.VENT: RestCode.VENT}
-_SUPPLY_LOW = "the 3.3 V supply of the board is below 3.0 V: its readings and outputs are wrong"
-_POSITION_LOST = (
-    "position lost: the board restarted; park the axis at power_up_deg, then contid home --parked"
-)
-
-
-class _Axis:
-    """State of one axis on the host."""
-
-    def __init__(self, axis: AxisOnBus) -> None:
-        options = axis_options(axis)
-        self.name = axis.name
-        self.channel = options.number
-        self.scale = Scale(options)
-        self.motor = options.kind is DeviceKind.MOTOR
-        self.homes = options.homing is not None
-        self.has_current = options.stall_current_ma > 0
-        self.value: float | None = None
-        self.time_s = -math.inf
-        self.report: BoardReport | None = None
-        self.enabled = False
-        self.silent = True
-        self.supply_low = False
-        self._commanded = (0.0, -math.inf)
-
-    @property
-    def fault(self) -> str:
-        """Fault of the device, empty for none."""
-        if self.report is not None and self.report.state is BoardState.SAFE:
-            return self.report.reason.message
-        if self.report is not None and self.report.position_lost and not self.homes:
-            return _POSITION_LOST
-        return _SUPPLY_LOW if self.supply_low else ""
-
-    @property
-    def armed(self) -> bool:
-        """Whether the channel followed demands in the newest telemetry."""
-        return self.report is not None and self.report.state is BoardState.ARMED
-
-    def command_velocity(self, value: float, now: float) -> int | None:
-        """Velocity of a stream of commands, by its newest two, in the board's unit per second."""
-        (before, at), self._commanded = self._commanded, (value, now)
-        if not 0.0 < now - at <= STREAM_GAP_S:
-            return None
-        per_s = self.scale.to_board((value - before) / (now - at))
-        return max(-_DEMAND_LIMIT, min(_DEMAND_LIMIT, per_s))
-
-    def update(self, report: BoardReport, now: float) -> None:
-        """Store the channel's report; the value changes only with a valid sensor."""
-        self.report = report
-        self.silent = False
-        if report.sensor_ok:
-            self.value = self.scale.from_board(report.position)
-            self.time_s = now
-
-    def sample(self, now: float, fresh: bool) -> Sample:
-        """Sample of this exchange."""
-        report = self.report
-        if self.value is None or report is None:
-            return Sample(value=None, time_s=now, valid=False, age_s=math.inf, fault=self.fault)
-        effort = None
-        if not self.motor:
-            effort = report.duty / DUTY_FULL
-        elif self.has_current:
-            effort = report.aux / 1000.0
-        return Sample(
-            value=self.value,
-            time_s=self.time_s,
-            valid=fresh and report.sensor_ok and not self.silent,
-            age_s=now - self.time_s,
-            velocity=self.scale.from_board(report.velocity),
-            effort=effort,
-            fault=self.fault,
-        )
 
 
 class DueBus:
@@ -107,7 +29,7 @@ class DueBus:
         self._options = options
         self._axes_on_bus = tuple(axes)
         self._clock = clock
-        self._by_name = {axis.name: _Axis(axis) for axis in axes}
+        self._by_name = {axis.name: BoardAxis(axis) for axis in axes}
         self._session: DueConnection | None = None
         #: Why the bus cannot be used, "" while it can.
         self._lost = "it is not open"
@@ -179,7 +101,7 @@ class DueBus:
             raise refused(self.name, "cannot enable", axes, None)
         for axis in chosen:
             if axis.fault:
-                remedy = "" if axis.fault == _POSITION_LOST else "clear the fault first"
+                remedy = "" if axis.fault == POSITION_LOST else "clear the fault first"
                 raise DeviceError(f"{self.name}: {axis.name}", axis.fault, remedy)
             if axis.silent or axis.value is None:
                 raise DeviceError(f"{self.name}: {axis.name}", "it does not answer")
@@ -216,7 +138,7 @@ class DueBus:
         """Set the count of axes that stand at ``power_up_deg`` now."""
         self._park(self._need_session(), [self._axis(name) for name in axes], parked=True)
 
-    def _park(self, session: DueConnection, axes: Sequence[_Axis], parked: bool) -> None:
+    def _park(self, session: DueConnection, axes: Sequence[BoardAxis], parked: bool) -> None:
         body = messages.park(session.config_crc, (axis.channel for axis in axes), parked)
         self._request(session, Type.PARK, "cannot park", axes, body)
 
@@ -229,13 +151,13 @@ class DueBus:
         report = self._axis(axis).report
         return report is not None and report.state is BoardState.HOMING
 
-    def _request_for(self, session: DueConnection, kind: Type, what: str, axes: Sequence[_Axis]) -> None:
+    def _request_for(self, session: DueConnection, kind: Type, what: str, axes: Sequence[BoardAxis]) -> None:
         """Send a request whose body is the mask of the axes' channels."""
         body = messages.masked(session.config_crc, (axis.channel for axis in axes))
         self._request(session, kind, what, axes, body)
 
     def _request(
-        self, session: DueConnection, kind: Type, what: str, axes: Sequence[_Axis], body: bytes
+        self, session: DueConnection, kind: Type, what: str, axes: Sequence[BoardAxis], body: bytes
     ) -> None:
         if not axes:
             return
@@ -280,10 +202,10 @@ class DueBus:
             if not math.isfinite(value):
                 raise DeviceError(f"{self.name}: {name}", f"command {value} is not finite")
             if axis.enabled and axis.armed and not axis.fault:
-                values[axis.channel] = max(-_DEMAND_LIMIT, min(_DEMAND_LIMIT, axis.scale.to_board(value)))
+                values[axis.channel] = max(-DEMAND_LIMIT, min(DEMAND_LIMIT, axis.scale.to_board(value)))
         return values
 
-    def _axis(self, name: str) -> _Axis:
+    def _axis(self, name: str) -> BoardAxis:
         try:
             return self._by_name[name]
         except KeyError:

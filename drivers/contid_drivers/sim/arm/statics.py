@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contid.kernels import load
-from contid.robot_file.cosserat import Cosserat, SectionGeometry
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.pneumatic.geometry import SectionGeometry
 
 Array: TypeAlias = NDArray[np.float64]
 Numbers: TypeAlias = tuple[float, ...]

@@ -1,0 +1,87 @@
+"""One axis of a Due board on the host: its newest report, samples and faults."""
+
+from __future__ import annotations
+
+import math
+
+from contid.hal import AxisOnBus, DeviceKind, Sample
+from contid_drivers.due.codes import DUTY_FULL, BoardState
+from contid_drivers.due.messages import BoardReport
+from contid_drivers.due.wiring import Scale, axis_options
+
+#: Magnitude limit of a demand [counts or Pa]; the board computes in 32 bits.
+DEMAND_LIMIT = 1_000_000_000
+#: Commands further apart than this [s] are steps; the board does not interpolate between them.
+STREAM_GAP_S = 0.1
+_SUPPLY_LOW = "the 3.3 V supply of the board is below 3.0 V: its readings and outputs are wrong"
+POSITION_LOST = "position lost: the board restarted; park the axis at power_up_deg, then contid home --parked"
+
+
+class BoardAxis:
+    """State of one axis on the host."""
+
+    def __init__(self, axis: AxisOnBus) -> None:
+        options = axis_options(axis)
+        self.name = axis.name
+        self.channel = options.number
+        self.scale = Scale(options)
+        self.motor = options.kind is DeviceKind.MOTOR
+        self.homes = options.homing is not None
+        self.has_current = options.stall_current_ma > 0
+        self.value: float | None = None
+        self.time_s = -math.inf
+        self.report: BoardReport | None = None
+        self.enabled = False
+        self.silent = True
+        self.supply_low = False
+        self._commanded = (0.0, -math.inf)
+
+    @property
+    def fault(self) -> str:
+        """Fault of the device, empty for none."""
+        if self.report is not None and self.report.state is BoardState.SAFE:
+            return self.report.reason.message
+        if self.report is not None and self.report.position_lost and not self.homes:
+            return POSITION_LOST
+        return _SUPPLY_LOW if self.supply_low else ""
+
+    @property
+    def armed(self) -> bool:
+        """Whether the channel followed demands in the newest telemetry."""
+        return self.report is not None and self.report.state is BoardState.ARMED
+
+    def command_velocity(self, value: float, now: float) -> int | None:
+        """Velocity of a stream of commands, by its newest two, in the board's unit per second."""
+        (before, at), self._commanded = self._commanded, (value, now)
+        if not 0.0 < now - at <= STREAM_GAP_S:
+            return None
+        per_s = self.scale.to_board((value - before) / (now - at))
+        return max(-DEMAND_LIMIT, min(DEMAND_LIMIT, per_s))
+
+    def update(self, report: BoardReport, now: float) -> None:
+        """Store the channel's report; the value changes only with a valid sensor."""
+        self.report = report
+        self.silent = False
+        if report.sensor_ok:
+            self.value = self.scale.from_board(report.position)
+            self.time_s = now
+
+    def sample(self, now: float, fresh: bool) -> Sample:
+        """Sample of this exchange."""
+        report = self.report
+        if self.value is None or report is None:
+            return Sample(value=None, time_s=now, valid=False, age_s=math.inf, fault=self.fault)
+        effort = None
+        if not self.motor:
+            effort = report.duty / DUTY_FULL
+        elif self.has_current:
+            effort = report.aux / 1000.0
+        return Sample(
+            value=self.value,
+            time_s=self.time_s,
+            valid=fresh and report.sensor_ok and not self.silent,
+            age_s=now - self.time_s,
+            velocity=self.scale.from_board(report.velocity),
+            effort=effort,
+            fault=self.fault,
+        )
