@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import itertools
 import math
+from collections.abc import Sequence
 
 import pytest
 from hypothesis import given, settings
@@ -14,8 +15,8 @@ from contid import kernels
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs, driven_robots
 from contid.control.tick.on_path import tip_tolerance_m
-from contid.control.tick.preflight.path import run_ticks
 from contid.control.tick.preflight.rows import Preflight
+from contid.control.tick.preflight.ticks import Tick, run_ticks
 from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
 from contid.robot_file.base import Quantity
@@ -116,10 +117,48 @@ def test_ticks_of_short_intervals_are_all_there(ease: tuple[int, int]) -> None:
     loaded = load(1)
     trajectory = trajectory_of(loaded, AXES, *((0.9 * k, 50.0 + k, 50.0) for k in range(11)))
     ticks = list(run_ticks(trajectory, RATE, *ease))
-    assert [step for step, _, _ in ticks] == [1] * len(ticks)
+    assert [each.ticks for each in ticks] == [1] * len(ticks)
     assert len(ticks) == 9 * RATE + 1 + sum(ease) / 2
-    for _, time_s, row in ticks:
-        assert trajectory.time_of_row(row - 1) <= time_s <= trajectory.time_of_row(row)
+    for each in ticks:
+        assert trajectory.time_of_row(each.row - 1) <= each.time_s <= trajectory.time_of_row(each.row)
+
+
+def test_single_ticks_next_to_a_corner_and_samples_elsewhere() -> None:
+    loaded = load(1)
+    trajectory = trajectory_of(loaded, AXES, (0.0, 50.0, 50.0), (1e5, 60.0, 50.0))
+    place = 12_345_678
+
+    def corners(samples: Sequence[Tick]) -> set[int]:
+        return {k for k, each in enumerate(samples) if each.number - each.ticks < place <= each.number}
+
+    ticks = list(run_ticks(trajectory, RATE, 0, 0, corners))
+    assert len(ticks) < 1000
+    for before, each in itertools.pairwise(ticks):
+        assert each.number - before.number == each.ticks
+    around = [each.ticks for each in ticks if abs(each.number - place) < 8]
+    assert len(around) > 8
+    assert set(around) == {1}
+
+
+def test_a_corner_of_the_answers_amid_a_long_interval_is_found() -> None:
+    """Where a bend radius no longer binds, racks would have to gain speed faster than they can."""
+    loaded = with_mock(load_named("trirack2"))
+    rows = [
+        (0.0, -56.4352, -37.0851, 216.593, -0.776335, -0.601411, 0.568203),
+        (17.0614, -84.5198, -23.637, 196.506, -0.587557, -0.619662, 0.458977),
+        (20.1899, -89.1242, 0.772879, 195.934, -0.697907, -0.630535, 0.615123),
+        (26.7559, -98.5162, -24.0193, 221.162, -0.58998, -0.622668, 0.572506),
+        (38.1965, -56.4352, -37.0851, 216.593, -0.435248, -0.618893, 0.48454),
+    ]
+    trajectory = trajectory_of(loaded, "t_s,x_mm,y_mm,z_mm,ax,ay,az", *rows)
+    assert run_virtual(loaded, 100.0, trajectory).exit_code == 3
+    found = refused(loaded, trajectory, 100.0)
+    assert len(found) == 1
+    assert found[0][0] == 6
+    assert "mm/s2" in found[0][1]
+    slower = trajectory.stretched(2.0)
+    assert refused(loaded, slower, 100.0) == []
+    assert run_virtual(loaded, 100.0, slower).exit_code == 0
 
 
 @pytest.mark.skipif(kernels.load("cosserat") is None, reason="needs compiled kernels")

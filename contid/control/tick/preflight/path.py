@@ -5,7 +5,7 @@ limiter. Refused are targets out of reach and paths on which the limiter would t
 more than `contid.control.tick.on_path.tip_tolerance_m`. Axes beyond the kinematics round their corners within
 a few ticks: they must not fall further behind than `LAG_S` of their greatest speed.
 
-In the middle of a long interval the curve is one slow cubic: there `SAMPLES` of it stand for all ticks.
+Not every tick is computed: see `contid.control.tick.preflight.ticks`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.next_command import next_command
 from contid.control.tick.on_path import tip_tolerance_m
 from contid.control.tick.preflight.clearance import ClearancePreflight
-from contid.control.tick.soft_start import ease_ticks, fitted, played
+from contid.control.tick.preflight.ticks import Tick, run_ticks
+from contid.control.tick.soft_start import ease_ticks
 from contid.targets import Actuation, Solution, Target
 from contid.trajectory.timed import Trajectory
 
@@ -27,9 +28,9 @@ from contid.trajectory.timed import Trajectory
 LAG_S: Final = 0.02
 #: A tip this near its target is met: the curve between two rows on a boundary bulges by micrometres.
 NEAR_M: Final = 1e-5
-#: Every tick is checked so long after a row and before the next; of the ticks between them, this many.
-EDGE_S: Final = 0.5
-SAMPLES: Final = 200
+#: Share of the allowed change of a step between two samples from which an axis may turn a corner there: a
+#: corner shows in two changes.
+_CORNER: Final = 0.5
 _ROUNDING: Final = 1.0 + 1e-6
 
 #: Why a robot cannot meet a target.
@@ -51,37 +52,6 @@ class PathFinding:
     slowdown: float = 0.0
     residual_m: float = 0.0
     row: int = 0
-
-
-def run_ticks(
-    trajectory: Trajectory, rate_hz: float, lead: int, tail: int
-) -> Iterator[tuple[int, float, int]]:
-    """The ticks of a run: ticks since the one before, time in the trajectory [s], row it leads to.
-
-    Args:
-        trajectory: to be played.
-        rate_hz: of the tick.
-        lead: ticks that the soft start needs (`contid.control.tick.soft_start`).
-        tail: ticks that the soft end needs.
-    """
-    length = (trajectory.end_s - trajectory.start_s) * rate_hz
-    lead, tail = fitted(lead, length), fitted(tail, length)
-    over = length + 0.5 * (lead + tail)
-    edge = math.ceil(EDGE_S * rate_hz)
-    last = len(trajectory) - 1
-    n, step = 0, 1
-    while n < over:
-        time_s = trajectory.start_s + played(n, length, lead, tail) / rate_hz
-        row = min(trajectory.row_at(time_s) + 1, last)
-        yield step, time_s, row
-        step = 1
-        if lead <= n < over - tail:
-            before = (time_s - trajectory.time_of_row(row - 1)) * rate_hz
-            ahead = (trajectory.time_of_row(row) - time_s) * rate_hz
-            if before >= edge and ahead > 2 * edge:
-                step = max(1, min(int(ahead) - edge, int((before + ahead) / SAMPLES)))
-        n += step
-    yield step, trajectory.end_s, last
 
 
 class PathPreflight:
@@ -131,16 +101,24 @@ class PathPreflight:
             if message:
                 yield PathFinding(f"on the approach to this row, {message}", row=0)
                 return
-        path = run_ticks(trajectory, 1.0 / self._configs[0].period_s, lead, tail)
-        for count, (ticks, time_s, row) in enumerate(path):
+
+        def corners(samples: Sequence[Tick]) -> set[int]:
+            targets = [trajectory.targets_at(each.time_s) for each in samples]
+            ticks = [each.ticks for each in samples]
+            each_robots = [f.corners([at[f.name] for at in targets], ticks) for f in followers]
+            return set[int]().union(*each_robots)
+
+        path = run_ticks(trajectory, 1.0 / self._configs[0].period_s, lead, tail, corners)
+        for count, tick in enumerate(path):
+            row = tick.row
             if progress is not None and count % 1000 == 0:
                 progress(row)
             if any(found.row < row for found in refused.values()):
                 yield from refused.values()
                 refused.clear()
-            targets = trajectory.targets_at(time_s)
+            targets = trajectory.targets_at(tick.time_s)
             for index, follower in enumerate(followers):
-                found = follower.follow(targets[follower.name], ticks)
+                found = follower.follow(targets[follower.name], tick.ticks)
                 if found and (index not in refused or _severity(found) > _severity(refused[index])):
                     message = f"on the way to this row, {found.message}"
                     refused[index] = replace(found, row=row, message=message)
@@ -182,6 +160,27 @@ class _Follower:
         """Steps per tick with which it was reached."""
         return self._steps
 
+    def corners(self, targets: Sequence[Target], ticks: Sequence[int]) -> set[int]:
+        """Indices of targets before which an axis may change its speed by more than it can in a tick.
+
+        Args:
+            targets: that follow the one reached.
+            ticks: from the one before to each of them.
+        """
+        config, found = self._config, set[int]()
+        seed, goal, pace = self._command, self._goal, self._pace
+        for index, (target, apart) in enumerate(zip(targets, ticks, strict=True)):
+            try:
+                answer = config.model.inverse(config.frame.target_in_base(target), seed).actuation
+            except ValueError:
+                return found  # it is refused there
+            steps = tuple([(new - old) / apart for new, old in zip(answer, goal, strict=True)])
+            changes = zip(steps, pace, config.limits, strict=True)
+            if any(abs(new - old) > _CORNER * each.change for new, old, each in changes):
+                found |= {index - 1, index}
+            seed, goal, pace = answer, answer, steps
+        return found
+
     def follow(self, target: Target, ticks: int) -> PathFinding | None:
         """Go to the target, ``ticks`` ticks after the one before; why that fails, None when it does not."""
         config = self._config
@@ -202,7 +201,7 @@ class _Follower:
             command, flags, _ = next_command(config, self._command, self._steps, goal, pace, in_base)
             behind = [0.0] if command == goal else self._behind(command, goal, in_base)
         else:
-            # The ticks between were not computed; amid a long interval only speed can be too much.
+            # The ticks between were not computed; without a corner only speed can be too much.
             command, flags = goal, ()
             behind = [abs(step) / each.step for step, each in zip(pace, config.limits, strict=True)]
         self._steps = tuple([new - old for new, old in zip(command, self._command, strict=True)])

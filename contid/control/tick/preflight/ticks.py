@@ -1,0 +1,133 @@
+"""Which ticks of a run the check of its path computes: all near rows and near corners, samples elsewhere.
+
+In the middle of a long interval the curve is one slow cubic, and `SAMPLES` of it stand for all ticks. The
+answers of a model need not be as smooth: where a limit such as a bend radius begins to bind, axes change
+their speed at once. Intervals between samples in which that may be are divided, down to single ticks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+from contid.control.tick.soft_start import fitted, played
+from contid.trajectory.timed import Trajectory
+
+#: Every tick is checked so long after a row and before the next; of the ticks between them, this many.
+EDGE_S: Final = 0.5
+SAMPLES: Final = 200
+#: An interval with a corner is divided into this many parts, and a short one into single ticks.
+PARTS: Final = 8
+SINGLE: Final = 32  # ticks that are short
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """A tick that is computed.
+
+    Attributes:
+        number: since the trajectory began.
+        ticks: since the one before.
+        time_s: in the trajectory.
+        row: that it leads to.
+    """
+
+    number: int
+    ticks: int
+    time_s: float
+    row: int
+
+
+#: Of samples in order, the indices of those that may have a corner between them and the one before.
+Corners = Callable[[Sequence[Tick]], Collection[int]]
+
+
+def no_corners(samples: Sequence[Tick]) -> Collection[int]:
+    """For curves that the axes follow themselves."""
+    return ()
+
+
+def run_ticks(
+    trajectory: Trajectory, rate_hz: float, lead: int, tail: int, corners: Corners = no_corners
+) -> Iterator[Tick]:
+    """The ticks of a run that are computed.
+
+    Args:
+        trajectory: to be played.
+        rate_hz: of the tick.
+        lead: ticks that the soft start needs (`contid.control.tick.soft_start`).
+        tail: ticks that the soft end needs.
+        corners: called when the tick before its first sample has been computed.
+    """
+    block: list[Tick] = []
+    at = _clock(trajectory, rate_hz, lead, tail)
+    for tick in _sampled(trajectory, rate_hz, lead, tail):
+        if tick.ticks > 1:
+            block.append(tick)
+            continue
+        if block:
+            yield from _divided(block, tick, at, corners)
+            block = []
+        yield tick
+    yield from block
+
+
+def _clock(trajectory: Trajectory, rate_hz: float, lead: int, tail: int) -> Callable[[int, int], Tick]:
+    length = (trajectory.end_s - trajectory.start_s) * rate_hz
+    lead, tail = fitted(lead, length), fitted(tail, length)
+    last = len(trajectory) - 1
+
+    def at(number: int, ticks: int) -> Tick:
+        time_s = trajectory.start_s + played(number, length, lead, tail) / rate_hz
+        return Tick(number, ticks, time_s, min(trajectory.row_at(time_s) + 1, last))
+
+    return at
+
+
+def _sampled(trajectory: Trajectory, rate_hz: float, lead: int, tail: int) -> Iterator[Tick]:
+    """Without regard to corners."""
+    length = (trajectory.end_s - trajectory.start_s) * rate_hz
+    lead, tail = fitted(lead, length), fitted(tail, length)
+    over = length + 0.5 * (lead + tail)
+    edge = math.ceil(EDGE_S * rate_hz)
+    at = _clock(trajectory, rate_hz, lead, tail)
+    n, step = 0, 1
+    while n < over:
+        tick = at(n, step)
+        yield tick
+        step = 1
+        if lead <= n < over - tail:
+            before = (tick.time_s - trajectory.time_of_row(tick.row - 1)) * rate_hz
+            ahead = (trajectory.time_of_row(tick.row) - tick.time_s) * rate_hz
+            if before >= edge and ahead > 2 * edge:
+                step = max(1, min(int(ahead) - edge, int((before + ahead) / SAMPLES)))
+        n += step
+    yield Tick(n, step, trajectory.end_s, len(trajectory) - 1)
+
+
+def _divided(
+    block: list[Tick], after: Tick, at: Callable[[int, int], Tick], corners: Corners
+) -> Iterator[Tick]:
+    """Samples, with more of them next to corners.
+
+    Args:
+        block: samples of one interval.
+        after: the tick that follows them.
+        at: the tick of a number, and of ticks since the one before.
+        corners: finds them.
+    """
+    while True:
+        found = corners([*block, after])
+        ends = [block[0].number - block[0].ticks]
+        for index, sample in enumerate(block):
+            parts = PARTS if sample.ticks > SINGLE else sample.ticks
+            parts = parts if index in found else 1
+            begin = sample.number - sample.ticks
+            ends += [begin + sample.ticks * part // parts for part in range(1, parts + 1)]
+        if len(ends) == len(block) + 1:
+            break
+        block = [at(end, end - begin) for begin, end in pairwise(ends)]
+    yield from block
