@@ -7,6 +7,7 @@ import sys
 from types import FrameType
 from typing import NoReturn
 
+#: Exit code after Ctrl-C, as shells report it: 128 + SIGINT.
 INTERRUPTED = 130
 
 
@@ -27,4 +28,5 @@ def main() -> NoReturn:
     except KeyboardInterrupt:  # between the handler above and the one of the command
         sys.exit(INTERRUPTED)
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the exit takes milliseconds
+        # A further Ctrl-C would only add a traceback: the exit takes milliseconds.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-#: Findings of one file that are listed, however many it has.
+#: At most this many findings of one file are listed.
 MAX_FINDINGS: Final = 100
 
 
@@ -100,9 +100,9 @@ class MissingExtraError(ContidError, ImportError):
 
 
 def missing_extra(error: ImportError, what: str) -> ContidError | None:
-    """The message for an import of what a package does not have: an extra, or the studies of a clone.
+    """The error to show when ``what`` failed to import a package of an extra, or the folder ``studies``.
 
-    None for other imports.
+    The wheel has no ``studies``; a clone of the repository has. None for other imports.
     """
     package = (error.name or "").partition(".")[0]
     if package == "studies":

@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from typing import Final
 
+#: Pascals in a bar, radians in a degree.
 BAR: Final = 1e5
 DEG: Final = math.pi / 180.0
-#: Of the third general conference on weights and measures, 1901 [m/s^2].
+#: Standard acceleration of gravity (3rd General Conference on Weights and Measures, 1901) [m/s^2].
 STANDARD_GRAVITY: Final = 9.80665
 
 # Metres from millimetres by division: 70 / 1000 is the nearest double to 0.07, 70 * 1e-3 is not.
 MM_PER_M: Final = 1e3
 
-# Actuation that exceeds a limit by less counts as inside and is clamped: 1e-6 mm and 1e-9 bar, far below any
-# actuator, far above the rounding of a row that went through text.
+# Actuation that exceeds a limit by less than this counts as inside and is clamped: 1e-6 mm and 1e-9 bar, far
+# below the resolution of any actuator, far above the rounding of a number that was printed and parsed.
 LIMIT_TOLERANCE_M: Final = 1e-9
 LIMIT_TOLERANCE_PA: Final = 1e-4
 

@@ -1,4 +1,4 @@
-"""What a robot file describes, as the library shows it: names, units, axes and limits."""
+"""Names, axes and limits of the robots in a robot file, in the units of files or in SI."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ class DescribedRobots:
             raise ArgumentError(
                 f"{self.loaded.path.name}: no robot {name!r}; {allowed_names(self.names, name)}"
             )
-        one = object.__new__(type(self))
-        one.loaded, one.units, one._robots = self.loaded, self.units, self._robots
-        one.names, one._chosen = (name,), name
-        return one
+        chosen = object.__new__(type(self))
+        chosen.loaded, chosen.units, chosen._robots = self.loaded, self.units, self._robots
+        chosen.names, chosen._chosen = (name,), name
+        return chosen
 
     def __repr__(self) -> str:
         choice = f"[{self._chosen!r}]" if len(self._robots) > 1 and self._chosen else ""
@@ -83,13 +83,13 @@ class DescribedRobots:
         """Ranges and rates of the axes."""
         robot, quantity = self.description, self.description.quantity
 
-        def shown(*values: float) -> Array:
+        def converted(*values: float) -> Array:
             return self.units.from_si(np.array(values, dtype=float), quantity)
 
-        own = len(robot.axis_names)
-        rates = shown(robot.velocity_limit, robot.acceleration_limit, robot.jerk_limit)
+        rest = robot.rest[: len(robot.axis_names)]  # without extra axes
+        rates = converted(robot.velocity_limit, robot.acceleration_limit, robot.jerk_limit)
         return AxisRanges(
-            self.axes, shown(*robot.lower), shown(*robot.upper), shown(*robot.rest[:own]), *rates.tolist()
+            self.axes, converted(*robot.lower), converted(*robot.upper), converted(*rest), *rates.tolist()
         )
 
     @property

@@ -20,11 +20,12 @@ from contid.kinematics.cosserat.section import Rod, Section
 from contid.kinematics.cosserat.solve import Limits
 from contid.units import MM_PER_M
 
-#: Steps of a piece to begin with, and the estimated error at which they are doubled, as a part of the length.
+#: Integration steps per piece of the rod to begin with. They are doubled while the estimated error of a
+#: position exceeds ``ERROR`` times the length of the rod.
 ELEMENTS: Final = 4
 ERROR: Final = 1e-4
-#: Wrenches inside the rod at most: the kernel takes eight pieces.
-MOST_INSIDE: Final = 7
+#: Most points inside the rod at which wrenches act: they cut it into pieces, and the kernel takes eight.
+MAX_INSIDE: Final = 7
 _NONE: Final = (0.0, 0.0, 0.0)
 
 
@@ -49,9 +50,11 @@ class RodShape:
 
     Attributes:
         points: positions, shape (n, 3).
-        rotations: frames of the cross-sections, shape (n, 3, 3); the third column is the tangent's.
-        carried: 1.0; less where the rod buckles or jumps at that part of the loads, which grow together: the
-            shape is then another equilibrium, if one was found, and statics does not determine it.
+        rotations: from the frame of each cross-section to the base frame, shape (n, 3, 3); the third column
+            is the normal of the cross-section.
+        carried: part of the loads, which grow together, that the rod reaches without buckling or a jump; 1.0
+            for all of them. Below 1.0 statics does not determine the shape: it is another equilibrium, if
+            one was found.
     """
 
     points: Array
@@ -95,8 +98,9 @@ class ElasticRod:
         if not 0.0 <= density_kg_m3 < np.inf:
             raise ArgumentError(f"density_kg_m3={density_kg_m3}: 0 or a positive number is needed")
         self.length, self.unit = length, "m" if si else "mm"
-        self._mm = MM_PER_M if si else 1.0
-        self._section = Section.solid(length * self._mm, radius * self._mm, modulus_pa, poisson)
+        self._mm_per_unit = MM_PER_M if si else 1.0
+        length_mm, radius_mm = length * self._mm_per_unit, radius * self._mm_per_unit
+        self._section = Section.solid(length_mm, radius_mm, modulus_pa, poisson)
         # kg/m^3 * mm^2 is 1e-9 kg/mm.
         self._mass_kg_mm = density_kg_m3 * self._section.area * 1e-9
         self._solvers: dict[tuple[float, ...], RodSolver] = {}
@@ -115,50 +119,52 @@ class ElasticRod:
             ArgumentError: a station or load off the rod, stations that do not ascend, numbers that are not
                 finite, or wrenches at more than seven points inside the rod.
         """
-        full = self._section.length
-        at = self._stations(stations)
+        length_mm = self._section.length
+        stations_mm = self._stations_mm(stations)
         weight = self._mass_kg_mm * as_rows("gravity", gravity, ("gx", "gy", "gz"))[0][0]
-        force, moment = np.zeros(3), np.zeros(3)
+        tip_force, tip_moment = np.zeros(3), np.zeros(3)
         inside: dict[float, tuple[Array, Array]] = {}
         for load in loads:
-            push = as_rows("force", load.force, ("fx_n", "fy_n", "fz_n"))[0][0]
-            turn = self._mm * as_rows("moment", load.moment, ("mx", "my", "mz"))[0][0]
-            where = load.at * self._mm
-            if not 0.0 <= where <= full:
+            force = as_rows("force", load.force, ("fx_n", "fy_n", "fz_n"))[0][0]
+            moment = self._mm_per_unit * as_rows("moment", load.moment, ("mx", "my", "mz"))[0][0]
+            arc_length_mm = load.at * self._mm_per_unit
+            if not 0.0 <= arc_length_mm <= length_mm:
                 raise ArgumentError(f"wrench at {load.at}; allowed: 0 to {self.length} {self.unit}")
-            if where == full:
-                force, moment = force + push, moment + turn
-            elif where > 0.0:  # the clamp carries what acts at the base
-                before = inside.get(where, (np.zeros(3), np.zeros(3)))
-                inside[where] = before[0] + push, before[1] + turn
-        ends = (*sorted(inside), full)
+            if arc_length_mm == length_mm:
+                tip_force, tip_moment = tip_force + force, tip_moment + moment
+            elif arc_length_mm > 0.0:  # the clamp carries what acts at the base
+                others = inside.get(arc_length_mm, (np.zeros(3), np.zeros(3)))
+                inside[arc_length_mm] = others[0] + force, others[1] + moment
+        ends = (*sorted(inside), length_mm)
         acting = Loads(
-            force,
-            moment,
+            tip_force,
+            tip_moment,
             {i: inside[end][0] for i, end in enumerate(ends[:-1])},
             {i: inside[end][1] for i, end in enumerate(ends[:-1])},
             dict.fromkeys(range(len(ends)), weight) if weight.any() else {},
         )
-        frames = np.empty((len(at), 12))
-        carried, _, _ = self._solver(ends).statics([0.0] * (3 * len(ends)), acting, at, frames)
-        return RodShape(frames[:, :3] / self._mm, frames[:, 3:].reshape(-1, 3, 3), carried)
+        frames = np.empty((len(stations_mm), 12))
+        carried, _, _ = self._solver(ends).statics([0.0] * (3 * len(ends)), acting, stations_mm, frames)
+        return RodShape(frames[:, :3] / self._mm_per_unit, frames[:, 3:].reshape(-1, 3, 3), carried)
 
-    def _stations(self, stations: ArrayLike) -> Array:
-        at = np.array(stations, dtype=float, ndmin=1) * self._mm
-        inside = at.ndim == 1 and bool(np.all((at >= 0.0) & (at <= self._section.length)))
-        if not inside or bool(np.any(np.diff(at) < 0.0)):
+    def _stations_mm(self, stations: ArrayLike) -> Array:
+        stations_mm = np.array(stations, dtype=float, ndmin=1) * self._mm_per_unit
+        inside = stations_mm.ndim == 1 and bool(
+            np.all((stations_mm >= 0.0) & (stations_mm <= self._section.length))
+        )
+        if not inside or bool(np.any(np.diff(stations_mm) < 0.0)):
             raise ArgumentError(
                 f"stations={np.asarray(stations).tolist()}; "
                 f"expected: arc lengths that ascend from 0 to {self.length} {self.unit}"
             )
-        return at
+        return stations_mm
 
     def _solver(self, ends: tuple[float, ...]) -> RodSolver:
         """The rod cut where wrenches act, kept for the next call."""
         if ends not in self._solvers:
-            if len(ends) > MOST_INSIDE + 1:
+            if len(ends) > MAX_INSIDE + 1:
                 raise ArgumentError(
-                    f"wrenches at {len(ends) - 1} points inside the rod; at most {MOST_INSIDE}"
+                    f"wrenches at {len(ends) - 1} points inside the rod; at most {MAX_INSIDE}"
                 )
             starts = (0.0, *ends[:-1])
             pieces = tuple(self._section.cut(end - start) for start, end in zip(starts, ends, strict=True))

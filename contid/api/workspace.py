@@ -23,10 +23,10 @@ class Workspace:
 
     Attributes:
         size: area of a planar robot [mm^2], volume of a spatial one [mm^3]; in SI m^2 and m^3.
-        uncertainty: of it: half the voxels at the boundary; of exact areas 0.
+        uncertainty: of ``size``, in its unit: half the voxels at the boundary; 0 for exact areas.
         points: planar: the outline, parts separated by a row of NaN, shape ``(n, 2)``; spatial: centres of
             the reachable voxels, ``(n, 3)``.
-        bounds: least and greatest coordinates, shape ``(2, d)``.
+        bounds: minimum and maximum of each coordinate over the points, shape ``(2, d)``.
         voxel: edge of a voxel; 0 for exact areas.
     """
 
@@ -68,7 +68,10 @@ def planar_workspace(model: Model, base: BasePose, units: Units) -> Workspace:
 def spatial_workspace(
     model: Model, frame: BaseFrame, units: Units, voxel: float | None, across: int
 ) -> Workspace:
-    """The voxels whose centres the inverse reaches; see `contid.reach.spatial`."""
+    """The voxels whose centres the inverse reaches; see `contid.reach.spatial`.
+
+    Without ``voxel``, the edge of a voxel is the widest side of the workspace divided by ``across``.
+    """
     from contid.reach.spatial import reachable_volume
 
     scale = units.scale()

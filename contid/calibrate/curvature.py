@@ -140,8 +140,8 @@ def _command(row: MeasuredRow, rack_spacing_mm: float) -> tuple[float, float]:
     if "arc_length_mm" in numbers:
         return numbers["arc_length_mm"], abs(numbers["curvature_per_mm"])
     arc_length_mm = 0.5 * (numbers["left_mm"] + numbers["right_mm"])
-    turned = abs(numbers["right_mm"] - numbers["left_mm"]) / rack_spacing_mm
-    return arc_length_mm, turned / arc_length_mm if arc_length_mm > 0.0 else 0.0
+    bend_rad = abs(numbers["right_mm"] - numbers["left_mm"]) / rack_spacing_mm
+    return arc_length_mm, bend_rad / arc_length_mm if arc_length_mm > 0.0 else 0.0
 
 
 def fit_curvature(postures: list[Posture]) -> CurvatureFit:
@@ -175,8 +175,8 @@ def fit_curvature(postures: list[Posture]) -> CurvatureFit:
 
 def _marker_variances(postures: list[Posture]) -> Floats:
     """Variance of every epsilon due to marker noise, which is the same in all photographs."""
-    freedom = sum(max(posture.markers - 3, 0) for posture in postures)
-    squares = sum(posture.markers * posture.circle.rms**2 for posture in postures if posture.markers > 3)
-    noise = math.sqrt(squares / freedom) if freedom else 0.0
-    errors = [posture.circle.error_per_noise / posture.commanded_per_mm for posture in postures]
-    return (noise * np.array(errors)) ** 2
+    degrees_of_freedom = sum(max(posture.markers - 3, 0) for posture in postures)  # a circle has 3 parameters
+    squares_mm2 = sum(posture.markers * posture.circle.rms**2 for posture in postures if posture.markers > 3)
+    noise_mm = math.sqrt(squares_mm2 / degrees_of_freedom) if degrees_of_freedom else 0.0
+    epsilon_per_mm = [posture.circle.error_per_noise / posture.commanded_per_mm for posture in postures]
+    return (noise_mm * np.array(epsilon_per_mm)) ** 2

@@ -34,7 +34,7 @@ class ElongationReading:
 
     @property
     def average_bar(self) -> float:
-        """Average of the six chambers [bar]."""
+        """Average over the six chambers, of which each pressure fills two [bar]."""
         return sum(self.pressures_bar) / 3.0
 
 

@@ -1,8 +1,9 @@
 """Modulus polynomial of a pneumatic section from elongation and pressure, bending gain from bending angles.
 
-With all chambers at x the section stretches by ``e = 6 x A_c / (E(x) A)`` (eq. 18), so every measured
-elongation is a measured modulus (eq. 19). The polynomial (eq. 20) is fitted so that the *elongations* agree
-best; a fit of the moduli would be dominated by low pressures, where they are quotients of small numbers.
+With all six chambers (area A_c each) at the pressure x the section (silicone area A) stretches by the strain
+``e = 6 x A_c / (E(x) A)`` (eq. 18), so every measured elongation gives a modulus (eq. 19). The polynomial
+E(x) (eq. 20) is fitted so that the *elongations* agree best; a fit of the moduli would be dominated by low
+pressures, where they are quotients of small numbers.
 
 The bending gain scales the moment of the pressure: without load the bending angle is proportional to it.
 
@@ -40,11 +41,12 @@ class ModulusFit:
         measured_to_bar: highest average pressure in the data.
         grows_to_bar: end of the range where the fitted elongation grows with pressure (inf: none found).
         up_to_bar: where to clamp x: the smaller of the two, with a margin to the second.
-        levels, trials, readings: number of different pressures, of trials, of elongations used.
+        levels, trials, readings: number of different pressures, of trials, and of elongations used.
         rmse_modulus_pa: of the modulus, over the mean of all trials at each pressure (the paper's figure).
         rmse_elongation_mm: of the elongation, over all readings.
-        bending_gain, rmse_bend_deg, bends: gain, error of the angles with it, angles used; None, None, 0
-            without bending angles.
+        bending_gain: measured bending angle divided by that of the model; None without bending angles.
+        rmse_bend_deg: of the bending angles with this gain; None without them.
+        bends: number of bending angles used.
     """
 
     section: int
@@ -93,6 +95,7 @@ def fit(section: Section, number: int, readings: Sequence[ElongationReading]) ->
     modulus = np.polyval(coefficients, x)
     predicted = section.length * stress / modulus
     measured_to = float(x.max())
+    # The polynomial is used a little beyond the data at most; its shape farther away does not matter.
     grows_to = growing_range(coefficients, max(2.0 * measured_to, measured_to + 1.0))
     if grows_to < measured_to:
         raise ContidError(
@@ -140,12 +143,16 @@ def _fit(x: Floats, stress: Floats, strain: Floats) -> Floats:
 
 
 def growing_range(coefficients: Floats, up_to_bar: float) -> float:
-    """Smallest x at which ``x / E(x)`` stops growing or E becomes negative [bar]; inf: none found."""
+    """Smallest x below ``up_to_bar`` at which ``x / E(x)`` stops growing or E becomes negative [bar].
+
+    Infinite when there is none.
+    """
     derivative = np.polyder(coefficients)
-    condition = np.polysub(coefficients, np.polymul(derivative, [1.0, 0.0]))
+    # x / E(x) grows while E - x E' > 0.
+    slope_sign = np.polysub(coefficients, np.polymul(derivative, [1.0, 0.0]))
     ends = [
         float(root.real)
-        for poly in (coefficients, condition)
+        for poly in (coefficients, slope_sign)
         for root in np.roots(poly)
         if abs(root.imag) < 1e-9 * (1.0 + abs(root.real)) and 0.0 < root.real <= up_to_bar
     ]
@@ -169,7 +176,7 @@ def _with_gain(section: Section, result: ModulusFit, bent: Sequence[ElongationRe
     )
     by_model = np.array([bending_deg(plain, np.array(reading.pressures_bar)) for reading in bent])
     measured = np.array([reading.bend_deg for reading in bent], float)
-    if not np.any(by_model > 1.0):
+    if not np.any(by_model > 1.0):  # [deg]
         raise ContidError(
             f"section {result.section}: bending angles need unequal pressures; every row with bend_deg has "
             "(nearly) equal ones"

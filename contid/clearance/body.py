@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from contid.kinematics.array import Array
 
-#: Numbers of samples.
+#: Indices of samples along a body.
 Indices: TypeAlias = NDArray[np.integer[Any]]
 
-#: The allowance between samples is brought below this by more samples [m], up to `MAX_PIECES`.
+#: Samples are added, up to `MAX_PIECES` pieces, until the distance bound above is below this for each [m].
 ALLOWANCE_M: Final = 2.5e-5
 MIN_PIECES: Final = 32
 MAX_PIECES: Final = 1024
@@ -59,8 +59,8 @@ class Body:
     def part(self, from_m: float, to_m: float) -> Body:
         """The part between two arc lengths from the base [m].
 
-        Its ends move evenly with the arc lengths. Its points are on the polyline of this body, from which
-        the curve is at most the allowance of a piece away.
+        Its ends are interpolated between samples, so they move continuously with the arc lengths. Its points
+        are on the polyline of this body, from which the curve is at most the allowance of a piece away.
         """
         begin, end = ((each - self.start_m) / self.spacing_m for each in (from_m, to_m))
         begin = min(max(begin, 0.0), float(self.pieces))

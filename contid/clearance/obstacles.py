@@ -1,4 +1,4 @@
-"""Convex obstacles by their signed distance: negative inside, convex, changing no faster than the point."""
+"""Convex obstacles by their signed distance: negative inside, convex, with a Lipschitz constant of 1."""
 
 from __future__ import annotations
 
@@ -10,19 +10,22 @@ import numpy as np
 
 from contid.kinematics.array import Array
 
-_NONE: Final = np.zeros(9)
+_NO_ROTATION: Final = np.zeros(9)
 
 
 class Obstacle(Protocol):
-    """A convex set in the world."""
+    """A convex set in the world frame."""
 
     @property
     def packed(self) -> Array:
-        """The same for the kernel ``clearance``: kind, point, vector, rotation, radius; shape ``(17,)``."""
+        """The obstacle as the kernel ``clearance`` takes it, shape ``(17,)``.
+
+        Kind (0 plane, 1 capsule, 2 box), point, vector, rotation (row-major), radius.
+        """
         ...
 
     def signed_distance(self, points: Array) -> Array:
-        """Distance of points ``(n, 3)`` from the surface [m], negative inside, shape ``(n,)``."""
+        """Distance of points ``(n, 3)`` in the world from the surface [m], negative inside; ``(n,)``."""
         ...
 
 
@@ -45,7 +48,7 @@ class Plane:
     @cached_property
     def packed(self) -> Array:
         """See `Obstacle`."""
-        return np.concatenate([[0.0], self.point, self.normal, _NONE, [0.0]])
+        return np.concatenate([[0.0], self.point, self.normal, _NO_ROTATION, [0.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +74,7 @@ class Capsule:
     @cached_property
     def packed(self) -> Array:
         """See `Obstacle`."""
-        return np.concatenate([[1.0], self.start, self.end - self.start, _NONE, [self.radius_m]])
+        return np.concatenate([[1.0], self.start, self.end - self.start, _NO_ROTATION, [self.radius_m]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +84,7 @@ class Box:
     Attributes:
         center: [m].
         rotation: box to world, shape ``(3, 3)``.
-        half: of its three sizes [m].
+        half: half of its three sizes [m].
     """
 
     center: Array

@@ -18,16 +18,17 @@ from contid.targets import Actuation, Vec3
 from contid.trajectory.straight_stop import StraightStop
 from contid.units import m_to_mm
 
-#: Between two configurations whose motion is less than twice this, the margin may be missed by it [m].
+#: A motion shorter than twice this is not halved; in it a pair may be this much nearer than the margin [m].
 RESOLUTION_M: Final = 5e-5
 #: Distances are computed up to the margin and this; a pair farther apart needs no exact value [m].
 LOOK_AHEAD_M: Final = 0.05
 
 
-#: Stops are halved at most so often in all; what then is not certainly far enough counts as too near.
+#: The motion of a pair that stops is halved at most this often. A pair that is not shown to be far enough
+#: apart by then counts as too near.
 MAX_HALVINGS: Final = 32
 
-#: Names of a robot, and of another or an obstacle.
+#: Name of a robot, and name of another robot or of an obstacle.
 Pair: TypeAlias = tuple[str, str]
 
 
@@ -53,14 +54,14 @@ class Walk:
         return self._now
 
     def place(self, configuration: Configuration) -> list[Nearest]:
-        """Be at a configuration of every robot, whatever the distances there, which are returned."""
+        """Set the configuration of every robot without a check; returns the distances there."""
         self._now = dict(configuration)
         shapes = Shapes(self._guard, self._now)
-        found = {pair: self._nearest(shapes, pair) for pair in self._guard.pairs}
-        #: Certain lower bound of the distance of each pair now, and what it must not fall below.
-        self._bounds = {pair: each.distance.lower_m for pair, each in found.items()}
+        nearest = {pair: self._nearest(shapes, pair) for pair in self._guard.pairs}
+        #: Lower bound of the present distance of each pair, and the distance it must keep [m].
+        self._bounds = {pair: each.distance.lower_m for pair, each in nearest.items()}
         self._floors = {pair: min(self._guard.margin_m, bound) for pair, bound in self._bounds.items()}
-        return list(found.values())
+        return list(nearest.values())
 
     def copy(self) -> Walk:
         """A walk from the same configuration."""
@@ -69,9 +70,9 @@ class Walk:
         return other
 
     def to(self, goal: Configuration) -> str:
-        """Move on to a configuration; why that comes too near, "" when it does not.
+        """Move on to a configuration; returns why that comes too near, or "".
 
-        Robots that are not named stay where they are. After a refusal nothing has moved.
+        Robots that ``goal`` does not name stay where they are. After a refusal nothing has moved.
         """
         after = self._now | {name: each for name, each in goal.items() if name in self._guard.arms}
         motion = {name: self._motion(name, self._now[name], after[name]) for name in after}
@@ -96,28 +97,28 @@ class Walk:
         return ""
 
     def stops(self, stops: Mapping[str, StraightStop], tolerance_m: float = 0.0) -> str:
-        """Why robots that stop now from their motion come too near, "" when they do not; nothing moves.
+        """Why robots that begin to stop now would come too near, or ""; the configuration stays.
 
         Args:
-            stops: of the robots in motion.
-            tolerance_m: by which a pair may be nearer than it must.
+            stops: the stop of every robot in motion.
+            tolerance_m: a pair may be this much nearer than it must otherwise be.
         """
-        ways = {
+        stop_ways_m = {
             name: sum(k * d for k, d in zip(self._guard.arms[name].speed, stop.distances, strict=True))
             for name, stop in stops.items()
         }
         times: dict[float, Shapes] = {}
         for pair in self._guard.pairs:
-            way = sum(ways.get(name, 0.0) for name in pair)
-            floor = self._floors[pair] - tolerance_m
-            if way == 0.0 or self._bounds[pair] - way >= floor:
+            way_m = sum(stop_ways_m.get(name, 0.0) for name in pair)
+            floor_m = self._floors[pair] - tolerance_m
+            if way_m == 0.0 or self._bounds[pair] - way_m >= floor_m:
                 continue
-            here = self._ahead(times, 0.0, stops).nearest(pair, floor + way)
+            here = self._ahead(times, 0.0, stops).nearest(pair, floor_m + way_m)
             self._bounds[pair] = max(self._bounds[pair], here.distance.lower_m)
-            if here.distance.lower_m - way >= floor:
+            if here.distance.lower_m - way_m >= floor_m:
                 continue
             own = {name: stops[name] for name in pair if name in stops}
-            found = self._stopping(pair, own, times, stops, floor)
+            found = self._stopping(pair, own, times, stops, floor_m)
             if found is not None:
                 self.refused = pair
                 return f"before it can stop, {self._message(found)}"
@@ -129,17 +130,20 @@ class Walk:
         own: Mapping[str, StraightStop],
         times: dict[float, Shapes],
         stops: Mapping[str, StraightStop],
-        floor: float,
+        floor_m: float,
     ) -> Nearest | None:
-        """Where a pair comes too near while it stops; None when it does not."""
-        enough = floor + LOOK_AHEAD_M
+        """Where a pair comes too near while it stops; None when it does not.
+
+        ``own`` are the stops of the pair, ``stops`` those of all robots; ``times`` keeps their shapes.
+        """
+        enough_m = floor_m + LOOK_AHEAD_M
         parts = [(0.0, max(stop.duration_s for stop in own.values()))]
         halvings = 0
         while parts:
             begin_s, end_s = parts.pop()
-            begin = self._ahead(times, begin_s, stops).nearest(pair, enough)
-            end = self._ahead(times, end_s, stops).nearest(pair, enough)
-            if end.distance.lower_m < floor:
+            begin = self._ahead(times, begin_s, stops).nearest(pair, enough_m)
+            end = self._ahead(times, end_s, stops).nearest(pair, enough_m)
+            if end.distance.lower_m < floor_m:
                 return end
             moved = sum(
                 self._guard.arms[name].motion_m(stop.at(begin_s)[0], stop.at(end_s)[0])
@@ -147,7 +151,7 @@ class Walk:
             )
             if moved <= 2.0 * RESOLUTION_M:
                 continue
-            if 0.5 * (begin.distance.lower_m + end.distance.lower_m - moved) >= floor - RESOLUTION_M:
+            if 0.5 * (begin.distance.lower_m + end.distance.lower_m - moved) >= floor_m - RESOLUTION_M:
                 continue
             halvings += 1
             if halvings > MAX_HALVINGS:
@@ -194,7 +198,7 @@ class Walk:
         return shapes.nearest(pair, self._guard.margin_m + LOOK_AHEAD_M)
 
     def _motion(self, name: str, before: tuple[Actuation, Vec3], after: tuple[Actuation, Vec3]) -> float:
-        # A change of the load is a step of the target: only its end is computed.
+        # A change of the known load (``[1]``) is a step of the target: only its end is computed.
         changed = 2.0 * RESOLUTION_M if before[1] != after[1] else 0.0
         return max(self._guard.arms[name].motion_m(before[0], after[0]), changed)
 

@@ -128,11 +128,11 @@ def _run() -> int:
         # Commands convert the errors of files they were given; what arrives here is mostly the output itself.
         print_error(system_error_message(error))
         return 2
-    except SystemExit as left:
+    except SystemExit as request:
         # Click and Rich exit with 1 when the reader closed the pipe (``contid path ... | head``); 1 means a
         # failed comparison here. Click leaves this wrapper behind; importing it warns since click 8.4.
         wrapped = type(sys.stdout).__name__.endswith("PacifyFlushWrapper")
-        if wrapped or isinstance(left.__context__, BrokenPipeError):
+        if wrapped or isinstance(request.__context__, BrokenPipeError):
             return 0
-        return left.code if isinstance(left.code, int) else int(left.code is not None)
+        return request.code if isinstance(request.code, int) else int(request.code is not None)
     return 0

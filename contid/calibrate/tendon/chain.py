@@ -1,7 +1,8 @@
 """The tip as a function of bends, lengths and the mounting of a recorded robot, with derivatives.
 
-The recorded tip is a marker: ``tip = base + R(tilt) (chain(Theta, l) + R_chain marker)``. Vectorised over
-rows.
+The recorded tip is a marker: ``tip = base + R(tilt) (p(Theta, l) + R_p(Theta, l) marker)``, with position p
+and rotation R_p of the end of a chain of arcs with bends Theta and lengths l. Two bends per section, the
+components of its bending angle (`contid.kinematics.arc.arc`). Vectorised over rows.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class TipRows(NamedTuple):
 
 
 def tips(bends: Array, length_m: Array, mounting: Mounting) -> TipRows:
-    """Tips of bends ``(rows, 2 sections)`` [rad]."""
+    """Tips of bends ``(rows, 2 sections)`` [rad] and lengths ``(sections,)`` [m]."""
     rows, sections = len(bends), len(length_m)
     tilt, tilt_jacobian = _tilt(mounting.tilt_rad)
     position, rotation = np.zeros((rows, 3)), np.broadcast_to(np.eye(3), (rows, 3, 3))
@@ -64,12 +65,12 @@ def tips(bends: Array, length_m: Array, mounting: Mounting) -> TipRows:
     tip = position + rotation @ marker
     by_bend, by_length = np.empty((rows, 3, 2 * sections)), np.empty((rows, 3, sections))
     for k, (start, end, (linear, angular)) in enumerate(zip(starts, ends, locals_, strict=True)):
-        arm = (np.swapaxes(start, 1, 2) @ (tip - end)[..., None])[..., 0]
-        turned = np.cross(angular, arm[:, :, None], axisa=1, axisb=1, axisc=1)
-        both = tilt @ start @ (linear + turned)
-        by_bend[:, :, 2 * k : 2 * k + 2] = both[:, :, :2]
-        by_length[:, :, k] = both[:, :, 2]
-    by_tilt = np.stack([tip @ each.T for each in tilt_jacobian], axis=-1)
+        lever = (np.swapaxes(start, 1, 2) @ (tip - end)[..., None])[..., 0]
+        turned = np.cross(angular, lever[:, :, None], axisa=1, axisb=1, axisc=1)
+        by_both = tilt @ start @ (linear + turned)
+        by_bend[:, :, 2 * k : 2 * k + 2] = by_both[:, :, :2]
+        by_length[:, :, k] = by_both[:, :, 2]
+    by_tilt = np.stack([tip @ by_angle.T for by_angle in tilt_jacobian], axis=-1)
     by_base = np.broadcast_to(np.eye(3), (rows, 3, 3))
     return TipRows(
         mounting.base_m + tip @ tilt.T, by_bend, by_length, by_base, by_tilt, tilt @ rotation[:, :, :2]

@@ -2,8 +2,9 @@
 
 Ridge regression on bends, their products, and tensions. The correction is used where there were data:
 features are clamped to their range in the training rows, the correction fades with the distance from that
-range, and its length is bounded by the errors it was made from. The penalty is the one with the least error
-on patterns kept out; "no correction" is among the choices.
+range, and its length is bounded by the errors it was made from. Patterns (the motions of which a recording
+consists) are kept out of the fit in turn; the penalty of the ridge regression is the one with the least error
+on them. "No correction" is among the choices.
 """
 
 from __future__ import annotations
@@ -15,10 +16,15 @@ import numpy as np
 
 from contid.kinematics.array import Array
 
+#: Penalties of the ridge regression to choose from; the infinite one is no correction.
 PENALTIES: Final = (1.0, 10.0, 100.0, 1e3, 1e4, np.inf)
+#: Parts of the recording that are kept out in turn.
 FOLDS: Final = 6
-#: Share of the training errors that the correction may reach.
+#: The correction is at most as long as this quantile of the lengths of the training errors.
 BOUND_QUANTILE: Final = 0.9
+#: Standard deviation of the Gaussian by which the correction fades outside the range of the training rows, as
+#: a part of that range.
+_FADE: Final = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +35,9 @@ class Residual:
         low, high: range of the features in the training rows.
         centre, scale: mean and standard deviation of their polynomial terms.
         gain: ``(terms + 1, 3)`` [m]; the last row is the constant.
-        bound_m: greatest length.
+        bound_m: greatest length of a correction.
         bends: how many of the features are bends, which are multiplied with each other.
-        penalty: that was chosen; infinite: no correction.
+        penalty: of the ridge regression, as chosen; infinite for no correction.
     """
 
     low: Array
@@ -50,7 +56,7 @@ class Residual:
         inside = np.clip(features, self.low, self.high)
         span = np.maximum(self.high - self.low, 1e-12)
         outside = np.sqrt((((features - inside) / span) ** 2).sum(axis=1))
-        fade = np.exp(-0.5 * (outside / 0.25) ** 2)
+        fade = np.exp(-0.5 * (outside / _FADE) ** 2)
         terms = (_terms(inside, self.bends) - self.centre) / self.scale
         step = (terms @ self.gain[:-1] + self.gain[-1]) * fade[:, None]
         length = np.sqrt((step**2).sum(axis=1, keepdims=True))
@@ -82,10 +88,13 @@ def fit_residual(features: Array, missing_m: Array, runs: Array, bends: int) -> 
     """Fit the correction.
 
     Args:
-        features: ``(rows, any)``, bends first.
+        features: ``(rows, any)``, bends [rad] first.
         missing_m: measured minus predicted tips, ``(rows, 3)``.
         runs: number of the pattern of each row; folds are blocks of consecutive patterns.
-        bends: how many features are bends. One pattern alone gives no correction.
+        bends: how many features are bends.
+
+    Returns:
+        The correction; one pattern alone gives none.
     """
     fold = np.minimum((runs - np.min(runs)) * FOLDS // (np.ptp(runs) + 1.0), FOLDS - 1)
     if len(np.unique(fold)) < 2:  # nothing can be kept out
@@ -93,9 +102,10 @@ def fit_residual(features: Array, missing_m: Array, runs: Array, bends: int) -> 
     scores = []
     for penalty in PENALTIES:
         total = 0.0
-        for each in np.unique(fold):
-            out = fold == each
-            made = _solve(features[~out], missing_m[~out], bends, penalty)
-            total += float(((missing_m[out] - made.correction(features[out])) ** 2).sum())
+        for number in np.unique(fold):
+            held_out = fold == number
+            fitted = _solve(features[~held_out], missing_m[~held_out], bends, penalty)
+            left_m = missing_m[held_out] - fitted.correction(features[held_out])
+            total += float((left_m**2).sum())
         scores.append(total)
     return _solve(features, missing_m, bends, PENALTIES[int(np.argmin(scores))])

@@ -43,29 +43,29 @@ def command(robot_file: str, rows: str | None, bare: bool, as_json: bool) -> Non
     def convert(targets: Mapping[str, Target]) -> dict[str, Cell]:
         cells: dict[str, Cell] = {}
         for name, target in targets.items():
-            here, quantity = column_prefix(loaded, name), robots[name].quantity
-            found = models[name].inverse(frames[name].target_in_base(target), seeds[name])
-            seeds[name] = found.actuation
-            for axis, value in zip(robots[name].axis_names, found.actuation, strict=True):
-                cells[f"{here}{axis}_{quantity.unit}"] = quantity.from_si(value)
+            prefix, quantity = column_prefix(loaded, name), robots[name].quantity
+            solution = models[name].inverse(frames[name].target_in_base(target), seeds[name])
+            seeds[name] = solution.actuation
+            for axis, value in zip(robots[name].axis_names, solution.actuation, strict=True):
+                cells[f"{prefix}{axis}_{quantity.unit}"] = quantity.from_si(value)
             if bare:
-                if not found.converged:
-                    limits = f", limited by {' '.join(found.limited_by)}" if found.limited_by else ""
-                    raise ValueError(f"{name}: out of reach by {m_to_mm(found.residual_m):.6g} mm{limits}")
+                if not solution.converged:
+                    limits = f", limited by {' '.join(solution.limited_by)}" if solution.limited_by else ""
+                    raise ValueError(f"{name}: out of reach by {m_to_mm(solution.residual_m):.6g} mm{limits}")
                 cells |= {
-                    f"{here}{axis}_{each.unit}": each.from_si(target.extra[axis])
+                    f"{prefix}{axis}_{each.unit}": each.from_si(target.extra[axis])
                     for axis, each in zip(robots[name].all_axis_names, robots[name].quantities, strict=True)
                     if axis in target.extra
                 }
                 if "load" in robots[name].accepts:
                     cells |= {
-                        f"{here}load.f{axis}_n": v for axis, v in zip("xyz", target.load_n, strict=True)
+                        f"{prefix}load.f{axis}_n": v for axis, v in zip("xyz", target.load_n, strict=True)
                     }
                 continue
-            cells[f"{here}residual_mm"] = m_to_mm(found.residual_m)
-            cells[f"{here}converged"] = found.converged
-            cells[f"{here}limited_by"] = " ".join(found.limited_by)
-            cells[f"{here}iterations"] = found.iterations
+            cells[f"{prefix}residual_mm"] = m_to_mm(solution.residual_m)
+            cells[f"{prefix}converged"] = solution.converged
+            cells[f"{prefix}limited_by"] = " ".join(solution.limited_by)
+            cells[f"{prefix}iterations"] = solution.iterations
         return cells
 
     with open_rows(rows) as source:

@@ -24,8 +24,8 @@ class ServoPortOptions:
     baud: int
 
     @property
-    def at(self) -> tuple[str, int]:
-        """Port and rate.
+    def port_and_baud(self) -> tuple[str, int]:
+        """Serial port and its baud rate.
 
         Raises:
             click.UsageError: no port was given.
@@ -37,23 +37,23 @@ class ServoPortOptions:
 
 @click.group()
 @click.option("--port", help="Serial port the servo is on.")
-@click.option("--baud", default=1000000, show_default=True, help="Rate it has now.")
+@click.option("--baud", default=1000000, show_default=True, help="Baud rate the servo has now.")
 @click.option("--driver", default="dynamixel", show_default=True)
 @click.pass_context
 def command(context: click.Context, port: str | None, baud: int, driver: str) -> None:
     """Commission servos; connect a servo alone when its id may be taken."""
     from contid.hal import Commissions, load_driver
 
-    found = load_driver(driver)
-    if not isinstance(found, Commissions):
+    loaded = load_driver(driver)
+    if not isinstance(loaded, Commissions):
         raise ContidError(f"driver {driver!r} has no servos to commission")
-    context.obj = ServoPortOptions(found, port, baud)
+    context.obj = ServoPortOptions(loaded, port, baud)
 
 
 @command.command("setup")
 @click.argument("robot_file", shell_complete=robot_names)
 @click.pass_obj
-def setup(target: ServoPortOptions, robot_file: str) -> None:
+def setup(servo_port: ServoPortOptions, robot_file: str) -> None:
     """Ask for one servo of ROBOT_FILE after the other and give each its id and baud rate."""
     from contid.control.engine.wiring import wired_buses
     from contid.hal import Commissions
@@ -77,9 +77,9 @@ def _ask(request: str) -> None:
 @click.argument("device", type=int)
 @click.argument("new", type=int)
 @click.pass_obj
-def set_id(target: ServoPortOptions, device: int, new: int) -> None:
+def set_id(servo_port: ServoPortOptions, device: int, new: int) -> None:
     """Change the id DEVICE to NEW."""
-    target.driver.set_id(*target.at, device, new)
+    servo_port.driver.set_id(*servo_port.port_and_baud, device, new)
     click.echo(f"id {device} is id {new} now")
 
 
@@ -87,9 +87,9 @@ def set_id(target: ServoPortOptions, device: int, new: int) -> None:
 @click.argument("device", type=int)
 @click.argument("new", type=int)
 @click.pass_obj
-def set_baud(target: ServoPortOptions, device: int, new: int) -> None:
+def set_baud(servo_port: ServoPortOptions, device: int, new: int) -> None:
     """Change the baud rate of id DEVICE to NEW."""
-    target.driver.set_baud(*target.at, device, new)
+    servo_port.driver.set_baud(*servo_port.port_and_baud, device, new)
     click.echo(f"id {device} has {new} baud now")
 
 
@@ -97,9 +97,9 @@ def set_baud(target: ServoPortOptions, device: int, new: int) -> None:
 @click.argument("device", type=int)
 @click.option("--times", default=8, show_default=True)
 @click.pass_obj
-def blink(target: ServoPortOptions, device: int, times: int) -> None:
+def blink(servo_port: ServoPortOptions, device: int, times: int) -> None:
     """Let the LED of id DEVICE blink, to find it."""
-    target.driver.blink(*target.at, device, times)
+    servo_port.driver.blink(*servo_port.port_and_baud, device, times)
 
 
 @command.command("read")
@@ -107,9 +107,9 @@ def blink(target: ServoPortOptions, device: int, times: int) -> None:
 @click.argument("registers", nargs=-1)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object per register.")
 @click.pass_obj
-def read(target: ServoPortOptions, device: int, registers: tuple[str, ...], as_json: bool) -> None:
+def read(servo_port: ServoPortOptions, device: int, registers: tuple[str, ...], as_json: bool) -> None:
     """Print REGISTERS of id DEVICE by name or address, every one by default."""
-    for each in target.driver.read_registers(*target.at, device, registers):
+    for each in servo_port.driver.read_registers(*servo_port.port_and_baud, device, registers):
         if as_json:
             click.echo(json.dumps(dataclasses.asdict(each)))
         else:
@@ -121,18 +121,18 @@ def read(target: ServoPortOptions, device: int, registers: tuple[str, ...], as_j
 @click.argument("register")
 @click.argument("value", type=int)
 @click.pass_obj
-def write(target: ServoPortOptions, device: int, register: str, value: int) -> None:
+def write(servo_port: ServoPortOptions, device: int, register: str, value: int) -> None:
     """Set REGISTER (name or address) of id DEVICE to VALUE; goals and torque are refused."""
-    after = target.driver.write_register(*target.at, device, register, value)
+    after = servo_port.driver.write_register(*servo_port.port_and_baud, device, register, value)
     click.echo(f"{register} is {after} now")
 
 
 @command.command("reboot")
 @click.argument("device", type=int)
 @click.pass_obj
-def reboot(target: ServoPortOptions, device: int) -> None:
+def reboot(servo_port: ServoPortOptions, device: int) -> None:
     """Restart id DEVICE: torque off, hardware errors cleared, turn count lost."""
-    target.driver.reboot(*target.at, device)
+    servo_port.driver.reboot(*servo_port.port_and_baud, device)
     click.echo(f"id {device} restarted; its torque is off and its turn count gone")
 
 
@@ -140,7 +140,7 @@ def reboot(target: ServoPortOptions, device: int) -> None:
 @click.argument("device", type=int)
 @click.confirmation_option(prompt="Factory values for every setting but id and baud rate?")
 @click.pass_obj
-def reset(target: ServoPortOptions, device: int) -> None:
+def reset(servo_port: ServoPortOptions, device: int) -> None:
     """Give id DEVICE its factory settings; id and baud rate stay."""
-    target.driver.factory_reset(*target.at, device)
+    servo_port.driver.factory_reset(*servo_port.port_and_baud, device)
     click.echo(f"id {device} has its factory settings; id and baud rate stayed")

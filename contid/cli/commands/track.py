@@ -83,7 +83,7 @@ def command(
                 try:
                     client.measure(tip_mm, direction=tip.direction, robot=robot, time_s=tip.time_s)
                 except RemoteError as error:
-                    # One that is out of reach or too old is no reason to end; each reason is printed once.
+                    # A tip out of reach, or too old, does not end the tracker; each reason is printed once.
                     if error.code != "bad-measurement":
                         raise
                     kind = re.sub(r"[-\d.]+", "", str(error))

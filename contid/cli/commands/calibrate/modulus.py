@@ -75,11 +75,11 @@ def _changes(fits: list[ModulusFit], note: str) -> list[Change]:
 
     changes = []
     for found in fits:
-        at = f"geometry.sections.{found.section - 1}"
+        key = f"geometry.sections.{found.section - 1}"
         fitted = f"{note}, RMSE {found.rmse_elongation_mm:.3f} mm"
-        changes.append(Change(f"{at}.modulus_pa", [round(b, 3) for b in found.modulus_pa], fitted))
-        changes.append(Change(f"{at}.modulus_up_to_bar", round(found.up_to_bar, 4), note))
+        changes.append(Change(f"{key}.modulus_pa", [round(b, 3) for b in found.modulus_pa], fitted))
+        changes.append(Change(f"{key}.modulus_up_to_bar", round(found.up_to_bar, 4), note))
         if found.bending_gain is not None:
             bent = f"{note}, RMSE {found.rmse_bend_deg:.2f} deg"
-            changes.append(Change(f"{at}.bending_gain", round(found.bending_gain, 5), bent))
+            changes.append(Change(f"{key}.bending_gain", round(found.bending_gain, 5), bent))
     return changes

@@ -51,6 +51,7 @@ def command(request: Calibration, held_out: TextIO | None, keep_out: float) -> N
         from contid.calibrate.tendon.plot import plot_stages
 
         plot_stages(request.plot, found.stages, found.both)
+    # Friction is added to a file that has none only where it predicts better.
     last, add = found.stages[-1], friction_predicts(found.stages)
     edits = changes(last, robot, found.both.servos, found.geometry, request.note)
     fitted = found.both.pull_m[: last.train.rows]

@@ -1,4 +1,4 @@
-"""``contid fleet feed``: keeps robots moving that hold without it."""
+"""``contid fleet feed``: the periodic message without which robots with ``hold_without_feed`` hold."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from contid.cli.support.orders import file_option
 )
 @file_option
 def command(rate: float, file: Path | None) -> None:
-    """Feed every machine until Ctrl-C; then, or when this program ends, the robots that need it hold.
+    """Feed every machine until Ctrl-C; when the feed ends, the robots that require it hold.
 
-    The file of such a machine has `hold_without_feed: {operator: NAME, after_s: 0.5}`. Prints who is fed.
-    Best effort: never the only stop of a robot.
+    The file of their machine has `hold_without_feed: {operator: NAME, after_s: 0.5}`. Prints which machines
+    are fed. Best effort: never the only stop of a robot.
     """
     from contid.fleet.fleet_file import load_operator_file
     from contid.fleet.operator import FleetOperator, response_of
