@@ -1,8 +1,9 @@
-"""The access rules of Zenoh: deny by default, each operator in its own name only, each machine for its nodes.
+"""The access rules of Zenoh: everything is denied but what the rules here allow.
 
-Zenoh binds the rules to the common name of a certificate, before a request reaches the bridge. The bridge
-checks the same rights of operators again (`contid.fleet.gate`). Behind a router the bridge sees the name of
-the router alone, so the router's rules are those that bind an operator to its name.
+An operator may ask in its own name only, and a machine may answer for its own nodes only. Zenoh applies the
+rules by the common name of a certificate, before a request reaches the bridge. The bridge checks the same
+rights of operators again (`contid.fleet.gate`). Behind a router the bridge sees the name of the router alone,
+so the router's rules are those that bind an operator to its name.
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ def access_rules(
     Args:
         fleet: its name.
         operators: rights by common name of the certificate.
-        router: common name of the router. The bridge then has no other link, and sees no other name: the
-            rules of all operators are bound to that of the router, which has bound them to theirs.
+        router: common name of the router, or None. With a router the bridge has no other link and sees no
+            other name, so the rules of all operators apply to the name of the router, which has checked
+            their own names.
     """
     keys = Keys(fleet)
     named = {name: list(_operator(keys, name, frozenset(rights))) for name, rights in operators.items()}
@@ -96,7 +98,7 @@ def _operator(keys: Keys, name: str, rights: frozenset[Right]) -> Iterator[dict[
 
 
 def _by_router(keys: Keys) -> Iterator[dict[str, Any]]:
-    """What a bridge needs besides, to see nodes of other bridges that have its names."""
+    """Further rules of a bridge behind a router: it finds nodes of other bridges that have equal names."""
     rule, alive = partial(_rule, "router:"), keys.alive("*", "*")
     looks = ["declare_liveliness_subscriber", "liveliness_query"]
     yield rule("asks for tokens", EGRESS, looks, [alive])

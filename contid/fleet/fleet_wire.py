@@ -1,11 +1,12 @@
-"""The network as a wire of a client: a request is a query, and its answer a line as from the socket.
+"""A client's connection to a node over the network, in place of the socket of a daemon.
 
-By network no order takes a free lease by itself. Here, in the program of the operator, the wire acquires it
-as the daemon would: not after a stop of another client.
+A request is sent as a query of Zenoh, and its answer is delivered as a line such as the socket has. A bridge
+gives no free lease to an order that comes by network. Therefore the wire, in the program of the operator,
+acquires it first, except after a stop by another client.
 
-Set-points of `servo` are pipelined: some are under way at a time, so that their rate is not bound by the
+Set-points of `servo` are pipelined: several are under way at a time, so that their rate is not bound by the
 round trip; one that a full link drops is superseded by the next. Rows of `stream` are pipelined by the
-client, as far as they are granted, and none is dropped.
+client, up to the number that the daemon has granted, and none is dropped.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ from contid.remote.protocol.wire import Code, Fields, decode, encode
 ANSWER_TIMEOUT_S: Final = 5.0
 #: Set-points that are not yet answered; a further one waits for an answer.
 MAX_UNANSWERED: Final = 16
-#: How the notice of a move that ended begins.
+#: First bytes of the notice that a move ended.
 MOVE_ENDED: Final = b'{"event":"move"'
-#: Only a move keeps the lease that it takes.
+#: The only order that keeps the lease which it acquired; others release it.
 KEEPING: Final = "move"
 
 
@@ -124,9 +125,9 @@ class FleetWire:
         answered: Callable[[Fields], None],
         newest: bool = False,
     ) -> None:
-        """Ask the node; exactly one answer is reported, or the connection ends.
+        """Send a query to the node; ``answered`` is called exactly once, or the connection ends.
 
-        Of ``newest`` requests the next one takes the place of one that is lost.
+        A lost request with ``newest`` does not end it: the next request takes its place.
         """
         answers: list[None] = []
 
@@ -160,7 +161,10 @@ class FleetWire:
         )
 
     def _is_same(self, number: int | None) -> bool:
-        """Another number is a new connection to the daemon, without this client's lease and moves."""
+        """True when the bridge still has the same connection to the daemon for this client.
+
+        Another number is that of a new connection, which has neither the lease nor the moves.
+        """
         if number is None:
             return True
         if self._client is None:

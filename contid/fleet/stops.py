@@ -34,13 +34,13 @@ class StopReport:
     """How a stop of the fleet went.
 
     Attributes:
-        verb: what was ordered.
-        confirmed: by node.
+        verb: the order, `hold`, `stop` or `estop`.
+        confirmed: confirmation by node.
         refused: message by node that refused.
         missing: nodes that did not answer within `contid.fleet.operator.ANSWER_TIMEOUT_S`.
         doubled: names that several nodes have: one of them may not have confirmed.
         unlinked: endpoints without a link.
-        took_s: until the last answer.
+        took_s: time from the order to the last answer [s].
     """
 
     verb: str

@@ -54,7 +54,7 @@ class AxisOnBus:
         name: unique in the robot file, ``ROBOT.AXIS``.
         options: the driver's own validated options of this axis (id, channel, ...).
         travel: min and max device value [rad or Pa] allowed by the robot file, or None.
-        tendon: what its device winds up; None for other robots.
+        tendon: the tendon that its device winds up; None for robots without tendons.
     """
 
     name: str
@@ -63,7 +63,7 @@ class AxisOnBus:
     tendon: SpooledTendon | None = None
 
 
-#: Beginnings of `Sample.fault` that have a number of their own.
+#: A `Sample.fault` that begins with one of these gets a fault number of its own (docs/faults.md).
 SLACK_TENDON: Final = "slack tendon"
 SNAPPED_TENDON: Final = "snapped tendon"
 

@@ -59,9 +59,9 @@ class ExchangeTime:
     """Time of one exchange of a bus.
 
     Attributes:
-        least_s: bytes on the wire in the fastest form; a shorter period is impossible.
-        most_s: without faults, in the slowest form and with a slow adapter.
-        what: what it was computed from.
+        least_s: time of the bytes on the wire in the fastest form; a shorter period is impossible.
+        most_s: time without faults, in the slowest form and with a slow adapter.
+        what: description of what both were computed from.
     """
 
     least_s: float
@@ -90,8 +90,8 @@ class DeviceRate:
     """The fastest demands a device follows.
 
     Attributes:
-        key: of the axis, that sets it.
-        value: rad/s or Pa/s.
+        key: key of the axis in the robot file that sets it.
+        value: the rate [rad/s or Pa/s].
     """
 
     key: str

@@ -155,7 +155,7 @@ class Begin:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Answered with an event ``mark`` after every earlier message was carried out or refused."""
+    """Asks for an event ``mark`` with this number once every earlier message is carried out or refused."""
 
     number: int
 

@@ -118,7 +118,7 @@ def order_of(event: OrderGiven) -> msg.Message:
 
 
 def answer_event(answer: BusReply, bus: str, tick: int) -> BusAnswered:
-    """The event of an answer, which has no samples."""
+    """The event of an answer; it leaves the samples out, which are in the record of the tick."""
     done = [[robot, effect.name] for robot, effect in answer.done]
     refused = [[robot, effect.name, message] for robot, effect, message in answer.refused]
     return BusAnswered(tick=tick, bus=bus, lost=answer.lost, done=done, refused=refused)
@@ -135,7 +135,7 @@ def answer_of(event: BusAnswered) -> BusReply:
 
 
 def _target(target: Target | None) -> dict[str, Any] | None:
-    """A target by what it has; floats survive JSON exactly."""
+    """The fields of a target that are set; floats survive JSON exactly."""
     if target is None:
         return None
     fields = {

@@ -1,7 +1,7 @@
-"""One owner per bus: inline for a single bus, one worker thread each when there are several.
+"""Exchange with every bus: in the thread of the tick for a single bus, in a worker thread each for several.
 
-A slow device then stalls its own bus only (husarion/rosbot_ros PR 196). A worker that is
-not done by the end of the tick gets no new job until it is; its robots count a miss.
+With workers a slow device stalls its own bus only (husarion/rosbot_ros PR 196). A worker that is not done
+by the end of the tick gets no new job until it is; its robots count a miss.
 """
 
 from __future__ import annotations
@@ -82,11 +82,11 @@ class BusPort:
     """A bus and its worker, if it has one.
 
     Attributes:
-        bus: the bus; only this port touches it while open.
-        lost: why it is gone, "" while it is there.
-        exempt: the job under way may take longer than a tick: it arms, clears or opens something.
-        stalls: ticks in a row that ended before the bus was back.
-        retry_at: tick of the next attempt to open a lost bus.
+        bus: the bus; only this port uses it while it is open.
+        lost: why the bus is lost, "" while it is not.
+        exempt: the job under way may take longer than a tick, because it arms, clears or opens something.
+        stalls: ticks in a row that ended before the job was done.
+        retry_at: number of the tick of the next attempt to open a lost bus.
     """
 
     def __init__(self, bus: Bus, threaded: bool, reopen_aside: bool = False) -> None:
@@ -135,7 +135,7 @@ class BusPort:
             self._worker.start()
 
     def start(self, job: BusJob) -> None:
-        """Begin a job; `take` gives the answer."""
+        """Begin a job; `take` returns its result."""
         self._busy = True
         self.exempt = job.reopen or bool(job.effects)
         if self._worker is None:
@@ -144,7 +144,7 @@ class BusPort:
             self._jobs.put(job)
 
     def take(self, timeout_s: float) -> BusReply | None:
-        """The answer of the job that was begun, or None when it is not there in time."""
+        """The result of the job that was begun, or None when it is not done within the time."""
         if not self._busy:
             return None
         if self._worker is None:

@@ -8,6 +8,7 @@ import signal
 import sys
 from typing import Final
 
+#: Options of prctl(2): the signal at the death of the parent, and the slack of timers [ns].
 _PR_SET_PDEATHSIG: Final = 1
 _PR_SET_TIMERSLACK: Final = 29
 
@@ -22,7 +23,12 @@ def bind_to_parent(parent: int) -> bool:
 
 
 def main(descriptor: int, parent: int) -> int:
-    """Run; returns the exit code."""
+    """Run the control process; returns its exit code.
+
+    Args:
+        descriptor: file descriptor of the pipe to the daemon.
+        parent: process id of the daemon.
+    """
     if not bind_to_parent(parent):
         return 0
     from contid.control.process.control_process import main as run

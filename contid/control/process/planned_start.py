@@ -8,15 +8,15 @@ from contid.control.engine import messages as msg
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events.orders import OrderRefused
 
-#: Orders after which a planned start is none any more.
+#: Orders that cancel a planned start.
 CANCELLING: Final = (msg.Hold, msg.Stop, msg.Estop, msg.Goto, msg.Rows, msg.Play, msg.Begin, msg.Finish)
 
 
 class PlannedStart:
     """The start that is planned, if any.
 
-    The tick whose deadline is nearest to the time begins it: half a period away at most, unless ticks were
-    skipped there.
+    The trajectory begins in the tick whose deadline is nearest to the planned time: at most half a period
+    away, unless ticks were skipped there. Times are on CLOCK_MONOTONIC [s].
     """
 
     def __init__(self, period_s: float) -> None:
@@ -33,7 +33,7 @@ class PlannedStart:
             self._at_s = start.at_s
 
     def cancel_for(self, message: object) -> None:
-        """Forget the start for an order that moves or stops robots."""
+        """Cancel the planned start if the message is an order that moves or stops robots."""
         if isinstance(message, CANCELLING):
             self._at_s = None
 

@@ -49,7 +49,7 @@ class MonotoneCubic:
 
     @property
     def domain(self) -> tuple[float, float]:
-        """Least and greatest x of the table."""
+        """Minimum and maximum x of the table."""
         return (self._x[0], self._x[-1])
 
     def __call__(self, x: float) -> float:

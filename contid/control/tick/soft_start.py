@@ -16,12 +16,19 @@ from typing import Final
 from contid.control.tick.config import RobotConfig
 from contid.trajectory.timed import Trajectory
 
-# The path's own acceleration and jerk need room beside those of the easing.
+# Share of the acceleration and jerk limits that the easing may use; the path itself needs the rest.
 _SHARE: Final = 0.5
 
 
 def played(n: float, length: float, lead: int, tail: int) -> float:
-    """Ticks of the trajectory played after ``n`` ticks of a run over ``length`` ticks of it."""
+    """Ticks of the trajectory that are played after ``n`` ticks of the run.
+
+    Args:
+        n: ticks since the run began.
+        length: length of the trajectory in ticks.
+        lead: ticks of the soft start.
+        tail: ticks of the soft end.
+    """
     over = length + 0.5 * (lead + tail)
     left = over - n
     if left <= 0.0:
@@ -32,7 +39,7 @@ def played(n: float, length: float, lead: int, tail: int) -> float:
 
 
 def fitted(ticks: int, length: float) -> int:
-    """A lead or a tail, at most as long as the trajectory; even."""
+    """The ticks of a soft start or end, shortened to those of the trajectory; an even number."""
     return min(ticks, int(length) // 2 * 2)
 
 
@@ -43,9 +50,9 @@ def _eased(n: float, ticks: int) -> float:
 
 
 def ease_ticks(configs: Sequence[RobotConfig], trajectory: Trajectory, time_s: float, ahead: bool) -> int:
-    """Ticks, an even number, that starting at ``time_s`` (or, with ``ahead`` false, ending there) needs.
+    """Ticks of the soft start at ``time_s``, or with ``ahead`` false of the soft end there; an even number.
 
-    0 when the speed there is one that the acceleration limit can take in one tick.
+    0 when the acceleration limit allows the speed of the trajectory there within one tick.
     """
     ticks = 0
     if not configs:

@@ -25,7 +25,7 @@ _FOREIGN: Final = re.compile(r"[^A-Za-z0-9_]")
 
 
 def ros_name(name: str) -> str:
-    """A chunk of a topic: other characters become underscores, and it does not begin with a digit."""
+    """A name that ROS 2 allows in a topic: other characters become underscores, a leading digit gets one."""
     changed = _FOREIGN.sub("_", name)
     return f"_{changed}" if changed[:1].isdecimal() else changed
 
@@ -89,7 +89,7 @@ class RosTopic:
 
 
 def attachment(number: int, time_ns: int, gid: bytes) -> bytes:
-    """What a sample carries besides: its number from 1, the time of day, its publisher.
+    """The attachment of a sample: its number from 1, the time of day [ns], the GID of its publisher.
 
     rmw_zenoh drops a sample without it. The layout is that of the serializer of zenoh-ext.
     """

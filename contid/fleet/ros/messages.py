@@ -57,7 +57,8 @@ def type_hash(type_name: str) -> str:
     return str(type_store().hash_rihs01(type_name))
 
 
-def _made(type_name: str, **fields: Any) -> Any:
+def _new(type_name: str, **fields: Any) -> Any:
+    """An object of a ROS 2 type."""
     return type_store().types[type_name](**fields)
 
 
@@ -81,7 +82,7 @@ class NodeMessages:
                 raise ContidError(f"{node}: two of {', '.join(names)} are the same name in ROS 2")
 
     def describes(self, frame: Fields) -> bool:
-        """False when the daemon has other robots now."""
+        """False when the frame has robots that `describe` did not have."""
         return {*frame["robots"]} <= {*self._robots}
 
     def messages(self, frame: Fields, time_ns: int) -> Iterator[RosMessage]:
@@ -98,14 +99,14 @@ class NodeMessages:
             yield from self._axes(name, described, fields, time_ns)
             if fields.get("tip_mm") is not None:
                 tip_m = [mm_to_m(value) for value in fields["tip_mm"]]
-                point = _made("geometry_msgs/msg/Point", x=tip_m[0], y=tip_m[1], z=tip_m[2])
-                stamped = _made(POINT, header=_header(WORLD, time_ns), point=point)
+                point = _new("geometry_msgs/msg/Point", x=tip_m[0], y=tip_m[1], z=tip_m[2])
+                stamped = _new(POINT, header=_header(WORLD, time_ns), point=point)
                 yield _message(f"{self._base}/{ros_name(name)}/tip", POINT, stamped)
                 transforms.append(self._transform(name, tip_m, time_ns))
             statuses.append(self._status(name, fields))
         if transforms:
-            yield _message("/tf", TRANSFORM, _made(TRANSFORM, transforms=transforms))
-        array = _made(DIAGNOSTICS, header=_header("", time_ns), status=statuses)
+            yield _message("/tf", TRANSFORM, _new(TRANSFORM, transforms=transforms))
+        array = _new(DIAGNOSTICS, header=_header("", time_ns), status=statuses)
         yield _message("/diagnostics", DIAGNOSTICS, array)
 
     def _axes(self, robot: str, described: Fields, fields: Fields, time_ns: int) -> Iterator[RosMessage]:
@@ -119,7 +120,7 @@ class NodeMessages:
         base = f"{self._base}/{ros_name(robot)}"
         if unit in _METRES:
             none = np.zeros(0)
-            state = _made(
+            state = _new(
                 JOINT_STATE,
                 header=_header("", time_ns),
                 name=[f"{ros_name(robot)}_{ros_name(axis)}" for axis in axes],
@@ -132,18 +133,18 @@ class NodeMessages:
             for axis, value in zip(axes, measured, strict=True):
                 frame = f"{ros_name(robot)}_{ros_name(axis)}"
                 header, pascal = _header(frame, time_ns), float(value) * _PASCAL[unit]
-                pressure = _made(PRESSURE, header=header, fluid_pressure=pascal, variance=0.0)
+                pressure = _new(PRESSURE, header=header, fluid_pressure=pascal, variance=0.0)
                 yield _message(f"{base}/{ros_name(axis)}/pressure", PRESSURE, pressure)
 
     def _transform(self, robot: str, tip_m: Sequence[float], time_ns: int) -> Any:
-        """Where the tip is. Telemetry has no orientation of it: the rotation is none."""
-        translation = _made("geometry_msgs/msg/Vector3", x=tip_m[0], y=tip_m[1], z=tip_m[2])
-        rotation = _made("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
-        return _made(
+        """Transform from the world to the tip; telemetry has no orientation, so the rotation is identity."""
+        translation = _new("geometry_msgs/msg/Vector3", x=tip_m[0], y=tip_m[1], z=tip_m[2])
+        rotation = _new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
+        return _new(
             "geometry_msgs/msg/TransformStamped",
             header=_header(WORLD, time_ns),
             child_frame_id=f"{ros_name(self._node)}_{ros_name(robot)}_tip",
-            transform=_made("geometry_msgs/msg/Transform", translation=translation, rotation=rotation),
+            transform=_new("geometry_msgs/msg/Transform", translation=translation, rotation=rotation),
         )
 
     def _status(self, robot: str, fields: Fields) -> Any:
@@ -151,10 +152,10 @@ class NodeMessages:
         level = ERROR if fault else WARN if state == "OFF" else OK
         message = f"{state}, fault {fault}" if fault else state
         values = [
-            _made("diagnostic_msgs/msg/KeyValue", key=key, value=value)
+            _new("diagnostic_msgs/msg/KeyValue", key=key, value=value)
             for key, value in (("state", state), ("fault", str(fault)))
         ]
-        return _made(
+        return _new(
             "diagnostic_msgs/msg/DiagnosticStatus",
             level=level,
             name=f"{self._node}: {robot}",
@@ -165,8 +166,8 @@ class NodeMessages:
 
 
 def _header(frame: str, time_ns: int) -> Any:
-    stamp = _made("builtin_interfaces/msg/Time", sec=time_ns // 10**9, nanosec=time_ns % 10**9)
-    return _made("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
+    stamp = _new("builtin_interfaces/msg/Time", sec=time_ns // 10**9, nanosec=time_ns % 10**9)
+    return _new("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
 
 
 def _message(topic: str, type_name: str, made: Any) -> RosMessage:

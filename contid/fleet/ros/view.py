@@ -1,7 +1,7 @@
-"""``contid fleet ros``: telemetry of a fleet for programs of ROS 2 that speak rmw_zenoh, read only.
+"""``contid fleet ros``: telemetry of a fleet for programs of ROS 2 that use rmw_zenoh, read only.
 
-It is an operator that watches, and a node of ROS 2 that publishes; it subscribes to nothing of ROS 2. Topics
-have no lease, so nothing moves by them.
+It is an operator of the fleet that only watches, and a node of ROS 2 that only publishes. It subscribes to no
+topic: a topic has no lease, so it must not move a robot.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from contid.fleet.ros.messages import NodeMessages, RosMessage, type_hash
 from contid.remote.protocol.wire import Fields, decode
 
 NODE_NAME: Final = "contid_fleet"
-#: Frames that wait at most; a newer one takes the place of the oldest.
+#: Most frames that wait to be published; beyond it the oldest is dropped.
 WAITING: Final = 64
 #: A node that did not answer is asked again after this time.
 RETRY_S: Final = 1.0
@@ -71,7 +71,8 @@ class RosView:
         self._report = report
         self._frames: queue.Queue[tuple[str, bytes]] = queue.Queue(WAITING)
         self._nodes: dict[str, tuple[NodeMessages, ClockOffset]] = {}
-        self._again_s: dict[str, float] = {}
+        #: Time on the monotonic clock from which a node that did not answer may be asked again [s].
+        self._retry_from_s: dict[str, float] = {}
         operator.net.subscribe(operator.keys.telemetry("*"), self._put)
 
     def run(self) -> None:
@@ -97,9 +98,9 @@ class RosView:
             self._publisher.publish(message)
 
     def _known(self, node: str) -> tuple[NodeMessages, ClockOffset] | None:
-        if time.monotonic() < self._again_s.get(node, 0.0):
+        if time.monotonic() < self._retry_from_s.get(node, 0.0):
             return None
-        self._again_s[node] = time.monotonic() + RETRY_S
+        self._retry_from_s[node] = time.monotonic() + RETRY_S
         try:
             response = self._operator.ask(node, "describe", {}, RETRY_S)
             if response is None or not response.get("ok"):

@@ -68,7 +68,7 @@ def from_json(data: Mapping[str, Any]) -> RunEvent:
         return OrderGiven(tick=values.pop("tick"), order=values)
     keys = KEYS.get(name)
     if keys is None or not all(
-        _is(values[key], about.json) if key in values else not about.required for key, about in keys.items()
+        _is(values[name], key.json) if name in values else not key.required for name, key in keys.items()
     ):
         return UnknownEvent(kind=name, values=values)
     return KINDS[name](**{key: values[key] for key in keys if key in values})

@@ -50,13 +50,13 @@ class ContactBegan(RunEvent):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SqueezeChanged(RunEvent):
-    """A tip that closes until a force reached it, lost the object, or ended without."""
+    """A motion of a tip until a force (`Goto.until_force_n`) reached the force, lost the object, or ended."""
 
     KIND: ClassVar[str] = "squeeze"
     tick: TickNumber
     robot: RobotName
     what: Annotated[str, "reached, lost, nothing (no force up to the target), pressed (no free way), weak"]
-    force_n: Annotated[float, "of the tip along its way, from the currents [N]"]
+    force_n: Annotated[float, "force of the tip along its way, from the currents [N]"]
     message: Text
 
 

@@ -12,8 +12,9 @@ within the newest residuals and both shapes the best amplitude d gives::
 
     S = sum(a_i (r_i - pattern)),    T = S^T (sum(a_i^2) N + sum(a_i)^2 B)^-1 S
 
-T of noise alone has a chi-squared distribution of three components. B is what all residuals share: the
-error of the pattern, of the lag, of the hysteresis and of the load while the arm moves.
+with a_i the step or ramp at residual i, and N the covariance of the noise of one residual. T of noise alone
+has a chi-squared distribution with three degrees of freedom. B is the covariance of the error that all
+newest residuals share: of the pattern, of the lag, of the hysteresis and of the load while the arm moves.
 
 Units: mm, s, bar, N. A pure function of its inputs.
 """
@@ -28,27 +29,29 @@ import numpy as np
 
 from contid.kinematics.array import Array
 
-#: Newest residuals that may already be those of a contact, and older ones that make the pattern.
+#: Number of newest residuals that may already be those of a contact, and of older ones that form the pattern.
 NEWEST: Final = 6
 REFERENCE: Final = 30
-#: Squared distance that is a contact: noise alone exceeds it once in 2e6 tests.
+#: A larger T is a contact: noise alone exceeds it once in 2e6 tests.
 GATE: Final = 32.0
 #: Measurements of an hour at 50 Hz. The covariances are wide enough for the several shapes of each.
 TESTS_PER_HOUR: Final = 180e3
-#: Standard deviation of the lag before anything is learned, and at least [s]; largest lag that is learned.
-_LAG_S: Final = 5e-3
-_LEAST_LAG_S: Final = 5e-4
-_MOST_LAG_S: Final = 0.04
-#: Change of the velocity of the tip from which the lag is learned [mm/s]; less is noise.
-_MOVES: Final = 20.0
-#: Noise of reported pressures before anything is learned, and at most [bar].
+#: Standard deviation of the lag before anything is learned, and its minimum [s].
+_LAG_SIGMA_S: Final = 5e-3
+_MIN_LAG_SIGMA_S: Final = 5e-4
+#: Largest lag that is learned, with either sign [s].
+_MAX_LAG_S: Final = 0.04
+#: The lag is learned where the velocity of the tip differs by more than this from its mean over the pattern
+#: [mm/s].
+_MOVES_MM_S: Final = 20.0
+#: Standard deviation of reported pressures before anything is learned, and its maximum [bar].
 _PRESSURE_BAR: Final = 2e-3
-_MOST_PRESSURE_BAR: Final = 0.05
-#: Number of residuals from which lag and noise are learned: older ones are forgotten.
+_MAX_PRESSURE_BAR: Final = 0.05
+#: Lag and noise are learned as averages over about this many residuals.
 _MEMORY: Final = 500.0
-#: A residual counts for the noise with at most this squared distance.
+#: Residuals at a larger squared distance are scaled down to it before lag and noise are learned from them.
 _CLIPPED: Final = 16.0
-#: Changes of the pattern of a moving arm that nothing above explains [mm].
+#: Standard deviation of changes of the pattern of a moving arm that the terms above do not explain [mm].
 _PATTERN_MM: Final = 0.05
 
 
@@ -68,20 +71,20 @@ class TipResidual:
     """One measurement beside the model.
 
     Attributes:
-        missed_mm: measured tip minus that of the model, shape ``(3,)``.
+        residual_mm: measured tip minus that of the model, shape ``(3,)``.
         velocity: of the tip since two measurements before [mm/s], shape ``(3,)``.
-        by_pressure: derivative of the tip [mm/bar], shape ``(3, k)``.
-        shared: covariance of what this pose may add to all residuals alike, shape ``(3, 3)`` [mm^2].
-        by_force: derivative of the tip [mm/N], shape ``(3, 3)``.
-        force: covariance of the known load, shape ``(3, 3)`` [N^2].
+        by_pressure: derivative of the tip by the pressures [mm/bar], shape ``(3, k)``.
+        shared: covariance of the error that this pose adds to all newest residuals, ``(3, 3)`` [mm^2].
+        by_force: derivative of the tip by the force on it [mm/N], shape ``(3, 3)``.
+        load_covariance: of the known load, shape ``(3, 3)`` [N^2].
     """
 
-    missed_mm: Array
+    residual_mm: Array
     velocity: Array
     by_pressure: Array
     shared: Array
     by_force: Array
-    force: Array
+    load_covariance: Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -119,72 +122,77 @@ class InnovationTest:
     def __init__(self, noise_mm: float) -> None:
         self.distance = 0.0
         self._noise: Array = noise_mm**2 * np.eye(3)
-        self._missed: Array = np.zeros((0, 3))
+        self._residual_mm: Array = np.zeros((0, 3))
         self._velocity: Array = np.zeros((0, 3))
         self._by_force: Array = np.zeros((0, 3, 3))
         self._lag_s = 0.0
-        self._lag_known = 1.0 / _LAG_S**2
-        self._pressure_2 = _PRESSURE_BAR**2
-        #: What the oldest of the newest residuals missed and what could miss there, once it is no contact.
+        self._lag_information = 1.0 / _LAG_SIGMA_S**2
+        self._pressure_bar2 = _PRESSURE_BAR**2
+        #: Derivatives by the pressures of the newest residuals, the newest first.
         self._by_pressure: list[Array] = []
 
     @property
     def lag_s(self) -> float:
-        """By how much the tip is ahead of the pressures."""
+        """Time by which the measured tip is ahead of the reported pressures [s]."""
         return self._lag_s
 
     @property
     def armed(self) -> bool:
         """True when a contact would be found."""
-        return len(self._missed) >= NEWEST + REFERENCE
+        return len(self._residual_mm) >= NEWEST + REFERENCE
 
     def clear(self) -> None:
         """Forget the pattern, but not lag and noise."""
-        self._missed, self._velocity, self._by_pressure = np.zeros((0, 3)), np.zeros((0, 3)), []
+        self._residual_mm, self._velocity, self._by_pressure = np.zeros((0, 3)), np.zeros((0, 3)), []
         self._by_force = np.zeros((0, 3, 3))
 
     def noise(self, residual: TipResidual) -> Array:
         """Covariance of one residual by all but the load, shape ``(3, 3)`` [mm^2]."""
         by_pressure, velocity = residual.by_pressure, residual.velocity
-        noise: Array = self._noise + self._pressure_2 * by_pressure @ by_pressure.T + residual.shared
-        late: Array = max(1.0 / self._lag_known, _LEAST_LAG_S**2) * np.outer(velocity, velocity)
+        noise: Array = self._noise + self._pressure_bar2 * by_pressure @ by_pressure.T + residual.shared
+        late: Array = max(1.0 / self._lag_information, _MIN_LAG_SIGMA_S**2) * np.outer(velocity, velocity)
         return noise + late
 
     def reload(self, step_n: Array) -> None:
-        """The known load changed by so much: residuals are those of a model under the new one."""
-        self._missed = self._missed - self._by_force @ step_n
+        """Convert the residuals to those under a known load that changed by ``step_n`` [N]."""
+        self._residual_mm = self._residual_mm - self._by_force @ step_n
 
     @property
     def confirms(self) -> bool:
         """True when there is a `confirmed` residual."""
-        return len(self._missed) >= NEWEST
+        return len(self._residual_mm) >= NEWEST
 
     @property
     def confirmed(self) -> tuple[Array, Array, Array]:
-        """Newest residual that is no contact [mm], its derivative by force [mm/N], its noise [mm^2]."""
+        """Newest residual that is no contact [mm], its derivative by force [mm/N], its noise [mm^2].
+
+        That is the oldest of the newest residuals: a contact would have been found by now.
+        """
         row, by_pressure = NEWEST - 1, self._by_pressure[-1]
-        missed = self._missed[row] - self._lag_s * self._velocity[row - 1]
-        return missed, self._by_force[row], self._noise + self._pressure_2 * by_pressure @ by_pressure.T
+        residual_mm = self._residual_mm[row] - self._lag_s * self._velocity[row - 1]
+        noise: Array = self._noise + self._pressure_bar2 * by_pressure @ by_pressure.T
+        return residual_mm, self._by_force[row], noise
 
     def add(self, new: TipResidual) -> Departure | None:
-        """Take a measurement; what was found when the residuals leave the pattern."""
+        """Take a measurement; returns the departure when the residuals leave the pattern."""
         kept = NEWEST + REFERENCE - 1
-        self._missed = np.vstack([new.missed_mm, self._missed[:kept]])
+        self._residual_mm = np.vstack([new.residual_mm, self._residual_mm[:kept]])
         self._velocity = np.vstack([new.velocity, self._velocity[:kept]])
         self._by_force = np.concatenate([new.by_force[None], self._by_force[:kept]])
         self._by_pressure = [new.by_pressure, *self._by_pressure[: NEWEST - 1]]
         if not self.armed:
             return None
-        # The rate at the next measurement is centred on this one, and has not the noise of its pressures.
+        # A velocity is the difference over two intervals, so that of the next measurement is centred on this
+        # one, and free of the noise of its pressures.
         centred = np.vstack([self._velocity[0], self._velocity[:-1]])
-        explained = self._missed - self._lag_s * centred
+        explained = self._residual_mm - self._lag_s * centred
         apart = explained[:NEWEST] - explained[NEWEST:].mean(axis=0)
         faster = centred[:NEWEST] - centred[NEWEST:].mean(axis=0)
-        noise = self._noise + self._pressure_2 * new.by_pressure @ new.by_pressure.T
-        lag_2 = max(1.0 / self._lag_known, _LEAST_LAG_S**2)
+        noise = self._noise + self._pressure_bar2 * new.by_pressure @ new.by_pressure.T
+        lag_2 = max(1.0 / self._lag_information, _MIN_LAG_SIGMA_S**2)
         softer = new.by_force - self._by_force[NEWEST:].mean(axis=0)
         shared = noise / REFERENCE + new.shared + lag_2 * np.outer(faster[0], faster[0])
-        shared = shared + softer @ new.force @ softer.T
+        shared = shared + softer @ new.load_covariance @ softer.T
         if new.velocity.any():
             shared = shared + _PATTERN_MM**2 * np.eye(3)
         sums = _SHAPES @ apart
@@ -202,15 +210,16 @@ class InnovationTest:
     def _learn(self, apart: Array, faster: Array, by_pressure: Array, shared: Array) -> None:
         """Lag and noise from a residual that is no contact."""
         spread = by_pressure @ by_pressure.T
-        noise = self._noise + self._pressure_2 * spread
+        noise = self._noise + self._pressure_bar2 * spread
         weight = np.linalg.inv(noise + shared)
         distance = float(apart @ weight @ apart)
         kept = min(1.0, math.sqrt(_CLIPPED / distance)) if distance > 0.0 else 1.0
         apart = kept * apart
-        if float(faster @ faster) > _MOVES**2:
-            self._lag_known = self._lag_known * (1.0 - 1.0 / _MEMORY) + float(faster @ weight @ faster)
-            step = float(faster @ weight @ apart) / self._lag_known
-            self._lag_s = min(max(self._lag_s + step, -_MOST_LAG_S), _MOST_LAG_S)
-        more = float((apart @ apart - np.trace(self._noise)) / np.trace(spread))
-        grown = self._pressure_2 + (more - self._pressure_2) / _MEMORY
-        self._pressure_2 = min(max(grown, 0.0), _MOST_PRESSURE_BAR**2)
+        if float(faster @ faster) > _MOVES_MM_S**2:
+            kept_information = self._lag_information * (1.0 - 1.0 / _MEMORY)
+            self._lag_information = kept_information + float(faster @ weight @ faster)
+            step = float(faster @ weight @ apart) / self._lag_information
+            self._lag_s = min(max(self._lag_s + step, -_MAX_LAG_S), _MAX_LAG_S)
+        seen_bar2 = float((apart @ apart - np.trace(self._noise)) / np.trace(spread))
+        averaged = self._pressure_bar2 + (seen_bar2 - self._pressure_bar2) / _MEMORY
+        self._pressure_bar2 = min(max(averaged, 0.0), _MAX_PRESSURE_BAR**2)

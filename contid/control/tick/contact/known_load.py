@@ -1,8 +1,9 @@
 """The load that an arm carries when no contact acts: a Kalman filter of a force that hardly changes.
 
-The estimate of `load_sensing` follows a contact at once and is uncertain where the arm is stiff. This one
-begins with it, then follows measurements that were no contact; while the arm moves they determine one
-component after the other, and what stays open is known.
+The estimate of `load_sensing` follows a contact at once and is uncertain where the arm is stiff. This filter
+begins with that estimate, then follows measurements that were no contact. While the arm moves, its stiff
+direction changes, so the measurements determine one component of the force after the other; the covariance
+states which are still uncertain.
 
 Units: mm and N.
 """
@@ -15,9 +16,10 @@ import numpy as np
 
 from contid.kinematics.array import Array
 
-#: By so much a component may change in a second (standard deviation) [N].
+#: Standard deviation of the change of a component of the force in a second [N].
 DRIFT_N: Final = 3e-4
-#: Error of the model that stays for several measurements: in one of them it counts as so much noise [mm].
+#: Error of the model, which is the same in several measurements; added to the noise of each of them
+#: (standard deviation) [mm].
 MODEL_MM: Final = 2.0
 
 
@@ -37,19 +39,19 @@ class KnownLoad:
         self.force = force
         self.covariance = covariance
 
-    def follow(self, missed_mm: Array, by_force: Array, noise: Array, since_s: float) -> Array:
-        """Take a measurement that was no contact; by how much the force changed [N].
+    def follow(self, residual_mm: Array, by_force: Array, noise: Array, since_s: float) -> Array:
+        """Take a measurement that was no contact; returns the change of the estimated force [N].
 
         Args:
-            missed_mm: measured tip minus that of the model under `force`, shape ``(3,)``.
-            by_force: derivative of the tip [mm/N], shape ``(3, 3)``.
+            residual_mm: measured tip minus that of the model under `force`, shape ``(3,)``.
+            by_force: derivative of the tip by the force [mm/N], shape ``(3, 3)``.
             noise: covariance of the measurement [mm^2].
-            since_s: time since the one before.
+            since_s: time since the measurement before [s].
         """
         covariance = self.covariance + since_s * DRIFT_N**2 * np.eye(3)
         spread = by_force @ covariance @ by_force.T + noise + MODEL_MM**2 * np.eye(3)
         gain = np.linalg.solve(spread, by_force @ covariance).T
-        step: Array = gain @ missed_mm
+        step: Array = gain @ residual_mm
         self.force = self.force + step
         kept = covariance - gain @ by_force @ covariance
         self.covariance = 0.5 * (kept + kept.T)

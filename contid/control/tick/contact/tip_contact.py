@@ -1,8 +1,11 @@
 """Contacts of the tip of a pneumatic arm: an unexpected force, from its measured tips.
 
-Beside the load estimate and independent of its gate: the model is evaluated under the load that was known
-before, so that a contact does not hide in the estimate. One call of the kernel per measurement, in the tick
-in which it arrives. A pure function of what it is given: a replay finds the same.
+The test is independent of the load estimate and its gate: the model is evaluated under the load that was
+known before, because an estimate that follows the contact would hide it. A measurement costs one call of the
+kernel, in the tick in which it arrives. The result depends on the inputs only, so a replay finds the same.
+
+The pressure of an axis and the bend it causes form a hysteresis loop. The side, -1 to 1, is the place of the
+axis between the two branches of its loop; it is open (unknown) until the axis has moved through its loop.
 """
 
 from __future__ import annotations
@@ -32,18 +35,18 @@ from contid.robot_file.cosserat import Cosserat
 from contid.targets import Vec3
 from contid.units import MM_PER_M
 
-#: So long after a contact the present load becomes the known one.
+#: This long after a contact the present load becomes the known one [s].
 REARM_S: Final = 1.0
-#: Error of the side of a loop while an axis moves through it, as a part of half the loop.
-_SIDE: Final = 0.15
-#: Standard deviation of a component of a contact's force before its measurement [N]: small, so that the
-#: stiff direction of the arm, where noise is a large force, does not give the direction.
+#: Standard deviation of the side of an axis between the branches of its loop, in units of half the loop.
+_SIDE_SIGMA: Final = 0.15
+#: Prior standard deviation of a component of a contact's force [N]: small, so that the stiff direction of the
+#: arm, in which noise looks like a large force, does not determine the direction.
 _EXPECTED_N: Final = 1e-3
-#: The estimate of the load lags behind a moving arm: standard deviations are multiplied by this.
-_DOUBT: Final = 2.0
-#: A side nearer to an end than this is there.
-_AT_THE_END: Final = 0.999
-#: Squared distance at which a measurement fits the load before a contact: the contact has ended.
+#: Factor on the standard deviations of the load estimate, which lags behind a moving arm.
+_ESTIMATE_FACTOR: Final = 2.0
+#: From this absolute value of its side on, an axis counts as on a branch of its loop.
+_ON_BRANCH: Final = 0.999
+#: A measurement within this squared distance of the load before the contact shows that the contact has ended.
 _ENDED: Final = 16.0
 
 
@@ -82,12 +85,13 @@ class TipContact:
         self._axis_sigma = sensing.calibration.axis_sigma_bar
         self._test = InnovationTest(sensing.noise_mm)
         self._known: KnownLoad | None = None
-        #: What was known before the newest contact.
+        #: The known load before the newest contact.
         self._before: KnownLoad | None = None
         self._side_open: Numbers | None = None
         self._used_s = -math.inf
-        #: Newest contact or other reason to begin anew.
+        #: Time of the newest contact, or of another reason to discard the known load [s].
         self._since_s = -math.inf
+        #: Base moment of the newest equilibrium [N·mm], from which the next one is solved.
         self._moment: Numbers | None = None
         self._poses: deque[tuple[float, Array]] = deque(maxlen=3)
 
@@ -118,7 +122,7 @@ class TipContact:
         pose = trace.at(measurement.time_s)
         open_ = None if pose is None else pose.side_open
         if gap_s > REARM_S or open_ != self._side_open:
-            # The side of an axis became known: what was measured before has another error of the model.
+            # The side of an axis became known: the error of the model is another one than before.
             self._forget()
             self._since_s = measurement.time_s
         self._side_open = open_
@@ -133,10 +137,10 @@ class TipContact:
         self._test.clear()
 
     def _load(self, estimate: LoadFound | None) -> KnownLoad | None:
-        """The known load; it begins with an estimate that settled."""
+        """The known load; it begins with a settled estimate, `REARM_S` after the last contact."""
         rested = self._used_s - self._since_s >= REARM_S
         if self._known is None and estimate is not None and estimate.settled and rested:
-            spread = _DOUBT**2 * np.array(estimate.covariance).reshape(3, 3)
+            spread = _ESTIMATE_FACTOR**2 * np.array(estimate.covariance).reshape(3, 3)
             self._known = KnownLoad(np.array(estimate.force_in_base), spread)
         return self._known
 
@@ -155,12 +159,12 @@ class TipContact:
         seen = MM_PER_M * np.array(self._frame.point_in_base(measurement.tip_in_world))
         by_force, by_pressure = np.array(here[2]).reshape(3, 3), np.array(here[3]).reshape(3, -1)
         residual = TipResidual(
-            missed_mm=seen - np.array(here[0]),
+            residual_mm=seen - np.array(here[0]),
             velocity=by_pressure @ self._rate(measurement.time_s, np.array(pose.pressures)),
             by_pressure=by_pressure,
             shared=self._of_pose(pose, by_pressure),
             by_force=by_force,
-            force=load.covariance,
+            load_covariance=load.covariance,
         )
         found = self._test.add(residual)
         if found is None:
@@ -179,14 +183,14 @@ class TipContact:
         return rate
 
     def _of_pose(self, pose: PressurePose, by_pressure: Array) -> Array:
-        """Covariance of the tip by hysteresis on the way and by what the calibration left open [mm^2]."""
-        on_the_way = np.abs(pose.sides) < _AT_THE_END
-        columns = by_pressure * np.hypot(np.where(on_the_way, _SIDE * self._loop, 0.0), self._axis_sigma)
+        """Covariance of the tip by axes between the branches of their loops and by the calibration [mm^2]."""
+        between = np.abs(pose.sides) < _ON_BRANCH
+        columns = by_pressure * np.hypot(np.where(between, _SIDE_SIGMA * self._loop, 0.0), self._axis_sigma)
         spread: Array = columns @ columns.T
         return spread + self._arm.sides_mm2(pose.side_open, by_pressure)
 
     def _ended(self, corrected: Numbers, seen: Array, residual: TipResidual) -> bool:
-        """True when the load is again what it was before the newest contact: that is no new one."""
+        """True when the load is again that before the newest contact: then this is no new contact."""
         before = self._before
         moment = None if before is None else self._arm.base_moment(corrected, _vector(before.force))
         if before is None or moment is None:
@@ -195,9 +199,9 @@ class TipContact:
         if here is None:
             return False
         by_force = np.array(here[2]).reshape(3, 3)
-        missed = seen - np.array(here[0])
+        residual_mm = seen - np.array(here[0])
         spread: Array = self._test.noise(residual) + by_force @ before.covariance @ by_force.T
-        if float(missed @ np.linalg.solve(spread, missed)) > _ENDED:
+        if float(residual_mm @ np.linalg.solve(spread, residual_mm)) > _ENDED:
             return False
         self._forget()
         self._known, self._before, self._moment = before, None, here[1]
@@ -215,11 +219,11 @@ class TipContact:
 
 def _rehearse(noise_mm: float) -> None:
     """Make every call once: the first ones take milliseconds."""
-    test, nothing, slopes = InnovationTest(noise_mm), np.zeros(3), np.ones((3, 6))
-    load = KnownLoad(nothing, np.eye(3))
+    test, slopes = InnovationTest(noise_mm), np.ones((3, 6))
+    load = KnownLoad(np.zeros(3), np.eye(3))
     for number in range(NEWEST + REFERENCE + 2):
-        missed = np.array([0.01 * (number % 2), 0.0, 0.0])
-        test.add(TipResidual(missed, missed, slopes, np.zeros((3, 3)), np.eye(3), np.eye(3)))
+        residual_mm = np.array([0.01 * (number % 2), 0.0, 0.0])
+        test.add(TipResidual(residual_mm, residual_mm, slopes, np.zeros((3, 3)), np.eye(3), np.eye(3)))
     test.reload(load.follow(*test.confirmed, 0.02))
 
 

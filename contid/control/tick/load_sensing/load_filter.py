@@ -2,12 +2,12 @@
 
     minimise  (rbar - h(F + d) + h(F))^T (noise^2/n + M)^-1 (...) + |F + d|^2 / expected^2
 
-h is the tip of the model, rbar the average of ``measured tip - h(F)`` over the last n measurements, M the
-covariance of the model. A step d is proposed by Levenberg-Marquardt and taken only when the cost falls at the
-tip that the model really has there; rbar is then reduced by what the tip moved. M does not shrink with n:
-measurements average the tracker, not the model.
+h(F) is the tip of the model under the force F, rbar the average of ``measured tip - h(F)`` over the last n
+measurements, M the covariance of the model. A step d is proposed by Levenberg-Marquardt and taken only when
+the cost falls at the tip that the model really has there; rbar is then reduced by the motion of that tip. M
+does not shrink with n: more measurements average out the noise of the tracker, not the error of the model.
 
-A force that changes suddenly leaves a gate: the mean of the newest w differences is compared with its
+A sudden change of the force is found by a test: the mean of the newest w differences is compared with its
 covariance, for several w. The average then begins anew with these, so that the estimate follows at once.
 
 Units: mm and N.
@@ -25,15 +25,16 @@ import numpy as np
 from contid.control.tick.load_sensing.symmetric import cofactors, squared_distance
 from contid.kinematics.array import Array
 
-#: Squared distance of the gate; the normal distribution exceeds it once in 1e9 tests of three components.
+#: A larger squared distance is a sudden change; noise alone exceeds it once in 1e9 tests of three components.
 GATE: Final = 44.0
-#: Numbers of newest measurements whose mean is compared.
+#: Numbers w of newest measurements whose mean is compared.
 WIDTHS: Final = (1, 2, 3, 5, 8)
-#: Measurements before the gate is used.
+#: Measurements in the average before sudden changes are looked for.
 _ARMED: Final = 15
-#: A shorter step is at the rounding of the numbers [N].
+#: Components of a step below this are rounding [N].
 _ROUNDED_N: Final = 1e-6
-_DAMPED: Final = 0.1
+#: Damping after the first step that did not lower the cost, relative to the diagonal.
+_DAMPING: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +72,7 @@ class LoadFilter:
         self.force: Array = np.zeros(3)
         self.covariance: Array = expected_n**2 * np.eye(3)
         self.count = 0
-        self._missed: Array = np.zeros(3)
+        self._residual: Array = np.zeros(3)
         self._newest: Array = np.zeros((0, 3))
         self._since_s = 0.0
         self._last_s = -math.inf
@@ -93,24 +94,26 @@ class LoadFilter:
 
     def _begin(self, newest: Array) -> None:
         self.count, self._since_s = len(newest), 0.0
-        self._missed = newest.mean(axis=0) if len(newest) else np.zeros(3)
+        self._residual = newest.mean(axis=0) if len(newest) else np.zeros(3)
         self._newest = newest
 
     def add(
-        self, t_s: float, missed: Array, compliance: Array, model: Array
+        self, t_s: float, residual: Array, compliance: Array, model: Array
     ) -> Generator[None, None, Jump | None]:
-        """Take a measurement in two parts; a `Jump` when the force changed suddenly.
+        """Take a measurement in two parts of work, with a yield between them.
+
+        Returns a `Jump` when the force changed suddenly.
 
         Args:
             t_s: when it was captured; later than the one before.
-            missed: measured tip minus that of the model under `force` [mm].
-            compliance: tip by force there [mm/N], shape ``(3, 3)``.
+            residual: measured tip minus that of the model under `force` [mm].
+            compliance: derivative of the tip by the force there [mm/N], shape ``(3, 3)``.
             model: covariance of the tip of the model [mm^2].
         """
         step_s = min(t_s - self._last_s, self._window_s)
-        least = -math.expm1(-step_s / self._window_s)
+        min_gain = -math.expm1(-step_s / self._window_s)
         self._last_s = t_s
-        newest = np.concatenate([missed[None], self._newest[: WIDTHS[-1] - 1]])
+        newest = np.concatenate([residual[None], self._newest[: WIDTHS[-1] - 1]])
         jump = None
         if self.count >= _ARMED and (found := self._jump(newest, compliance, model)) is not None:
             jump, width = found
@@ -118,11 +121,11 @@ class LoadFilter:
         else:
             self.count += 1
             self._since_s += step_s if self.count > 1 else 0.0
-            self._missed = self._missed + max(1.0 / self.count, least) * (missed - self._missed)
+            self._residual = self._residual + max(1.0 / self.count, min_gain) * (residual - self._residual)
             self._newest = newest
         yield
         # An exponential average of gain g has the variance of 2/g - 1 equal ones.
-        average = self._noise / min(self.count, 2.0 / max(1.0 / self.count, least) - 1.0)
+        average = self._noise / min(self.count, 2.0 / max(1.0 / self.count, min_gain) - 1.0)
         self._weight = _inverse(average + model)
         self._linearise(compliance)
         return jump
@@ -133,8 +136,8 @@ class LoadFilter:
         self.covariance = _inverse(self._information)
 
     def proposed(self) -> Array | None:
-        """The force to be tried next [N]; None at the least cost."""
-        downhill = self._compliance.T @ self._weight @ self._missed - self._prior @ self.force
+        """The force to be tried next [N]; None when the cost is at its minimum."""
+        downhill = self._compliance.T @ self._weight @ self._residual - self._prior @ self.force
         if self._damping:
             damped = self._information + self._damping * np.diag(np.diag(self._information))
             step = _inverse(damped) @ downhill
@@ -149,13 +152,13 @@ class LoadFilter:
         """Take the proposed force when the cost falls there; True when it was taken.
 
         Args:
-            moved: tip of the model there minus that under `force` [mm]; None where it has none.
-            compliance: tip by force there [mm/N].
+            moved: tip of the model there minus that under `force` [mm]; None where there is no equilibrium.
+            compliance: derivative of the tip by the force there [mm/N].
         """
         if moved is not None and self._taken(self._tried, moved, compliance):
             self._damping *= 0.2
             return True
-        self._damping = max(4.0 * self._damping, _DAMPED)
+        self._damping = max(4.0 * self._damping, _DAMPING)
         return False
 
     def judge_unloaded(self, moved: Array, compliance: Array) -> bool:
@@ -163,42 +166,42 @@ class LoadFilter:
 
         Args:
             moved: tip of the model without load minus that under `force` [mm].
-            compliance: tip by force without load [mm/N].
+            compliance: derivative of the tip by the force, without load [mm/N].
         """
         return self._taken(np.zeros(3), moved, compliance)
 
     def _taken(self, force: Array, moved: Array, compliance: Array) -> bool:
-        missed = self._missed - moved
-        if self._cost(force, missed) >= self._cost(self.force, self._missed):
+        residual = self._residual - moved
+        if self._cost(force, residual) >= self._cost(self.force, self._residual):
             return False
-        self.force, self._missed = force, missed
+        self.force, self._residual = force, residual
         self._newest = self._newest - moved
         self._linearise(compliance)
         return True
 
-    def _cost(self, force: Array, missed: Array) -> float:
-        return float(missed @ self._weight @ missed + force @ self._prior @ force)
+    def _cost(self, force: Array, residual: Array) -> float:
+        return float(residual @ self._weight @ residual + force @ self._prior @ force)
 
     def _jump(self, newest: Array, compliance: Array, model: Array) -> tuple[Jump, int] | None:
         """A jump and the number of measurements that show it best."""
         known = model + compliance @ self.covariance @ compliance.T
         (a, b, c), (_, d, e), (_, _, f) = known.tolist()
         rows, noise = newest.tolist(), self._noise_mm2
-        best, worst, mean = 0.0, 0, (0.0, 0.0, 0.0)
+        largest, best_width, mean = 0.0, 0, (0.0, 0.0, 0.0)
         x = y = z = 0.0
         for width, (px, py, pz) in enumerate(rows, 1):
             x, y, z = x + px, y + py, z + pz
             if width in WIDTHS:
-                at, part = (x / width, y / width, z / width), noise / width
-                distance = squared_distance(at, (a + part, b, c, d + part, e, f + part))
-                if distance > best:
-                    best, worst, mean = distance, width, at
-        if best <= GATE:
+                averaged, part = (x / width, y / width, z / width), noise / width
+                distance = squared_distance(averaged, (a + part, b, c, d + part, e, f + part))
+                if distance > largest:
+                    largest, best_width, mean = distance, width, averaged
+        if largest <= GATE:
             return None
         weight = _inverse(self._noise + known)
         inverse = _inverse(compliance.T @ weight @ compliance + self._prior)
         x, y, z = (inverse @ compliance.T @ weight @ np.array(mean)).tolist()
-        return Jump((x, y, z), best), worst
+        return Jump((x, y, z), largest), best_width
 
 
 def _inverse(matrix: Array) -> Array:

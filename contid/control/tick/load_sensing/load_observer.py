@@ -2,8 +2,8 @@
 
 A measurement is compared with the model at the pressures that the regulators reported around its capture.
 The kernel is called once per tick, or a few times when ticks are slow; a few ticks later the measurement is
-in the estimate. The covariance of the model is renewed between measurements. A pure function of what it is
-given: a replay finds the same.
+in the estimate. The covariance of the model is renewed between measurements. The estimate depends on the
+inputs only, so a replay finds the same.
 """
 
 from __future__ import annotations
@@ -28,12 +28,13 @@ from contid.robot_file.pneumatic.sense import LoadSensing
 from contid.targets import ZERO3, Vec3
 from contid.units import MM_PER_M, STANDARD_GRAVITY
 
-#: Steps of the force per measurement.
+#: Forces that are tried per measurement.
 TRIALS: Final = 4
-#: The arm must be stable under these multiples of a force: to keep it in the solver, and to get more of it.
+#: Multiples of the estimated force under which the stability of the arm is examined: while it is stable under
+#: the first, the solver may keep this force as its load; under the second, it may take a larger one.
 MARGIN: Final = (1.25, 1.5)
-#: Sudden changes that are kept.
-MOST_JUMPS: Final = 64
+#: At most this many sudden changes are kept for the caller.
+MAX_JUMPS: Final = 64
 #: Calls of the kernel per second of ticks; slower ticks make more calls each.
 CALLS_HZ: Final = 500.0
 #: Covariance of the model: renewed after a change of a pressure [bar] or of the force [N].
@@ -54,7 +55,7 @@ class LoadFound:
         covariance: of it, row-major [N^2].
         settled: the average is as long as its time constant.
         held, margin: the arm is stable under 1.25 and 1.5 times this force; False where that was not
-            looked for.
+            examined.
     """
 
     time_s: float
@@ -112,9 +113,9 @@ class LoadObserver:
 
         Args:
             now_s: its time.
-            reported_bar: newest pressures of the regulators, None where one is invalid.
-            commands_bar: of the tick before, None without.
-            measurement: newest measured tip there is.
+            reported_bar: newest pressures of the regulators; None when one is invalid.
+            commands_bar: pressures commanded in the tick before; None when there were none.
+            measurement: newest measured tip; the same one until another arrives.
         """
         self._estimation.trace.tick(now_s, reported_bar, commands_bar)
         self._estimation.newest = measurement
@@ -139,10 +140,10 @@ class _Estimation:
         self._model_at: tuple[Numbers, Array] = ((), np.zeros(3))
         self._checks_margin = robot.load == "estimated"
         self.found: LoadFound | None = None
-        self.jumps: deque[tuple[float, Jump]] = deque(maxlen=MOST_JUMPS)
+        self.jumps: deque[tuple[float, Jump]] = deque(maxlen=MAX_JUMPS)
 
     def forever(self) -> _Work:
-        """Every measurement when it arrives, the covariance of the model between them."""
+        """Take every measurement when it arrives, and renew the covariance of the model between them."""
         while True:
             measurement = self.newest
             if measurement is None or measurement.time_s <= self._used_s:
@@ -186,7 +187,7 @@ class _Estimation:
         if jump is not None:
             self.jumps.append((measurement.time_s, jump))
             yield
-            # Steps never lead back from an equilibrium of another branch: look at the unloaded arm.
+            # Steps never lead back from an equilibrium of another branch: try the unloaded arm as well.
             tip = self._unloaded(corrected, tip)
         for trial in range(TRIALS):
             tried = self._filter.proposed()
@@ -230,7 +231,7 @@ class _Estimation:
         return tip
 
     def _again(self, corrected: Numbers) -> NearAnswer | None:
-        """The equilibrium under the force of the estimate, led from the unloaded arm."""
+        """The equilibrium under the estimated force, reached by continuation from the unloaded arm."""
         force = _vector(self._filter.force)
         moment = self.arm.base_moment(corrected, force)
         return None if moment is None else self.arm.near(corrected, force, moment)
@@ -278,7 +279,7 @@ def _rehearse(estimation: _Estimation, axes: int) -> None:
 
 
 def _moved(moment: Numbers, tip: Array, change: Array) -> Numbers:
-    """The base moment after a change of the force on the tip, which stays where it is."""
+    """The base moment after a change of the force [N] on a tip that stays where it is [mm]."""
     (a, b, c), (x, y, z), (u, v, w) = moment, tip.tolist(), change.tolist()
     return (a + y * w - z * v, b + z * u - x * w, c + x * v - y * u)
 

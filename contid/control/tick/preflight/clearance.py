@@ -13,12 +13,12 @@ from contid.control.tick.config import RobotConfig
 from contid.targets import ZERO3, Actuation, Vec3
 from contid.trajectory.approach import Approach
 
-#: Interval between the configurations of an approach; the way between them is bounded [s].
+#: Interval between the computed configurations of an approach; the motion between them is bounded [s].
 INTERVAL_S: Final = 0.02
 
 
 class ClearancePreflight:
-    """A walk of the robots of a guard, moved as the tick moves them.
+    """Moves the robots of a guard as the tick moves them, and checks their distances (`Walk`).
 
     Args:
         guard: what is kept apart.
@@ -35,9 +35,9 @@ class ClearancePreflight:
         self.walk = Walk(guard, start)
 
     def approach(self, goals: Configuration) -> str:
-        """Move all robots of ``goals`` there at once, from standstill; why that comes too near, or "".
+        """Move all robots of ``goals`` there at once, from standstill.
 
-        After a refusal they are where they were.
+        Returns why that comes too near, or ""; after a refusal the robots are where they were.
         """
         goals = {name: goal for name, goal in goals.items() if name in self._configs}
         start = self.walk.configuration
@@ -49,11 +49,11 @@ class ClearancePreflight:
         duration_s = max((motion.duration_s for motion in motions.values()), default=0.0)
         steps = max(1, math.ceil(duration_s / INTERVAL_S))
         for k in range(1, steps + 1):
-            at_s = duration_s * k / steps
+            time_s = duration_s * k / steps
             reached: dict[str, tuple[Actuation, Vec3]] = {}
             moves: dict[str, Actuation] = {}
             for name, motion in motions.items():
-                actuation, velocity = motion.at(at_s)
+                actuation, velocity = motion.at(time_s)
                 reached[name] = (actuation, goals[name][1])
                 moves[name] = tuple([each * self._configs[name].period_s for each in velocity])
             message = self.to(reached, moves)
@@ -63,7 +63,10 @@ class ClearancePreflight:
         return ""
 
     def to(self, reached: Configuration, steps: Mapping[str, Actuation]) -> str:
-        """Move on to a configuration, reached with steps per tick; why it or its stop is too near."""
+        """Move on to a configuration, reached with ``steps`` per tick [m or Pa].
+
+        Returns why the configuration, or a stop from it, comes too near, or "".
+        """
         message = self.walk.to(reached)
         if message:
             return message

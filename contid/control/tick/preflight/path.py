@@ -2,8 +2,8 @@
 
 The run is computed as the tick computes it: the eased clock, the model seeded with the solution before, the
 limiter. Refused are targets out of reach and paths on which the limiter would take the tip off its target by
-more than `contid.control.tick.on_path.tip_tolerance_m`. Axes beyond the kinematics round their corners within
-a few ticks: they must not fall further behind than `LAG_S` of their greatest speed.
+more than `contid.control.tick.on_path.tip_tolerance_m`. Extra axes round the corners of their trajectory
+within a few ticks: they must not fall further behind than their greatest speed times `LAG_S`.
 
 Not every tick is computed: see `contid.control.tick.preflight.ticks`.
 """
@@ -24,9 +24,10 @@ from contid.control.tick.soft_start import ease_ticks
 from contid.targets import Actuation, Solution, Target
 from contid.trajectory.timed import Trajectory
 
-#: An axis beyond the kinematics may be behind its reference by its greatest speed times this.
+#: An extra axis may be behind its reference by its greatest speed times this [s].
 LAG_S: Final = 0.02
-#: A tip this near its target is met: the curve between two rows on a boundary bulges by micrometres.
+#: A target this far beyond the reach still counts as met: the curve between two rows on the boundary of the
+#: reach bulges out of it by micrometres [m].
 NEAR_M: Final = 1e-5
 #: Share of the allowed change of a step between two samples from which an axis may turn a corner there: a
 #: corner shows in two changes.
@@ -42,9 +43,9 @@ class PathFinding:
     """Why a robot cannot follow the way to a row.
 
     Attributes:
-        message: for a person.
-        slowdown: for too fast a path, at least how many times slower this part has to be; 0 out of reach.
-        residual_m: of a target out of reach [m].
+        message: the reason, as printed.
+        slowdown: at least how many times slower this part of the path has to be; 0 when it is out of reach.
+        residual_m: of a target out of reach, else 0 [m].
         row: index of the row.
     """
 
@@ -79,11 +80,11 @@ class PathPreflight:
     def findings(
         self, trajectory: Trajectory, progress: Callable[[int], None] | None = None
     ) -> Iterator[PathFinding]:
-        """Rows in order that a robot fails on the way to.
+        """Findings in the order of the rows, each with the row on the way to which a robot fails.
 
         Args:
             trajectory: its rows are within reach.
-            progress: called now and then with the row reached.
+            progress: called every 1000 checked ticks with the row reached.
         """
         if not self._configs:
             return
@@ -157,7 +158,7 @@ class _Follower:
 
     @property
     def steps(self) -> Actuation:
-        """Steps per tick with which it was reached."""
+        """Change of each axis in the tick that reached it [m or Pa]."""
         return self._steps
 
     def corners(self, targets: Sequence[Target], ticks: Sequence[int]) -> set[int]:
@@ -182,7 +183,7 @@ class _Follower:
         return found
 
     def follow(self, target: Target, ticks: int) -> PathFinding | None:
-        """Go to the target, ``ticks`` ticks after the one before; why that fails, None when it does not."""
+        """Go to the target, ``ticks`` ticks after the one before; returns why that fails, or None."""
         config = self._config
         in_base = config.frame.target_in_base(target)
         try:
@@ -219,7 +220,11 @@ class _Follower:
         return found
 
     def _behind(self, command: Actuation, goal: Actuation, in_base: Target) -> list[float]:
-        """How far each axis is behind in allowed lags; the tip's distance counts for the furthest one."""
+        """How far each axis is behind, 1.0 being the most that is allowed.
+
+        For the axes of the model that is the distance of the tip over its tolerance, on the axis that is
+        furthest behind; 0 for the others.
+        """
         config = self._config
         forward, own = config.model.forward, len(goal) - config.extra_axes
         off_m = math.dist(forward(command, in_base.load_n).tip_m, forward(goal, in_base.load_n).tip_m)
@@ -249,7 +254,9 @@ class _Follower:
         ]
         slowdown = max(1.0, by_speed, by_acceleration)
         over = " and ".join(text for share, text in needs if share > 1.0)
-        if not over:  # it has to brake before the end of its travel, or could not make up for rows before
+        # The axis may also be within its rates, but brake before the end of its travel, or still be behind
+        # from earlier rows.
+        if not over:
             over = f"falls behind at {' and '.join(text for _, text in needs)}"
         else:
             over = f"needs {over}"
@@ -257,7 +264,7 @@ class _Follower:
 
 
 def slower(slowdown: float) -> str:
-    """What to do about a path that is too fast by a factor, which is 1 where it is not known."""
+    """What to do about a path that is too fast by a factor; 1 stands for an unknown factor."""
     return f"slow down at least {rounded_up(slowdown)} times" if slowdown > 1.0 else "slow down"
 
 

@@ -24,7 +24,8 @@ MAX_LISTED: Final = 5
 SAMPLE_INTERVAL_S: Final = 0.02
 
 
-#: A millimetre column with values of at most 2 may hold metres.
+#: When every position of a refused trajectory is within this distance of the origin [m], its columns in mm
+#: probably hold metres.
 METRES_M: Final = 2e-3
 
 
@@ -97,7 +98,7 @@ class Preflight:
         return wrong
 
     def _row(self, targets: Mapping[str, Target | None], refuses: bool) -> dict[str, str]:
-        """The same; without ``refuses`` only chains refuse."""
+        """`row` without the clearance; with ``refuses`` False only the ropes of chains refuse."""
         wrong = {}
         tips = dict(self._tips)
         self._missed_m = 0.0

@@ -16,7 +16,8 @@ from typing import Final
 from contid.control.tick.soft_start import fitted, played
 from contid.trajectory.timed import Trajectory
 
-#: Every tick is checked so long after a row and before the next; of the ticks between them, this many.
+#: Every tick is checked within this time after a row and before the next [s]; of the ticks between them, this
+#: many.
 EDGE_S: Final = 0.5
 SAMPLES: Final = 200
 #: An interval with a corner is divided into this many parts, and a short one into single ticks.
