@@ -28,7 +28,7 @@ from contid.remote.protocol.wire import Fields, RemoteError
 #: How far ahead a start lies: a time, and a multiple of the largest bound of a clock.
 LEAD_S: Final = 0.5
 LEAD_BOUNDS: Final = 10.0
-#: Every node has confirmed the start so long before it, or all hold.
+#: Every node must have confirmed the start this long before it, else all hold.
 CONFIRMED_S: Final = 0.1
 #: Largest bound of an offset with which a start is ordered, and attempts to measure it.
 MAX_BOUND_S: Final = 0.002

@@ -12,7 +12,7 @@ class FeedWatch:
 
     Args:
         operator: whose feed counts.
-        after_s: the robots hold so long after the last feed.
+        after_s: the robots hold this long after the last feed.
     """
 
     def __init__(self, operator: str, after_s: float) -> None:

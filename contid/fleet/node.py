@@ -39,7 +39,7 @@ HOLD_PERIOD_S: Final = 0.1
 DROPPED: Final = re.compile(rb'"dropped":(\d+)}$')
 #: Sessions with a connection of their own; stops of others use that of the bridge.
 MAX_SESSIONS: Final = 16
-#: A connection of a session without a token is closed after so long without a request.
+#: A connection of a session without a token is closed after this time without a request.
 IDLE_S: Final = 10.0
 
 

@@ -28,7 +28,7 @@ from contid.targets import ZERO3, Actuation, Vec3
 
 #: Enough segments that a polyline, extrapolated, has the length of the curve to a millionth.
 FINE: Final = 1024
-#: Where a planar body (2) and a spatial one (3) grow along in their base frame.
+#: Direction in the base frame along which a planar body (2) and a spatial one (3) start.
 GROWS_ALONG: Final[dict[int, Vec3]] = {2: (0.0, 1.0, 0.0), 3: (0.0, 0.0, 1.0)}
 
 

@@ -63,7 +63,7 @@ class BaseFrame:
     def target_in_base(self, target: Target) -> Target:
         """A target of the world frame as a model takes it."""
         tip, mid, load, measured = target.tip_m, target.mid_m, target.load_n, target.measured_tip_m
-        turn = target.rotation
+        rotation = target.rotation
         # Written out: this runs for every robot in every tick, and `replace` costs three times as much.
         return Target(
             None if tip is None else self.point_in_base(tip),
@@ -74,10 +74,13 @@ class BaseFrame:
             target.extra,
             None if measured is None else self.point_in_base(measured),
             None if target.measured_direction is None else self.vector_in_base(target.measured_direction),
-            None if turn is None else self._frame_in_base(turn),
+            None if rotation is None else self._frame_in_base(rotation),
         )
 
-    def _frame_in_base(self, turn: tuple[float, ...]) -> tuple[float, ...] | None:
-        """A frame of the tip by its z and x axes: a mirror changes the hand of the third."""
-        z = self.vector_in_base((turn[2], turn[5], turn[8]))
-        return frame_of_axes(z, self.vector_in_base((turn[0], turn[3], turn[6])))
+    def _frame_in_base(self, rotation: tuple[float, ...]) -> tuple[float, ...] | None:
+        """The frame of a tip, row-major, in the base frame.
+
+        It is formed from its z and x axes, because a mirror would make it left-handed.
+        """
+        z = self.vector_in_base((rotation[2], rotation[5], rotation[8]))
+        return frame_of_axes(z, self.vector_in_base((rotation[0], rotation[3], rotation[6])))

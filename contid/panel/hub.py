@@ -37,7 +37,7 @@ class Hub:
     Attributes:
         path: of the daemon's socket.
         geometry: of its robots; None without a daemon, or when its robot file cannot be read.
-        newest: robots of the newest frame, by name.
+        newest: fields of the newest frame of telemetry, by robot.
         described: what the daemon describes; None without a daemon.
     """
 
@@ -54,7 +54,7 @@ class Hub:
     # -- pages ---------------------------------------------------------------------------------------------
 
     def join(self, mailbox: Mailbox) -> None:
-        """Send to a page from now on, first what does not repeat."""
+        """Send to a page from now on, first the newest message of every lasting kind."""
         for text in self._lasting.values():
             mailbox.put(text)
         self._mailboxes.add(mailbox)
@@ -164,7 +164,7 @@ class Hub:
 
 
 def encode_message(message: Mapping[str, Any]) -> str:
-    """A message of the panel as JSON, floats with six digits."""
+    """A message of the panel as JSON, floats with nine significant digits, null for those not finite."""
     return json.dumps(_rounded(message), separators=(",", ":"), allow_nan=False)
 
 

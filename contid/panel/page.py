@@ -29,7 +29,7 @@ MAX_PENDING: Final = 16
 MAX_MALFORMED: Final = 10
 #: How long a page may take to read one message.
 SEND_TIMEOUT_S: Final = 5.0
-#: Orders that wait for nothing.
+#: Orders to stop: they are carried out at once, whatever else waits.
 URGENT: Final = frozenset({"estop", "stop", "hold"})
 #: Status of a WebSocket that broke a rule (RFC 6455, 7.4.1), or whose page is too slow.
 POLICY_VIOLATION, TRY_AGAIN_LATER = 1008, 1013
@@ -131,7 +131,7 @@ class Page:
             if verb != "beat":
                 self._refuse(number, RemoteError(Code.REFUSED, "this panel is read-only; it only stops"))
         elif verb == "beat":
-            # One at a time: what a slow daemon has not taken yet must not keep the lease longer.
+            # One at a time: beats that a slow daemon has not answered yet must not keep the lease longer.
             if not self._beating:
                 self._beating = True
                 self._start(self._beat(RequestFields(fields)))

@@ -1,8 +1,9 @@
 """Exact reach of planar fingers: the boundary of the tip's region as a fine polygon.
 
-Inside its limits a finger's inverse is unique (reference A2), so the tip's region is the one-to-one image of
-the limits in (S, k), and the image of their boundary is the boundary of the region. The area error of a
-polygon of n points is O(1/n^2); the number used here makes the fourth decimal of a cm^2 exact.
+Inside its limits a finger's inverse is unique (`contid.kinematics.rack.finger`), so the tip's region is the
+one-to-one image of the limits in (S, k), arc length and curvature, and the image of their boundary is the
+boundary of the region. The area error of a polygon of n points is O(1/n^2); the number used here makes the
+fourth decimal of a cm^2 exact.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ def area_cm2(region: BaseGeometry) -> float:
 def finger_region(model: RackFingerModel, points: int = _POINTS_PER_CURVE) -> BaseGeometry:
     """Region of one finger's tip in its base frame [m].
 
-    For a tip curled back inside radius h (the branch d < 0 of the inverse) the outline crosses itself at
+    A tip body of length h may curl back to less than h from the base. The outline then crosses itself at
     (0, -h): it is a figure eight, and both loops belong to the region.
     """
     outline = np.array([model.forward(racks).tip_m[:2] for racks in model.envelope.outline(points)])

@@ -40,7 +40,7 @@ class Measure(enum.StrEnum):
     DEXTERITY = "dexterity"
 
 
-#: Edge unit of each measure, and edge units per SI unit.
+#: Unit in which each measure is printed, and printed units per SI unit.
 UNITS: Final = {
     Measure.COMPLIANCE: ("mm/N", MM_PER_M),
     Measure.ACCURACY: ("mm", MM_PER_M),

@@ -41,7 +41,7 @@ class Volume:
         edge_m: edge of a voxel [m].
         rim: number of voxels with a neighbour that is not reachable.
         tested: number of inverse solutions computed.
-        answers: actuation with which the tip is at the centre, by voxel.
+        answers: by voxel, the actuation with which the tip is at its centre [m or Pa].
     """
 
     voxels: frozenset[Voxel]

@@ -161,7 +161,7 @@ def shown(value: Data) -> str:
 
 
 def _written_path(document: Document, at: KeyPath, location: tuple[str | int, ...]) -> KeyPath:
-    """KeyPath in the document of a pydantic location, without its tags of unions."""
+    """The path in the document of a pydantic location, without the tags of unions."""
     path = at
     for index, step in enumerate(location):
         if step_into(document.get(path), step) or index == len(location) - 1:

@@ -24,9 +24,9 @@ from contid.units import MM_PER_M
 
 
 class LinkGeometry(Strict):
-    """One rigid link of the chain inside the finger; only its curvature limit matters (Eq. 9).
+    """One rigid link of the chain inside the finger; only its curvature limit matters (Morita et al., Eq. 9).
 
-    Erratum A-9: the paper uses one w for the link's width and for the distance of the racks; these are two.
+    The paper uses one w for the width of a link and for the distance of the racks; here these are two keys.
 
     Attributes:
         length_mm: of one link, along the finger.
@@ -42,7 +42,7 @@ class LinkGeometry(Strict):
     def curvature_max_per_m(self) -> float:
         """Curvature at which neighbouring links touch [1/m]: ``2 l / ((l + t) sqrt(l^2 + w^2))``.
 
-        Exactly Eq. 9 as typeset (erratum A-5), without its trigonometry.
+        Equal to Eq. 9 of the paper, whose trigonometric functions cancel.
         """
         length, width, gap = (v / MM_PER_M for v in (self.length_mm, self.width_mm, self.gap_mm))
         return 2.0 * length / ((length + gap) * math.hypot(length, width))
@@ -63,7 +63,7 @@ class RackFingerGeometry(Strict):
 
 
 class RackFingerLimits(Strict):
-    """Eq. 8 with erratum A-4 (both bending signs).
+    """Limits of the racks and of the curvature (Morita et al., Eq. 8, for both bending signs).
 
     Attributes:
         length_mm: ``[min, max]`` length of a rack between base and tip body.

@@ -17,9 +17,9 @@ from contid.sense.play import HysteresisSides
 from contid.targets import Actuation, Vec3
 from contid.units import MM_PER_M
 
-#: An arm settles so long after its last command before its tip counts [s].
+#: An arm settles for this time after its last command before its tip counts [s].
 SETTLE_S: Final = 0.5
-#: Fewer measurements are no rest.
+#: An interval with fewer measured tips is not a rest.
 MIN_TIPS: Final = 10
 
 
@@ -30,7 +30,7 @@ class RestInterval:
     Attributes:
         times_s: of the measurements, shape ``(n,)`` [s].
         actuation: commanded [m or Pa].
-        side: of the hysteresis of every axis.
+        side: place of every axis between the branches of its hysteresis loop, -1 to 1.
         reported: by the devices, averaged [m or Pa]; NaN where they report nothing.
         tips: measured, in the base frame, shape ``(n, 3)`` [m].
     """

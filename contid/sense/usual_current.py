@@ -17,8 +17,8 @@ from contid.sense.calibration import CalibrationError
 from contid.sense.chosen_robot import chosen_robot
 from contid.session.read import Session
 
-#: Least time in which every axis moves [s].
-LEAST_MOVING_S: Final = 5.0
+#: Every axis must move for at least this time [s].
+MIN_MOVING_S: Final = 5.0
 #: Modes in which a contact is looked for: those of a robot that may move, and stands under torque.
 _WATCHED: Final = (Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING)
 #: Steps of a current in a robot file [mA].
@@ -95,8 +95,8 @@ def usual_currents(sessions: Iterable[Session], name: str, robot: RackFinger) ->
                 raise CalibrationError(f"{session.path}: {message}")
     out = []
     for k, axis in enumerate(axes):
-        if moving_s[k] < LEAST_MOVING_S:
-            message = f"{name}.{axis} moves for {moving_s[k]:.1f} s, {LEAST_MOVING_S:g} s are needed"
+        if moving_s[k] < MIN_MOVING_S:
+            message = f"{name}.{axis} moves for {moving_s[k]:.1f} s, {MIN_MOVING_S:g} s are needed"
             raise CalibrationError(f"{message}: record motions as they are used, over the whole reach")
         values = np.array(currents[k])
         most = int(values.argmax())

@@ -134,7 +134,10 @@ def summarize(session: Session) -> Info:
 
 
 def _add_gap(info: Info, before: list[float], now: list[float]) -> None:
-    """Count what was left out between two recorded ticks; ticks the recorder missed were not left out."""
+    """Count the waited and skipped periods between two recorded ticks.
+
+    Ticks that ran but that the recorder missed are neither.
+    """
     periods = round((now[DEADLINE] - before[DEADLINE]) * info.rate_hz)
     waited, skipped = periods - int(now[TICK] - before[TICK]), int(now[SKIPPED] - before[SKIPPED])
     info.waited += waited

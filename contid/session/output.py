@@ -15,7 +15,7 @@ from contid.session.format.mcap_records import MAGIC
 
 #: Sessions and command logs hold everything a robot did: for their owner only.
 PRIVATE: Final = 0o600
-#: Errors of file systems that make no file without a name.
+#: Errors of file systems that cannot create a file without a name (O_TMPFILE).
 _NO_NAMELESS: Final = (errno.EOPNOTSUPP, errno.EISDIR, errno.ENOENT, errno.EINVAL)
 
 

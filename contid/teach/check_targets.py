@@ -10,7 +10,7 @@ from contid.robot_file.findings import allowed_names
 from contid.teach.pose_file import PoseFile
 from contid.teleop.described_robot import columns_of
 
-#: Beyond a limit by so much is rounding [edge units].
+#: A value beyond a limit by less than this is rounding [unit of the axis in files].
 TOLERANCE = 1e-6
 
 

@@ -17,14 +17,16 @@ from contid.errors import ContidError
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 
-#: Standard deviation of the filter; it passes less than 5 % of 8 Hz.
+#: Standard deviation of the filter in time; it passes less than 5 % of 8 Hz.
 SIGMA_S: Final = 0.05
+#: Rate of the uniform grid on which samples are filtered.
 GRID_HZ: Final = 200.0
-#: Shares of the rates that a motion uses: the tick needs a reserve to follow.
+#: Shares of the limits of velocity, acceleration and jerk that a motion uses: the tick needs a reserve to
+#: follow.
 SHARES: Final = (0.8, 0.6, 0.4)
-#: A motion by less than this share of the travel is none: noise.
+#: An axis that moves by less than this share of its travel stands still: that is noise.
 STILL_SHARE: Final = 0.002
-#: Standstill that is kept before and after the motion.
+#: Standstill that is kept before and after the motion [s].
 MARGIN_S: Final = 0.25
 MIN_SAMPLES: Final = 5
 

@@ -16,7 +16,7 @@ from contid.teach.teacher import Teacher
 from contid.teleop.described_robot import DescribedRobot, columns_of
 from contid.teleop.keys import Keyboard
 
-#: The lease lapses so long after the last request.
+#: The lease lapses this long after the last request.
 LEASE_TIMEOUT_S: Final = 2.0
 #: Telemetry, and so keys, per second; the rate of recordings.
 RATE_HZ: Final = 50.0

@@ -36,8 +36,8 @@ class Teacher:
 
     Attributes:
         done: the operator wants to end.
-        asking: what is asked for on the line of input, "" otherwise.
-        typed: the answer so far.
+        asking: the question on the line of input, "" when there is none.
+        typed: the answer typed so far.
     """
 
     def __init__(

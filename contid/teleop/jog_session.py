@@ -14,14 +14,14 @@ from contid.teleop.described_robot import DescribedRobot, columns_of
 from contid.teleop.jogger import Jogger
 from contid.teleop.keys import Keyboard
 
-#: The lease lapses so long after the last request; between motions there is one every half second.
+#: The lease lapses this long after the last request; between motions there is one every half second.
 LEASE_TIMEOUT_S: Final = 2.0
 #: Set-points per second, and telemetry while nothing moves.
 RATE_HZ: Final = 50.0
-#: A stream ends when no key came for so long; the next key begins another.
+#: A stream ends when no key came for this time; the next key begins another.
 IDLE_S: Final = 0.5
 SHOW_PERIOD_S: Final = 0.1
-#: Tips move with this speed at first, axes with this share of their velocity [mm/s].
+#: First speed of a tip [mm/s], and first speed of an axis as a share of its velocity limit.
 TIP_MM_S: Final = 10.0
 AXIS_SHARE: Final = 0.1
 #: Greatest speed of the tip of pneumatic arms, whose axes have a rate of pressure.

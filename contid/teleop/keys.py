@@ -77,7 +77,7 @@ class Keyboard:
             termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._before)
 
     def keys(self, timeout_s: float = 0.0) -> list[str] | None:
-        """Keys since the last call, after waiting at most so long for one; None at the end of the input."""
+        """Keys since the last call; waits at most ``timeout_s`` for one. None at the end of the input."""
         ready, _, _ = select.select([self._descriptor], [], [], timeout_s)
         if not ready:
             return self._decoder.feed(b"")

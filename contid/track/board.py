@@ -14,14 +14,14 @@ from contid.kinematics.array import Array
 from contid.track.camera import Camera
 
 #: Fewer images do not separate focal length, distortion and distance.
-LEAST_IMAGES: Final = 8
-MOST_IMAGES: Final = 60
+MIN_IMAGES: Final = 8
+MAX_IMAGES: Final = 60
 #: A image counts when a corner of the board moved by this share of the width since each one before.
 _NEW_SHARE: Final = 0.06
 #: More than this is a board that is not flat, a wrong pattern or blurred images [px].
 LARGEST_ERROR_PX: Final = 1.0
 #: The board has to reach so far towards the edges of the images, of their width and height.
-LEAST_COVER: Final = 0.6
+MIN_COVER: Final = 0.6
 
 
 def calibrated(
@@ -50,12 +50,12 @@ def calibrated(
         corners = _corners(image, columns, rows)
         if corners is not None and all(_far(corners, other) > _NEW_SHARE * shape[0] for other in seen):
             seen.append(corners)
-            if len(seen) == MOST_IMAGES:
+            if len(seen) == MAX_IMAGES:
                 break
-    if size is None or len(seen) < LEAST_IMAGES:
+    if size is None or len(seen) < MIN_IMAGES:
         raise ContidError(
             f"a board of {columns} x {rows} inner corners was found in {len(seen)} images that differ, of "
-            f"{looked}; show it at {LEAST_IMAGES} places and angles at least, also near the edges"
+            f"{looked}; show it at {MIN_IMAGES} places and angles at least, also near the edges"
         )
     across = np.concatenate(seen)
     cover = float(np.min(np.ptp(across, axis=0) / np.array(size)))

@@ -18,7 +18,7 @@ from contid.track.setup_file import LoadedSetup
 from contid.track.tracker import MeasuredTip, TipTracker
 from contid.units import MM_PER_M
 
-#: The overlay is written so often at most [s].
+#: Least time between two writes of the overlay [s].
 OVERLAY_S: Final = 0.5
 HEADER: Final = "t_s,x_mm,y_mm,z_mm,ax,ay,az,sd_mm,error_px"
 

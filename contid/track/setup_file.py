@@ -4,9 +4,7 @@
     camera: camera.yaml
     world:
       - {id: 0, size_mm: 60, x_mm: -80, y_mm: 20, z_mm: 0}
-
-Tip:
-      - {id: 10, size_mm: 24, x_mm: 0, y_mm: -12, z_mm: -20, roll_deg: 90}
+    tip: [{id: 10, size_mm: 24, x_mm: 0, y_mm: -12, z_mm: -20, roll_deg: 90}]
 
 A pose is that of a tag: x to the right of the printed tag, y up, z out of its face. Those of ``world`` are
 in the world frame, those of ``tip`` in the frame of the tip: origin at the tip, z along the direction of the
@@ -59,12 +57,12 @@ class Gate(Strict):
     """Bounds beyond which a pose is refused.
 
     Attributes:
-        error_px: greatest root mean square of the corners of a body about their place.
+        error_px: greatest root mean square distance of the corners of a body from their projected places.
         tip_sd_mm: greatest standard deviation of the tip, from the geometry and the noise of the corners.
         speed_mm_s: no tip is faster.
         turn_deg_s: no tip turns faster.
-        jump_mm: what a tip may be off beyond its speed.
-        lost: number of refused poses in a row after which they are taken, when they agree with each other.
+        jump_mm: distance that a tip may move between images in addition to that of its speed limit.
+        lost: number of refused poses in a row after which poses are accepted again, if they agree.
     """
 
     error_px: Positive = 0.7

@@ -85,6 +85,12 @@ def stopping(
 class _StoppingAxis:
     """The stops of one axis, mirrored so that its acceleration is not negative.
 
+    Args:
+        velocity: at the beginning [m/s or Pa/s].
+        acceleration: at the beginning; may exceed the limit.
+        limit: of the acceleration.
+        jerk: limit of the jerk.
+
     Attributes:
         shortest_s: minimum time to rest.
     """
@@ -92,10 +98,11 @@ class _StoppingAxis:
     def __init__(self, velocity: float, acceleration: float, limit: float, jerk: float) -> None:
         self._velocity, self._acceleration, self._jerk = velocity, acceleration, jerk
         self._sign = math.copysign(1.0, acceleration)
+        #: Acceleration once it is back within its limit, and the time until then.
         self._begin = min(abs(acceleration), limit)
         self._back_s = (abs(acceleration) - self._begin) / jerk
         change = -self._sign * velocity - 0.5 * (abs(acceleration) + self._begin) * self._back_s
-        #: Change of speed by the plateau, beyond that of letting the acceleration run out.
+        #: Change of speed by the plateau, in addition to that while the acceleration returns to zero.
         self._added = change - 0.5 * self._begin**2 / jerk
         self._out_s = self._begin / jerk
         # The plateau of the shortest stop; without a hold when below its limit.

@@ -5,8 +5,8 @@ acceleration at its beginning. This one depends on the last step alone, and no m
 acceleration comes to rest earlier on the same line. So a motion that ends in front of something can always be
 stopped before it, and a stop that was begun can be begun again.
 
-From a step s per tick the next ones are s (1 - k/n), k = 1 ... n, with the least n that sheds no more per
-tick than the limit allows.
+After a step s in one tick the steps of the next ticks are s (1 - k/n), k = 1 ... n, with the smallest n for
+which no axis changes its step by more than its limit.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from collections.abc import Sequence
 
 from contid.targets import Actuation
 
+#: Rounding of a number of ticks.
 _ROUNDING = 1e-9
 
 
@@ -24,9 +25,9 @@ class StraightStop:
 
     Args:
         position: of the axes [m or Pa].
-        step: position minus that of the tick before.
-        changes: greatest change of a step of each axis.
-        ends: least and greatest position of each axis; one that begins inside stays inside.
+        step: position minus that of the tick before [m or Pa].
+        changes: greatest change of a step of each axis from tick to tick [m or Pa].
+        ends: minimum and maximum position of each axis; an axis that begins inside stays inside.
         period_s: of the tick.
     """
 
@@ -40,10 +41,10 @@ class StraightStop:
     ) -> None:
         self._position = position
         self._step = step
-        self._ends = [(min(low, at), max(high, at)) for at, (low, high) in zip(position, ends, strict=True)]
+        self._ends = [(min(low, x), max(high, x)) for x, (low, high) in zip(position, ends, strict=True)]
         self._period_s = period_s
-        needed = max((abs(each) / most for each, most in zip(step, changes, strict=True)), default=0.0)
-        self._ticks = max(1, math.ceil(needed - _ROUNDING))
+        ticks = max((abs(own) / change for own, change in zip(step, changes, strict=True)), default=0.0)
+        self._ticks = max(1, math.ceil(ticks - _ROUNDING))
 
     @property
     def duration_s(self) -> float:
@@ -52,7 +53,7 @@ class StraightStop:
 
     @property
     def distances(self) -> Actuation:
-        """Way of each axis, none longer [m or Pa]."""
+        """Length of the way of each axis, before it is limited to ``ends`` [m or Pa]."""
         return tuple([0.5 * abs(step) * (self._ticks - 1) for step in self._step])
 
     def at(self, time_s: float) -> tuple[Actuation, Actuation]:
@@ -60,8 +61,9 @@ class StraightStop:
         tick = min(max(time_s, 0.0), self.duration_s) / self._period_s
         steps = tick - 0.5 * tick * (tick + 1.0) / self._ticks
         reached = [
-            min(max(at + step * steps, low), high)
-            for at, step, (low, high) in zip(self._position, self._step, self._ends, strict=True)
+            min(max(begin + step * steps, low), high)
+            for begin, step, (low, high) in zip(self._position, self._step, self._ends, strict=True)
         ]
-        left = (1.0 - tick / self._ticks) / self._period_s if tick * self._period_s < self.duration_s else 0.0
-        return tuple(reached), tuple([step * left for step in self._step])
+        moving = tick * self._period_s < self.duration_s
+        velocity_per_step = (1.0 - tick / self._ticks) / self._period_s if moving else 0.0
+        return tuple(reached), tuple([step * velocity_per_step for step in self._step])

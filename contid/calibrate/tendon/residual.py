@@ -1,10 +1,10 @@
 """Regression of the tip errors that a model leaves: a bounded correction of its tips.
 
-Ridge regression on bends, their products, and tensions. The correction is used where there were data:
-features are clamped to their range in the training rows, the correction fades with the distance from that
-range, and its length is bounded by the errors it was made from. Patterns (the motions of which a recording
-consists) are kept out of the fit in turn; the penalty of the ridge regression is the one with the least error
-on them. "No correction" is among the choices.
+Ridge regression on bends, their products, and the stretches of the tendons. The correction is used where
+there were data: features are clamped to their range in the training rows, the correction fades with the
+distance from that range, and its length is bounded by the errors it was made from. Patterns (the motions of
+which a recording consists) are kept out of the fit in turn; the penalty of the ridge regression is the one
+with the least error on them. "No correction" is among the choices.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def fit_residual(features: Array, missing_m: Array, runs: Array, bends: int) -> 
     """Fit the correction.
 
     Args:
-        features: ``(rows, any)``, bends [rad] first.
+        features: ``(rows, any)``, bends [rad], then stretches of tendons (tension over stiffness) [m].
         missing_m: measured minus predicted tips, ``(rows, 3)``.
         runs: number of the pattern of each row; folds are blocks of consecutive patterns.
         bends: how many features are bends.

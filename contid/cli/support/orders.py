@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 UNCONFIRMED: Final = (
     "look at the robot; the devices' own watchdogs stop them; repeat the order when they answer"
 )
-#: How long an order to stop is repeated on a connection that is lost, and the pause between two attempts.
+#: How long an order to stop is repeated while its connection is lost, and the pause between two attempts.
 PERSISTENCE_S: Final = 10.0
 RETRY_S: Final = 0.02
 
@@ -36,7 +36,13 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print the re
 
 
 def order(verb: str, help: str, **options: bool) -> click.Command:
-    """A command that sends one order for some robots, or for all of them; ``options`` are of the client."""
+    """A command that sends one order for some robots, or for all of them.
+
+    Args:
+        verb: name of the method of `Client`; the command has its name with hyphens.
+        help: of the command.
+        options: passed to the method.
+    """
 
     @click.command(
         name=verb.replace("_", "-"), help=f"{help}\n\nROBOTS: names in the robot file; default all."
@@ -92,7 +98,7 @@ def send(
 def _response(
     socket: str | None, request: Callable[[Client], dict[str, Any]], until_s: float
 ) -> dict[str, Any]:
-    """The response to a request; a lost connection is made again until a time."""
+    """The response to a request; connects again after a lost connection until ``until_s`` [monotonic s]."""
     from contid.client import Client, ConnectionLostError, NoDaemonError
 
     lost: ConnectionLostError | None = None

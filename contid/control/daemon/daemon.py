@@ -47,7 +47,7 @@ from contid.trajectory.timed import Trajectory
 
 #: Interval between reads of the ring.
 POLL_S: Final = 0.02
-#: A pending input is reported on the terminal after so long.
+#: A pending input is reported on the terminal after this time.
 REPORT_WAITING_S: Final = 3.0
 
 log = logging.getLogger(__name__)

@@ -27,7 +27,7 @@ from contid.hal import Sample
 from contid.robot_file.base import ContactPolicy
 from contid.targets import Actuation, Target
 
-#: A robot goes back to its command of so long before the measurement that showed a contact.
+#: A robot goes back to the command that it had this long before the measurement that showed a contact.
 RETREAT_S: Final = 0.5
 #: Oldest measurement that shows one.
 _OLDEST_S: Final = 0.6

@@ -16,7 +16,7 @@ from contid.control.tick.state import RobotState
 
 #: A shorter gap trips no watchdog: `contid.robot_file.watchdog` refuses shorter ones.
 MIN_PERIODS: Final = 2.0
-#: Devices report a trip within so long: some are asked for their state only now and then.
+#: Devices report a trip within this time: the state of some is read only now and then.
 REPORT_S: Final = 1.0
 #: The word by which drivers report a trip (`contid.hal`).
 WATCHDOG: Final = "watchdog"

@@ -14,7 +14,7 @@ from contid.control.tick.tip_task import Task
 from contid.kinematics.array import Array
 
 _STEPS: Final = 8
-#: Redundant motion of an axis that is none, as a share of its greatest change of step.
+#: Redundant motion of an axis below this share of its greatest change of step is ignored.
 _NONE: Final = 1e-6
 
 

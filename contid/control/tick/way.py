@@ -25,9 +25,9 @@ from contid.targets import Actuation, Pose, Solution, Target
 
 #: Share of a step across the line, where an axis is at its end, that leaves the line.
 _ACROSS: Final = 1e-3
-#: Steps that are none, as a share of the greatest change of a step.
+#: A step below this share of the greatest change of a step counts as rest.
 _REST: Final = 1e-2
-#: Square of a length that is none [m2].
+#: Squares of lengths below this count as zero [m^2].
 _TINY_M2: Final = 1e-24
 #: Differences of axes that are rounding, as a share of a step.
 _NONE: Final = 1e-6

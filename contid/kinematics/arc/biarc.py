@@ -48,20 +48,20 @@ def biarc(tip_m: Array, tangent: Array, leg_m: float, rigid_m: tuple[float, floa
     """
     between, after = rigid_m
     p = tip_m - after * tangent
-    below = 2.0 * (float(p @ tangent) + leg_m * (1.0 - tangent[2]) + between)
-    if below == 0.0:
+    denominator = 2.0 * (float(p @ tangent) + leg_m * (1.0 - tangent[2]) + between)
+    if denominator == 0.0:
         return None
-    leg2 = (float(p @ p) - 2.0 * leg_m * p[2] - between * between - 2.0 * between * leg_m) / below
-    whole = leg_m + leg2 + between
-    if whole == 0.0:
+    leg2_m = (float(p @ p) - 2.0 * leg_m * p[2] - between * between - 2.0 * between * leg_m) / denominator
+    middle_m = leg_m + leg2_m + between
+    if middle_m == 0.0:
         return None
-    joint = (p - leg2 * tangent) / whole
-    joint[2] -= leg_m / whole
-    first = arc_of_leg(joint, leg_m)
+    joint_tangent = (p - leg2_m * tangent) / middle_m
+    joint_tangent[2] -= leg_m / middle_m
+    first = arc_of_leg(joint_tangent, leg_m)
     if first is None:
         return None
     _, rotation = arc.pose(np.array(first[0]), np.array(first[1]), np.array(first[2]))
-    second = arc_of_leg(rotation.T @ tangent, leg2)
+    second = arc_of_leg(rotation.T @ tangent, leg2_m)
     return None if second is None else (first, second)
 
 

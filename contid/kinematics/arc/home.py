@@ -2,14 +2,15 @@
 
     minimise  1/2 (l - home)^T M (l - home) + potential(l)   subject to   task(l) = target,  l feasible
 
-The potential is that of obstacles (`contid.kinematics.arc.avoid`), 0 where none are given.
+Home are the middle lengths of the ranges. The potential is that of obstacles (`contid.kinematics.arc.avoid`),
+0 where none are given. The limits of bend are cones in the lengths, all others are planes.
 
 A step minimises a quadratic model with the linearised task as an equation. Its metric is M at first (with the
-stiffness of the potential); where
-steps stop shrinking it becomes the second derivative of the Lagrangian, with the curvature of task and bend
-cones, and the cones become their tangent planes. Steps must lower the merit ``distance + penalty |e|``
-(Nocedal and Wright, Numerical Optimization, 2nd edition, chapter 18), so homing ends at a minimum, and an
-answer that is solved again from itself does not move. Specification of ``home.hpp``.
+stiffness of the potential). Where steps stop shrinking it becomes the second derivative of the Lagrangian,
+with the curvature of task and bend cones, and the cones become their tangent planes. Steps must lower the
+merit ``distance + penalty |e|``, e being the error of the task (Nocedal and Wright, Numerical Optimization,
+2nd edition, chapter 18). So homing ends at a minimum, and solving again from an answer returns that answer.
+Specification of ``home.hpp``.
 """
 
 from __future__ import annotations
@@ -25,18 +26,19 @@ from contid.kinematics.arc.objective import Objective
 from contid.kinematics.arc.task import Goal, Tuning, task
 from contid.kinematics.array import Array
 
-# Share of the error that a step must not leave.
+# The target counts as out of reach when a step is predicted to leave more than this share of the error.
 _HOPELESS: Final = 0.9
-# Error of a settled answer [m].
+# Error below which an answer counts as settled [m].
 _EXACT_M: Final = 1e-10
-# Weight of the error in the merit, in multipliers of the task.
+# Weight of the error in the merit, as a multiple of the norm of the task's multipliers.
 _PENALTY: Final = 1.5
-# Share of the predicted gain that a step must make.
+# Share of the predicted gain of merit that a step must reach.
 _DECREASE: Final = 1e-4
-# Steps too short for the merit: its differences are rounding [m].
+# Steps below this are taken without the merit, whose differences would be rounding [m].
 _NOISE_M: Final = 1e-7
+# A step that does not lower the merit is cut to a quarter up to this many times.
 _CUTS: Final = 6
-# Forward differences of J^T y, which need few digits.
+# Step of the forward differences of J^T y, which need few digits [m].
 _FORWARD_M: Final = 1e-6
 # A shift that makes any Hessian of an arm positive definite.
 _MAX_SHIFT: Final = 1e12
@@ -52,7 +54,11 @@ class _Point(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """Step d, multipliers y of the task and of the cones, slope ``M (home - l)``, error left [m]."""
+    """A step d of the lengths [m] and what the quadratic model predicts for it.
+
+    Multipliers y of the task and ``cones`` of the cones; slope, the negative gradient of distance and
+    potential, ``M (home - l)`` without obstacles; ``left``, the error after the step [m].
+    """
 
     d: Array
     y: Array
@@ -69,7 +75,10 @@ class _Curved(NamedTuple):
 
 
 class Homing:
-    """Settles lengths that are near a target; the native twin makes the same decisions in the same order."""
+    """Moves lengths that are near a target towards home.
+
+    The native twin makes the same decisions in the same order.
+    """
 
     def __init__(self, feasible: BoundedChain, tuning: Tuning) -> None:
         self.feasible = feasible
@@ -138,7 +147,7 @@ class Homing:
         )
 
     def _corrected(self, here: _Point, at: _Point, goal: Goal) -> _Point:
-        """The target met again after a full step, which the curvature of the task can spoil."""
+        """The point ``at`` after a full step, moved back onto the target: the task is curved."""
         still = np.zeros(len(at.lengths))
         factor = self._objective.factor(here.lengths)
         back, _ = damped_step(at.J, at.e, self.tuning.weight, still, at.lengths, self.feasible, factor)
@@ -157,7 +166,7 @@ class Homing:
         """Minimise ``1/2 d^T W d - z^T d`` with ``J d = e`` and l + d inside the limits.
 
         ``d = W^-1 (z + J^T y)`` with ``(J W^-1 J^T + w) y = e - J W^-1 z``. The weight w bounds y where the
-        task is singular; what it leaves of e is asked for once more.
+        task is singular; the part of e that it leaves over is solved for once more.
         """
         weight, J = self.tuning.weight, here.J
         e = here.e.copy()

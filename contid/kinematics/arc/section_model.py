@@ -32,7 +32,7 @@ class Solver(Protocol):
         ...
 
     def differentiate(self, lengths: Actuation, tip: Array, spin: Array, mid: Array) -> None:
-        """Jacobians of tip, orientation and mid-point, into arrays ``(3, 3 n)`` the caller made."""
+        """Write the Jacobians of tip, orientation and mid-point into arrays ``(3, 3 n)`` of the caller."""
         ...
 
     def solve(
@@ -55,7 +55,10 @@ class Solver(Protocol):
         zone: float,
         force: float,
     ) -> None:
-        """Keep redundant axes away from obstacles, all in m; see `contid.kinematics.arc.avoid.Avoid`."""
+        """Keep redundant axes away from obstacles; see `contid.kinematics.arc.avoid.Avoid`.
+
+        All numbers in m; ``from_`` is the arc length at which the body begins.
+        """
         ...
 
 
@@ -108,7 +111,8 @@ class SectionModel:
         self.tuning = tuning_for(self.feasible)
         self.solver = build_solver(self.feasible, self.tuning)
         self.limit_names = self.feasible.names
-        #: Limits that several axes share are convex: a straight line between two places inside stays inside.
+        #: Some limits are shared by several axes. They are convex: a straight line between two actuations
+        #: inside them stays inside.
         budget = self.sections.count > 1 and self.feasible.rack_m < math.inf
         self.straight_approach = budget or self.feasible.curvature_max < math.inf
         self.shared = SharedLengths(self.feasible) if self.straight_approach else None

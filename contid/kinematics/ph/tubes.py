@@ -1,7 +1,8 @@
 """Tube lengths along a Pythagorean-hodograph curve, by offsets in a rotation-minimising frame.
 
-A tube at the distance d and the angle alpha from the backbone, carried by a frame (U, V) that does not spin
-about the tangent, has the speed ``1 - d kappa . e`` exactly, so between two points of the curve
+A tube runs at the distance d from the backbone, in the direction ``e = U cos alpha + V sin alpha`` of a frame
+(U, V) that does not spin about the tangent. Its length per length of the backbone is ``1 - d kappa . e``
+exactly, with the curvature vector kappa. So between two points of the curve, S apart along the backbone,
 
     ``l_i = S - d (u cos alpha_i + v sin alpha_i)``,  ``u = int kappa . U ds``,  ``v = int kappa . V ds``
 
@@ -22,6 +23,7 @@ import numpy as np
 from contid.kinematics.array import Array
 from contid.kinematics.ph.quintic import PhQuintic
 
+#: Panels of the integration per section.
 PANELS: Final = 8
 
 _R15: Final = math.sqrt(15.0)

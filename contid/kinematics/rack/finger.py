@@ -5,10 +5,11 @@ With racks L1 (left) and L2 (right), rack spacing w and straight tip h::
     S = (L1 + L2)/2      theta_cmd = (L2 - L1)/w      theta = theta_cmd (1 + a S + b)
     x = S cosc(theta) + h sin(theta)      y = S sinc(theta) + h cos(theta)
 
-Eq. 1 and 3; r of Eq. 2 (erratum A-1) is never formed. theta > 0 bends to +x. The curvature correction is Eq.
-5 and 10; its S is clamped to the range in which a and b were identified.
+Eq. 1 and 3; the radius r of Eq. 2, whose printed formula mixes mm and mm^2, is never formed. theta > 0 bends
+to +x. The curvature correction is Eq. 5 and 10; its S is clamped to the range in which a and b were
+identified.
 
-The inverse has a closed form (erratum A-3): all arcs that end at a point share one circle
+The inverse has a closed form, although the paper doubts it: all arcs that end at a point share one circle
 ``k = 2x/(x^2 + y^2 - h^2)``, and within the finger's limits exactly one of them fits.
 """
 

@@ -1,6 +1,7 @@
-"""Limits of a two-rack finger: Eq. 8 (with erratum A-4) in arc length S and commanded curvature k.
+"""Limits of a two-rack finger (Morita et al., Eq. 8) in arc length S and commanded curvature k.
 
-For one S the feasible curvatures are an interval ``|k| <= K(S)``::
+Eq. 8 as printed bounds k; both bending signs are meant, so |k| is bounded here. For one S the feasible
+curvatures are an interval ``|k| <= K(S)``::
 
     K(S) = min( k_max/gain(S),  2 (L_max/S - 1)/w,  2 (1 - L_min/S)/w,  2 pi/(S gain(S)) )
 
@@ -141,14 +142,14 @@ class RackFingerEnvelope:
         return self.snap(self.racks(arc_length_m, min(max(commanded, -bound), bound)))
 
     def excess(self, racks: Actuation, /) -> tuple[float, float, float]:
-        """By how much racks exceed what both share [m]: bend to +x, bend to -x, least arc length."""
+        """By how much racks exceed the limits that both share [m]: bend to +x, bend to -x, arc length."""
         left, right = racks
         arc_length_m = 0.5 * (left + right)
         bend, most = right - left, self._bend_bound(arc_length_m)
         return bend - most, -bend - most, self.arc_length_min_m - arc_length_m
 
     def gradient(self, racks: Actuation, number: int, /) -> tuple[float, float]:
-        """Derivative of one excess by the racks."""
+        """Derivative by the racks of the excess with this number in `excess`."""
         if number == 2:
             return -0.5, -0.5
         arc_length_m, sign = 0.5 * sum(racks), 1.0 if number == 0 else -1.0

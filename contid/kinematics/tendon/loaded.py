@@ -32,7 +32,7 @@ _TRACKED: Final = 8
 #: Residual to which answers are corrected, and one that still counts as met [m].
 _EXACT_M: Final = 1e-8
 _MET_M: Final = 1e-7
-#: Tension below the floor that is none [N].
+#: A tension below the floor by less than this counts as at the floor [N].
 _TENSION_N: Final = 1e-6
 #: Length that a radian of direction counts as [m].
 _ELL_M: Final = 0.1

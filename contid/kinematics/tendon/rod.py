@@ -9,7 +9,10 @@ exactly, for tendons parallel to the backbone. Equilibrium is where the virtual 
 
     stiffness * strain + sum over tendons tau dL/dx - weights . dp/dx - force . dtip/dx = 0,
     tau at the spool = rest + k (pull - shortening),     never below 0,
-    tau in element e = tau at the spool * exp(-+ mu bend up to e)        (capstan; - while pulled in).
+    tau in element e = tau at the spool * exp(-+ mu bend up to e).
+
+The last line is the capstan equation with the coefficient of friction mu: minus while the tendon is pulled
+in, plus while it is paid out.
 
 The kernel ``contid/kernels/tendon/rod.hpp`` solves it; `rod_twin` is its specification.
 
@@ -58,8 +61,8 @@ class TendonRod:
         tendon_n_per_m: stiffness of each tendon [N/m].
         rest_n: tensions of the straight rod at zero pulls [N].
         weight_n_per_m: weight of each section [N/m], vectors in the base frame ``(sections, 3)``.
-        capstan: mu.
-        elements: of a section.
+        capstan: coefficient of friction mu of the tendons; 0 for none.
+        elements: number of elements of a section.
         discrete: the rod as elements.
     """
 

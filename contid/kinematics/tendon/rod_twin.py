@@ -14,15 +14,27 @@ from contid.kinematics.tendon.rod_elements import RodElements, TendonEquilibrium
 from contid.kinematics.tendon.rod_terms import capstan_slope, second_of_lengths, turned_loads
 from contid.targets import Vec3
 
+#: Newton steps at most.
 _STEPS: Final = 60
-#: Equilibrium: moments left over, as a share of the largest stiffness times a radian.
+#: In equilibrium the moments left over are below this share of the largest stiffness times a radian.
 _EXACT: Final = 1e-11
-#: Trust: no element turns by more in one step [rad], none stretches by more.
+#: Trust region of a Newton step: no element turns by more than this [rad], none stretches by a larger share.
 _LARGEST: Final = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class _Balance:
+    """Virtual work of a strain ``(elements, 4)``, flattened, and what it was computed from.
+
+    Attributes:
+        left: moments and forces left over, ``(4 elements,)``; 0 in equilibrium [N m].
+        stiffness: derivative of ``left`` by the strain, ``(4 elements, 4 elements)``.
+        tensions: at the spools [N].
+        by_pull: derivative of ``left`` by the pulls, ``(4 elements, tendons)``.
+        chain: the elements in the base frame.
+        tip: in the base frame [m].
+    """
+
     left: Array
     stiffness: Array
     tensions: Array
@@ -65,7 +77,7 @@ def solve(
 
 
 def _balance(rod: RodElements, x: Array, pulls: Array, force: Array, slides: Array) -> _Balance:
-    """Virtual work of a strain ``(elements, 4)`` and its derivative."""
+    """Virtual work of a strain ``(elements, 4)`` (bend u, v, twist, stretch) and its derivative."""
     count = len(rod.lengths)
     chain = chain_of(x, rod.lengths, rod.rigid, rod.base_m)
     tip = chain.points[-1] + chain.rotations[-1] @ rod.offset
@@ -74,7 +86,7 @@ def _balance(rod: RodElements, x: Array, pulls: Array, force: Array, slides: Arr
     half = 0.5 * rod.weight
     weights[:-1] += half
     weights[1:] += half
-    # Wrench of everything beyond the start of an element's end, about the origin of the base frame.
+    # Wrench of all loads beyond the start of each element, about the origin of the base frame.
     forces = np.cumsum(weights[:0:-1], axis=0)[::-1] + force
     moments = np.cumsum(np.cross(chain.points[:0:-1], weights[:0:-1]), axis=0)[::-1] + np.cross(tip, force)
     load = np.einsum("ekj,ej->ek", chain.axes, moments) + np.einsum("ekj,ej->ek", chain.shifts, forces)

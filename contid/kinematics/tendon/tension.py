@@ -5,10 +5,10 @@ robot at its pretension tau0) and bends Theta balance where the energy of both i
 
     tau = tau0 + k (q - G Theta),      G^T tau = K Theta      hence      Theta = (G^T k G + K)^-1 G^T k q.
 
-Backwards, bends leave each section one number free: adding ``lambda n`` with ``n`` the tensions that do not
-bend (all equal for even azimuths) tightens its tendons. It is chosen so that the least tension of the section
-is the floor: no tendon is slack, none is tighter than necessary. Tensions are then piecewise linear and
-convex in the bends, so a limit of tension is a set of planes.
+The other way round, bends leave each section one number lambda free: adding ``lambda n``, with ``n`` the
+tensions that do not bend (all equal for even azimuths), tightens its tendons. Lambda is chosen so that the
+smallest tension of the section is the floor: no tendon is slack, none is tighter than necessary. Tensions are
+then piecewise linear and convex in the bends, so a limit of tension is a set of planes.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class TendonStatics:
         tendon_n_per_m: k, stiffness of each tendon [N/m].
         floor_n: least tension [N].
         limit_n: largest tension [N].
-        slack_free: n of every tendon, see the module; mean 1 in each section.
+        slack_free: n of every tendon, tensions that do not bend; mean 1 in each section.
         rest_n: tau0, tensions of the straight robot at zero pulls [N].
         demand: tensions by bends before any tightening [N/rad], shape ``(tendons, 2 sections)``.
         bends_by_pulls: Theta by q [rad/m], shape ``(2 sections, tendons)``.
@@ -97,7 +97,7 @@ class TendonStatics:
         return tensions
 
     def pulls(self, bends: Array) -> Array:
-        """Pulls ``(tendons,)`` [m] that lead to bends [rad] with those tensions."""
+        """Pulls ``(tendons,)`` [m] that lead to bends [rad] with the tensions of `tensions_of_bends`."""
         stretch = (self.tensions_of_bends(bends) - self.rest_n) / np.array(self.tendon_n_per_m)
         pulls: Array = self.geometry.pull_matrix @ bends + stretch
         return pulls

@@ -1,7 +1,7 @@
 """The client side of the protocol without I/O: requests to bytes, bytes to results and notices.
 
-Lines take effect in order of arrival: the credit of a move is that of the newest line, whether response or
-notice.
+A client may send as many rows of a move as the daemon has granted (its credit). Lines take effect in order of
+arrival: the credit of a move is that of the newest line, whether response or notice.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ class ClientProtocol:
         raise RemoteError.of(response.get("error", {}))
 
     def forget(self, request: Request) -> None:
-        """Drop the response of a request, whenever it comes."""
+        """Discard the response of a request, now or when it arrives."""
         self._open.pop(request.number, None)
         self._responses.pop(request.number, None)
 

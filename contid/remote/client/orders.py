@@ -67,7 +67,7 @@ class Orders(ABC):
 
     @abstractmethod
     async def _wait_notice(self, seconds: float) -> None:
-        """Wait for a notice or the response to rows, at most so long."""
+        """Wait for a notice or the response to rows, at most for this time [s]."""
 
     @abstractmethod
     async def _sleep(self, seconds: float) -> None:

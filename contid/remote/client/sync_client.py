@@ -66,7 +66,7 @@ class BlockingProcedures(Procedures):
             self._wire.close()
 
     def _read(self, timeout_s: float) -> bool:
-        """Read once, waiting at most so long; True when a notice came."""
+        """Read once, waiting at most ``timeout_s``; True when a notice came."""
         assert self._wire is not None
         try:
             chunk = self._wire.receive(timeout_s)

@@ -19,7 +19,7 @@ from contid.remote.protocol.wire import NoDaemonError
 
 
 def connect(path: Path, timeout_s: float) -> socket.socket:
-    """A blocking connection; waits at most so long while the backlog is full.
+    """A blocking connection; waits at most ``timeout_s`` while the backlog is full.
 
     Raises:
         OSError: nothing listens there; BlockingIOError when the backlog stayed full.

@@ -28,7 +28,7 @@ class Code(enum.StrEnum):
     BAD_REQUEST = "bad-request"  # not JSON, not an object, a field that is missing or of the wrong type
     UNKNOWN_VERB = "unknown-verb"
     UNKNOWN_ROBOT = "unknown-robot"
-    PROTOCOL = "protocol"  # another version
+    PROTOCOL = "protocol"  # client and daemon have different versions of the protocol
     FORBIDDEN = "forbidden"  # this client may only read and stop
     LEASE_HELD = "lease-held"  # another client holds the lease
     TRACKER_HELD = "tracker-held"  # another client tracks this robot

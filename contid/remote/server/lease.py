@@ -1,6 +1,7 @@
-"""The lease: the exclusive, expiring right of one client to move the robots.
+"""The lease: the exclusive, expiring permission of one client to move the robots.
 
-Bookkeeping only, with the time as an argument; `contid.remote.server.request_handler` acts on the results.
+This class only keeps the state; times are arguments [s, monotonic], and
+`contid.remote.server.request_handler` acts on the results.
 While stdin or ``--trajectory`` moves the robots, that input holds the lease as client 0. After a stop other
 clients move again only after an explicit ``acquire``, or a ``resume`` with ``after_stop``: a script in a loop
 does not undo the stop of a person.
@@ -28,9 +29,9 @@ class LeaseHolder:
     Attributes:
         client: its number; 0 is the daemon's input.
         name: its name in messages.
-        by: the person or program that it speaks for, "" for itself.
+        by: the person or program for whom the client orders, "" for itself.
         since_s: time of acquisition.
-        timeout_s: the lease lapses after so long without a request.
+        timeout_s: the lease lapses after this time without a request.
         seen_s: time of its last request.
     """
 
@@ -48,7 +49,7 @@ class LeaseHolder:
 
 
 def client_label(name: str, by: str) -> str:
-    """A client in messages: its name, and for whom it speaks."""
+    """A client in messages: its name, and for whom it orders."""
     return f"client {name!r} by {by!r}" if by else f"client {name!r}"
 
 
@@ -96,7 +97,7 @@ class Lease:
         if before is not None and before.client != client and not takeover:
             raise self._refusal(before, now_s)
         if unless_stopped:
-            self._go_on(client)
+            self._check_stopped(client)
         self.stopped_by = ""
         since_s = now_s if before is None or before.client != client else before.since_s
         self.holder = LeaseHolder(client, name, since_s, timeout_s, now_s, by)
@@ -109,7 +110,7 @@ class Lease:
             RemoteError: another client holds it, or stopped the robots.
         """
         self.check_free(client, now_s, input_counts=True)
-        self._go_on(client)
+        self._check_stopped(client)
         if not self.held_by(client):
             self.acquire(client, name, now_s, by=by)
 
@@ -127,7 +128,7 @@ class Lease:
         self.check_free(client, now_s)
         if after_stop:
             self.stopped_by = ""
-        self._go_on(client)
+        self._check_stopped(client)
 
     def check_free(self, client: int, now_s: float, input_counts: bool = False) -> None:
         """Refuse a client while another one (with ``input_counts`` also the input) holds the lease."""
@@ -135,8 +136,8 @@ class Lease:
         if holder is not None and holder.client != client and (holder.client or input_counts):
             raise self._refusal(holder, now_s)
 
-    def _go_on(self, client: int) -> None:
-        """Refuse to undo a stop of another client; a client may go on after its own."""
+    def _check_stopped(self, client: int) -> None:
+        """Refuse a client after a stop by another one; a client may go on after its own stop."""
         if self.stopped_by and self._stopper != client:
             message = f"{self.stopped_by} stopped the robots; check them, then acquire the lease to go on"
             raise RemoteError(Code.STOPPED, f"{message} (`contid resume`)")

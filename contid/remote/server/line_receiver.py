@@ -71,7 +71,7 @@ class LineReceiver(asyncio.BufferedProtocol):
         """Wait while the client leaves too much unread.
 
         Raises:
-            TimeoutError: for so long.
+            TimeoutError: for longer than ``timeout_s``.
         """
         if not self._writable.is_set():
             async with asyncio.timeout(timeout_s):

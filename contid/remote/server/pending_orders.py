@@ -22,7 +22,8 @@ CONFIRM_TIMEOUT_S: Final = 3.0
 #: times; then with the events of the run.
 POLL_S: Final = 2e-3
 POLLS: Final = 25
-#: So long a result waits for the record of its tick. Only a control process that has just died writes none.
+#: A result waits at most this long for the record of its tick. Only a control process that has just died
+#: writes none.
 RECORD_TIMEOUT_S: Final = 1.0
 #: A bulk order crosses the pipe in parts, interleaved with others.
 BULK_TIMEOUT_S: Final = 30.0

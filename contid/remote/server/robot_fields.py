@@ -1,4 +1,4 @@
-"""Values of one robot at one tick, in edge units, as clients get them; None where there is none.
+"""Values of one robot at one tick, in the units of files, as clients get them; None where there is none.
 
 ``tip_mm`` is the model's tip at the measured actuation with the known load (at the commanded one while an
 axis has no valid sample), ``command_tip_mm`` that at the commanded one; both in the world frame.

@@ -89,7 +89,7 @@ class TendonResidual(Strict):
     features, the products of bends u0 u0, u0 u1, .. and 1. Outside the range of the data it fades to nothing.
 
     Attributes:
-        low_rad_mm, high_rad_mm: range of the features in the data.
+        low_rad_mm, high_rad_mm: range of the features in the data, bends in rad, stretches in mm.
         gain_x_mm, gain_y_mm, gain_z_mm: of the terms, for the three coordinates of the tip in the base frame.
         bound_mm: no correction is longer.
     """

@@ -65,7 +65,7 @@ def export_lerobot(
             path = part / _DATA.format(**at)
             path.parent.mkdir(parents=True, exist_ok=True)
             parquet.write_table(pa.table({key: _column(values) for key, values in columns.items()}), path)
-            rows.append(_about(number, task, at, start, columns))
+            rows.append(_episode_row(number, task, at, start, columns))
             tables.append(columns)
             start += episode.frames
         _write_meta(part, rows, tables, task, _info(sessions[0], names[0], rows, fps))
@@ -128,8 +128,10 @@ def _statistics(values: Any) -> dict[str, list[float]]:
     return {name: each.tolist() for name, each in found.items()}
 
 
-def _about(number: int, task: str, at: dict[str, int], start: int, columns: dict[str, Any]) -> dict[str, Any]:
-    """The row of an episode."""
+def _episode_row(
+    number: int, task: str, at: dict[str, int], start: int, columns: dict[str, Any]
+) -> dict[str, Any]:
+    """The row of an episode in the table of episodes; ``at`` are the numbers of its folder and file."""
     length = len(columns["index"])
     statistics = {
         f"stats/{key}/{name}": value

@@ -34,7 +34,7 @@ class TickTable:
 
     Attributes:
         names: of the columns.
-        whole: for every column, whether its values are integers.
+        whole: for every column, True when its values are integers.
         channels: the group of every column: a channel, ``measured``, or "" for a time.
     """
 

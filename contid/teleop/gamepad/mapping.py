@@ -80,7 +80,7 @@ class MappingFile(Strict):
         estop: the button that stops, whatever else is pressed.
         dead_band: see `StickInput`.
         full: value of a relative axis at full deflection.
-        silence_s: the robot holds when a deflected device sent no event for so long [s]; None: never.
+        silence_s: the robot holds when a deflected device sent no event for this time [s]; None: never.
         buttons, tip, axes: what moves what; ``axes`` in the order of the robot's.
     """
 

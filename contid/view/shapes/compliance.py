@@ -1,4 +1,4 @@
-"""Draws how far a tip gives way as an ellipsoid: where it goes under a small force from any direction.
+"""Draws the compliance of a tip as an ellipsoid: the displacements under one small force in any direction.
 
 Its half axes are the singular values of the compliance of the model at the command, times the force.
 """

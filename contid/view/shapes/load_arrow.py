@@ -37,7 +37,7 @@ class RerunLoadArrow:
         look = rr.Arrows3D.from_fields(
             colors=[LOAD],
             radii=rr.Radius.ui_points(2.0),
-            labels=[f"half the arm is {expected_g:g} g"],
+            labels=[f"half the arm's length: {expected_g:g} g"],
             show_labels=False,
         )
         stream.static(self._entity, look)

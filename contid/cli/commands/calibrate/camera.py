@@ -40,7 +40,7 @@ def command(source: str, board: str, square_mm: float, output: Path, images: int
     from contid.track.extra import require_extra
 
     require_extra()
-    from contid.track.board import LEAST_COVER, calibrated
+    from contid.track.board import MIN_COVER, calibrated
     from contid.track.frames import frames
 
     match = re.fullmatch(r"(\d{1,2})x(\d{1,2})", board)
@@ -56,7 +56,7 @@ def command(source: str, board: str, square_mm: float, output: Path, images: int
     except OSError as error:
         raise ContidError(f"{output}: cannot be written: {error.strerror}") from None
     click.echo(f"{output}: {used} images, corners {camera.error_px:.2f} px off")
-    if cover < LEAST_COVER:
+    if cover < MIN_COVER:
         click.echo(
             f"the board covered only {100 * cover:.0f} % of the image: towards the edges the distortion is "
             "a guess",

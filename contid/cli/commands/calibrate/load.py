@@ -20,7 +20,9 @@ from contid.cli.support.progress import counting
     help="Robot file that gets the calibration.",
 )
 @click.option("--robot", help="Name of the arm; needed where there are several.")
-@click.option("--noise-mm", type=NUMBER, default=0.3, show_default=True, help="Of one measured tip.")
+@click.option(
+    "--noise-mm", type=NUMBER, default=0.3, show_default=True, help="Standard deviation of a measured tip."
+)
 def command(session_file: str, write: Path | None, robot: str | None, noise_mm: float) -> None:
     """Identify the error of an arm's model in SESSION_FILE: rests at many pressures without load.
 

@@ -22,7 +22,9 @@ from contid.cli.support.progress import counting
     help="Session without load: rests at many pressures, with measured tips.",
 )
 @click.option("--robot", help="Name of the arm; needed where there are several.")
-@click.option("--noise-mm", type=NUMBER, default=0.3, show_default=True, help="Of one measured tip.")
+@click.option(
+    "--noise-mm", type=NUMBER, default=0.3, show_default=True, help="Standard deviation of a measured tip."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per rest.")
 def command(session_file: str, unloaded: str, robot: str | None, noise_mm: float, as_json: bool) -> None:
     """Estimate the force on the tip at every rest of SESSION_FILE, with its 95 % interval.

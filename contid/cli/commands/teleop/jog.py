@@ -20,7 +20,7 @@ from contid.cli.support.orders import socket_option
     default=150.0,
     show_default=True,
     type=NumberRange(20.0, 1000.0),
-    help="One key press moves so long; without another the robot holds.",
+    help="Time that one key press moves [ms]; without another the robot holds.",
 )
 @click.option(
     "--gamepad",

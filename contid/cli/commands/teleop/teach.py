@@ -21,7 +21,13 @@ from contid.cli.support.orders import socket_option
 )
 @click.option("--grip", type=NumberRange(0.0, 1.0), help="Stay armed with this share of the current.")
 @click.option("--keep", is_flag=True, help="Leave torque and current as they are; save where robots stand.")
-@click.option("--rows-hz", default=20.0, show_default=True, type=NumberRange(1.0, 100.0))
+@click.option(
+    "--rows-hz",
+    default=20.0,
+    show_default=True,
+    type=NumberRange(1.0, 100.0),
+    help="Rows per second of recorded motions.",
+)
 @click.option("--takeover", is_flag=True, help="Take the lease from its holder; the robots hold.")
 @click.option("--yes", is_flag=True, help="Do not ask before the torque is switched off.")
 @socket_option

@@ -22,8 +22,8 @@ from contid.control.tick.contact.squeeze_way import Squeeze, SqueezeEnd, Squeeze
 from contid.hal import Sample
 from contid.targets import Actuation, Target
 
-#: Shortest way to the target: the free way to measure friction on, and what is behind the surface.
-LEAST_WAY_M: Final = 0.003
+#: Shortest way of the tip to its target: on its free part friction is measured, the rest lies in the object.
+MIN_WAY_M: Final = 0.003
 #: Time constant of the measured force, and of the holding [s].
 _FILTER_S: Final = 0.015
 _HOLDING_S: Final = 0.25
@@ -37,7 +37,7 @@ _NEAR: Final = 0.1
 _ALLOWED: Final = 0.02
 #: How long the force is near before it is reached, or gone before it is lost [s].
 _SURE_S: Final = 0.1
-#: Nearer than this to its target the tip is there [m].
+#: A tip nearer than this to its target has reached it [m].
 _THERE_M: Final = 2e-5
 
 
@@ -47,9 +47,9 @@ def why_not(config: RobotConfig, start: Actuation, target_in_base: Target) -> st
         return "no force follows from its currents without sense.nm_per_a in the robot file"
     goal = config.model.inverse(target_in_base, start).actuation
     ends = [config.model.forward(at).tip_m for at in (start, goal)]
-    if math.dist(*ends) < LEAST_WAY_M:
+    if math.dist(*ends) < MIN_WAY_M:
         return (
-            f"its tip is {1e3 * math.dist(*ends):.1f} mm from the target, {1e3 * LEAST_WAY_M:g} mm are needed"
+            f"its tip is {1e3 * math.dist(*ends):.1f} mm from the target, {1e3 * MIN_WAY_M:g} mm are needed"
         )
     return ""
 

@@ -14,12 +14,12 @@ from contid.control.tick.load_sensing.identified_arm import Numbers
 AVERAGED_S: Final = 0.01
 #: Oldest measurement that still finds the pressures of its capture.
 OLDEST_S: Final = 0.6
-#: So long after the last change of a command the pressures of an arm move no more.
+#: From this time after the last change of a command on, the pressures of an arm are constant.
 RESTING_S: Final = 0.3
-#: By how much the pressures of a moving arm may be late beside its tip.
+#: Bound of the delay of the reported pressures of a moving arm against its measured tip.
 TIMING_S: Final = 0.003
-#: Side of a loop that an axis reaches after a motion through it.
-_AT_THE_END: Final = 0.999
+#: From this absolute value of its side on, an axis counts as on a branch of its hysteresis loop.
+_ON_BRANCH: Final = 0.999
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +28,9 @@ class PressurePose:
 
     Attributes:
         pressures: reported [bar].
-        sides: of their hysteresis, -1 to 1.
-        late: by how much the pressures may differ because of their time [bar].
-        side_open: 1 where the axis never moved through its loop, and the side is unknown.
+        sides: place of every axis between the branches of its hysteresis loop, -1 to 1.
+        late: possible error of the pressures by the error of their time [bar].
+        side_open: 1 where the axis has not yet moved through its loop, so that its side is unknown; else 0.
     """
 
     pressures: Numbers
@@ -85,8 +85,7 @@ class PressureTrace:
             ]
         )
         self._side_known = [
-            known or abs(side) > _AT_THE_END
-            for known, side in zip(self._side_known, self._sides, strict=True)
+            known or abs(side) > _ON_BRANCH for known, side in zip(self._side_known, self._sides, strict=True)
         ]
 
     def at(self, capture_s: float) -> PressurePose | None:
