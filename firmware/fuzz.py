@@ -14,8 +14,9 @@ import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).parent
+#: Operations of an input, as host/fuzz.cpp decodes them: the first byte modulo 5.
+TICKS, PAYLOAD, PAYLOAD_WITH_CRC, CONFIGURATION = 14, 1, 2, 3
 SANITIZE = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g", "-O1", "-std=gnu++17"]
-TICK = 4  # the operation that lets time pass; 14 % 5 == 4
 
 
 def seeds() -> list[bytes]:
@@ -28,17 +29,18 @@ def seeds() -> list[bytes]:
             found.append(bytes(dialogue))
             dialogue = bytearray([0 if rest[0] == "motor" else 1])
         elif item == "tick":
-            dialogue += bytes([14, 6]) + (100).to_bytes(4, "little") + (745).to_bytes(2, "little")
+            dialogue += bytes([TICKS, 6]) + (100).to_bytes(4, "little") + (745).to_bytes(2, "little")
         elif item == ">":
             payload = bytes.fromhex(rest[0])
             configure = len(payload) > 9 and payload[1] == 2
-            operation = 3 if configure else 2 if len(payload) >= 5 else 1
+            with_crc = PAYLOAD_WITH_CRC if len(payload) >= 5 else PAYLOAD
+            operation = CONFIGURATION if configure else with_crc
             length = (len(payload) + 2) // 3 if configure else len(payload)
             payload += bytes(length * 3 - len(payload)) if configure else b""
             dialogue += bytes([operation, length & 0xFF]) + payload
             found.append(bytes(dialogue[-(len(payload) + 2) :]))
     found.append(bytes(dialogue))
-    return [one for one in found if one]
+    return [dialogue for dialogue in found if dialogue]
 
 
 FUZZER = str(HERE / "host" / "fuzz.cpp")
@@ -62,7 +64,7 @@ def with_clang(inputs: int, seed: int, folder: Path) -> int:
 def with_gcc(inputs: int, seed: int, folder: Path) -> int:
     """With gcc's coverage callback and our own loop."""
     program = folder / "fuzz"
-    # Coverage of the core only: the fuzzer's own steps are no news.
+    # Coverage of the core only: that of the fuzzer's own code would not guide it.
     compiled = ["g++", *SANITIZE, "-fsanitize-coverage=trace-pc", "-c", *CORE]
     subprocess.run(compiled, cwd=folder, check=True)
     objects = map(str, folder.glob("*.o"))

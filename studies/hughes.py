@@ -5,11 +5,11 @@
 
 Three variants, all with the corrected M of `contid.kinematics.arc.sections`:
 
-* PRINTED: ``J_set`` takes rows of the identity *in Delta* and the push is plus or minus a column of M (in
-  mm/s), as printed. It does not keep the limits (errata B-6, B-7).
-* CORRECTED: ``J_set`` takes rows of M^-1 and ``e_set`` is bound minus length. Limits hold, but the rest
-  points obey ``N J^+ e = 0``, which is not optimality: outside the workspace it stops far from the best
-  answer (B-8).
+* PRINTED: ``J_set`` takes rows of the identity *in Delta*, which are the Jacobian of the limits in L, and the
+  push is plus or minus a column of M (in mm/s), as printed. It does not keep the limits.
+* CORRECTED: ``J_set`` takes rows of M^-1 and ``e_set`` is bound minus length. Limits hold, but with N the
+  projector of Eq. 5 the rest points obey ``N J^+ e = 0``, which is not optimality (``N J^T e = 0``): outside
+  the workspace it stops far from the best answer.
 * FULL: works in L; a limit is active while it is reached and the multiplier points outwards, the others
   follow a damped pseudo-inverse of their own columns. Its rest points are those of Eq. 4.
 

@@ -3,9 +3,9 @@
     e = p_d - p(q)        dq = (J^T W J + lambda I)^-1 J^T W e        W = diag(1, 1/(2 pi))      (Eq. 7)
 
 In q = (k, S) instead of the paper's (r, theta), whose Jacobian is singular on the straight line
-(``det J = -x``). The weight multiplies the error, two lengths, so it only bends the path of the iteration
-(erratum A-6). J is evaluated anew in every step (erratum A-7). Never used in the loop: the closed form of
-`contid.kinematics.rack.finger` is exact and forty times faster.
+(``det J = -x``). The weight of the paper multiplies the error, which is two lengths, so it only bends the
+path of the iteration. J is evaluated anew in every step, which the paper leaves open. It is never used in
+the loop: the closed form of `contid.kinematics.rack.finger` is exact and forty times faster.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ class Run:
         tip: points, shape (n, 3).
         mid: points of the mid-point, or None.
         lean_deg: outward tilt of the tip, or None for no direction.
-        grams: on the tip.
+        grams: mass on the tip.
         paper: the results printed in the paper.
     """
 
@@ -78,7 +78,7 @@ def spiral(points: int, radius: float, height: float, dz: float = 0.0) -> Array:
 
 
 def line(points: int, length: float, height: float) -> Array:
-    """There and back along x; shape (points, 3) [mm]."""
+    """A line of this length along x, there and back; shape (points, 3) [mm]."""
     tau = _tau(points)
     return np.stack([0.5 * length * np.cos(2.0 * np.pi * tau), 0.0 * tau, height + 0.0 * tau], axis=1)
 

@@ -20,6 +20,10 @@ from contid_drivers.due.options import DueAxisOptions, DueBusOptions
 HERE = Path(__file__).parent
 PAYLOADS = [b"\x01", b"\0", b"\0\0\0", bytes(range(1, 255)), bytes(range(256)), b"\x55" * 253, b"\x55" * 254,
             b"\x55" * 640, b"\0" * 300, b"\x01\x01\x00"]  # fmt: skip
+#: Places in the body of a configure message: CRC (2 bytes), role, watchdog (2 bytes), number of channels,
+#: then the block of each channel.
+ROLE_AT, COUNT_AT, CHANNEL_AT = 2, 5, 6
+START_STATE_AT = CHANNEL_AT + 2
 HOMING = {"direction": -1, "speed_deg_s": 90, "timeout_s": 5}
 
 
@@ -58,10 +62,10 @@ def motor_dialogue() -> Iterator[tuple[str, ...]]:
         "configure: wrong CRC; safe state is not start state; wrong role; cut short; then as it should be",
     )
     yield ask(Type.CONFIGURE, bytes([body[0] ^ 1]) + body[1:])
-    yield ask(Type.CONFIGURE, patched(body, 2 + 4 + 2, 1))
-    yield ask(Type.CONFIGURE, patched(body, 2, 1))
+    yield ask(Type.CONFIGURE, patched(body, START_STATE_AT, 1))
+    yield ask(Type.CONFIGURE, patched(body, ROLE_AT, 1))
     yield ask(Type.CONFIGURE, wiring.config_body(body[2:-1]))
-    yield ask(Type.CONFIGURE, patched(body, 2 + 3, 7))
+    yield ask(Type.CONFIGURE, patched(body, COUNT_AT, 7))
     yield ask(Type.CONFIGURE, body)
     yield ask(Type.CONFIGURE, body)
     yield ask(Type.HELLO)

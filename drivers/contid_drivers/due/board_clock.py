@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-#: Drift of two crystals against each other, with their temperature (30 to 50 ppm each).
+#: Bound of the drift of two crystals against each other, with their temperature (30 to 50 ppm each).
 DRIFT: Final = 100e-6
-#: Samples run forward, though a better estimate may place a tick earlier than the one before.
+#: Least time between two samples: a better estimate of the offset might place a tick before the last one.
 STEP_S: Final = 1e-6
 _WRAP_MS: Final = 1 << 32
 

@@ -166,7 +166,7 @@ class DynamixelBus:
         if fast:
             log.debug("%s: fast read broke off; plain reads for %d exchanges", self.name, FAST_AGAIN)
             until += cyclic.timeout_s(full)
-        cyclic.again(missing, full, until, self._answered)
+        cyclic.read_again(missing, full, until, self._answered)
 
     def _count_complete(self, cyclic: Cyclic) -> None:
         if cyclic.fast or self.options.fast_read == "off":

@@ -47,17 +47,18 @@ def exchange_time(options: DynamixelBusOptions, axes: Sequence[DynamixelAxisOpti
     ids = [axis.id for axis in axes]
     models = [BY_NAME[axis.model] for axis in axes]
     starts = [{start_of(model, firmware) for firmware in _FIRMWARES} for model in models]
-    lean = INDIRECT if set.intersection(*starts) - {0} else PLAIN
-    full = INDIRECT if len(set.union(*starts)) == 1 or len(set(map(frozenset, starts))) == 1 else PLAIN
-    if lean is PLAIN:
-        full = PLAIN
+    # The layouts with which an exchange is shortest and longest, over all firmwares.
+    shortest = INDIRECT if set.intersection(*starts) - {0} else PLAIN
+    longest = INDIRECT if len(set.union(*starts)) == 1 or len(set(map(frozenset, starts))) == 1 else PLAIN
+    if shortest is PLAIN:
+        longest = PLAIN
     byte_s = BITS_PER_BYTE / options.baud
     delay_s = options.return_delay_us / 1e6
 
     def plain_s(size: int) -> float:
         return bytes_on_wire(ids, size, fast=False) * byte_s + len(ids) * delay_s
 
-    fast_s = bytes_on_wire(ids, lean.full, fast=True) * byte_s + delay_s
-    least_s = plain_s(lean.full) if options.fast_read == "off" else min(plain_s(lean.full), fast_s)
+    fast_s = bytes_on_wire(ids, shortest.full, fast=True) * byte_s + delay_s
+    least_s = plain_s(shortest.full) if options.fast_read == "off" else min(plain_s(shortest.full), fast_s)
     what = f"{len(ids)} servos at {options.baud} baud"
-    return ExchangeTime(least_s, plain_s(full.full) + options.usb_latency_ms / 1e3, what)
+    return ExchangeTime(least_s, plain_s(longest.full) + options.usb_latency_ms / 1e3, what)

@@ -10,7 +10,7 @@ from contid.units import MM_PER_M
 
 
 def plane_in_base(plane: PlaneDescription, base: BasePose) -> tuple[tuple[float, float, float], float]:
-    """Unit normal of a plane, and its distance from the base along it [mm]."""
+    """Unit normal of a plane in the base frame, and the distance of the plane from the base along it [mm]."""
     length = math.hypot(*plane.normal)
     turn, origin = base.rotation, [MM_PER_M * v for v in base.position_m]
     unit = [v / length for v in plane.normal]

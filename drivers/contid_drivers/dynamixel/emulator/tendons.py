@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from contid_drivers.dynamixel.emulator.servo import Servo
 
-# Steps of one balance; each has another set of taut tendons.
+# Newton steps of one balance at most; each has another set of taut tendons.
 _STEPS = 30
 
 
@@ -43,7 +43,7 @@ class TendonPlant:
         self._winding = np.array(winding, dtype=float)
         self._taut = np.array(taut_ticks, dtype=float)
         self._stiffness = np.array(ma_per_tick, dtype=float)
-        self._whole = self._stiffness.copy()
+        self._intact_stiffness = self._stiffness.copy()
         #: A tube holds the robot straight.
         self.held = False
         self._matrix = np.zeros((len(servos), 0)) if pull_matrix is None else np.asarray(pull_matrix)
@@ -61,7 +61,7 @@ class TendonPlant:
 
     def snap(self, number: int, on: bool = True) -> None:
         """Tendon ``number`` breaks, or is tied again."""
-        self._stiffness[number] = 0.0 if on else self._whole[number]
+        self._stiffness[number] = 0.0 if on else self._intact_stiffness[number]
         self._solved.clear()
 
     def tensions_ma(self) -> NDArray[np.float64]:

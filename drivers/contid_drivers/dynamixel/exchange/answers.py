@@ -37,7 +37,7 @@ class AnswerCounts:
         late: answers that belong to an earlier exchange; discarded.
         silent: answers that did not come.
         broken: answers that came damaged.
-        stalls: exchanges that waited on, because nothing at all had arrived.
+        stalls: exchanges that waited beyond their time-out, because nothing at all had arrived.
     """
 
     exchanges: int = 0
@@ -48,7 +48,7 @@ class AnswerCounts:
 
 
 class ServoAnswers:
-    """ServoAnswers on one port.
+    """Takes the answers of the servos on one port.
 
     Args:
         port: where they arrive.
@@ -60,8 +60,10 @@ class ServoAnswers:
         self.port = port
         self.counts = counts
         self._ids = frozenset(ids)
-        #: A byte arrived in the newest read; nothing did before its time-out, so it waited on.
-        self.received, self.stalled = True, False
+        #: A byte arrived in the newest exchange.
+        self.received = True
+        #: No byte had arrived at the time-out of the newest exchange, so it waited for the slack as well.
+        self.stalled = False
 
     def plain(
         self, devices: Collection[int], block: Block, deadline: float, slack_s: float, each: Receiver

@@ -1,8 +1,8 @@
 """One exchange with every servo: goals out in a sync write, a block of registers back from each.
 
 Both packets leave in one write and the answers are awaited in select. One time-out, computed from the bytes
-on the wire, the return delays and the adapter's latency, serves all servos, so a silent one costs no data of
-the others. Silent ones are last in the order.
+on the wire, the return delays and the adapter's latency, serves all servos, so a silent servo costs no data
+of the others. Silent servos are asked last.
 
 An answer names neither its instruction nor its register. Once one is missing it may come late, so from then
 on every exchange reads a block of another length (`numbered_blocks`). An answer of another length belongs to
@@ -38,9 +38,9 @@ from contid_drivers.dynamixel.packets import (
 )
 from contid_drivers.dynamixel.port import ServoPort
 
-#: A length identifies its exchange for this time.
+#: A block length is not used again for this time, so that it identifies its exchange.
 REUSE_S: Final = 0.1
-#: Complete exchanges in a row after which nothing late is expected.
+#: Complete exchanges in a row after which no late answer is expected.
 ORDERLY: Final = 2
 _GOALS: Final = read_parameters(reg.GOAL_POSITION.address, reg.GOAL_POSITION.size)
 
@@ -171,7 +171,8 @@ class Cyclic:
         # After an exchange without a byte a further wait would only cost the time of the next ones.
         slack_s = self.slack.seconds if self.received_before else 0.0
         on_wire_s = self._answers_s(block.size, fast)
-        # The usual length proves nothing about a servo that was silent: it is asked again with a number.
+        # An answer of the usual length from a servo that was silent may be a late one: the next exchange
+        # reads a block of another length from it.
         unproven = self._silent if block is self._usual[full] else frozenset()
         found: dict[int, ServoReading] = {}
         returned: list[int] = []
@@ -214,7 +215,7 @@ class Cyclic:
             late += packet.instruction == Instruction.STATUS
         return max(late, 1)
 
-    def again(self, devices: Sequence[int], full: bool, until: float, each: Receiver) -> None:
+    def read_again(self, devices: Sequence[int], full: bool, until: float, each: Receiver) -> None:
         """Read some servos once more, if their answers can arrive before ``until`` [monotonic s]."""
         block = self._block(full)
         port = self.port

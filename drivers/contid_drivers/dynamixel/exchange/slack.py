@@ -9,7 +9,7 @@ SLACK_MIN_S: Final = 4.2e-3
 SLACK_MAX_S: Final = 20e-3
 #: Exchanges per window; its second largest lateness is the 99.9th percentile.
 WINDOW: Final = 1000
-#: Lateness beyond the measured percentile is rare, but not much larger.
+#: Factor on the measured percentile: larger latenesses are rare, but not much larger.
 MARGIN: Final = 1.5
 
 
@@ -23,6 +23,7 @@ class Slack:
     def __init__(self, fixed_s: float | None) -> None:
         self._fixed_s = fixed_s
         self._count = 0
+        #: The two largest latenesses of this window, and the second largest of the window before [s].
         self._largest = self._second = self._before = 0.0
 
     @classmethod
@@ -46,7 +47,7 @@ class Slack:
 
     @property
     def seconds(self) -> float:
-        """Time to wait on."""
+        """Time to wait beyond the time-out [s]."""
         if self._fixed_s is not None:
             return self._fixed_s
         return min(max(MARGIN * self.percentile_s, SLACK_MIN_S), SLACK_MAX_S)

@@ -6,12 +6,11 @@ import random
 from typing import Final
 
 from contid.robot_file.cosserat import Cosserat
-from contid.units import BAR, MM_PER_M
+from contid.units import BAR, MM_PER_M, STANDARD_GRAVITY
 from contid_drivers.sim.arm.statics import ArmSolver, Numbers, arm_solver
 from contid_drivers.sim.plane import plane_in_base
 
-STANDARD_GRAVITY: Final = 9.80665
-#: Steps to a new equilibrium that one step does not find.
+#: A new equilibrium that is not found in one step is approached in this many.
 _PARTS: Final = 16
 
 
@@ -40,7 +39,9 @@ class SimulatedBody:
         self._normal, self._wall_mm = (0.0, 0.0, 0.0), 0.0
         if robot.sim.wall is not None:
             self._normal, self._wall_mm = plane_in_base(robot.sim.wall, base)
+        #: Base moment [N·mm] and push of the wall [N] of the last equilibrium.
         self._unknowns: Numbers = (0.0, 0.0, 0.0, 0.0)
+        #: Pressures [bar] and payload [N] of the last equilibrium.
         self._reached: tuple[tuple[float, ...], tuple[float, float, float]] | None = None
         self._tip_mm: Numbers = ()
         self.push_n = 0.0
@@ -79,7 +80,10 @@ class SimulatedBody:
     def _equilibrium(
         self, pressures: tuple[float, ...], payload: tuple[float, float, float]
     ) -> tuple[Numbers, Numbers] | None:
-        """Tip [mm] and unknowns, led from the last equilibrium, at first from the arm without pressure."""
+        """Tip [mm] and unknowns, by continuation from the last equilibrium.
+
+        The first one is continued from the arm without pressure and payload.
+        """
         begin = self._reached or ((0.0,) * len(pressures), (0.0, 0.0, 0.0))
         guess = self._unknowns
         for parts in (1, _PARTS) if self._reached else (_PARTS,):
@@ -98,7 +102,7 @@ class SimulatedBody:
     def _held_or_free(
         self, pressures: list[float], force: list[float], guess: Numbers
     ) -> tuple[Numbers, Numbers, bool]:
-        """The equilibrium with the tip off the wall, or on it with a push away from it."""
+        """The equilibrium with the tip off the wall, or on the wall where that pushes it outwards."""
         none = (0.0, 0.0, 0.0)
         if self._sim.wall is None:
             return self._solver.solve(pressures, force, guess, False, none, 0.0)

@@ -28,8 +28,11 @@ Numbers: TypeAlias = tuple[float, ...]
 STEPS: Final = 12
 #: One bar on one mm^2 pushes with 0.1 N.
 NEWTON_PER_BAR_MM2: Final = 0.1
+#: Newton steps at most.
 _NEWTON: Final = 20
+#: Steps of the differences by the unknowns: base moment [N·mm] and push of the wall [N].
 _STEP: Final = np.array([1e-6, 1e-6, 1e-6, 1e-7])
+#: Sum of the moments left over at the tip [N·mm], and distance from the wall [mm], of an equilibrium.
 _BALANCE: Final = 1e-9
 
 
@@ -59,7 +62,11 @@ class ArmSolver(Protocol):
 
 
 def section_numbers(section: SectionGeometry, modulus_scale: float, moment_scale: float) -> Numbers:
-    """Constants of a section: its six chambers summed one by one (eq. 5, with their projected distances)."""
+    """Constants of a section: its six chambers summed one by one (eq. 5, with their projected distances).
+
+    Length, link [mm], area [mm^2], inertia, torsion [mm^4], force of a pair [N/bar]; moments of the three
+    pairs, x and y of each [N·mm/bar]; the five coefficients of the modulus [Pa]; end of its range [bar].
+    """
     outer, inner, chamber = section.radius_mm, section.channel_radius_mm, section.chamber_radius_mm
     chamber_area = math.pi * chamber**2
     half = math.radians(section.pair_angle_deg) / 2.0

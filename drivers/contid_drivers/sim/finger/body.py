@@ -1,12 +1,14 @@
 """A simulated finger at rest between its servos, the dry friction of their gears, and an elastic object.
 
-Of every shaft, with K the stiffness of its servo [A/rad], N its torque per current, J the motion of the tip:
+A shaft at the angle q stands still while
 
-    |K (q0 - q) + F (n . J) / N| <= friction,     F = k max(0, depth)
+    |K (q0 - q) + F (n . J) / N| <= friction [A],     F = k max(0, depth)
 
-q0 is where the servo would be without a load. A shaft stands where it is until this is broken and then moves
-just so far that it holds again: dry friction with its memory, solved by sweeps over the shafts. The tip is
-the integral of the direction along the arc by Gauss-Legendre, its motion a central difference.
+with the stiffness K of its servo [A/rad], the torque N per current [N m/A], the derivative J of the tip by q
+[m/rad], and stiffness k, outward normal n and force F of the object; q0 is the angle of the servo without a
+load. A shaft that violates this moves just so far that it holds again: dry friction with its memory, solved
+by sweeps over the shafts. The tip is the integral of the direction along the arc by Gauss-Legendre, J a
+central difference.
 """
 
 from __future__ import annotations
@@ -27,10 +29,12 @@ _WEIGHTS: Final = (
     0.239314335249683,
     0.118463442528095,
 )
-#: Step of the central difference [rad], and when a sweep changes nothing any more.
+#: Step of the central difference [rad].
 _STEP: Final = 1e-4
+#: Sweeps end when no shaft moves by more than this [rad].
 _STILL: Final = 1e-10
 _SWEEPS: Final = 200
+#: Times that the tip is linearised anew in one equilibrium.
 _LINEARISED: Final = 20
 
 
@@ -69,25 +73,34 @@ class FingerBody:
             self._opened_s = now_s
 
     def settle(self, free_rad: list[float], now_s: float) -> list[tuple[float, float]]:
-        """Where the shafts stand [rad] and the currents of their servos [A], from where they would be."""
+        """Angles of the shafts [rad] and currents of their servos [A].
+
+        Args:
+            free_rad: angles of the servos without a load.
+            now_s: the time.
+        """
         if not self._shafts:
             self._shafts = list(free_rad)
-        shafts, found = self._shafts, self._sim.object
-        there = found is not None and not (
-            found.until_s is not None and now_s - (self._opened_s or 0.0) >= found.until_s
+        shafts, thing = self._shafts, self._sim.object
+        present = thing is not None and not (
+            thing.until_s is not None and now_s - (self._opened_s or 0.0) >= thing.until_s
         )
-        k = found.stiffness_n_per_mm * MM_PER_M if found is not None and there else 0.0
+        k = thing.stiffness_n_per_mm * MM_PER_M if thing is not None and present else 0.0
         for _ in range(_LINEARISED):
-            gap_m, along = (self._gap_m(shafts), self._along()) if there else (1.0, [0.0] * len(shafts))
+            gap_m, along = (self._gap_m(shafts), self._along()) if present else (1.0, [0.0] * len(shafts))
             moved = self._slide(free_rad, k, gap_m, along)
-            if moved < _STILL or not there:
+            if moved < _STILL or not present:
                 break
-        gap_m = self._gap_m(shafts) if there else 1.0
+        gap_m = self._gap_m(shafts) if present else 1.0
         self.push_n = k * max(0.0, -gap_m)
         return [(q, self._stiffness * (free - q)) for q, free in zip(shafts, free_rad, strict=True)]
 
     def _slide(self, free_rad: list[float], k: float, gap_m: float, along: list[float]) -> float:
-        """Let shafts move until friction holds them, the tip linear in them; the largest motion [rad]."""
+        """Let the shafts move until friction holds them; returns the largest motion [rad].
+
+        The tip is linear in the angles here: ``gap_m`` is its distance from the object at the present ones,
+        ``along`` the change of that distance per rotation of every shaft [m/rad].
+        """
         shafts, torque = self._shafts, self._sim.nm_per_a
         begin = list(shafts)
         for _ in range(_SWEEPS):
@@ -108,13 +121,13 @@ class FingerBody:
         return max(abs(a - b) for a, b in zip(shafts, begin, strict=True))
 
     def tip_mm(self, shafts: list[float]) -> tuple[float, float]:
-        """The tip in the base frame of the finger."""
+        """The tip in the base frame of the finger [mm], for angles of the shafts [rad]."""
         robot = self._robot
         lengths = []
         for axis, angle in zip(robot.axis_names, shafts, strict=True):
-            about = robot.axes[axis]
-            turns = (math.degrees(angle) - about.zero_deg) / 360.0
-            lengths.append(turns * (about.mm_per_rev or 0.0) * about.direction)
+            wiring = robot.axes[axis]
+            turns = (math.degrees(angle) - wiring.zero_deg) / 360.0
+            lengths.append(turns * (wiring.mm_per_rev or 0.0) * wiring.direction)
         left, right = lengths
         arc = 0.5 * (left + right)
         bend = (right - left) / robot.geometry.rack_spacing_mm
