@@ -19,16 +19,22 @@ void main() {
   gl_FragColor = vec4(mix(color.rgb, shaded, lit), color.a);
 }`;
 
+/** Programs that draw in place of a graphics card. */
+const PROGRAMS = /swiftshader|llvmpipe|softpipe|basic render|software/i;
+
 export class Renderer {
   constructor(canvas) {
     this.canvas = canvas;
     const wishes = { antialias: true, alpha: true, premultipliedAlpha: false };
-    // Without a graphics card every image costs so much that a press of STOP would wait for it: fewer, plainer ones.
+    // Without a graphics card: plainer images, and fewer (`Pace`).
     let gl = canvas.getContext("webgl", { ...wishes, failIfMajorPerformanceCaveat: true });
-    this.slow = gl === null;
+    this.plain = gl === null;
     gl ??= canvas.getContext("webgl", { ...wishes, antialias: false });
     if (gl === null) throw new Error("this browser has no WebGL");
     this.gl = gl;
+    // A browser that was started with a program as its graphics card sees no caveat.
+    const names = gl.getExtension("WEBGL_debug_renderer_info");
+    this.software = this.plain || PROGRAMS.test(gl.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
     this.program = this.link();
     this.place = Object.fromEntries(["viewProjection", "offset", "scale", "color", "lit", "eye", "flip"].map((name) => [name, gl.getUniformLocation(this.program, name)]));
     this.position = gl.getAttribLocation(this.program, "position");
@@ -66,7 +72,7 @@ export class Renderer {
 
   begin(camera) {
     const { gl, canvas } = this;
-    const ratio = this.slow ? 1 : Math.min(devicePixelRatio, 2);
+    const ratio = this.plain ? 1 : Math.min(devicePixelRatio, 2);
     const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     gl.viewport(0, 0, width, height);

@@ -3,16 +3,17 @@
 import { byId, setHidden, setText, toast } from "./dom.js";
 import { Jog } from "./jog.js";
 import { Link } from "./link.js";
+import { Pace } from "./pace.js";
 import { Plots } from "./plots.js";
 import { PosesCard } from "./poses.js";
 import { RecordingCard } from "./recording.js";
 import { RobotCard, showCards } from "./robots.js";
 import { Events, LeaseControl, Machine, TrajectoryCard } from "./side.js";
 import { installStop } from "./stop.js";
-import { SLOW_MS, View } from "./view.js";
+import { View } from "./view.js";
 
 const STALE_MS = 1500;
-const page = { client: 0, readOnly: false, daemon: false, lastFrame: 0, shownAt: 0, states: "", status: null };
+const page = { client: 0, readOnly: false, daemon: false, lastFrame: 0, states: "", status: null };
 let cards = new Map();
 
 const handlers = {
@@ -41,15 +42,16 @@ const handlers = {
   frame: (message) => {
     page.lastFrame = performance.now();
     plots.add(message.t_s, message.robots);
-    // Without a graphics card everything that changes is drawn together and seldom: STOP waits for what is being drawn.
-    const states = Object.values(message.robots).map((robot) => robot.state).join();
-    if (view.slow && states === page.states && page.lastFrame - page.shownAt < SLOW_MS) return;
+    // Everything that changes is drawn together: an image costs the same, whatever part of it is new.
+    const states = [link.mine, ...Object.values(message.robots).map((robot) => robot.state)].join();
+    if (pace.wait(states !== page.states) > 0) return;
     page.states = states;
-    page.shownAt = page.lastFrame;
+    pace.begin();
     for (const [name, robot] of Object.entries(message.robots)) cards.get(name)?.frame(robot);
     view.frame(message);
     plots.show(message.t_s);
     showStatus();
+    events.show();
   },
   status: (message) => {
     const { status } = message;
@@ -57,7 +59,7 @@ const handlers = {
     if (link.mine && !mine && document.visibilityState === "visible") toast("Control was lost; the robots hold.", "error");
     link.mine = mine;
     page.status = status;
-    if (!view.slow || performance.now() - page.shownAt > 2 * SLOW_MS) showStatus();
+    if (performance.now() - page.lastFrame > STALE_MS) showStatus(); // else with the next frame
   },
   poses: (message) => poses.show(message),
   event: (message) => events.add(message.event),
@@ -74,7 +76,8 @@ const events = new Events();
 const plots = new Plots();
 const poses = new PosesCard(link);
 const recording = new RecordingCard(link);
-const view = new View(link, jog);
+const pace = new Pace();
+const view = new View(link, jog, pace);
 const trajectory = new TrajectoryCard(link, (paths) => view.preview(paths));
 installStop(link);
 
@@ -94,6 +97,8 @@ function select(name) {
   plots.select(name);
   for (const card of cards.values()) card.element.classList.toggle("selected", card.name === name);
 }
+
+document.addEventListener("visibilitychange", () => pace.forget());
 
 function lost() {
   page.status = null;

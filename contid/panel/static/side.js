@@ -61,15 +61,25 @@ export class Machine {
 export class Events {
   constructor() {
     this.list = h("ol", {});
+    this.waiting = [];
     this.none = h("p", { className: "facts" }, "None since this page was opened.");
     byId("events").append(h("h2", {}, "Events"), this.none, this.list);
   }
 
+  /** Waits until it is shown. */
   add(event) {
-    if (SILENT.has(event.kind)) return;
+    if (!SILENT.has(event.kind)) this.waiting.push([event, new Date()]);
+    if (this.waiting.length > MAX_EVENTS) this.waiting.shift();
+  }
+
+  show() {
+    for (const [event, at] of this.waiting.splice(0)) this.prepend(event, at);
+  }
+
+  prepend(event, at) {
     const what = event.message ?? event.detail ?? event.mode ?? event.tier ?? "";
     const where = event.robot || event.bus || "";
-    const time = new Date().toLocaleTimeString([], { hour12: false });
+    const time = at.toLocaleTimeString([], { hour12: false });
     const kind = event.kind === "fault" || event.level === "error" ? "error" : "";
     setHidden(this.none, true);
     this.list.prepend(h("li", { className: kind }, h("time", {}, time), h("b", {}, [where, event.kind].filter(Boolean).join(" ")), ` ${what}`));

@@ -8,16 +8,16 @@ const TRAIL_MS = 6000;
 const FRAME_MS = 50;
 const GRAB_PX = 26;
 const MARGIN_PX = 14;
-export const SLOW_MS = 250; // between images without a graphics card
 const BODY = [[0.23, 0.51, 0.96, 1], [0.96, 0.62, 0.04, 1], [0.06, 0.72, 0.51, 1], [0.93, 0.28, 0.6, 1]];
 const DARK = [0.2, 0.23, 0.28, 1];
 const ROPE = [0.62, 0.45, 0.28, 1];
 const OBSTACLE = [0.59, 0.44, 0.38, 1];
 
 export class View {
-  constructor(link, jog) {
+  constructor(link, jog, pace) {
     this.link = link;
     this.jog = jog;
+    this.pace = pace;
     this.canvas = byId("view");
     this.camera = new Camera();
     this.problem = "";
@@ -31,6 +31,8 @@ export class View {
       setText(byId("view-note"), this.problem);
       return;
     }
+    pace.software = this.renderer.software;
+    this.canvas.dataset.drawnBy = pace.software ? "a program" : "a graphics card";
     const ball = new Mesh();
     ball.ball();
     this.ball = this.renderer.mesh(...ball.arrays);
@@ -39,11 +41,6 @@ export class View {
     new ResizeObserver(() => this.redraw()).observe(this.canvas);
     this.dark = matchMedia("(prefers-color-scheme: dark)");
     this.dark.addEventListener("change", () => this.redraw());
-  }
-
-  /** Drawing costs much here: there is no graphics card. */
-  get slow() {
-    return this.renderer === undefined || this.renderer.slow;
   }
 
   describe(drawing, problem) {
@@ -108,7 +105,7 @@ export class View {
       if (robot !== this.dragged) robot.target = data.target_mm ? point(data.target_mm) : robot.tip;
       if (robot.tip && (!robot.trail.length || Math.hypot(...sub(robot.tip, robot.trail.at(-1))) > this.size * 0.0008)) robot.trail.push(robot.tip);
       else if (robot.trail.length) robot.still = (robot.still ?? 0) + 1;
-      if (robot.trail.length > TRAIL_MS / (this.slow ? SLOW_MS : FRAME_MS) || robot.still > 2) {
+      if (robot.trail.length > TRAIL_MS / Math.max(this.pace.pause, FRAME_MS) || robot.still > 2) {
         robot.trail.shift();
         robot.still = 0;
       }
@@ -162,7 +159,7 @@ export class View {
     this.redraw();
   }
 
-  /** Draw soon; `paced`: by a frame, which has its own pace without a graphics card. */
+  /** Draw soon; `paced`: by a frame, which waited already. */
   redraw(paced = false) {
     if (!this.drawing || this.asked) return;
     this.asked = true;
@@ -170,7 +167,8 @@ export class View {
       this.asked = false;
       this.draw();
     });
-    if (this.slow && !paced) setTimeout(draw, SLOW_MS);
+    const wait = paced ? 0 : this.pace.wait();
+    if (wait > 0) setTimeout(draw, wait);
     else draw();
   }
 
