@@ -50,6 +50,8 @@ std::string to_hex(const std::vector<uint8_t>& bytes) {
 
 // ---- lockstep ----
 
+// "step N" advances by ticks, "rx HEX" and "rx2 HEX" deliver bytes to the native and the programming port; other lines
+// are commands of the machine. Each is answered by "ok" and what the board sent ("-" for nothing).
 int run_lockstep(Machine& machine) {
   std::string line;
   std::vector<uint8_t> waiting;
@@ -290,7 +292,8 @@ int main(int argc, char** argv) {
   if ((!motor && !pressure) || (!lockstep && link.empty())) {
     std::fprintf(stderr,
                  "use: contid_due_host motor|pressure --lockstep | --pty LINK [--reset-on-open]"
-                 " [--journal FILE] [--adc STEPS MILLIVOLT] [--bridges BITS] [--capabilities BITS]\n");
+                 " [--journal FILE] [--world \"set ...\"] [--adc STEPS MILLIVOLT] [--bridges BITS]"
+                 " [--capabilities BITS]\n");
     return 2;
   }
   FILE* file = std::fopen(journal.c_str(), "a");

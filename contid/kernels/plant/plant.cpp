@@ -14,21 +14,29 @@ using namespace contid;
 
 namespace {
 
-constexpr int kNewton = 20, kUnknowns = 4, kNumbers = 18;
-constexpr double kStepMoment = 1e-6, kStepForce = 1e-7, kBalance = 1e-9, kGap = 1e-9;
+constexpr int kNewton = 20;           // steps at most
+constexpr int kUnknowns = 4;          // base moment and push of the wall
+constexpr int kNumbers = 18;          // of a section
+constexpr double kStepMoment = 1e-6;  // [N*mm], of the differences by the base moment
+constexpr double kStepForce = 1e-7;   // [N], of the differences by the push of the wall
+constexpr double kBalance = 1e-9;     // [N*mm], moments left over at the tip in equilibrium
+constexpr double kGap = 1e-9;         // [mm], distance of a held tip from the wall
 
 struct Section {
   double length, link, area, inertia, torsion, push;  // push: force of a pair [N/bar]
   double turn[3][2];                                  // moment of every pair [N*mm/bar], x and y
-  double modulus[5], up_to;                           // [Pa] by the average pressure [bar]
+  double modulus[5], up_to;                           // [Pa] by the average pressure, which is clamped to up_to [bar]
 };
 
+// Position, rotation, force and moment of the wall at an arc length.
 struct State {
   Vec p;
   Mat R;
   Vec n, m;
 };
 
+// A section under its pressures: axial force [N] and moment [N*mm] of the chambers, stiffness to shear and extension
+// [N], to bending and torsion [N*mm^2].
 struct Wall {
   double push;
   Vec turn, K_se, K_bt;
@@ -48,6 +56,7 @@ Wall wall_of(const Section& s, const double* pressures) {
   return w;
 }
 
+// Derivative of the state by arc length.
 State rates(const Wall& w, const State& at) {
   const Vec a = transposed_times(at.R, at.n), b = transposed_times(at.R, at.m);
   const Vec v{a.x / w.K_se.x, a.y / w.K_se.y, 1.0 + a.z / w.K_se.z};
@@ -61,6 +70,7 @@ State rates(const Wall& w, const State& at) {
   return d;
 }
 
+// The state a length h further with the derivative d.
 State ahead(const State& at, double h, const State& d) {
   State s = at;
   s.p = s.p + h * d.p;

@@ -11,10 +11,10 @@ struct Port {
   static const uint32_t WRITE_TIMEOUT_MS = 50;
 
   Link link;
-  const uint8_t* waiting;
-  size_t left, sent;
-  uint32_t since_ms;
-  bool torn;  // a part of an answer went out, and the rest never will
+  const uint8_t* waiting;  // rest of the answer that the port has not taken
+  size_t left, sent;       // bytes of the answer: to be taken, taken
+  uint32_t since_ms;       // uptime when the answer was composed
+  bool torn;               // a part of an answer went out, and the rest never will
 
   void start() {
     link.start(PortId::NATIVE);
@@ -22,17 +22,20 @@ struct Port {
     sent = 0;
     torn = false;
   }
+  // Pass a received byte on; the last one of a request makes an answer wait.
   void take(uint8_t byte, Board& board) {
     left = link.take(byte, board);
     waiting = link.reply();
     sent = 0;
     since_ms = board.uptime_ms();
   }
+  // The port took this many bytes of the answer.
   void took(size_t size) {
     waiting += size;
     left -= size;
     sent += size;
   }
+  // Drop the answer that the port has not taken within the time-out.
   void give_up_in_time(Board& board) {
     if (left == 0 || board.uptime_ms() - since_ms < WRITE_TIMEOUT_MS) return;
     left = 0;

@@ -139,7 +139,7 @@ Verdict Board::demand(Reader& in) {
         regulator_[i].demand(value[i]);
       }
     }
-    // Only news feeds: the same echo again does not show that the host still reads.
+    // Only a newer echo feeds the watchdog: the same one again does not show that the host still reads.
     if (static_cast<int32_t>(echo - echoed_) > 0) {
       echoed_ = echo;
       feed();
@@ -153,7 +153,7 @@ Verdict Board::demand(Reader& in) {
 Verdict Board::check_clear(uint8_t i) const {
   const bool wire = channel_[i].reason == Reason::SENSOR_WIRE && !regulator_[i].sensor_ok();
   const bool bridge = channel_[i].reason == Reason::BRIDGE && (bridge_faults_ & (1u << i)) != 0;
-  // At rest the fault of a regulator is of the newest tick.
+  // While a regulator is at rest, every tick updates its fault: here it is that of the newest tick.
   const bool pressure = identity_.role == Role::PRESSURE && regulator_[i].fault() != Reason::NONE;
   return wire || bridge || pressure ? Verdict{Refusal::PERSISTS, i} : accepted();
 }
@@ -171,7 +171,7 @@ Verdict Board::clear(Reader& in) {
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((mask & (1u << i)) == 0 || channel_[i].state != State::SAFE) continue;
     const Safe safe = identity_.role == Role::MOTOR ? config_.motor[i].safe : config_.regulator[i].safe;
-    // What held goes on holding: clearing moves nothing.
+    // A motor that held its position goes on holding it: clearing moves nothing.
     const bool holding = safe == Safe::HOLD && channel_[i].reason == Reason::WATCHDOG;
     channel_[i] = Channel{holding ? State::STOPPED : State::READY, Reason::NONE, Rest::HOLD};
   }

@@ -4,8 +4,8 @@
 // Registers are written directly where the core's library (libsam) asserts or has side effects: its
 // PWMC_ConfigureClocks() asserts for a clock of MCK, its PWMC_ConfigureChannel() overwrites the mode of channel 0.
 //
-// Interrupts, by priority: 0 encoder edges (PIOD), 1 the control tick (TC3) with the dead-man timer, 3 USB control
-// transfers (UOTGHS). Nothing else interrupts but SysTick (15).
+// Interrupts, by priority: 0 encoder edges (PIOD), 1 the control tick (TC3) with the watchdog of the host, 3 USB
+// control transfers (UOTGHS). Nothing else interrupts but SysTick (15).
 #ifdef ARDUINO_ARCH_SAM
 
 #include "../hal.h"
