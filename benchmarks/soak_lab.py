@@ -85,7 +85,7 @@ class Viewers:
         return ()
 
     async def serve(self, orders: RunControl) -> None:
-        """See `contid.control.daemon.interfaces.Commands`."""
+        """See `contid.control.daemon.interfaces.CommandSource`."""
         while self._run is None:  # sources of commands begin before the input has come
             await asyncio.sleep(0.1)
         while True:

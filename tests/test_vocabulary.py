@@ -109,6 +109,35 @@ def test_the_map_names_every_package() -> None:
     assert not missing, f"a row in the map of CONTRIBUTING.md for {missing}"
 
 
+REFERENCE = re.compile(r"`((?:contid|contid_drivers|studies)(?:\.\w+)+)`")
+# Names like modules: groups of entry points, and compiled kernels.
+NOT_MODULES = re.compile(r"contid\.(drivers|models|kernels\._\w+)")
+
+
+def is_defined(reference: str) -> bool:
+    """True when the module of a reference exists, and contains the name after it as a word."""
+    names = reference.split(".")
+    for count in range(len(names), 0, -1):
+        base = ROOT / ("drivers" if names[0] == "contid_drivers" else "") / Path(*names[:count])
+        for path in (base.with_suffix(".py"), base / "__init__.py"):
+            if path.is_file():
+                rest = names[count : count + 1]
+                return not rest or bool(re.search(rf"\b{rest[0]}\b", path.read_text(encoding="utf-8")))
+    return (ROOT / Path(*names)).is_dir()
+
+
+def test_references_to_modules_exist() -> None:
+    """In docstrings, comments and docs; a renamed class is renamed there too."""
+    found = [
+        f"{path}:{number}: {reference}"
+        for path, text in texts()
+        for number, line in enumerate(text.splitlines(), start=1)
+        for reference in REFERENCE.findall(line)
+        if not NOT_MODULES.fullmatch(reference) and not is_defined(reference)
+    ]
+    assert not found
+
+
 MAX_FILES = 27
 # Folders over the limit, until they are split. The list only shrinks.
 LARGE_FOLDERS = frozenset[str]()

@@ -155,7 +155,7 @@ def _arm(file: RobotFile, clearance: Clearance, name: str) -> Arm:
 
 
 def body_speed(model: Model, own_axes: int) -> tuple[float, ...]:
-    """Greatest motion of a point of the body per change of each axis, 0 for axes beyond the kinematics.
+    """Greatest motion of a point of the body per change of each axis, 0 for extra axes.
 
     Differences at `SPEED_SAMPLES` actuations, times `SPEED_FACTOR`: an estimate, not a proof.
     """

@@ -33,10 +33,10 @@ class RobotDescription(Strict):
         stop: policy for every reason to stop.
         rest_mm: rest pose of a robot whose axes are lengths, in the order of its axes.
         rest_bar: the same for pressures.
-        extra_mm: ``[min, max]`` stroke of axes beyond the kinematics (wrist, gripper) by name, of a robot
+        extra_mm: ``[min, max]`` stroke of extra axes (wrist, gripper) by name, of a robot
             whose axes are lengths; they follow the model's axes.
         extra_bar: the same for pressures.
-        extra_deg: ``[min, max]`` angle of axes beyond the kinematics that are servos or motors without
+        extra_deg: ``[min, max]`` angle of extra axes that are servos or motors without
             pinion, of any robot; they follow the others, with ``velocity_deg_s`` and so on in ``rates``.
         feedback: closed loop on measured tip positions; off when left out.
         placeholder: dotted keys whose values are not measured yet, e.g. ``geometry.tip_length_mm``.
@@ -66,7 +66,7 @@ class RobotDescription(Strict):
 
     @property
     def extra_axis_names(self) -> tuple[str, ...]:
-        """Axes beyond the kinematics (wrist, gripper), commanded by their own columns."""
+        """Extra axes (wrist, gripper), commanded by their own columns."""
         return (*self._extra, *self.extra_deg)
 
     @property

@@ -21,7 +21,7 @@ from contid.session.read import Session
 MIN_MOVING_S: Final = 5.0
 #: Modes in which a contact is looked for: those of a robot that may move, and stands under torque.
 _WATCHED: Final = (Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING)
-#: Steps of a current in a robot file [mA].
+#: A current for the robot file is rounded up to a multiple of this [mA].
 _STEP_MA: Final = 5
 
 
@@ -99,16 +99,16 @@ def usual_currents(sessions: Iterable[Session], name: str, robot: RackFinger) ->
             message = f"{name}.{axis} moves for {moving_s[k]:.1f} s, {MIN_MOVING_S:g} s are needed"
             raise CalibrationError(f"{message}: record motions as they are used, over the whole reach")
         values = np.array(currents[k])
-        most = int(values.argmax())
+        largest = int(values.argmax())
         out.append(
             AxisCurrents(
                 axis=f"{name}.{axis}",
                 samples=len(values),
                 moving_s=moving_s[k],
-                greatest_a=float(values[most]),
+                greatest_a=float(values[largest]),
                 usually_a=float(np.quantile(values, 0.999)),
-                at_s=places[k][most][0],
-                file=places[k][most][1],
+                at_s=places[k][largest][0],
+                file=places[k][largest][1],
             )
         )
     return out

@@ -66,7 +66,7 @@ class RecordedBus:
 
 
 class RecordedPort:
-    """Replaces `contid.control.engine.ports.Port`: returns the bus's answer recorded in the same tick."""
+    """Replaces `contid.control.engine.ports.BusPort`: returns the answer recorded in the same tick."""
 
     threaded = False
 
@@ -81,11 +81,11 @@ class RecordedPort:
         self._recorded = recorded
 
     def lose(self, message: str) -> None:
-        """See `Port.lose`."""
+        """See `BusPort.lose`."""
         self.lost, self.retry_at = message, 0
 
     def start(self, job: BusJob) -> None:
-        """See `Port.start`; the commands are compared in the record."""
+        """See `BusPort.start`; the commands are compared in the record."""
         self.busy, self.exempt = True, job.reopen or bool(job.effects)
 
     def take(self, timeout_s: float) -> BusReply | None:
@@ -103,7 +103,7 @@ class RecordedPort:
         return answer
 
     def close(self, timeout_s: float) -> None:
-        """See `Port.close`."""
+        """See `BusPort.close`."""
 
     def _samples(self) -> dict[str, Sample]:
         values, faults = self._recorded.values, self._recorded.faults

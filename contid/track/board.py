@@ -16,11 +16,11 @@ from contid.track.camera import Camera
 #: Fewer images do not separate focal length, distortion and distance.
 MIN_IMAGES: Final = 8
 MAX_IMAGES: Final = 60
-#: A image counts when a corner of the board moved by this share of the width since each one before.
+#: An image is used when some corner of the board differs from every used image by this share of the width.
 _NEW_SHARE: Final = 0.06
-#: More than this is a board that is not flat, a wrong pattern or blurred images [px].
+#: A larger error means a board that is not flat, a wrong pattern or blurred images [px].
 LARGEST_ERROR_PX: Final = 1.0
-#: The board has to reach so far towards the edges of the images, of their width and height.
+#: The corners of all images together must cover this share of the width and of the height of the images.
 MIN_COVER: Final = 0.6
 
 

@@ -5,8 +5,8 @@ along it,
 
     ``tip = base + across cos(2 pi tau) n -+ along sin(2 pi tau) e``  at one height
 
-with e from the first base to the second, n level and square to it. The rope is quasi-static: it hangs as a
-catenary. (A fast skipping rope is a troposkein, which contid does not compute.)
+with e the unit vector from the first base to the second, n horizontal and perpendicular to it. The rope is
+quasi-static: it hangs as a catenary. (A fast skipping rope is a troposkein, which contid does not compute.)
 
 Source: the video of Singh et al. (IROS 2018) shows such a swing without numbers; this form is contid's.
 """
@@ -31,7 +31,7 @@ class Swing:
         arms: names of the two arms.
         bases_mm: their bases in the world.
         size_mm: travel of the tips across, end to end.
-        ratio: travel along the line between the bases, by that.
+        ratio: travel along the line between the bases, divided by ``size_mm``.
         height_mm: of the tips in the world.
         period_s: time of one lap.
         laps: number of laps.

@@ -29,9 +29,9 @@ from contid.targets import Actuation, Target
 
 #: A robot goes back to the command that it had this long before the measurement that showed a contact.
 RETREAT_S: Final = 0.5
-#: Oldest measurement that shows one.
+#: Age of the oldest measurement that can show a contact [s].
 _OLDEST_S: Final = 0.6
-#: Of an axis, for the direction in which it moves the tip [m].
+#: Step of an axis of the difference by which the direction of its motion of the tip is computed [m].
 _STEP: Final = 1e-5
 #: Messages of the event of a squeeze.
 _SQUEEZED: Final = {
@@ -78,27 +78,27 @@ class ContactOrders:
         }
         #: Robots whose devices report no current; each is refused once.
         self._silent: set[int] = set()
-        #: Newest commands of the robots that go back, with their times.
+        #: Newest commands of the robots with policy ``retract``, with their times.
         self._ways: dict[int, deque[tuple[float, Actuation]]] = {
             index: deque(maxlen=round((RETREAT_S + _OLDEST_S) / config.period_s))
             for index, config in enumerate(robots.configs)
             if config.contact is ContactPolicy.RETRACT
         }
-        #: Where robots that still brake go back to.
+        #: Commands to which robots that still brake will go back.
         self._retreats: dict[int, Actuation] = {}
-        #: Targets of those on their way back, None while they brake.
+        #: Targets of the robots on their way back; None while they brake.
         self._going_back: dict[int, Target | None] = {}
 
     def cancel(self) -> None:
-        """An order came: no robot goes back that has not begun to."""
+        """Cancel the ways back that have not begun; called when an order came."""
         self._retreats.clear()
 
     def retreating(self, index: int) -> bool:
-        """True from a contact until the robot is back; the end of its goto is reported then."""
+        """True from a contact until the robot is back; only then the end of its goto is reported."""
         return index in self._going_back
 
     def tick(self, number: int, now_s: float, measured: Mapping[str, Measurement]) -> None:
-        """Before the ticks of the robots, after those of the load estimates."""
+        """Look for contacts; called before the ticks of the robots and after those of the load estimates."""
         for index, target in list(self._going_back.items()):
             ended = target is None or self._robots.states[index].goto is not target
             if ended and index not in self._retreats:
@@ -202,12 +202,12 @@ class ContactOrders:
             self._going_back[index] = None
 
     def _before(self, index: int, found_s: float) -> Actuation:
-        """The command half a second before a time, or the oldest there is."""
+        """The command `RETREAT_S` before a time, or the oldest one kept."""
         way = self._ways[index]
         return next((command for at_s, command in reversed(way) if at_s <= found_s - RETREAT_S), way[0][1])
 
     def _go_back(self, index: int, goal: Actuation, now_s: float) -> None:
-        """Begin to go back once the robot stands; not where something else happened to it."""
+        """Begin to go back once the robot stands, unless it has left HOLD or follows another target."""
         state = self._robots.states[index]
         held = state.mode is Mode.HOLD and not state.follow and state.goto is None
         if held and any(state.increments):

@@ -47,7 +47,7 @@ class Timed:
     Its clock starts when every robot that follows it has arrived at the first row (a robot in FAULT, or held
     by an order, is not waited for), and counts ticks: time ``start + n/rate``, so a row written at a tick is
     met exactly. Skipped ticks are not counted, so robots stay on the path. Starts and ends at speed are
-    eased (`ease`).
+    eased (`contid.control.tick.soft_start`).
 
     Attributes:
         waits: it stays at its first row.

@@ -142,7 +142,7 @@ def main(descriptor: int) -> int:
         return 0
     assert isinstance(setup, RunSetup)
     parent_watch = ParentWatch(inbox)
-    signal.signal(signal.SIGTERM, parent_watch.signalled)  # ended this process until here
+    signal.signal(signal.SIGTERM, parent_watch.signalled)  # before, SIGTERM ended this process
     ring, logs = RingWriter(setup.ring), LogQueue("control")
     logging.getLogger(kernels.__name__).setLevel(logging.ERROR)  # the daemon warns of NumPy twins
     try:

@@ -89,7 +89,7 @@ class RobotTransmission:
     """All axes of one robot, as described in a checked robot file.
 
     Attributes:
-        axis_names: the model's axes, then the axes beyond the kinematics: the order of every tuple here.
+        axis_names: the model's axes, then the extra axes: the order of every tuple here.
         maps: one `AxisMap` per name. The coupling mixes the model's axes only; an extra axis without
             ``mm_per_rev`` or table has the value of its column.
     """
@@ -109,18 +109,18 @@ class RobotTransmission:
     def to_device(self, actuation: Actuation) -> tuple[float, ...]:
         """Device values [rad or Pa] that realise an actuation [m or Pa]."""
         driven = actuation if self._forward is None else _multiply(self._forward, actuation)
-        return tuple([one.to_device(value) for one, value in zip(self.maps, driven, strict=True)])
+        return tuple([axis.to_device(value) for axis, value in zip(self.maps, driven, strict=True)])
 
     def to_actuation(self, device: Sequence[float]) -> Actuation:
         """The actuation [m or Pa] that device values [rad or Pa] stand for."""
-        driven = tuple([one.to_driven(value) for one, value in zip(self.maps, device, strict=True)])
+        driven = tuple([axis.to_driven(value) for axis, value in zip(self.maps, device, strict=True)])
         return driven if self._backward is None else _multiply(self._backward, driven)
 
     def travel(self) -> tuple[tuple[float, float], ...]:
         """Min and max device value of every axis over the robot's limits [rad or Pa]."""
         ends = []
-        for one, (low, high) in zip(self.maps, self._driven, strict=True):
-            a, b = one.to_device(low), one.to_device(high)
+        for axis, (low, high) in zip(self.maps, self._driven, strict=True):
+            a, b = axis.to_device(low), axis.to_device(high)
             ends.append((min(a, b), max(a, b)))
         return tuple(ends)
 

@@ -118,7 +118,7 @@ class TendonModel:
 
     @property
     def taut(self) -> TautPulls | None:
-        """Pulls as bends and tightness, made anew; None where tensions are not bounded."""
+        """Pulls as bends and tightness, built by every call; None where tensions are not bounded."""
         return None if self.statics is None else TautPulls(self.statics, self.excess)
 
     def inverse(self, target: Target, seed: Actuation) -> Solution:
@@ -160,16 +160,16 @@ class TendonModel:
         shift = correction.at(np.asarray(seed))
         if not np.all(np.isfinite(shift)):
             shift = np.zeros(3)
-        found, left, iterations = plain.inverse(target, seed), np.inf, 0
+        found, change_m, iterations = plain.inverse(target, seed), np.inf, 0
         for _ in range(_ROUNDS):
             found = plain.inverse(replace(target, tip_m=_moved(target.tip_m, -shift)), seed)
             iterations += found.iterations
             there = correction.at(np.asarray(found.actuation))
-            left = float(np.linalg.norm(there - shift))
-            if left <= _SETTLED_M or not np.isfinite(left):
+            change_m = float(np.linalg.norm(there - shift))
+            if change_m <= _SETTLED_M or not np.isfinite(change_m):
                 break
             shift, seed = there, found.actuation
-        residual_m = found.residual_m + left
+        residual_m = found.residual_m + change_m
         if found.converged and residual_m <= _MET_M:
             return replace(found, residual_m=residual_m, iterations=iterations)
         note = f"the nearest answer found within the limits leaves {m_to_mm(residual_m):.6g} mm"

@@ -46,7 +46,7 @@ class Subscription:
     Attributes:
         rate_hz: frames per second, 0 for none.
         robots: names.
-        fields: of `contid.remote.server.telemetry_view.FIELDS`.
+        fields: of `contid.remote.server.robot_fields.FIELDS`.
         events: send states, faults and refusals as they happen.
         next_s: due time of the next frame.
         tick: of the last frame.

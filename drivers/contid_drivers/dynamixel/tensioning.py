@@ -3,8 +3,8 @@
 A jig holds the robot straight: the friction of a gear hides differences of tension that bend a thin backbone.
 Axes with ``homing: {method: tension}`` are homed together, so that no tendon alone pushes the robot against
 the jig: current-based position mode with a small Goal Current, a slow profile, armed Bus Watchdogs, goals far
-inside. Once all are taut they back off and wind in once more, slowly, because the speed of a spool adds to
-the tension. The zeros are where all servos stand still with the current at the same time.
+beyond the taut position. Once all are taut they back off and wind in once more, slowly, because the speed of
+a spool adds to the tension. The zeros are where all servos stand still with the current at the same time.
 """
 
 from __future__ import annotations
@@ -23,15 +23,16 @@ from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.options import DynamixelBusOptions, Tensioning
 
+#: A servo stands still when its position changes by less than this for this time.
 STILL_TICKS: Final = 3
 STILL_S: Final = 0.3
 #: Share of the current from which on a tendon carries it.
 CARRIED: Final = 0.8
 POLL_S: Final = 0.005
-#: Servos are looked at one after the other, each by an answer of a slow adapter: time of their watchdogs per
-#: servo. The current is limited meanwhile.
+#: Time-out of the watchdogs per servo: servos are read one after the other, and a slow adapter takes this
+#: long for one. Their current is limited meanwhile.
 LOOK_MS: Final = 60
-#: Way back between the two windings, its time, and the share of the speed of the second.
+#: Way back between the two windings, its time, and the share of the speed of the second winding.
 BACK_DEG: Final = 6.0
 BACK_S: Final = 0.4
 SLOWLY: Final = 0.1
@@ -59,7 +60,7 @@ def tension(
     for axis in axes:
         back = round(BACK_DEG / 360.0 * reg.TICKS_PER_REV)
         client.write(axis.device, reg.GOAL_POSITION, first[axis.device] - _homing(axis).direction * back)
-    _rest(client, axes)
+    _wait_for_way_back(client, axes)
     _wind(client, axes, starts, SLOWLY)
     found = _until_taut(client, axes, starts)
     homed = []
@@ -96,7 +97,7 @@ def _homing(axis: Axis) -> Tensioning:
 
 
 def _wind(client: ServoClient, axes: Sequence[Axis], starts: dict[int, int], share: float) -> None:
-    """Goals far inside, at a share of the speed."""
+    """Set goals twice the allowed slack away, in the winding direction, at a share of the speed."""
     for axis in axes:
         homing = _homing(axis)
         speed = max(1, round(share * homing.speed_deg_s / reg.DEG_S_PER_UNIT))
@@ -105,8 +106,8 @@ def _wind(client: ServoClient, axes: Sequence[Axis], starts: dict[int, int], sha
         client.write(axis.device, reg.GOAL_POSITION, starts[axis.device] + homing.direction * reach)
 
 
-def _rest(client: ServoClient, axes: Sequence[Axis]) -> None:
-    """Until the way back is over; the reads feed the watchdogs."""
+def _wait_for_way_back(client: ServoClient, axes: Sequence[Axis]) -> None:
+    """Wait until the way back is over; the reads feed the watchdogs."""
     until = time.monotonic() + BACK_S
     while time.monotonic() < until:
         for axis in axes:
@@ -115,7 +116,7 @@ def _rest(client: ServoClient, axes: Sequence[Axis]) -> None:
 
 
 def _until_taut(client: ServoClient, axes: Sequence[Axis], starts: dict[int, int]) -> dict[int, int]:
-    """Positions [ticks] in which all servos stand still with their current."""
+    """Wait until all servos stand still with their current; returns their positions [ticks]."""
     until = time.monotonic() + max(_homing(axis).timeout_s for axis in axes)
     last, still_since = dict(starts), time.monotonic()
     while True:

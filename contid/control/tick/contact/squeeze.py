@@ -1,8 +1,9 @@
 """The closing of a tip on an object until a force, and its holding: the next share of the way of the axes.
 
 The axes go on a straight line to the target (`squeeze_way`), and the force follows from the currents
-(`squeeze_force`). A force stays what it was while it fits them: gears that stand hide its changes. So it
-grows with the currents while the tip closes, and is not taken back before they show that it is less.
+(`squeeze_force`). The friction of gears that stand hides small changes of the force, so a range of forces
+fits the currents: the estimate keeps its value while it lies in that range. So it grows with the currents
+while the tip closes, and falls only when they show that the force is less.
 
 Free, the tip closes at `CLOSING_M_S`; after the touch its speed is the missing force over the measured
 stiffness: a slow integral, which is jerk-limited and stays between start and target. A pure function of its
@@ -24,18 +25,18 @@ from contid.targets import Actuation, Target
 
 #: Shortest way of the tip to its target: on its free part friction is measured, the rest lies in the object.
 MIN_WAY_M: Final = 0.003
-#: Time constant of the measured force, and of the holding [s].
+#: Time constants of the filter of the currents, and of the integral that holds the force [s].
 _FILTER_S: Final = 0.015
 _HOLDING_S: Final = 0.25
-#: Stiffness of an object with its servos [N/m]: softer and harder ones are held as these.
+#: Bounds of the measured stiffness of an object together with the servos [N/m].
 _SOFTEST: Final = 20.0
 _HARDEST: Final = 1e4
-#: Share of the force to hold that is a touch, and how near to it the force has to be.
+#: Shares of the force to hold: a larger force is a touch; a smaller deviation counts as reached; a smaller
+#: deviation is not corrected.
 _TOUCH: Final = 0.3
 _NEAR: Final = 0.1
-#: Share of it that is left as it is.
 _ALLOWED: Final = 0.02
-#: How long the force is near before it is reached, or gone before it is lost [s].
+#: Time for which the force must be near to count as reached, or gone to count as lost [s].
 _SURE_S: Final = 0.1
 #: A tip nearer than this to its target has reached it [m].
 _THERE_M: Final = 2e-5
@@ -87,7 +88,7 @@ def next_squeeze(
 
 
 def _touching(squeeze: Squeeze, travel_m: float) -> Squeeze:
-    """Notices a touch, and the stiffness by the way from half of it."""
+    """Detects a touch, and measures the stiffness on the way from half of its force to all of it."""
     if squeeze.stiffness > 0.0:
         return squeeze
     touch_n = _TOUCH * squeeze.goal_n
@@ -105,7 +106,7 @@ def _touching(squeeze: Squeeze, travel_m: float) -> Squeeze:
 def _held(
     squeeze: Squeeze, missing_n: float, travel_m: float, period_s: float
 ) -> tuple[Squeeze, SqueezeReport | None]:
-    """Counts how long the force is there, or gone."""
+    """Counts the time for which the force is reached, or gone; the report when it was long enough."""
     if squeeze.reached:
         gone = squeeze.force_n < 0.5 * _TOUCH * squeeze.goal_n
         squeeze = replace(squeeze, sure_s=squeeze.sure_s + period_s if gone else 0.0)

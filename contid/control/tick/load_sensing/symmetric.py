@@ -1,4 +1,4 @@
-"""Symmetric matrices of three rows, written out: numpy takes longer to begin than these to end.
+"""Symmetric 3 x 3 matrices, written out: a call of NumPy alone takes longer than these functions.
 
 A matrix is ``(a, b, c, d, e, f)`` with the rows (a, b, c), (b, d, e), (c, e, f).
 """
@@ -19,8 +19,8 @@ def cofactors(matrix: Symmetric) -> tuple[Symmetric, float]:
     return (aa, bb, cc, a * f - c * c, b * c - a * e, a * d - b * b), a * aa + b * bb + c * cc
 
 
-def squared_distance(at: Vec3, spread: Symmetric) -> float:
+def squared_distance(point: Vec3, spread: Symmetric) -> float:
     """``x^T S^-1 x`` of a point from the origin, in standard deviations of a covariance S."""
-    x, y, z = at
-    (a, b, c, d, e, f), whole = cofactors(spread)
-    return (a * x * x + d * y * y + f * z * z + 2.0 * (b * x * y + c * x * z + e * y * z)) / whole
+    x, y, z = point
+    (a, b, c, d, e, f), determinant = cofactors(spread)
+    return (a * x * x + d * y * y + f * z * z + 2.0 * (b * x * y + c * x * z + e * y * z)) / determinant
