@@ -30,6 +30,7 @@ from typing import Any, Final
 import psutil
 
 from benchmarks.flat import Look, look, slope_of
+from benchmarks.on_sigterm import leave_on_sigterm
 from benchmarks.soak_clients import ARMED, Clients, Operator, Stream
 from benchmarks.soak_lab import VIEWER_S, robot_file
 from contid.client import Client
@@ -233,4 +234,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
+    leave_on_sigterm()
     sys.exit(main())

@@ -15,6 +15,7 @@ import os
 import random
 import sys
 
+from benchmarks.on_sigterm import leave_on_sigterm
 from tests.support.daemons import armed, daemon
 from tests.support.fleet_faults import FAULTS, leases, measure
 from tests.support.fleets import NotBegunError
@@ -69,4 +70,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
+    leave_on_sigterm()
     sys.exit(main())

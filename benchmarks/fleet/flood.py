@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any, Final
 
+from benchmarks.on_sigterm import leave_on_sigterm
 from contid.client import Client
 from contid.control.process.realtime import disable_gc, request_real_time, sleep_until
 from contid.fleet.fleet_file import OperatorFile
@@ -160,4 +161,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
+    leave_on_sigterm()
     sys.exit(main())

@@ -12,6 +12,7 @@ import argparse
 import time
 from collections.abc import Sequence
 
+from benchmarks.on_sigterm import leave_on_sigterm
 from contid.client import Client
 from contid.fleet.fleet_address import FleetAddress
 from contid.fleet.operator import FleetOperator
@@ -64,4 +65,5 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
+    leave_on_sigterm()
     main()

@@ -31,6 +31,7 @@ from typing import Any, Final
 
 import psutil
 
+from benchmarks.on_sigterm import leave_on_sigterm
 from contid.fleet.fleet_file import OperatorFile
 from contid.fleet.operator import FleetOperator
 from contid.fleet.stops import stop_fleet
@@ -205,4 +206,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
+    leave_on_sigterm()
     sys.exit(main())

@@ -31,6 +31,7 @@ from typing import Final
 import psutil
 
 from benchmarks.flat import Look, look, slope_of
+from benchmarks.on_sigterm import leave_on_sigterm
 from contid.errors import ContidError
 from tests.support.daemons import Running, armed, command, daemon
 from tests.support.fleet_faults import FAULTS, FleetFault, leases, linked, strike
@@ -288,4 +289,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
+    leave_on_sigterm()
     sys.exit(main())

@@ -25,6 +25,7 @@ import httpx
 import psutil
 
 import contid.panel
+from benchmarks.on_sigterm import leave_on_sigterm
 from benchmarks.panel import nicegui_page
 from benchmarks.panel.presses import CHROMIUM, TIMEOUT_MS, Pages, button, daemon, executable, measured, served
 from benchmarks.stop_times import cells
@@ -175,4 +176,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    leave_on_sigterm()
     main()

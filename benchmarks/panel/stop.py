@@ -22,6 +22,7 @@ from typing import Final
 
 from websockets.typing import Origin, Subprotocol
 
+from benchmarks.on_sigterm import leave_on_sigterm
 from benchmarks.panel.presses import Press, Way, button, measured, served
 from benchmarks.stop_latency import cheap, subscribes
 from benchmarks.stop_times import cells
@@ -77,4 +78,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    leave_on_sigterm()
     main()

@@ -3,16 +3,34 @@
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
+import psutil
 import pytest
 
 from benchmarks import soak
 from benchmarks.flat import Look, slope_of
+from benchmarks.on_sigterm import EXIT_CODE
 from benchmarks.soak_lab import robot_file
 from contid.robot_file.load import parse_robot_file
 
 MINUTES = float(os.environ.get("CONTID_SOAK_MINUTES", "0.1"))
+
+#: A benchmark with a daemon.
+RUNS = """
+import time
+from contextlib import ExitStack
+from benchmarks.on_sigterm import leave_on_sigterm
+from tests.support.daemons import daemon
+leave_on_sigterm()
+with ExitStack() as stack:
+    running = stack.enter_context(daemon())
+    print(running.process.pid, flush=True)
+    time.sleep(600.0)
+"""
 
 
 def looks(kb_per_h: float, descriptors_per_h: float = 0.0) -> list[Look]:
@@ -45,3 +63,15 @@ def test_some_of_it(capfd: pytest.CaptureFixture[str]) -> None:
     printed = capfd.readouterr().out
     assert code == 0, printed
     assert "verdict: memory and descriptors flat, nothing lost" in printed
+
+
+def test_a_daemon_ends_with_a_benchmark_that_gets_sigterm() -> None:
+    benchmark = subprocess.Popen([sys.executable, "-c", RUNS], stdout=subprocess.PIPE, text=True)
+    assert benchmark.stdout is not None
+    with benchmark.stdout:
+        daemon = psutil.Process(int(benchmark.stdout.readline()))
+        family = [daemon, *daemon.children(recursive=True)]
+        benchmark.send_signal(signal.SIGTERM)
+        benchmark.send_signal(signal.SIGTERM)
+        assert benchmark.wait(60.0) == EXIT_CODE
+    assert psutil.wait_procs(family, timeout=30.0)[1] == []
