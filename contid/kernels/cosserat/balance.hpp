@@ -75,6 +75,12 @@ struct Judged {
 template <int K>
 void judge(const Rod<K>& rod, const double* pressures, Vec base_moment, Vec tip_force, double share, int elements,
            Judged& out) {
+  if (rod.arcs) {  // nothing that could buckle it
+    Sweep<K> at;
+    sweep<K, false>(rod, pressures, base_moment, tip_force, share, elements, at);
+    out = {at.ends(), identity(), {}, {}, 0, true};
+    return;
+  }
   constexpr int C = 4;
   State<C> state;
   state.R = identity();

@@ -58,7 +58,7 @@ Outcome<K> descend(const Rod<K>& rod, const Task& task, Vec tip_force, const Lim
     recent[step % kRecent] = error;
     if (!fresh) {
       sweep<K, true>(rod, p, moment, tip_force, 1.0, elements, here);
-      if (!by.eliminate(task, here, 0.0)) break;
+      if (!by.eliminate(rod, task, here, 0.0)) break;
       fresh = true;
     }
     for (int j = 0; j < n; ++j) {

@@ -124,7 +124,7 @@ template <int K> struct Homing {
       Sweep<K> there;
       sweep<K, true>(rod, p, here.moment - by.moment_step(d, 1.0, by.inverse_A * here.e), force, 1.0, elements, there);
       Reduced<K> at;
-      if (at.eliminate(task, there, 0.0))
+      if (at.eliminate(rod, task, there, 0.0))
         pulled(at, moved);
       else
         std::copy(base, base + n, moved);
@@ -184,7 +184,7 @@ template <int K> struct Homing {
       ++steps;
       if (arrived) {
         sweep<K, true>(rod, here.p, here.moment, force, 1.0, elements, at);
-        if (!by.eliminate(task, at, 0.0)) break;
+        if (!by.eliminate(rod, task, at, 0.0)) break;
         here.ends = at.ends();
         here.e = here.ends.moment;
         residual(task, here.ends, here.r);

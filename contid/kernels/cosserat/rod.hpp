@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <type_traits>
 
+#include "arcs.hpp"
 #include "columns.hpp"
 
 namespace contid {
@@ -113,6 +114,7 @@ template <int K> struct Rod {
   double reach;
   Vec tip_moment = {0, 0, 0};
   bool joints = false, moments = false;  // true with a force or a moment at the end of a section; with any moment
+  bool arcs = false;                     // true where it carries nothing, and its sections are arcs
 };
 
 // Where a sweep ends: frame and position of the tip, end of the first section, moment residual.
@@ -124,7 +126,7 @@ struct Ends {
 // Result of a sweep: tip, frame, end of the first section, moment residual, and derivatives of all four with
 // respect to the base moment (Base = 3; 0 leaves it out) and the pressures.
 template <int K, int Base = 3> struct Sweep {
-  static constexpr int C = padded(Base + 3 * K);
+  static constexpr int kBase = Base, C = padded(Base + 3 * K);
   State<C> tip;
   Vec mid, moment;
   double mid_shift[3][C], residual[3][C];
@@ -197,6 +199,12 @@ inline void sweep(const Rod<K>& rod, const double* pressures, Vec base_moment, V
   if constexpr (Tangents) {
     clear(state.by);
     for (int i = 0; i < Base; ++i) state.by.dmu[i][i] = 1.0;
+  }
+  if (rod.arcs) {
+    arc_sections<K, Tangents, 0>(rod, pressures, elements, out);
+    out.moment = base_moment;
+    if constexpr (Tangents) std::copy(&state.by.dmu[0][0], &state.by.dmu[0][0] + 3 * C, &out.residual[0][0]);
+    return;
   }
   sections<K, Tangents, 0, Base>(rod, pressures, share, elements, base_force<K>(rod, tip_force, share), out);
   out.moment = state.mu - cross(state.p, tip_force) - share * rod.tip_moment;

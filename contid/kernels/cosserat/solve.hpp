@@ -53,9 +53,10 @@ template <int K> struct Reduced {
   Mat inverse_A;
 
   // False where A, the balance by the base moment, is singular: at a critical load.
-  bool eliminate(const Task& task, const Sweep<K>& s, double weight) {
+  bool eliminate(const Rod<K>& rod, const Task& task, const Sweep<K>& s, double weight) {
     rows = task.rows();
     jacobian(task, s, by_both);
+    if (rod.arcs) return alone(weight);
     if (!inverse(first_columns(s.residual), inverse_A)) return false;
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < n; ++j)
@@ -64,6 +65,17 @@ template <int K> struct Reduced {
     for (int a = 0; a < rows; ++a)
       for (int j = 0; j < n; ++j)
         J[a][j] = by_both[a][3 + j] - by_both[a][0] * G[0][j] - by_both[a][1] * G[1][j] - by_both[a][2] * G[2][j];
+    normal_matrix(J, rows, weight, H);
+    return true;
+  }
+
+  // Of a rod that carries nothing: there is no moment to eliminate.
+  bool alone(double weight) {
+    inverse_A = identity();
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < n; ++j) G[i][j] = 0.0;
+    for (int a = 0; a < rows; ++a)
+      for (int j = 0; j < n; ++j) J[a][j] = by_both[a][3 + j];
     normal_matrix(J, rows, weight, H);
     return true;
   }
@@ -126,7 +138,7 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
   while (out.iterations < iterations) {
     if (!factored) {
       ++out.iterations;
-      if (!by.eliminate(task, here, weight)) break;
+      if (!by.eliminate(rod, task, here, weight)) break;
       out.at.tip_by_balance = first_columns(here.tip.by.shift) * by.inverse_A;
       out.at.mid_by_balance = first_columns(here.mid_shift) * by.inverse_A;
       factored = true;

@@ -34,13 +34,13 @@ bool track_home(const Homing<K>& homing, const double* start, Vec moment, double
   typename Homing<K>::Point here, there;
   for (int j = 0; j < n; ++j) here.p[j] = std::min(std::max(start[j], limits.lower[j]), limits.upper[j]);
   here.moment = moment;
-  double before[n], last[n], plain[n], d[n], H[n][n], y[9] = {}, size = 0.0;
+  double before[n] = {}, last[n] = {}, plain[n], d[n], H[n][n], y[9] = {}, size = 0.0;
   Sweep<K> at;
   Reduced<K> by;
   out.at.modes = -1;
   for (int step = 1; step <= kTrackSteps; ++step) {
     sweep<K, true>(homing.rod, here.p, here.moment, homing.force, 1.0, homing.elements, at);
-    if (!by.eliminate(homing.task, at, 0.0)) return false;
+    if (!by.eliminate(homing.rod, homing.task, at, 0.0)) return false;
     here.ends = at.ends();
     here.e = here.ends.moment;
     residual(homing.task, here.ends, here.r);
