@@ -1,9 +1,14 @@
 """Play and friction of drives, such as tendons: commands lead them, so that what was asked for arrives.
 
-Play: an axis with the half width r delivers ``command + offset -+ r`` while it moves up or down. The offset
-that is added to commands goes to +r or -r with the last direction of motion and stays at rest, the inverse of
-the play operator (`contid.kinematics.tendon.friction`). Friction in the bends of a tendon robot: the lead of
-`contid.kinematics.tendon.capstan`, for which the sense of sliding of every tendon is kept.
+Play: an axis with the half width r delivers f, which follows the device u only at the edges of the play::
+
+    f = clip(f before, u - r, u + r)        u = command + offset
+
+The offset goes to +r or -r with the sense of motion and stays at rest, so that f is the command. The sense
+turns when the command has come back from f by more than a part of r (`TURN`): answers to a noisy tracker
+would else move the devices by 2 r in every tick. At a turn f is off by up to that part. Friction in the bends
+of a tendon robot: the lead of `contid.kinematics.tendon.capstan`, for which the sense of sliding of every
+tendon is kept.
 
 A turn of direction takes up either at most at the velocity limit of an axis, on top of its motion. Leads are
 part of the robot's state, as replay needs.
@@ -42,17 +47,27 @@ class Lead:
         play: the part that leads play.
         friction: the part that leads friction in the bends, of the tendons.
         slides: sense of sliding of the tendons in the sections.
-        chambers: pressures that the chambers of regulators with hysteresis hold [Pa].
+        senses: of motion of every axis for its play: 1 up, -1 down, 0 before the first motion.
+        delivered: what the axes have behind their play or hysteresis [m or Pa]; empty without any.
     """
 
     added: Actuation = ()
     play: Actuation = ()
     friction: Actuation = ()
     slides: Actuation = ()
-    chambers: Actuation = ()
+    senses: Actuation = ()
+    delivered: Actuation = ()
+
+    def ahead(self, command: Actuation) -> Actuation:
+        """By what the devices are ahead of the axes; empty without a lead."""
+        if not self.delivered:
+            return self.added
+        return tuple([u - f for u, f in zip(led(command, self.added), self.delivered, strict=True)])
 
 
 NO_LEAD: Final = Lead()
+#: Way back that turns the sense of motion, as a part of the half width of the play.
+TURN: Final = 0.1
 #: A step that is rounding, as a share of the greatest: answers to a target that stands differ by 1e-18 m.
 _STILL: Final = 1e-9
 
@@ -75,7 +90,12 @@ def next_lead(
         increments: of the commands in this tick.
         limits: of the axes; their step bounds the change of each part.
     """
-    offsets = taken_up(play, before.play, increments, limits) if play is not None else ()
+    offsets, senses, delivered = before.play, before.senses, before.delivered
+    if play is not None:
+        last = delivered or tuple([new - step for new, step in zip(command, increments, strict=True)])
+        senses = next_senses(play, senses, last, command)
+        offsets = taken_up(play, offsets, senses, increments, limits)
+        delivered = held(play, last, led(command, offsets))
     friction, slides = before.friction, before.slides
     if capstan is not None and (friction or any(increments)):
         slides = capstan.slides(slides, command, increments)
@@ -84,7 +104,24 @@ def next_lead(
     added = offsets or (0.0,) * len(command)
     if friction:
         added = (*[a + b for a, b in zip(added, friction, strict=False)], *added[len(friction) :])
-    return Lead(added, offsets, friction, slides)
+    return Lead(added, offsets, friction, slides, senses, delivered)
+
+
+def next_senses(
+    half_width: Sequence[float], senses: Sequence[float], delivered: Sequence[float], command: Actuation
+) -> Actuation:
+    """Senses of motion after a tick: a sense turns when the command has come back from what was delivered."""
+    after = []
+    for r, sense, f, new in zip(half_width, senses or (0.0,) * len(command), delivered, command, strict=True):
+        gap = new - f
+        turns = gap * sense < -TURN * r if sense else abs(gap) > TURN * r
+        after.append(math.copysign(1.0, gap) if turns else sense)
+    return tuple(after)
+
+
+def held(half_width: Sequence[float], delivered: Sequence[float], devices: Sequence[float]) -> Actuation:
+    """What axes with play deliver after their devices moved: the play operator."""
+    return tuple([min(max(f, u - r), u + r) for r, f, u in zip(half_width, delivered, devices, strict=True)])
 
 
 def together(before: Sequence[float], goal: Sequence[float], limits: Sequence[AxisLimits]) -> Actuation:
@@ -104,6 +141,7 @@ def together(before: Sequence[float], goal: Sequence[float], limits: Sequence[Ax
 def taken_up(
     half_width: Sequence[float],
     offsets: Sequence[float],
+    senses: Sequence[float],
     increments: Sequence[float],
     limits: Sequence[AxisLimits],
 ) -> Actuation:
@@ -112,14 +150,15 @@ def taken_up(
     Args:
         half_width: r of every axis; 0 is none.
         offsets: of the tick before; empty before the first.
+        senses: of motion.
         increments: of the commands in this tick.
         limits: of the axes; their step bounds the change.
     """
     before = offsets or (0.0,) * len(half_width)
     after = []
-    for r, offset, increment, axis in zip(half_width, before, increments, limits, strict=True):
-        still = abs(increment) <= _STILL * axis.step
-        goal = offset if still else math.copysign(r, increment)
+    for r, offset, sense, increment, axis in zip(half_width, before, senses, increments, limits, strict=True):
+        still = sense == 0.0 or abs(increment) <= _STILL * axis.step
+        goal = offset if still else sense * r
         after.append(min(max(goal, offset - axis.step), offset + axis.step))
     return tuple(after)
 

@@ -42,11 +42,11 @@ def next_loop_lead(
     """
     share = -math.expm1(-GAIN_PER_S * period_s)
     added = []
-    leads, chambers = before.play or (0.0,) * len(command), before.chambers or command
+    leads, chambers = before.play or (0.0,) * len(command), before.delivered or command
     for r, x, f, c, axis in zip(half_width, leads, chambers, command, limits, strict=True):
         gap = c - f
         moved = x if abs(gap) <= _MET * r else min(max(x + share * gap, -r), r)
         added.append(min(max(moved, axis.lower - c), axis.upper - c) if r else 0.0)
     ahead = led(command, tuple(added))
     follows = tuple([min(max(f, u - r), u + r) for f, u, r in zip(chambers, ahead, half_width, strict=True)])
-    return Lead(tuple(added), tuple(added), chambers=follows)
+    return Lead(tuple(added), tuple(added), delivered=follows)

@@ -94,7 +94,7 @@ def tick(
                     samples,
                     measurement,
                     load_n,
-                    state.lead.added,
+                    state.lead.ahead(state.command),
                 )
                 state = replace(state, correction=learnt)
             return _follow(config, state, now_s, target)

@@ -76,7 +76,7 @@ def observed(
     samples: tuple[Sample, ...],
     measurement: Measurement | None,
     load_n: Vec3,
-    play: Actuation = (),
+    ahead: Actuation = (),
 ) -> Correction:
     """The correction after this tick.
 
@@ -88,13 +88,13 @@ def observed(
         samples: newest of every axis.
         measurement: newest there is, also an old one.
         load_n: known force on the tip, in the base frame.
-        play: by which the devices lead their axes.
+        ahead: by what the devices are ahead of their axes, for play and friction.
     """
     seen_m, used_s = before.seen_m, before.used_s
     valid = bool(samples) and all(sample.valid and sample.value is not None for sample in samples)
     if measurement is not None and measurement.time_s > used_s and valid:
         actuation = config.transmission.to_actuation(tuple([sample.value or 0.0 for sample in samples]))
-        delivered = led(actuation, tuple([-lead for lead in play]))
+        delivered = led(actuation, tuple([-lead for lead in ahead]))
         model_tip = config.model.forward(delivered, load_n).tip_m
         error_m = _minus(config.frame.point_in_base(measurement.tip_in_world), model_tip)
         if all(map(math.isfinite, error_m)):

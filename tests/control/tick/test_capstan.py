@@ -95,11 +95,11 @@ def both(request: pytest.FixtureRequest) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_the_delivered_bends_are_what_the_model_asked_for(both):
-    """Turns take a few ticks to take up the play, as the velocity allows 0.6 mm per tick."""
+    """Turns come a tenth of the play late, and take a few ticks, as the velocity allows 0.6 mm per tick."""
     led, plain = both
     assert np.median(plain) > 0.05
-    assert np.median(led) < 2e-3 * np.median(plain)
-    assert np.max(led) < 0.03 * np.max(plain)
+    assert np.median(led) < 5e-3 * np.median(plain)
+    assert np.max(led) < 0.06 * np.max(plain)
 
 
 def test_every_tendon_stays_taut_and_below_its_limit(configs):
