@@ -6,10 +6,11 @@
 
 namespace contid {
 
+// The shift is added to the diagonal of a Hessian that is not positive definite, as in Levenberg-Marquardt.
 constexpr double kMinShift = 1e-3;
 constexpr double kMaxShift = 1e12;  // a shift that makes any Hessian of an arm positive definite
 
-// Of |e|^2/2, from central differences of its gradient; the lower triangle.
+// Hessian of |e|^2/2 by the lengths, from central differences of its gradient; the lower triangle.
 inline void hessian(const Feasible& feasible, double ell, const double* lengths, const Goal& goal, double* H) {
   constexpr double kDifference = 1e-5;  // [m]: 1e-10 of truncation, 1e-11 of rounding
   const int n = feasible.size();
@@ -58,7 +59,8 @@ inline bool shifted_factor(const double* H, int n, double& shift, double* whiten
   }
 }
 
-// H d = -gradient, shifted and within the limits, until the steps vanish; returns the error left [m].
+// Takes steps d with H d = -gradient, shifted and within the limits, until they vanish or `most` iterations are done;
+// returns the error left [m].
 inline double settle(const Feasible& feasible, const Tuning& tuning, double* lengths, const Goal& goal, int& iterations,
                      int most) {
   const int n = feasible.size();

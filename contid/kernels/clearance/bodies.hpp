@@ -25,7 +25,7 @@ struct Curve {
   }
 };
 
-// Bounds of a distance; the indices, doubled, of the middles of the nearest pieces.
+// Bounds of a distance [m], and where it is least on either curve: 2 k at point k, 2 k + 1 on the piece after it.
 struct Bounds {
   double lower, upper;
   int at, other_at;

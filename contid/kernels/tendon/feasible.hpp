@@ -1,4 +1,5 @@
 // The bends a tendon robot may take: planes of travel and tension, and a cone per section for its largest bend.
+// Coordinates x are bends times section lengths [m], two per section.
 // Twin and specification: contid/kinematics/tendon/feasible.py, with the definition of each limit.
 #pragma once
 
@@ -17,9 +18,9 @@ using LimitSet = std::bitset<kMaxPlanes + kMaxSections>;
 
 struct Feasible {
   Sections sections;
-  double low[kMaxLengths], high[kMaxLengths];  // a box around the cones
-  double home[kMaxLengths] = {};               // straight
-  double metric[kMaxLengths * kMaxLengths];    // of the distance from home
+  double low[kMaxLengths], high[kMaxLengths];  // a box around the cones [m]
+  double home[kMaxLengths] = {};               // the straight robot
+  double metric[kMaxLengths * kMaxLengths];    // of the distance from home, which redundant robots minimise
   double bend_max[kMaxSections];               // [rad]
   int planes_count = 0;                        // normals . x <= offsets
   double normals[kMaxPlanes][kMaxLengths];
@@ -43,7 +44,7 @@ struct Feasible {
     return sum - offsets[number];
   }
 
-  // L (theta - theta_max)
+  // L (theta - theta_max) [m]
   double bend_excess(const double* x, int s) const {
     return std::hypot(x[2 * s], x[2 * s + 1]) - sections.backbone[s] * bend_max[s];
   }
