@@ -30,3 +30,13 @@ def main() -> NoReturn:
     finally:
         # A further Ctrl-C would only add a traceback: the exit takes milliseconds.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+        _give_up_unwritten_messages()
+
+
+def _give_up_unwritten_messages() -> None:
+    """Messages that stderr did not take do not change the exit code; from Python 3.13 on they would (120)."""
+    if sys.stderr is not None:
+        try:
+            sys.stderr.flush()
+        except (OSError, ValueError):  # full or gone; closed
+            sys.stderr = None

@@ -16,6 +16,9 @@ from benchmarks.flat import Look, slope_of
 from benchmarks.on_sigterm import EXIT_CODE
 from benchmarks.soak_lab import robot_file
 from contid.robot_file.load import parse_robot_file
+from tests.support.rights import real_time_permitted
+
+pytestmark = pytest.mark.realtime
 
 MINUTES = float(os.environ.get("CONTID_SOAK_MINUTES", "0.1"))
 
@@ -58,6 +61,7 @@ def test_the_laboratory_is_on_wires_only() -> None:
     assert len(loaded.buses) == len({bus.options.port for bus in loaded.buses.values()}) == 4  # type: ignore[attr-defined]  # both drivers have it
 
 
+@pytest.mark.skipif(not real_time_permitted(), reason="a soak needs the right to real-time priority")
 def test_some_of_it(capfd: pytest.CaptureFixture[str]) -> None:
     code = soak.soak(MINUTES, every_s=1.0, viewer_s=3.0)
     printed = capfd.readouterr().out
