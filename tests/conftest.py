@@ -108,7 +108,7 @@ async def no_tasks_left() -> AsyncIterator[None]:
 # A virtual machine that stands still for a tenth of a second looks exactly like a dead bus, so `realtime`
 # tests may be tried three times. `pytest_sessionfinish` limits how many need it.
 # A stall often lasts longer than the start of the next try, hence the delay.
-RERUNS = 2
+RERUNS = 3
 RERUN_DELAY_S = 3
 
 
