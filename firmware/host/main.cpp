@@ -192,16 +192,20 @@ void run_loop(Shared& shared, Port& port, bool reset_on_open) {
     }
     struct pollfd look = {port.fd(), POLLIN, 0};
     poll(&look, 1, 20);
+    uint8_t bytes[512];
+    const ssize_t count = read(port.fd(), bytes, sizeof bytes);
+    // Asked again after the read: bytes of a host that opened the port meanwhile came before the reset, too.
+    poll(&look, 1, 0);
     const bool open_now = (look.revents & POLLHUP) == 0;
-    if (open_now && !open_before && reset_on_open) {
+    const bool opened = open_now && !open_before;
+    open_before = open_now;
+    if (opened && reset_on_open) {
       std::lock_guard<std::mutex> masked(shared.interrupts);
       shared.machine->reset(contid::ResetCause::PIN);
       tcflush(port.fd(), TCIOFLUSH);
+      continue;
     }
-    open_before = open_now;
     if (!open_now) usleep(500);
-    uint8_t bytes[512];
-    const ssize_t count = read(port.fd(), bytes, sizeof bytes);
     if (count <= 0) continue;
     std::vector<uint8_t> reply;
     std::lock_guard<std::mutex> masked(shared.interrupts);

@@ -112,6 +112,19 @@ def motor_dialogue() -> Iterator[tuple[str, ...]]:
     yield ask(Type.PARK, messages.park(crc, [0], parked=True))
     yield ask(Type.ARM, messages.masked(crc, [0]))
     yield ask(Type.PARK, messages.park(crc, [0], parked=True))
+    yield (
+        "#",
+        "a configuration without a channel of the one before, which only counts; then with it",
+    )
+    yield ask(Type.STOP, messages.stop([0, 3], RestCode.RELAX))
+    yield ask(Type.CLEAR, messages.masked(crc, [0, 3]))
+    yield ask(Type.CONFIGURE, config("motor", {"channel": "m0"})[0])
+    yield ("count", "3", "500")
+    yield ("tick", "20")
+    yield ask(Type.DEMAND, messages.demand(config("motor", {"channel": "m0"})[1], 500, {}))
+    yield ask(Type.CONFIGURE, body)
+    yield ("tick", "1")
+    yield ask(Type.DEMAND, messages.demand(crc, 521, {}))
 
 
 def pressure_dialogue() -> Iterator[tuple[str, ...]]:
@@ -142,6 +155,15 @@ def pressure_dialogue() -> Iterator[tuple[str, ...]]:
     yield ask(Type.DEMAND, messages.demand(crc, 526, {}))
     yield ("tick", "600")
     yield ask(Type.DEMAND, messages.demand(crc, 726, {}))
+    yield ("#", "a configuration without a channel of the one before, then with it again")
+    alone, crc_alone = config("pressure", {"channel": "p0", **regulator})
+    yield ask(Type.CONFIGURE, alone)
+    yield ("analog", "5", "900")
+    yield ("tick", "20")
+    yield ask(Type.DEMAND, messages.demand(crc_alone, 1326, {}))
+    yield ask(Type.CONFIGURE, body)
+    yield ("tick", "1")
+    yield ask(Type.DEMAND, messages.demand(crc, 1346, {}))
 
 
 def patched(body: bytes, at: int, value: int) -> bytes:

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from contid.control.tick.limits import AxisLimits
-from contid.control.tick.play import Lead, led
+from contid.control.tick.play import Lead, held, led
 from contid.targets import Actuation
 
 GAIN_PER_S: Final = 8.0
@@ -48,5 +48,4 @@ def next_loop_lead(
         moved = x if abs(gap) <= _MET * r else min(max(x + share * gap, -r), r)
         added.append(min(max(moved, axis.lower - c), axis.upper - c) if r else 0.0)
     ahead = led(command, tuple(added))
-    follows = tuple([min(max(f, u - r), u + r) for f, u, r in zip(chambers, ahead, half_width, strict=True)])
-    return Lead(tuple(added), tuple(added), delivered=follows)
+    return Lead(tuple(added), tuple(added), delivered=held(half_width, chambers, ahead))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import signal
 import subprocess
 import threading
 from collections.abc import Iterator, Sequence
@@ -29,6 +30,8 @@ LINE_FAULTS: Final = ("garbage", "mute", "supply_low")
 BOARD_FAULTS: Final = ("reset", "brown_out", "power_cycle", "freeze", "unplug", "plug")
 #: Distance of the emulated end stops beyond the travel.
 _STOP_MARGIN_DEG: Final = 30.0
+#: Signals of a program's own faults; others come from outside.
+CRASHES: Final = (signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGSEGV)
 #: Polling interval of the control file.
 _FOLLOW_S: Final = 0.02
 
@@ -132,7 +135,7 @@ class DueEmulator:
         )
         assert self._process.stdout is not None
         if self._process.stdout.readline().strip() != "ready":
-            self.__exit__()
+            self._end()
             raise self._port_error()
         return self
 
@@ -141,13 +144,24 @@ class DueEmulator:
         return DeviceError("due emulator", f"cannot make a pty at {self.port}", remedy)
 
     def __exit__(self, *_: object) -> None:
-        """End the board and remove its link."""
+        """End the board and remove its link.
+
+        Raises:
+            DeviceError: the firmware crashed, which its host saw as a lost port.
+        """
+        code = self._end()
+        if -code in CRASHES:
+            fault = signal.Signals(-code).name
+            why = f"the firmware of the emulated board at {self.port} crashed with {fault}"
+            raise DeviceError("due emulator", why, "please report it")
+
+    def _end(self) -> int:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         with contextlib.suppress(BrokenPipeError):
             self._process.stdin.close()
         self._process.stdout.close()
-        self._process.wait(timeout=10)
+        return self._process.wait(timeout=10)
 
     def command(self, line: str) -> str:
         """Send one command of firmware/host/README.md; return its answer."""

@@ -63,9 +63,18 @@ def run_ticks(
         tail: ticks that the soft end needs.
         corners: called when the tick before its first sample has been computed.
     """
+    length = (trajectory.end_s - trajectory.start_s) * rate_hz
+    lead, tail = fitted(lead, length), fitted(tail, length)
+    last = len(trajectory) - 1
+
+    def at(number: int, ticks: int) -> Tick:
+        time_s = trajectory.start_s + played(number, length, lead, tail) / rate_hz
+        return Tick(number, ticks, time_s, min(trajectory.row_at(time_s) + 1, last))
+
+    over = length + 0.5 * (lead + tail)
+    samples = _sampled(trajectory, rate_hz, over, range(lead, math.ceil(over - tail)), at)
     block: list[Tick] = []
-    at = _clock(trajectory, rate_hz, lead, tail)
-    for tick in _sampled(trajectory, rate_hz, lead, tail):
+    for tick in samples:
         if tick.ticks > 1:
             block.append(tick)
             continue
@@ -76,31 +85,25 @@ def run_ticks(
     yield from block
 
 
-def _clock(trajectory: Trajectory, rate_hz: float, lead: int, tail: int) -> Callable[[int, int], Tick]:
-    length = (trajectory.end_s - trajectory.start_s) * rate_hz
-    lead, tail = fitted(lead, length), fitted(tail, length)
-    last = len(trajectory) - 1
+def _sampled(
+    trajectory: Trajectory, rate_hz: float, over: float, even: range, at: Callable[[int, int], Tick]
+) -> Iterator[Tick]:
+    """Without regard to corners.
 
-    def at(number: int, ticks: int) -> Tick:
-        time_s = trajectory.start_s + played(number, length, lead, tail) / rate_hz
-        return Tick(number, ticks, time_s, min(trajectory.row_at(time_s) + 1, last))
-
-    return at
-
-
-def _sampled(trajectory: Trajectory, rate_hz: float, lead: int, tail: int) -> Iterator[Tick]:
-    """Without regard to corners."""
-    length = (trajectory.end_s - trajectory.start_s) * rate_hz
-    lead, tail = fitted(lead, length), fitted(tail, length)
-    over = length + 0.5 * (lead + tail)
+    Args:
+        trajectory: to be played.
+        rate_hz: of the tick.
+        over: ticks of the run.
+        even: numbers of the ticks at full pace.
+        at: the tick of a number, and of ticks since the one before.
+    """
     edge = math.ceil(EDGE_S * rate_hz)
-    at = _clock(trajectory, rate_hz, lead, tail)
     n, step = 0, 1
     while n < over:
         tick = at(n, step)
         yield tick
         step = 1
-        if lead <= n < over - tail:
+        if n in even:
             before = (tick.time_s - trajectory.time_of_row(tick.row - 1)) * rate_hz
             ahead = (trajectory.time_of_row(tick.row) - tick.time_s) * rate_hz
             if before >= edge and ahead > 2 * edge:

@@ -19,6 +19,8 @@ class Motor {
   // `power_up` sets the count once after a start; a later configuration keeps the count. One that changes what the
   // count means loses the position.
   void configure(const MotorConfig& config);
+  // The channel is not part of the configuration any more: counts only.
+  void unconfigure() { config_ = nullptr; }
   void sense(int32_t raw_count, int32_t raw_analog, uint32_t raw_missed);
 
   // Each of these ends a homing that is under way: its speed, its duty limit and its watches go with it.

@@ -48,6 +48,9 @@ Verdict Board::configure(Reader& in) {
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((config_.mask & (1u << i)) == 0) {
       channel_[i] = Channel{State::OFF, Reason::NONE, Rest::RELAX};
+      // Its former configuration is zeros now.
+      motor_[i].unconfigure();
+      regulator_[i].unconfigure();
       continue;
     }
     // A latched channel stays latched until clear.

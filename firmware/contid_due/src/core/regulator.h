@@ -10,6 +10,8 @@ namespace contid {
 class Regulator {
  public:
   void configure(const RegulatorConfig& config);
+  // The channel is not part of the configuration any more: reads only.
+  void unconfigure() { config_ = nullptr; }
   void sense(int32_t raw_analog);
 
   void arm();
