@@ -15,7 +15,7 @@ from contid.api.arguments import ArgumentError, as_rows, as_values
 from contid.api.described import DescribedRobots
 from contid.api.placed import PlacedRows
 from contid.api.plot import draw_backbones, draw_points, new_axes
-from contid.api.records import Records, records
+from contid.api.records import Records, records, renamed
 from contid.api.row_arguments import RowArguments
 from contid.api.workspace import Workspace, planar_workspace, spatial_workspace
 from contid.kinematics.array import Array
@@ -176,14 +176,19 @@ class Robot(DescribedRobots):
             raise ArgumentError(f"seed={seed!r}; allowed: an array, None, 'previous'")
         seeds = self._rows.seeds(None if follow else seed, shape)
         answers = inverse_many(self._model, tasks, seeds, chained=follow)
-        found, quantity = answers.rows, self.description.quantity
-        return records(
+        # The answers' own memory: a million rows are 70 MB.
+        found = answers.rows
+        self.units.change_from_si(found["actuation"], self.description.quantity)
+        self.units.change_from_si(found["residual_m"])
+        found["limited_by"] = self._bits.translated(answers)
+        return renamed(
+            found,
             shape,
-            actuation=self.units.from_si(found["actuation"], quantity),
-            residual=self.units.from_si(found["residual_m"]),
-            converged=found["converged"],
-            limited_by=self._bits.translated(answers),
-            iterations=found["iterations"],
+            actuation="actuation",
+            residual="residual_m",
+            converged="converged",
+            limited_by="limited_by",
+            iterations="iterations",
         )
 
     def jacobian(self, actuation: ArrayLike, *, load: ArrayLike | None = None) -> Array:

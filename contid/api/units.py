@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from contid.kinematics.array import Array
 from contid.robot_file.base import Quantity
 from contid.units import MM_PER_M
@@ -41,6 +43,11 @@ class Units:
         """Values in m or Pa for a caller, rounded as those of a file."""
         return values if self.si else _from_si(values, quantity)
 
+    def change_from_si(self, values: Array, quantity: Quantity = Quantity.LENGTH) -> None:
+        """`from_si` in place."""
+        if not self.si:
+            _from_si(values, quantity, out=values)
+
     def scale(self, quantity: Quantity = Quantity.LENGTH) -> float:
         """Caller's units per m or Pa, for derivatives."""
         return 1.0 if self.si else quantity.per_si
@@ -51,5 +58,7 @@ def _to_si(values: Array, quantity: Quantity) -> Array:
     return values / MM_PER_M if quantity is Quantity.LENGTH else values * quantity.edge_si[1]
 
 
-def _from_si(values: Array, quantity: Quantity) -> Array:
-    return values * MM_PER_M if quantity is Quantity.LENGTH else values / quantity.edge_si[1]
+def _from_si(values: Array, quantity: Quantity, out: Array | None = None) -> Array:
+    if quantity is Quantity.LENGTH:
+        return np.multiply(values, MM_PER_M, out=out)
+    return np.divide(values, quantity.edge_si[1], out=out)

@@ -16,13 +16,14 @@ class Homing {
 
   // From lengths near the target, in place; returns the error left [m], above the tolerance when it is not met.
   // `avoid`: obstacles whose potential is added to the distance from home; may be null.
-  double run(const Feasible& feasible, double* lengths, const Goal& goal, int& iterations,
+  // `begun`: the task at the lengths.
+  double run(const Feasible& feasible, const Task& begun, double* lengths, const Goal& goal, int& iterations,
              const Avoid* avoid = nullptr) const {
     const int n = feasible.size();
     const Tuning& t = tuning_;
     Task tasks[2];
     int now = 0;
-    tasks[0].evaluate(feasible.sections, t.ell, lengths, goal);
+    tasks[0] = begun;
     double metric[kMaxLengths * kMaxLengths], last_step = kInfinity, stiffness = 0.0;
     bool curved = false;  // the metric has the curvature of task and cones
     bool fresh = false;   // at these lengths

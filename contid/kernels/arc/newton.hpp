@@ -60,42 +60,38 @@ inline bool shifted_factor(const double* H, int n, double& shift, double* whiten
 }
 
 // Takes steps d with H d = -gradient, shifted and within the limits, until they vanish or `most` iterations are done;
-// returns the error left [m].
-inline double settle(const Feasible& feasible, const Tuning& tuning, double* lengths, const Goal& goal, int& iterations,
-                     int most) {
+// returns the error left [m]. `here`: the task at the lengths, before and after.
+inline double settle(const Feasible& feasible, const Tuning& tuning, Task& here, double* lengths, const Goal& goal,
+                     int& iterations, int most) {
   const int n = feasible.size();
-  Task tasks[2];
-  int now = 0;
-  tasks[0].evaluate(feasible.sections, tuning.ell, lengths, goal);
+  Task next;
   double shift = 0.0, H[kMaxLengths * kMaxLengths], whiten[kMaxLengths * kMaxLengths];
   for (int iteration = 0; iteration < most; ++iteration) {
     ++iterations;
-    const Task& task = tasks[now];
     double push[kMaxLengths];
-    task.gradient(n, push);
+    here.gradient(n, push);
     for (int i = 0; i < n; ++i) push[i] = -push[i];
     hessian(feasible, tuning.ell, lengths, goal, H);
     stiffen(feasible, lengths, push, H);
-    if (!shifted_factor(H, n, shift, whiten)) return task.error;
+    if (!shifted_factor(H, n, shift, whiten)) return here.error;
     double d[kMaxLengths], trial[kMaxLengths];
     std::memcpy(d, push, sizeof d);
     solve_lower(whiten, n, kMaxLengths, d);
     solve_upper(whiten, n, kMaxLengths, d);
     bounded_step(whiten, lengths, feasible, nullptr, 0, 0.0, d);
     const double step = moved(feasible, lengths, d, trial);
-    Task& next = tasks[1 - now];
     next.evaluate(feasible.sections, tuning.ell, trial, goal);
-    if (next.error >= task.error) {
-      if (step < 1e-8) return task.error;
+    if (next.error >= here.error) {
+      if (step < 1e-8) return here.error;
       shift = std::max(4.0 * shift, kMinShift);
       continue;
     }
     std::memcpy(lengths, trial, n * sizeof(double));
-    now = 1 - now;
-    if (next.error <= tuning.tolerance || step < 1e-9) return next.error;
+    here = next;
+    if (here.error <= tuning.tolerance || step < 1e-9) return here.error;
     shift = shift > kMinShift ? 0.25 * shift : 0.0;
   }
-  return tasks[now].error;
+  return here.error;
 }
 
 }  // namespace contid

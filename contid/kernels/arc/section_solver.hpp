@@ -65,13 +65,14 @@ class SectionSolver {
     std::memcpy(trial, seed, n * sizeof(double));
     feasible().pull(trial);
     std::memcpy(begun, trial, n * sizeof(double));
-    const double away = descent_.error(trial, goal);
-    if (!(away < kMaxError)) {  // NaN included
+    Task task;
+    descent_.evaluate(trial, goal, task);
+    if (!(task.error < kMaxError)) {  // NaN included
       std::memcpy(out.lengths, trial, n * sizeof(double));
-      out.residual = away;
+      out.residual = task.error;
       return finish(out);
     }
-    out.residual = descent_.run(trial, goal, out.iterations, nullptr, settling(goal));
+    out.residual = descent_.run_from(task, trial, goal, out.iterations, nullptr, settling(goal));
     out.starts = 1;
     std::memcpy(out.lengths, trial, sizeof trial);
     if (out.residual > tuning().tolerance) {
@@ -109,9 +110,11 @@ class SectionSolver {
     double begun[kMaxLengths];
     std::memcpy(begun, seed, n * sizeof(double));
     feasible().pull(begun);
-    if (!(descent_.error(begun, goal) < kMaxError)) return false;
+    Task task;
+    descent_.evaluate(begun, goal, task);
+    if (!(task.error < kMaxError)) return false;
     std::memcpy(out.lengths, begun, sizeof begun);
-    out.residual = descent_.run(out.lengths, goal, out.iterations, &avoid_);
+    out.residual = descent_.run_from(task, out.lengths, goal, out.iterations, &avoid_);
     out.starts = 1;
     const bool met = out.residual <= tuning().tolerance;
     if (met && avoid_.clear(feasible().sections, out.lengths)) return true;
