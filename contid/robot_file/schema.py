@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from inspect import cleandoc
 from typing import Any, Final, TypeAlias
 
 from pydantic import BaseModel
@@ -80,13 +81,13 @@ def meanings(kind: type[BaseModel]) -> dict[str, str]:
     """Meaning of each key, from the ``Attributes`` of a class and of its bases."""
     found: dict[str, str] = {}
     for each in reversed(kind.__mro__):
-        _, _, section = (each.__dict__.get("__doc__") or "").partition("Attributes:\n")
+        _, _, section = cleandoc(each.__dict__.get("__doc__") or "").partition("Attributes:\n")
         names: list[str] = []
         for line in section.splitlines():
             text = line.strip()
             entry = re.match(r"([a-z][a-z0-9_]*(?:, [a-z][a-z0-9_]*)*): (.*)", text)
             indent = len(line) - len(line.lstrip())
-            if entry and indent <= 8:
+            if entry and indent <= 4:
                 names = entry[1].split(", ")
                 found.update(dict.fromkeys(names, entry[2]))
             elif text and names:
