@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from contid.kinematics.model import build_model
@@ -15,18 +17,27 @@ FIXED_BAR = 1e-6
 NEAR_REST = 0.12
 
 
-def moves(share: float, directed: bool, load_n: float, cases: int, seed: int = 16) -> tuple[int, list[float]]:
-    """Targets not met, and how far each other answer moves when solved again [bar]."""
+def moves(
+    share: float, directed: bool, load_n: float, cases: int | Iterable[int], seed: int = 16
+) -> tuple[int, list[float]]:
+    """Targets not met, and how far each other answer moves when solved again [bar].
+
+    Args:
+        cases: how many to draw, or the numbers of those to solve.
+    """
     (robot,) = load_named("stiffflop2").file.robots.values()
     model = build_model(robot)
     low, high = np.array(model.lower), np.array(model.upper)
     rng = np.random.default_rng(seed)
     load = (0.0, 0.0, load_n)
     missed, moved = 0, []
-    for _ in range(cases):
+    chosen = set(range(cases) if isinstance(cases, int) else cases)
+    for case in range(max(chosen) + 1):
         pressures, start = (
             tuple((low + rng.uniform(0.0, share, len(low)) * (high - low)).tolist()) for _ in range(2)
         )
+        if case not in chosen:
+            continue
         pose = model.forward(pressures, load)
         target = Target(pose.tip_m, pose.direction if directed else None, load_n=load)
         first = model.inverse(target, start)

@@ -19,24 +19,25 @@ Found<K> search_settled(const Rod<K>& rod, const Task& task, Vec tip_force, cons
     for (int i = 0; i < n; ++i) most = std::fmax(most, std::fabs(o.pressures[i] - from[i]));
     return most;
   };
-  // True when the arm gets from the seed to an equilibrium on a straight path.
-  const auto reached = [&](const Outcome<K>& o) {
+  // True when the arm gets from the seed to an equilibrium on a straight path, with the elements of that equilibrium.
+  const auto reached = [&](const Found<K>& answer) {
     if (!loaded<K>(rod, tip_force)) return true;
     double from[n];
     std::copy(seed, seed + n, from);
     clamp<K>(limits, from);
     Vec moment;
     Judged at;
-    if (equilibrium<K>(rod, from, tip_force, settings.elements, moment, at) < 1.0) return true;
-    return follow<K>(rod, {from, tip_force, 1.0}, {o.pressures, tip_force, 1.0}, settings.elements, moment, at) ==
-               1.0 &&
-           norm(moment - o.moment) <= kSamePose * load_scale<K>(rod, tip_force);
+    if (equilibrium<K>(rod, from, tip_force, answer.elements, moment, at) < 1.0) return true;
+    const Outcome<K>& there = answer.outcome;
+    const double done =
+        follow<K>(rod, {from, tip_force, 1.0}, {there.pressures, tip_force, 1.0}, answer.elements, moment, at);
+    return done == 1.0 && norm(moment - there.moment) <= kSamePose * load_scale<K>(rod, tip_force);
   };
   for (int ask = 0; ask < kAsks && found.outcome.met && found.stable && moved(found.outcome, seed) > kTracking; ++ask) {
     Found<K> again = search<K>(rod, task, tip_force, limits, found.outcome.pressures, settings);
     found.iterations += again.iterations;
     if (!again.outcome.met || !again.stable || moved(again.outcome, found.outcome.pressures) <= kStays) break;
-    if (!reached(again.outcome)) break;
+    if (!reached(again) && reached(found)) break;
     again.iterations = found.iterations;
     found = again;
   }

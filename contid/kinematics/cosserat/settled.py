@@ -44,7 +44,7 @@ def search_settled(problem: Problem, seed: Array, error: float = np.inf) -> Foun
             or _moved(again.outcome, found.outcome.pressures) <= STAYS
         ):
             break
-        if not _reached(problem, seed, again.outcome):
+        if not _reached(problem, seed, again) and _reached(problem, seed, found):
             break
         found = replace(again, iterations=spent)
     return found
@@ -54,10 +54,14 @@ def _moved(outcome: RodSolution, seed: Array) -> float:
     return float(np.abs(outcome.pressures - seed).max())
 
 
-def _reached(problem: Problem, seed: Array, outcome: RodSolution) -> bool:
-    """True when the arm gets from the seed to an equilibrium on a straight path."""
+def _reached(problem: Problem, seed: Array, found: Found) -> bool:
+    """True when the arm gets from the seed to an equilibrium on a straight path.
+
+    Computed with the elements of that equilibrium: with fewer the same pressures hold another pose.
+    """
     if problem.loads.none:
         return True
+    finer = replace(problem, elements=found.elements)
     here = np.clip(seed, problem.limits.lower, problem.limits.upper)
-    present = equilibrium(problem.rod, here, problem.loads, problem.elements)
-    return present.done < 1.0 or reaches(problem, here, present.base_moment, outcome)[0]
+    present = equilibrium(problem.rod, here, problem.loads, finer.elements)
+    return present.done < 1.0 or reaches(finer, here, present.base_moment, found.outcome)[0]
