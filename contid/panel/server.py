@@ -17,9 +17,10 @@ from contid.errors import ContidError
 from contid.panel.access import LOOPBACK_NAMES, Access, is_loopback
 from contid.panel.app import PanelApp
 from contid.panel.limits import MAX_HEADER, MAX_MESSAGE, PanelHttp
+from contid.panel.priority import before_clients
 
-#: Nice value where it is permitted: STOP passes through here, and at 5 it waited for clients that flood the
-#: daemon, up to 100 ms. The daemon is at -10, the control process in real time.
+#: Nice value where it is permitted, below `contid.panel.priority`: at 5 a STOP waited for clients that flood
+#: the daemon, up to 100 ms. The daemon is at -10, the control process in real time.
 NICE: Final = -5
 #: Tried first, so that a bookmark of the tunnel stays right; another free port when it is taken.
 DEFAULT_PORT: Final = 8421
@@ -121,12 +122,13 @@ def serve(settings: PanelSettings, on_ready: Callable[[str], None]) -> None:
 
 
 async def _serve(server: uvicorn.Server, listener: socket.socket, on_ready: Callable[[], None]) -> None:
-    serving = asyncio.create_task(server.serve(sockets=[listener]))
-    while not server.started and not serving.done():
-        await asyncio.sleep(0.01)
-    if not serving.done():
-        on_ready()
-    await serving
+    with before_clients(asyncio.get_running_loop()):
+        serving = asyncio.create_task(server.serve(sockets=[listener]))
+        while not server.started and not serving.done():
+            await asyncio.sleep(0.01)
+        if not serving.done():
+            on_ready()
+        await serving
 
 
 def _names(settings: PanelSettings) -> frozenset[str]:

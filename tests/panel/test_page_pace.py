@@ -64,12 +64,6 @@ def test_the_pause_grows_with_what_images_take_and_ends_with_it(idle: Page) -> N
     assert pauses == [0, 4 * 3 * 40, 4 * 3 * 80, 2000, 0]
 
 
-def test_a_change_of_state_waits_for_the_image_that_is_drawn_only(idle: Page) -> None:
-    assert paced(idle, "image(16); image(80); return [pace.wait(), pace.wait(true)]") == [960, 0]
-    drawn = "image(16); image(80); later(960); pace.begin(); return [pace.wait(), pace.wait(true)]"
-    assert paced(idle, drawn) == [2000, 2000]
-
-
 def test_images_that_never_come_are_given_up(idle: Page) -> None:
     work = (
         "image(16); image(80); later(960); pace.begin(); later(2000); const first = pace.wait();"

@@ -8,12 +8,14 @@ import itertools
 import json
 import random
 import socket
+from contextlib import AsyncExitStack
 from typing import Any, cast
 
 import pytest
 
 from contid.remote.server.connection import Connection, Subscription
 from contid.remote.server.request_handler import RequestHandler
+from contid.remote.server.turns import Turns
 
 
 class FailingHandler:
@@ -56,12 +58,13 @@ def test_a_stop_is_obeyed_when_it_arrives_and_again_in_its_order(parts: int) -> 
     async def order() -> list[str]:
         server, client = socket.socketpair()
         client.setblocking(False)
-        handler, turns = OrderHandler(), asyncio.Lock()
+        handler, turns = OrderHandler(), Turns()
         connection = Connection(1, cast(RequestHandler, handler), turns)
         loop = asyncio.get_running_loop()
         await loop.connect_accepted_socket(lambda: connection.receiver, server)
         run = asyncio.create_task(connection.run())
-        await turns.acquire()
+        other = AsyncExitStack()
+        await other.enter_async_context(turns.turn(more_wait=False))
         size = -(-len(lines) // parts)
         for begin in range(0, len(lines), size):
             await loop.sock_sendall(client, lines[begin : begin + size])
@@ -69,7 +72,7 @@ def test_a_stop_is_obeyed_when_it_arrives_and_again_in_its_order(parts: int) -> 
         while not handler.got:
             await asyncio.sleep(0)
         before = list(handler.got)
-        turns.release()
+        await other.aclose()
         while "estop" not in handler.got:
             await asyncio.sleep(0)
         client.close()
@@ -85,7 +88,7 @@ def test_a_request_that_fails_with_any_error_is_answered(caplog: pytest.LogCaptu
     async def ask() -> list[dict[str, Any]]:
         server, client = socket.socketpair()
         client.setblocking(False)
-        connection = Connection(1, cast(RequestHandler, FailingHandler()), asyncio.Lock())
+        connection = Connection(1, cast(RequestHandler, FailingHandler()), Turns())
         loop = asyncio.get_running_loop()
         await loop.connect_accepted_socket(lambda: connection.receiver, server)
         run = asyncio.create_task(connection.run())

@@ -14,8 +14,8 @@ import click
 )
 def command(number: int | None, write: str | None) -> None:
     """Print cause, reaction and remedy of a fault; without NUMBER, the table of all."""
+    from contid.cli.support import docs_pages
     from contid.control.tick.faults import PAGES, markdown
-    from contid.remote.server import docs_pages
 
     if write is not None:
         for path in docs_pages.write(Path(write)):

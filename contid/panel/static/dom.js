@@ -30,13 +30,20 @@ export function shown(value, decimals = 1) {
   return (Number(text) === 0 ? (0).toFixed(decimals) : text).replace("-", "−");
 }
 
-/** A message that goes away. */
+const leaving = new WeakMap();
+
+/** A message that goes away; one that is shown already stays longer. */
 export function toast(text, kind = "info") {
-  const item = h("div", { className: `toast ${kind}` }, text);
   const list = byId("toasts");
-  while (list.children.length > 2) list.firstChild.remove();
-  list.append(item);
-  setTimeout(() => item.remove(), kind === "error" ? 9000 : 4000);
+  const className = `toast ${kind}`;
+  let item = [...list.children].find((each) => each.className === className && each.textContent === text);
+  if (item) clearTimeout(leaving.get(item));
+  else {
+    item = h("div", { className }, text);
+    while (list.children.length > 2) list.firstChild.remove();
+    list.append(item);
+  }
+  leaving.set(item, setTimeout(() => item.remove(), kind === "error" ? 9000 : 4000));
 }
 
 /** Ask before an order that undoes what another person did. */

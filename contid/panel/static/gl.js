@@ -22,19 +22,26 @@ void main() {
 /** Programs that draw in place of a graphics card. */
 const PROGRAMS = /swiftshader|llvmpipe|softpipe|basic render|software/i;
 
+/** True when a program draws: asked of a canvas of its own, as the real one is made once, with or without smooth edges. */
+function software() {
+  const gl = document.createElement("canvas").getContext("webgl", { failIfMajorPerformanceCaveat: true });
+  if (gl === null) return true;
+  // A browser that was started with a program as its graphics card sees no caveat.
+  const names = gl.getExtension("WEBGL_debug_renderer_info");
+  const found = PROGRAMS.test(gl.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return found;
+}
+
 export class Renderer {
   constructor(canvas) {
     this.canvas = canvas;
-    const wishes = { antialias: true, alpha: true, premultipliedAlpha: false };
+    const drawnByProgram = software();
     // Without a graphics card: plainer images, and fewer (`Pace`).
-    let gl = canvas.getContext("webgl", { ...wishes, failIfMajorPerformanceCaveat: true });
-    this.plain = gl === null;
-    gl ??= canvas.getContext("webgl", { ...wishes, antialias: false });
+    const gl = canvas.getContext("webgl", { antialias: !drawnByProgram, alpha: true, premultipliedAlpha: false });
     if (gl === null) throw new Error("this browser has no WebGL");
     this.gl = gl;
-    // A browser that was started with a program as its graphics card sees no caveat.
-    const names = gl.getExtension("WEBGL_debug_renderer_info");
-    this.software = this.plain || PROGRAMS.test(gl.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
+    this.software = drawnByProgram;
     this.program = this.link();
     this.place = Object.fromEntries(["viewProjection", "offset", "scale", "color", "lit", "eye", "flip"].map((name) => [name, gl.getUniformLocation(this.program, name)]));
     this.position = gl.getAttribLocation(this.program, "position");
@@ -72,7 +79,7 @@ export class Renderer {
 
   begin(camera) {
     const { gl, canvas } = this;
-    const ratio = this.plain ? 1 : Math.min(devicePixelRatio, 2);
+    const ratio = this.software ? 1 : Math.min(devicePixelRatio, 2);
     const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     gl.viewport(0, 0, width, height);

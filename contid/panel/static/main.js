@@ -42,15 +42,16 @@ const handlers = {
   frame: (message) => {
     page.lastFrame = performance.now();
     plots.add(message.t_s, message.robots);
-    // Everything that changes is drawn together: an image costs the same, whatever part of it is new.
     const states = [link.mine, ...Object.values(message.robots).map((robot) => robot.state)].join();
-    if (pace.wait(states !== page.states) > 0) return;
+    const drawn = pace.wait() === 0;
+    if (!drawn && states === page.states) return;
     page.states = states;
-    pace.begin();
     for (const [name, robot] of Object.entries(message.robots)) cards.get(name)?.frame(robot);
+    showStatus();
+    if (!drawn) return; // a new state is written at once; the rest follows with the next image
+    pace.begin();
     view.frame(message);
     plots.show(message.t_s);
-    showStatus();
     events.show();
   },
   status: (message) => {

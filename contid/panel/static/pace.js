@@ -28,11 +28,11 @@ export class Pace {
     return Math.min(Math.max(SHARE * this.cost, this.software ? SOFTWARE_MS : 0), LONGEST_MS);
   }
 
-  /** Until the next image may begin [ms]; an urgent one waits for the last one only. */
-  wait(urgent = false) {
+  /** Until the next image may begin [ms]. */
+  wait() {
     const now = this.clock();
     if (this.measuring) return this.pause === 0 && now < this.began + QUICK_MS ? 0 : Math.max(this.began + LONGEST_MS - now, 0);
-    return urgent ? 0 : Math.max(this.ended + this.pause - now, 0);
+    return Math.max(this.ended + this.pause - now, 0);
   }
 
   /** Something changed that the next image has: measures what that costs, unless an image is being measured. */

@@ -1,9 +1,10 @@
 """One client connection: requests in, responses and telemetry out.
 
 Requests start in their order; a long one does not delay the next, so a stop after a large trajectory is
-carried out at once. Of all clients together one request starts per turn of the event loop; orders to stop and
-other short requests of `PROMPT` wait for no turn. An emergency stop is recognised before its line is parsed
-(`contid.remote.protocol.estop_line`) and obeyed when it arrives (`contid.remote.server.line_receiver`).
+carried out at once. Of all clients together one request starts per turn of the event loop
+(`contid.remote.server.turns`); orders to stop and other short requests of `PROMPT` wait for no turn. An
+emergency stop is recognised before its line is parsed (`contid.remote.protocol.estop_line`) and obeyed when
+it arrives (`contid.remote.server.line_receiver`).
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from contid.remote.protocol.wire import Code, Fields, RemoteError, decode, encod
 from contid.remote.server.line_receiver import LineReceiver
 from contid.remote.server.outbox import Outbox
 from contid.remote.server.request_handler import RequestHandler
+from contid.remote.server.turns import Turns
 
 #: Requests of one client in progress; more wait in its socket.
 MAX_PENDING: Final = 32
@@ -86,10 +88,10 @@ class Connection:
         self,
         number: int,
         handler: RequestHandler,
-        turns: asyncio.Lock,
+        turns: Turns,
         role: ClientRole = ClientRole.ALL,
     ) -> None:
-        """Serve a client; the lock ``turns`` is shared by all connections."""
+        """Serve a client; ``turns`` are those of all connections."""
         self.number = number
         self.name = f"client {number}"
         self.by = ""
@@ -179,7 +181,7 @@ class Connection:
         elif len(line) <= PROMPT_BYTES and _verb(line) in PROMPT:
             await self._start(self._pending, line)
         else:
-            async with self._turns:
+            async with self._turns.turn(more_wait=bool(self.receiver.lines)):
                 await self._start(self._pending, line)
 
     async def _start(self, pending: asyncio.Semaphore, line: bytes) -> None:

@@ -26,6 +26,7 @@ from contid.remote.server.connection import Connection
 from contid.remote.server.recordings import RunRecordings
 from contid.remote.server.request_handler import RequestHandler
 from contid.remote.server.telemetry_view import fault_fields
+from contid.remote.server.turns import Turns
 
 #: Period of the checks of leases, credits and due frames, while a client needs them and otherwise.
 WATCH_S: Final = 0.005
@@ -53,7 +54,7 @@ class SocketServer:
         self._runs: set[asyncio.Task[None]] = set()
         self._numbers = 0
         self._expected_s = 0.0
-        self._turns = asyncio.Lock()
+        self._turns = Turns()
         self._handler: RequestHandler
 
     async def serve(self, control: RunControl) -> None:

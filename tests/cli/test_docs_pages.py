@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from contid.cli.support.docs_pages import MEANING, pages, states_page
 from contid.control.tick.faults import PAGES
 from contid.control.tick.supervisor import MOVES, Mode
-from contid.remote.server.docs_pages import MEANING, pages, states_page
 
 DOCS = Path(__file__).parents[2] / "docs"
 
