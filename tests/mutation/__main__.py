@@ -30,8 +30,14 @@ from cosmic_ray.mutating import use_mutation
 ROOT: Final = Path(__file__).parent.parent.parent
 BASELINE: Final = Path(__file__).parent / "baseline.json"
 MUTATED: Final = Path("contid/control/tick")
-TESTS: Final = ("tests/golden", "tests/control")
-TIMEOUT_S: Final = 180.0
+TESTS: Final = ("tests/golden", "tests/control/tick", "tests/control/engine")
+#: Suites that also test a folder of the tick.
+FURTHER: Final = {
+    "contact": ("tests/sense",),
+    "load_sensing": ("tests/sense",),
+    "preflight": ("tests/clearance/test_preflight.py", "tests/control/daemon/test_stretch.py"),
+}
+TIMEOUT_S: Final = 600.0
 #: Survivors allowed beyond the share of the baseline, in standard deviations of the sample.
 SLACK: Final = 2.0
 #: Operators whose mutants are plausible mistakes; the others mostly raise a TypeError.
@@ -65,13 +71,13 @@ class Mutant:
 
 def mutants(root: Path) -> Iterator[Mutant]:
     """Every mutant of the modules of the tick."""
-    for path in sorted((root / MUTATED).glob("*.py")):
+    for path in sorted((root / MUTATED).rglob("*.py")):
         tree = get_ast_from_path(path)
         for name in OPERATORS:
             operator = plugins.get_operator(name)()
             places = (place for node in ast_nodes(tree) for place in operator.mutation_positions(node))
             for occurrence, (start, _) in enumerate(places):
-                yield Mutant(path.name, start[0], name, occurrence)
+                yield Mutant(str(path.relative_to(root / MUTATED)), start[0], name, occurrence)
 
 
 def copy_repository(folder: Path) -> None:
@@ -88,7 +94,7 @@ def copy_repository(folder: Path) -> None:
     (folder / "site" / "sitecustomize.py").write_text(SITE)
 
 
-def passes(folder: Path) -> bool:
+def passes(folder: Path, tests: tuple[str, ...] = TESTS) -> bool:
     """Whether all tests pass in the copy; a run that takes too long does not."""
     path = os.pathsep.join(str(folder / name) for name in ("site", ".", "drivers"))
     command = [
@@ -100,7 +106,7 @@ def passes(folder: Path) -> bool:
         "-p",
         "no:cacheprovider",
         "--hypothesis-seed=1",
-        *TESTS,
+        *tests,
     ]
     environment = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
     with subprocess.Popen(
@@ -117,7 +123,7 @@ def survives(folder: Path, mutant: Mutant) -> bool:
     """Apply a mutant, run the tests, restore the module."""
     module = folder / MUTATED / mutant.module
     with use_mutation(module, plugins.get_operator(mutant.operator)(), mutant.occurrence):
-        return passes(folder)
+        return passes(folder, TESTS + FURTHER.get(Path(mutant.module).parts[0], ()))
 
 
 def main() -> int:

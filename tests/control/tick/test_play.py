@@ -52,6 +52,16 @@ def followed(config: RobotConfig, ticks: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array(commands), np.array(devices)
 
 
+def test_an_axis_beyond_the_tendons_has_no_play(configs):
+    text = (configs / "tendon3.yaml").read_text()
+    grip = "    axes:\n      grip: {bus: servos, id: 40, mm_per_rev: 60}\n"
+    text = text.replace("    axes:\n", f"    extra_mm: {{grip: [0, 30]}}\n{grip}", 1)
+    text = text.replace("    rates:\n", "    friction: {play_mm: [0.3]}\n    rates:\n", 1)
+    (config,) = build_robot_configs(parse_robot_file(text, "tendon3.yaml"), 100.0)
+    assert config.extra_axes == 1
+    assert config.play == (0.3e-3,) * 9 + (0.0,)
+
+
 @pytest.mark.parametrize(("play_mm", "ticks"), [(0.3, 0), (1.0, 3)])
 def test_what_was_asked_for_arrives(configs, play_mm, ticks):
     """The velocity limit is 0.6 mm per tick: a small play is taken up at once, a large one in a few ticks."""
