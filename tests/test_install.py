@@ -27,7 +27,7 @@ def build(folder: Path, *settings: str, prefix: tuple[str, ...] = (), **environm
     """The wheel of the checkout, built apart from the build folder of the editable installation."""
     pip = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", str(folder)]
     options = (f"build-dir={folder / 'build'}", *settings)
-    arguments = [part for setting in options for part in ("-C", setting)]
+    arguments = [part for setting in options for part in ("--config-settings", setting)]
     done = subprocess.run(
         [*prefix, *pip, *arguments, str(ROOT)],
         capture_output=True,
