@@ -19,8 +19,8 @@ from contid.panel.app import PanelApp
 from contid.panel.limits import MAX_HEADER, MAX_MESSAGE, PanelHttp
 from contid.panel.priority import before_clients
 
-#: Nice value where it is permitted, below `contid.panel.priority`: at 5 a STOP waited for clients that flood
-#: the daemon, up to 100 ms. The daemon is at -10, the control process in real time.
+#: Nice value where it is permitted, when `contid.panel.priority` is not: at 5 a STOP waited for clients
+#: that flood the daemon, up to 100 ms. The daemon is at -10, the control process in real time.
 NICE: Final = -5
 #: Tried first, so that a bookmark of the tunnel stays right; another free port when it is taken.
 DEFAULT_PORT: Final = 8421

@@ -85,6 +85,22 @@ def test_a_program_that_draws_in_place_of_a_graphics_card_is_noticed(it: OpenPag
     assert it.page.locator("#view").get_attribute("data-drawn-by") == "a program"
 
 
+def test_a_new_state_is_written_although_its_image_waits(
+    browser: Browser, served: PanelProcess, running: Running
+) -> None:
+    """No image comes and the clock of the page stands, so that the pause before the next one never ends."""
+    with opened(browser, served) as it:
+        it.state("f0", "HOLD")
+        it.page.evaluate(
+            "() => { window.requestAnimationFrame = () => 0;"
+            "const now = performance.now(); performance.now = () => now; }"
+        )
+        it.page.wait_for_timeout(500)  # a frame begins the image that never comes
+        it.page.keyboard.press("Space")
+        until(running.off, "the devices are without torque")
+        it.state("f0", "OFF")
+
+
 @pytest.mark.parametrize("by", ["pointer", "key"])
 def test_stop_although_nothing_is_drawn(
     browser: Browser, served: PanelProcess, running: Running, by: str

@@ -36,12 +36,10 @@ function software() {
 export class Renderer {
   constructor(canvas) {
     this.canvas = canvas;
-    const drawnByProgram = software();
-    // Without a graphics card: plainer images, and fewer (`Pace`).
-    const gl = canvas.getContext("webgl", { antialias: !drawnByProgram, alpha: true, premultipliedAlpha: false });
+    this.software = software(); // without a graphics card: plainer images, and fewer (`Pace`)
+    const gl = canvas.getContext("webgl", { antialias: !this.software, alpha: true, premultipliedAlpha: false });
     if (gl === null) throw new Error("this browser has no WebGL");
     this.gl = gl;
-    this.software = drawnByProgram;
     this.program = this.link();
     this.place = Object.fromEntries(["viewProjection", "offset", "scale", "color", "lit", "eye", "flip"].map((name) => [name, gl.getUniformLocation(this.program, name)]));
     this.position = gl.getAttribLocation(this.program, "position");
