@@ -95,7 +95,7 @@ def test_a_new_state_is_written_although_its_image_waits(
             "() => { window.requestAnimationFrame = () => 0;"
             "const now = performance.now(); performance.now = () => now; }"
         )
-        it.page.wait_for_timeout(500)  # a frame begins the image that never comes
+        it.page.wait_for_timeout(500)  # frames come meanwhile
         it.page.keyboard.press("Space")
         until(running.off, "the devices are without torque")
         it.state("f0", "OFF")

@@ -13,6 +13,20 @@ constexpr double kRampTolerance = 1e-2;
 constexpr double kRetreat = 2e-3;
 constexpr int kFinerIterations = 6;
 
+// True when the arm gets from the seed to an equilibrium on a straight path, or has none at the seed.
+template <int K>
+bool reached_from(const Rod<K>& rod, Vec tip_force, const Limits<K>& limits, const double* seed, const Outcome<K>& o,
+                  int elements) {
+  double from[3 * K];
+  std::copy(seed, seed + 3 * K, from);
+  clamp<K>(limits, from);
+  Vec moment;
+  Judged at;
+  if (equilibrium<K>(rod, from, tip_force, elements, moment, at) < 1.0) return true;
+  return follow<K>(rod, {from, tip_force, 1.0}, {o.pressures, tip_force, 1.0}, elements, moment, at) == 1.0 &&
+         norm(moment - o.moment) <= kSamePose * load_scale<K>(rod, tip_force);
+}
+
 template <int K>
 Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& limits, const double* seed,
                 const Settings& settings) {
@@ -45,13 +59,7 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
     if (equilibrium<K>(rod, o.pressures, tip_force, settings.elements, moment, at) < 1.0 ||
         norm(moment - o.moment) > kSamePose * scale)
       return false;
-    double from[n];
-    std::copy(seed, seed + n, from);
-    clamp<K>(limits, from);
-    if (equilibrium<K>(rod, from, tip_force, settings.elements, moment, at) < 1.0) return true;
-    return follow<K>(rod, {from, tip_force, 1.0}, {o.pressures, tip_force, 1.0}, settings.elements, moment, at) ==
-               1.0 &&
-           norm(moment - o.moment) <= kSamePose * scale;
+    return reached_from<K>(rod, tip_force, limits, seed, o, settings.elements);
   };
   // Moves an answer to a redundant task to the nearest to the centre, where that is one that counts.
   const auto home = [&](Found<K>& found) {

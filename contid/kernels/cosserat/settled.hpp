@@ -19,19 +19,9 @@ Found<K> search_settled(const Rod<K>& rod, const Task& task, Vec tip_force, cons
     for (int i = 0; i < n; ++i) most = std::fmax(most, std::fabs(o.pressures[i] - from[i]));
     return most;
   };
-  // True when the arm gets from the seed to an equilibrium on a straight path, with the elements of that equilibrium.
+  // With the elements of the answer: with fewer the same pressures hold another pose.
   const auto reached = [&](const Found<K>& answer) {
-    if (!loaded<K>(rod, tip_force)) return true;
-    double from[n];
-    std::copy(seed, seed + n, from);
-    clamp<K>(limits, from);
-    Vec moment;
-    Judged at;
-    if (equilibrium<K>(rod, from, tip_force, answer.elements, moment, at) < 1.0) return true;
-    const Outcome<K>& there = answer.outcome;
-    const double done =
-        follow<K>(rod, {from, tip_force, 1.0}, {there.pressures, tip_force, 1.0}, answer.elements, moment, at);
-    return done == 1.0 && norm(moment - there.moment) <= kSamePose * load_scale<K>(rod, tip_force);
+    return !loaded<K>(rod, tip_force) || reached_from<K>(rod, tip_force, limits, seed, answer.outcome, answer.elements);
   };
   for (int ask = 0; ask < kAsks && found.outcome.met && found.stable && moved(found.outcome, seed) > kTracking; ++ask) {
     Found<K> again = search<K>(rod, task, tip_force, limits, found.outcome.pressures, settings);

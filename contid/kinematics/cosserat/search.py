@@ -119,6 +119,11 @@ def stands(problem: Problem, outcome: RodSolution, seed: Array) -> bool:
         return False
     if float(np.abs(p - seed).max()) <= TRACKING:
         return True
+    return reached_from(problem, seed, outcome)
+
+
+def reached_from(problem: Problem, seed: Array, outcome: RodSolution) -> bool:
+    """True when the arm gets from the seed to an equilibrium on a straight path, or has none at the seed."""
     here = np.clip(seed, problem.limits.lower, problem.limits.upper)
     present = equilibrium(problem.rod, here, problem.loads, problem.elements)
     return present.done < 1.0 or reaches(problem, here, present.base_moment, outcome)[0]

@@ -13,9 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.branch import equilibrium
-from contid.kinematics.cosserat.branch_search import Found, reaches
-from contid.kinematics.cosserat.search import TRACKING, search
+from contid.kinematics.cosserat.branch_search import Found
+from contid.kinematics.cosserat.search import TRACKING, reached_from, search
 from contid.kinematics.cosserat.solve import Problem, RodSolution
 
 #: Further searches at most, and the change of pressure below which an answer stays [bar].
@@ -55,13 +54,10 @@ def _moved(outcome: RodSolution, seed: Array) -> float:
 
 
 def _reached(problem: Problem, seed: Array, found: Found) -> bool:
-    """True when the arm gets from the seed to an equilibrium on a straight path.
+    """True when the arm gets from the seed to an answer on a straight path.
 
     Computed with the elements of that equilibrium: with fewer the same pressures hold another pose.
     """
     if problem.loads.none:
         return True
-    finer = replace(problem, elements=found.elements)
-    here = np.clip(seed, problem.limits.lower, problem.limits.upper)
-    present = equilibrium(problem.rod, here, problem.loads, finer.elements)
-    return present.done < 1.0 or reaches(finer, here, present.base_moment, found.outcome)[0]
+    return reached_from(replace(problem, elements=found.elements), seed, found.outcome)
