@@ -1,7 +1,7 @@
 """The trajectories of Shi et al.'s experiments 1-4, with the heights the paper does not print.
 
 Formulae and heights: shapes as in the figures' captions, centred on the arm's axis; heights are inside what
-the model reaches at 1.5 bar (docs/stiffflop.md). Lengths in mm.
+the model reaches at 1.5 bar (docs/robots/stiffflop.md). Lengths in mm.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The shape of a body in the world: by its model from an actuation, or by a quintic from its measured ends.
 
 The quintic needs no model: base and tip, the directions there and optionally the length (Singh et al., IROS
-2018). Its accuracy is in docs/ph-curves.md.
+2018). Its accuracy is in docs/robots/ph-curves.md.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ import pytest
 from contid.cli.main import cli
 
 ROOT = Path(__file__).parent.parent.parent
-PAGES = ("README.md", *sorted(str(page.relative_to(ROOT)) for page in (ROOT / "docs").glob("*.md")))
+PAGES = ("README.md", *sorted(str(page.relative_to(ROOT)) for page in (ROOT / "docs").rglob("*.md")))
 #: What separates the commands of one line.
 _BETWEEN = {"|", "||", "&&", "&", ";"}
 

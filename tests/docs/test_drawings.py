@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from docs import processes, robot_drawings, wiring
-from docs.svg import IMAGES
+from docs.drawings import processes, robot_drawings, wiring
+from docs.drawings.svg import IMAGES
 
 ROOT = Path(__file__).parent.parent.parent
 DRAWINGS = {**robot_drawings.DRAWINGS, **processes.DRAWINGS, **wiring.DRAWINGS}
@@ -33,7 +33,7 @@ def test_dimensions_and_azimuths_are_those_of_the_robot_files() -> None:
     hand = (ROOT / "configs" / "hand.yaml").read_text(encoding="utf-8")
     spacing = yaml.safe_load(hand)["robots"]["left"]["geometry"]["rack_spacing_mm"]
     assert f"rack_spacing_mm {spacing}" in DRAWINGS["axes-hand.svg"]().svg()
-    # Layout `paper` of docs/cbha.md; `TriRack`: (-phi, -phi + 120, -phi - 120); chamber pair 1 on +x.
+    # Layout `paper` of docs/robots/cbha.md; `TriRack`: (-phi, -phi + 120, -phi - 120); chamber pair 1 on +x.
     for name, azimuths in {
         "axes-cbha.svg": ("l1: 180", "l2: 60", "l3: 300"),
         "axes-trirack2.svg": ("l1: 180", "l2: 300", "l3: 60"),

@@ -19,7 +19,7 @@ def blocks(page: str) -> list[str]:
 
 PAGES = [
     name
-    for page in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+    for page in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
     if blocks(name := str(page.relative_to(ROOT)))
 ]
 

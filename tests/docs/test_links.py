@@ -10,9 +10,14 @@ import pytest
 
 ROOT = Path(__file__).parent.parent.parent
 PAGES = sorted(
-    page
-    for folder in (".", "docs", "docs/decisions", "docs/faults", "examples", "firmware", "service", "tests")
-    for page in (ROOT / folder).glob("*.md")
+    {
+        *(ROOT / "docs").rglob("*.md"),
+        *(
+            page
+            for name in (".", "examples", "firmware", "service", "tests")
+            for page in (ROOT / name).glob("*.md")
+        ),
+    }
 )
 
 

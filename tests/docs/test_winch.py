@@ -1,4 +1,4 @@
-"""The example driver of docs/drivers.md, found by its entry point as if it were installed."""
+"""The example driver of docs/devices/drivers.md, found by its entry point as if it were installed."""
 
 from __future__ import annotations
 

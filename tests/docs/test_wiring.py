@@ -1,12 +1,12 @@
-"""The schematics and the table of docs/due.md have the pins of the sketch."""
+"""The schematics and the table of docs/devices/due.md have the pins of the sketch."""
 
 from __future__ import annotations
 
 import re
 
 from contid_drivers.due.firmware import firmware_dir
-from docs.svg import IMAGES
-from docs.wiring import DRAWINGS
+from docs.drawings.svg import IMAGES
+from docs.drawings.wiring import DRAWINGS
 
 PINS = (firmware_dir() / "contid_due" / "src" / "due" / "pins.h").read_text(encoding="utf-8")
 
@@ -24,7 +24,7 @@ def test_pins_of_channel_0() -> None:
 
 
 def test_the_table_of_pins_is_the_sketchs() -> None:
-    page = (IMAGES.parent / "due.md").read_text(encoding="utf-8")
+    page = (IMAGES.parent / "devices" / "due.md").read_text(encoding="utf-8")
     rows = re.findall(
         r"^\| m\d / p\d \| D(\d+) \| D(\d+) D(\d+) \| D(\d+) D(\d+).* \| D(\d+) \|", page, re.MULTILINE
     )

@@ -119,7 +119,7 @@ def test_a_bridge_that_is_pulled_down_coasts(
 def test_pull_resistors_alone_give_the_start_state(
     bridge: str, part: Mapping[tuple[int, int, int], str], released: str
 ):
-    """docs/due.md, table of bridges: levels of (PWM, a, b) by the resistors."""
+    """docs/devices/due.md, table of bridges: levels of (PWM, a, b) by the resistors."""
     pulls = {
         "pwm_in_in": {"brake": (1, 1, 1), "coast": (0, 0, 0)},
         "tb6612": {"brake": (1, 1, 1), "coast": (1, 0, 0)},

@@ -63,7 +63,7 @@ def command(robot_file: str, axes: tuple[str, ...], dry_run: bool, parked: bool)
             none = False
             _keep(loaded, path, found, dry_run)
     if none:
-        raise ContidError(f"{robot_file}: no axis has `homing:` (docs/dynamixel.md, Zero and turns)")
+        raise ContidError(f"{robot_file}: no axis has `homing:` (docs/devices/dynamixel.md, Zero and turns)")
     if not dry_run:
         load_robot_file(path)
 

@@ -1,5 +1,5 @@
 // contid.kernels._plant: the simulated pneumatic arm, by the literal equations of the paper (Shi et al., eqs. 1-11
-// with the errata of docs/stiffflop.md). Twin and specification: contid_drivers/sim/arm/statics.py.
+// with the errata of docs/robots/stiffflop.md). Twin and specification: contid_drivers/sim/arm/statics.py.
 //
 // Another formulation than contid.kernels._cosserat on purpose: wall force and wall moment as states, classical RK4
 // over a rotation that it does not keep orthogonal, shooting with finite differences.

@@ -223,7 +223,7 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
 
     @property
     def start(self) -> SafeState:
-        """The start state; that of the wiring in docs/due.md if not given."""
+        """The start state; that of the wiring in docs/devices/due.md if not given."""
         default = SafeState.BRAKE if self.kind is DeviceKind.MOTOR else SafeState.CLOSE
         return self.start_state or default
 

@@ -134,7 +134,7 @@ class DueConnection:
                 self._name,
                 f"expected a {self._options.role} board at {self._port.path}, "
                 f"found a {self.hello.role_name} board",
-                "swap the ports in the robot file, or set the board's jumper (docs/due.md)",
+                "swap the ports in the robot file, or set the board's jumper (docs/devices/due.md)",
             )
 
     def _check_channels(self, axes: Sequence[AxisOnBus]) -> None:

@@ -89,7 +89,7 @@ def test_models_with_indirect_data_at_two_addresses_may_need_the_plain_block() -
 
 
 def test_the_table_of_rates_in_the_docs_is_what_check_computes() -> None:
-    page = Path(__file__).parents[3] / "docs" / "dynamixel.md"
+    page = Path(__file__).parents[3] / "docs" / "devices" / "dynamixel.md"
     head, _, *rows = [
         [cell.strip() for cell in line.strip("|").split("|")]
         for line in page.read_text().split("## How fast")[1].split("\n\n| ")[1].split("\n\n")[0].splitlines()

@@ -1,6 +1,6 @@
 """Statics of a simulated pneumatic arm by the literal equations (Shi et al., eqs. 1-11), in plain Python.
 
-The errata of docs/stiffflop.md are applied. Another formulation than `contid.kinematics.cosserat` on
+The errata of docs/robots/stiffflop.md are applied. Another formulation than `contid.kinematics.cosserat` on
 purpose: wall force n and wall moment m are states, the six chambers push one by one, classical RK4 integrates
 a rotation that it does not keep orthogonal, and the base moment is found by shooting with finite differences.
 Twin and specification of ``contid.kernels._plant``, which is a thousand times faster.

@@ -1,6 +1,6 @@
 """Makes docs/images/panel-*.png: the panel of three robots that move, wide and on a phone, light and dark.
 
-    python docs/panel_pictures.py [ROBOT ...]
+    python docs/drawings/panel_pictures.py [ROBOT ...]
 
 Each robot is run by contid itself on simulated devices, with a trajectory of many laps; a headless Chromium
 opens its panel and takes the image when every robot follows its target.
@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from PIL import Image
 
-IMAGES: Final = Path(__file__).parent / "images"
+IMAGES: Final = Path(__file__).parents[1] / "images"
 #: Arguments of `contid path` for what each robot does.
 PATHS: Final = {
     "hand": ("circle", "--center", "50,70", "--radius", "20"),

@@ -1,6 +1,6 @@
 """Makes docs/images/*.png: real screenshots of the viewer's page in a headless Chromium.
 
-    python docs/pictures.py [ROBOT ...]
+    python docs/drawings/pictures.py [ROBOT ...]
 
 Each robot is run by contid itself, on simulated devices, with ``--view FILE.rrd``; the file is served by
 ``contid view --serve`` and photographed when the page has drawn it. Needs Chromium (``apt-get install
@@ -27,7 +27,7 @@ from urllib.parse import urlsplit
 
 from PIL import Image
 
-IMAGES = Path(__file__).parent / "images"
+IMAGES = Path(__file__).parents[1] / "images"
 SIZE = (1280, 720)
 #: Software rendering draws a page of curves in some seconds; two equal screenshots in a row end the wait.
 PAGE_TIMEOUT_S = 120.0

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from docs.svg import Point, Svg
+from docs.drawings.svg import Point, Svg
 
 BODY, AXIS, FRAME, SIZE = "#1b4965", "#ca6702", "#9b2226", "#6c757d"
 

@@ -1,8 +1,8 @@
-"""Draw the figure of docs/concepts.md: ``python -m docs.processes`` writes docs/images/processes.svg."""
+"""Draw docs/images/processes.svg of docs/concepts.md: ``python -m docs.drawings.processes``."""
 
 from __future__ import annotations
 
-from docs.svg import Svg, write_drawings
+from docs.drawings.svg import Svg, write_drawings
 
 TARGETS, SAMPLES, RECORDS = "#1b4965", "#ca6702", "#6c757d"
 STYLE = {

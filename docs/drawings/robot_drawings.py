@@ -1,4 +1,4 @@
-"""Draw axes, frames and dimensions of the papers' robots into docs/images: ``python -m docs.robot_drawings``.
+"""Draw axes, frames and dimensions of the papers' robots: ``python -m docs.drawings.robot_drawings``.
 
 Shapes and azimuths come from the kinematics of the shipped robot files, dimensions from the files.
 """
@@ -12,8 +12,8 @@ import numpy as np
 from contid import Robot
 from contid.kinematics.rope.catenary import hang
 from contid.robot_file.shipped import load_named
-from docs.plane_drawing import AXIS, BODY, FRAME, SIZE, Drawing
-from docs.svg import Point, write_drawings
+from docs.drawings.plane_drawing import AXIS, BODY, FRAME, SIZE, Drawing
+from docs.drawings.svg import Point, write_drawings
 
 
 def offset(points: Any, distance: float) -> Any:

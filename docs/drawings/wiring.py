@@ -1,8 +1,8 @@
-"""Draw the schematics of docs/due.md: ``python -m docs.wiring`` writes docs/images/due-*.svg."""
+"""Draw docs/images/due-*.svg, schematics of docs/devices/due.md: ``python -m docs.drawings.wiring``."""
 
 from __future__ import annotations
 
-from docs.svg import Svg, write_drawings
+from docs.drawings.svg import Svg, write_drawings
 
 LINE = 16
 WIRE = "#1b4965"

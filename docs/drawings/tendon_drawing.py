@@ -1,4 +1,4 @@
-"""Draw the sections of docs/tendon.md: ``python docs/tendon_drawing.py`` writes docs/images/tendon.svg.
+"""Draw docs/images/tendon.svg of docs/robots/tendon.md: ``python docs/drawings/tendon_drawing.py``.
 
 Backbone, discs and tendons are those of the model for a bent `tendon3`; beside it a disc seen from the tip.
 """
@@ -17,7 +17,7 @@ from contid.kinematics.tendon.geometry import TendonGeometry, forward
 from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.shipped import load_named
 
-IMAGE = Path(__file__).parent / "images" / "tendon.svg"
+IMAGE = Path(__file__).parents[1] / "images" / "tendon.svg"
 COLOURS = ("#1b4965", "#ca6702", "#2d6a4f")
 BENDS = np.array([0.9, 0.0, -0.5, 0.5, 0.4, -0.9])
 DISCS = 6  # drawn per section
