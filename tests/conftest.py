@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import os
+import signal
 import tempfile
 import threading
 import time
@@ -27,6 +28,10 @@ ROOT = Path(__file__).parent.parent
 settings.register_profile("contid", deadline=None, derandomize=True)
 settings.register_profile("random", deadline=None)
 settings.load_profile("contid")
+# `nohup` and a shell's `&` start the tests with signals ignored, and so would be the daemons that tests start.
+for number, action in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, action)
 # Threads that belong to the test runner itself, not to the code under test.
 RUNNER_THREADS = ("pytest_timeout", "execnet", "asyncio_", "ThreadPoolExecutor-pytest")
 
