@@ -1,9 +1,9 @@
 """Shi et al.'s own formulation, literally: wall force and moment by RK4, everything in one least squares.
 
-Eqs. (1)-(11) with the errata of docs/robots/stiffflop.md: the state is (p, R, n, m), the six chambers push through
-``f_P`` and ``l_P`` (eq. 3, where ``m_P`` on the left reads l_P), and the rotation is a matrix that RK4 does
-not keep orthogonal. `inverse` is eqs. (14)-(17): base force, base moment and pressures are all unknowns of
-one trust-region-reflective least squares with finite differences.
+Eqs. (1)-(11) with the errata of docs/robots/stiffflop.md: the state is (p, R, n, m), the six chambers push
+through ``f_P`` and ``l_P`` (eq. 3, where ``m_P`` on the left reads l_P), and the rotation is a matrix that
+RK4 does not keep orthogonal. `inverse` is eqs. (14)-(17): base force, base moment and pressures are all
+unknowns of one trust-region-reflective least squares with finite differences.
 
 It is a baseline for speed and, with more elements, a plant that shares no integrator with contid's model.
 Functions are vectorised over the first axis of every array.

@@ -28,7 +28,7 @@ ROOT = Path(__file__).parent.parent
 settings.register_profile("contid", deadline=None, derandomize=True)
 settings.register_profile("random", deadline=None)
 settings.load_profile("contid")
-# `nohup` and a shell's `&` start the tests with signals ignored, and so would be the daemons that tests start.
+# `nohup` and a shell's `&` ignore signals in what they start: in the tests, and so in the daemons of tests.
 for number, action in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, action)

@@ -30,7 +30,7 @@ class Section:
         modulus_pa: coefficients b1..b5 of ``E = b1 x^4 + b2 x^3 + b3 x^2 + b4 x + b5`` (eq. 20), x the
             average pressure of the section in bar, E in Pa.
         modulus_up_to_bar: x is clamped here; the fit is not valid beyond.
-        bending_gain: scale of the pressure moment (1: section constants as derived; see docs/robots/stiffflop.md).
+        bending_gain: scale of the pressure moment (1: constants as derived; docs/robots/stiffflop.md).
         first_pair_rad: azimuth of the first chamber pair.
         poisson: Poisson's ratio; G = E / 2 (1 + poisson).
     """
