@@ -12,7 +12,7 @@ The path of a target::
     process.control_process  waits for the deadlines of `process.pace`, calls the engine every period
     engine.engine            one cycle of all robots; `engine.virtual` runs it in virtual time
     engine.target_selector   which trajectory or stream each robot follows (`engine.sources`)
-    engine.chain_orders      synchronises the arms of a closed chain (`tick.chain_monitor`)
+    engine.chain_monitor     synchronises the arms of a closed chain
     tick.robot_tick          pure function: target to device command (`model`, `limits`, `transmission`)
     engine.exchange          commands to every bus (`engine.ports`), samples back
     engine.pack_record       packs the tick into one record (`engine.tick_layout`)

@@ -14,13 +14,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cache
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from contid.errors import ContidError
 from contid.targets import Actuation
 from contid.trajectory.cruise import CruiseAxis, CruiseMotion, StraightMotion
-
-Limit = float | Sequence[float]
 
 #: A speed above its limit by rounding is set to the limit: the solver fails for one in eight problems where
 #: several axes are a few float64 steps above it.
@@ -43,11 +41,14 @@ class Approach:
         start: position of every axis [m or Pa].
         start_velocity: [m/s or Pa/s].
         goal: position of every axis at rest.
-        velocity_limit, acceleration_limit, jerk_limit: one for all axes, or one per axis.
+        velocity_limit, acceleration_limit, jerk_limit: of every axis.
         straight: on a straight line from standstill.
 
+    Attributes:
+        duration_s: time until every axis rests.
+
     Raises:
-        MotionError: numbers that are not finite or limits that are not positive.
+        MotionError: numbers that are not finite.
     """
 
     def __init__(
@@ -55,46 +56,32 @@ class Approach:
         start: Sequence[float],
         start_velocity: Sequence[float],
         goal: Sequence[float],
-        velocity_limit: Limit,
-        acceleration_limit: Limit,
-        jerk_limit: Limit,
+        velocity_limit: Sequence[float],
+        acceleration_limit: Sequence[float],
+        jerk_limit: Sequence[float],
         straight: bool = False,
     ) -> None:
-        axes = len(start)
-        limits = [per_axis(limit, axes) for limit in (velocity_limit, acceleration_limit, jerk_limit)]
-        if any(not value > 0.0 for limit in limits for value in limit):
-            raise MotionError(f"velocity, acceleration and jerk limits must be positive, got {limits}")
         self._goal: Actuation = tuple(float(value) for value in goal)
         self._start: Actuation = tuple(float(value) for value in start)
         self._start_velocity: Actuation = tuple(float(value) for value in start_velocity)
-        self._scale = limits[0]
+        self._scale = velocity_limit
         if not all(map(math.isfinite, (*start, *start_velocity, *goal))):
             raise MotionError(f"no motion from {list(start)} to {self._goal}: they must be finite")
-        scaled = (
+        problem = _Problem(
             _scaled(start, self._scale),
             [_at_most_one(v) for v in _scaled(start_velocity, self._scale)],
-            _scaled(self._goal, self._scale),
-            _scaled(limits[1], self._scale),
+            *(_scaled(each, self._scale) for each in (goal, acceleration_limit, jerk_limit)),
         )
         # ruckig leaves the line where the limits of the axes differ, as those of a wrist do.
+        limits = velocity_limit, acceleration_limit, jerk_limit
         uneven = straight and any(len(set(limit)) > 1 for limit in limits)
         solve = _optimal if optimal() and not uneven else _cruising
-        self._trajectory: Any = solve(*scaled, limits[2], self._scale, straight)
-        self._duration_s: float = self._trajectory.duration
-
-    @property
-    def duration_s(self) -> float:
-        """Time until every axis rests."""
-        return self._duration_s
-
-    @property
-    def goal(self) -> Actuation:
-        """Position at the end."""
-        return self._goal
+        self._trajectory: Any = solve(problem, straight)
+        self.duration_s: float = self._trajectory.duration
 
     def at(self, time_s: float) -> tuple[Actuation, Actuation]:
         """Position and velocity ``time_s`` after the start; the start before it, the goal at rest after."""
-        if time_s >= self._duration_s:
+        if time_s >= self.duration_s:
             return self._goal, (0.0,) * len(self._goal)
         if time_s <= 0.0:
             return self._start, self._start_velocity
@@ -115,59 +102,49 @@ def optimal() -> bool:
     return True
 
 
-def _optimal(
-    start: list[float],
-    velocity: list[float],
-    goal: list[float],
-    acceleration_limit: list[float],
-    jerk_limit: list[float],
-    scale: list[float],
-    straight: bool,
-) -> Any:
-    """The motion of ruckig; all but the jerk is scaled already."""
+class _Problem(NamedTuple):
+    """A motion to be found; everything is scaled, so that the velocity limit of every axis is 1."""
+
+    start: list[float]
+    velocity: list[float]
+    goal: list[float]
+    acceleration_limit: list[float]
+    jerk_limit: list[float]
+
+
+def _optimal(problem: _Problem, straight: bool) -> Any:
+    """The motion of ruckig."""
     import ruckig
 
-    axes = len(start)
-    problem: Any = ruckig.InputParameter(axes)
-    problem.current_position, problem.current_velocity = start, velocity
-    problem.current_acceleration = problem.target_velocity = problem.target_acceleration = [0.0] * axes
-    problem.max_velocity, problem.max_acceleration = [1.0] * axes, acceleration_limit
-    together = ruckig.Synchronization
-    problem.synchronization = together.Phase if straight else together.Time
-    problem.target_position = goal
+    axes = len(problem.start)
+    asked: Any = ruckig.InputParameter(axes)
+    asked.current_position, asked.current_velocity = problem.start, problem.velocity
+    asked.current_acceleration = asked.target_velocity = asked.target_acceleration = [0.0] * axes
+    asked.max_velocity, asked.max_acceleration = [1.0] * axes, problem.acceleration_limit
+    asked.synchronization = ruckig.Synchronization.Phase if straight else ruckig.Synchronization.Time
+    asked.target_position = problem.goal
     trajectory: Any = ruckig.Trajectory(axes)
+    between = f"no motion from {problem.start} to {problem.goal}"
     for share in _JERKS:
-        problem.max_jerk = _scaled(jerk_limit, [each / share for each in scale])
+        asked.max_jerk = [share * each for each in problem.jerk_limit]
         try:
-            result = ruckig.Ruckig(axes).calculate(problem, trajectory)
+            result = ruckig.Ruckig(axes).calculate(asked, trajectory)
             break
         except Exception as error:
             if share == _JERKS[-1]:
-                raise MotionError(f"no motion from {start} to {goal}: {error}") from error
+                raise MotionError(f"{between}: {error}") from error
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-        raise MotionError(f"no motion from {start} to {goal}: {result.name}")
+        raise MotionError(f"{between}: {result.name}")
     return trajectory
 
 
-def _cruising(
-    start: list[float],
-    velocity: list[float],
-    goal: list[float],
-    acceleration_limit: list[float],
-    jerk_limit: list[float],
-    scale: list[float],
-    straight: bool,
-) -> CruiseMotion | StraightMotion:
-    """The motion without ruckig; all but the jerk is scaled already."""
-    limits = [[1.0] * len(start), acceleration_limit, _scaled(jerk_limit, scale)]
+def _cruising(problem: _Problem, straight: bool) -> CruiseMotion | StraightMotion:
+    """The motion without ruckig."""
+    start, velocity, goal, *limits = problem
+    limits = [[1.0] * len(start), *limits]
     if straight and not any(velocity):
         return StraightMotion(start, goal, limits)
     return CruiseMotion([CruiseAxis(*each) for each in zip(start, velocity, goal, *limits, strict=True)])
-
-
-def per_axis(limit: Limit, axes: int) -> list[float]:
-    """One limit for every axis."""
-    return [float(limit)] * axes if isinstance(limit, (int, float)) else [float(value) for value in limit]
 
 
 def _at_most_one(speed: float) -> float:

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from contid.trajectory.pieces import Knot, advanced, state_at
+from contid.trajectory.pieces import Knot, extend, state_at
 
 #: Of a bisection: beyond the digits of a float64.
 _STEPS = 200
@@ -98,19 +98,16 @@ class CruiseAxis:
     def knots(self, duration_s: float) -> list[Knot]:
         """The pieces of the motion of a duration from `next_duration_s`."""
         knots: list[Knot] = [(0.0, self._start, self._velocity, 0.0, 0.0)]
-        shortest_s, longest_s = (0.0, 0.0) if self._left == 0.0 else self._without_stop()
-        if self._left == 0.0:
+        shortest_s, longest_s = self._without_stop()
+        own, way, slowest, most = self._own, self._way, self._slowest, self._cruise
+        if self._left == 0.0 or not shortest_s <= duration_s <= longest_s:
             self._add_ramp(knots, -self._velocity)
-        elif shortest_s <= duration_s <= longest_s:
-            cruise = self._cruise_of(duration_s, self._own, self._way, self._slowest, self._cruise)
-            self._add_ramp(knots, self._sign * (cruise - self._own))
-            self._add_hold(knots, self._hold_s(self._own, self._way, cruise))
-            self._add_ramp(knots, -self._sign * cruise)
-        else:
-            self._add_ramp(knots, -self._velocity)
-            cruise = self._cruise_of(duration_s - self._stop_s, 0.0, self._left, 0.0, self._from_rest)
-            self._add_ramp(knots, self._sign * cruise)
-            self._add_hold(knots, self._hold_s(0.0, self._left, cruise))
+            duration_s -= self._stop_s
+            own, way, slowest, most = 0.0, self._left, 0.0, self._from_rest
+        if self._left > 0.0:
+            cruise = self._cruise_of(duration_s, own, way, slowest, most)
+            self._add_ramp(knots, self._sign * (cruise - own))
+            extend(knots, max(self._hold_s(own, way, cruise), 0.0), 0.0)
             self._add_ramp(knots, -self._sign * cruise)
         knots.append((knots[-1][0], self._goal, 0.0, 0.0, 0.0))
         return knots
@@ -154,20 +151,9 @@ class CruiseAxis:
         jerk = math.copysign(self._jerk, change)
         up_s = min(math.sqrt(size / self._jerk), self._acceleration / self._jerk)
         for lasts_s, slope in ((up_s, jerk), (self._ramp_s(change) - 2.0 * up_s, 0.0), (up_s, -jerk)):
-            _add(knots, lasts_s, slope)
+            extend(knots, lasts_s, slope)
         time_s, position, velocity = knots[-1][:3]
         knots[-1] = (time_s, position, velocity, 0.0, 0.0)  # without the rounding of the acceleration
-
-    @staticmethod
-    def _add_hold(knots: list[Knot], lasts_s: float) -> None:
-        _add(knots, max(lasts_s, 0.0), 0.0)
-
-
-def _add(knots: list[Knot], lasts_s: float, jerk: float) -> None:
-    """Extend the last knot by a piece."""
-    begin = (*knots[-1][:4], jerk)
-    knots[-1] = begin
-    knots.append((begin[0] + lasts_s, *advanced(begin, lasts_s), 0.0))
 
 
 def _last(holds: Callable[[float], bool], low: float, high: float) -> float:

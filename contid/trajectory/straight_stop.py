@@ -29,6 +29,10 @@ class StraightStop:
         changes: greatest change of a step of each axis from tick to tick [m or Pa].
         ends: minimum and maximum position of each axis; an axis that begins inside stays inside.
         period_s: of the tick.
+
+    Attributes:
+        duration_s: time until every axis rests.
+        distances: length of the way of each axis, before it is limited to ``ends`` [m or Pa].
     """
 
     def __init__(
@@ -45,16 +49,8 @@ class StraightStop:
         self._period_s = period_s
         ticks = max((abs(own) / change for own, change in zip(step, changes, strict=True)), default=0.0)
         self._ticks = max(1, math.ceil(ticks - _ROUNDING))
-
-    @property
-    def duration_s(self) -> float:
-        """Time until every axis rests."""
-        return (self._ticks - 1) * self._period_s
-
-    @property
-    def distances(self) -> Actuation:
-        """Length of the way of each axis, before it is limited to ``ends`` [m or Pa]."""
-        return tuple([0.5 * abs(step) * (self._ticks - 1) for step in self._step])
+        self.duration_s = (self._ticks - 1) * period_s
+        self.distances: Actuation = tuple([0.5 * abs(each) * (self._ticks - 1) for each in step])
 
     def at(self, time_s: float) -> tuple[Actuation, Actuation]:
         """Position and velocity a time after the start; the start before it, rest at the end after."""

@@ -29,7 +29,7 @@ def motion_of(axes: list[tuple[float, float, float, tuple[float, float]]]) -> Cr
 def approach_of(axes: list[tuple[float, float, float, tuple[float, float]]]) -> Approach:
     start, velocity, goal, pairs = zip(*axes, strict=True)
     accelerations, jerks = zip(*pairs, strict=True)
-    return Approach(start, velocity, goal, 1.0, accelerations, jerks)
+    return Approach(start, velocity, goal, (1.0,) * len(axes), accelerations, jerks)
 
 
 @settings(max_examples=150, deadline=None)

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from contid.control.engine.chain_orders import ChainOrders
+from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events.orders import OrderRefused
 from contid.control.engine.events.robots import ContactBegan, SqueezeChanged
@@ -57,7 +57,7 @@ class ContactOrders:
     """
 
     def __init__(
-        self, robots: Robots, exchange: Exchange, loads: LoadWatch, chains: ChainOrders, sink: Sink
+        self, robots: Robots, exchange: Exchange, loads: LoadWatch, chains: ChainMonitor, sink: Sink
     ) -> None:
         self._robots = robots
         self._exchange = exchange

@@ -6,21 +6,21 @@ what differs between them: clock, ports and sink.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 from contid.clearance.guard import ClearanceGuard
-from contid.control.engine.chain_orders import ChainOrders
-from contid.control.engine.clearance_orders import ClearanceOrders
+from contid.control.engine.chain_monitor import ChainMonitor
+from contid.control.engine.clearance_watch import ClearanceWatch
 from contid.control.engine.contact_orders import ContactOrders
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.load_watch import LoadWatch
 from contid.control.engine.order_handler import OrderHandler
 from contid.control.engine.outcomes import Outcomes
-from contid.control.engine.pack_record import CycleSnapshot, RecordPacker
+from contid.control.engine.pack_record import RecordPacker
 from contid.control.engine.ports import BusPort
 from contid.control.engine.robots import Order, Robots
-from contid.control.engine.sources import Source
+from contid.control.engine.sources import Source, Timed
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
@@ -67,14 +67,16 @@ class Engine:
         self.finished = False
         self._robots = Robots(configs, sink)
         self._exchange = Exchange(self._robots, ports, rate_hz, sink, now)
-        self._chains = ChainOrders(guards, self._robots, self._exchange, sink)
+        self._chains = ChainMonitor(guards, self._robots, self._exchange, sink)
         self._selector = TargetSelector(
             self._robots, self._chains, rate_hz, sink, trajectory, on_end, attended
         )
-        self._clearance = ClearanceOrders(clearance, self._robots, self._exchange, sink)
+        self._clearance = (
+            None if clearance is None else ClearanceWatch(clearance, self._robots, self._exchange, sink)
+        )
         self._loads = LoadWatch(self._robots, self._exchange)
         self._contacts = ContactOrders(self._robots, self._exchange, self._loads, self._chains, sink)
-        self._recorder = RecordPacker(self._robots.configs, sink, now)
+        self._recorder = RecordPacker(self._robots, self._exchange, sink, now)
         self._buses = tuple(ports)
         self._orders = OrderHandler(
             self._robots, self._selector, self._exchange, self._chains, self._contacts, self._loads,
@@ -156,9 +158,11 @@ class Engine:
         step = self._step = timing.tick - timing.skipped
         now_s = step / self._rate_hz
         source = selector.source
-        self._chains.begin_gotos(now_s)
-        targets = self._clearance.before_tick(selector.targets(step, now_s))
-        targets = self._chains.before_tick(targets, now_s, selector.measured)
+        targets = selector.targets(step, now_s)
+        if self._clearance is not None:
+            targets = self._clearance.before_tick(targets)
+        if self._chains.chains:
+            targets = self._chains.before_tick(targets, now_s, selector.measured)
         self._loads.tick(now_s, selector.measured)
         self._contacts.tick(timing.tick, now_s, selector.measured)
         targets = self._loads.loaded(targets, now_s)
@@ -168,7 +172,10 @@ class Engine:
             self._computed(index, now_s, targets.get(config.name))
             for index, config in enumerate(robots.configs)
         ]
-        too_near = self._clearance.after_tick(outcomes, targets, now_s, selector)
+        too_near: Collection[int] = ()
+        if self._clearance is not None:
+            timed = isinstance(source, Timed)
+            too_near = self._clearance.after_tick(outcomes, targets, now_s, timed)
         for index, config in enumerate(robots.configs):
             outcome = outcomes[index]
             self._outcomes.take(index, timing.tick, outcome, targets.get(config.name), index in too_near)
@@ -177,23 +184,13 @@ class Engine:
         # The commands of this tick are fixed: a stop that begins now begins at the time of the next.
         next_s = (step + 1) / self._rate_hz
         exchange.run(commands, timing, next_s)
-        self._chains.after_tick(next_s)
+        if self._chains.chains:
+            self._chains.after_tick(next_s)
         selector.watch(timing.tick, step, next_s)
         robots.report_changes(timing.tick)
         source_s = None if source is None else source.time_s
-        self._recorder.record(
-            CycleSnapshot(
-                timing,
-                now_s,
-                source_s,
-                targets,
-                outcomes,
-                robots.states,
-                exchange.samples,
-                selector.measured,
-                self._loads.in_world,
-            )
-        )
+        measured, loads = selector.measured, self._loads.in_world
+        self._recorder.record(timing, now_s, source_s, targets, outcomes, measured, loads)
         if selector.finishing and not self.finished:
             self.finished = robots.resting and not exchange.busy
 

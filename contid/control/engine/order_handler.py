@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contid.control.engine import messages as msg
-from contid.control.engine.chain_orders import ChainOrders
+from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.contact_orders import ContactOrders
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events.orders import MarkReached, OrderRefused
@@ -25,7 +25,7 @@ class OrderHandler:
         robots: Robots,
         selector: TargetSelector,
         exchange: Exchange,
-        chains: ChainOrders,
+        chains: ChainMonitor,
         contacts: ContactOrders,
         loads: LoadWatch,
         rate_hz: float,

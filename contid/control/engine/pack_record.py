@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import reduce
 from operator import or_
 from typing import Final
 
 from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.events.robots import LimitNamed
+from contid.control.engine.exchange import Exchange
+from contid.control.engine.robots import Robots
 from contid.control.engine.tick_layout import (
     AXIS,
     CONVERGED,
@@ -56,64 +57,61 @@ _VELOCITY, _EFFORT, _TEMPERATURE, _VOLTAGE = map(
 _MAX_NAMES: Final = 52
 
 
-@dataclass(frozen=True, slots=True)
-class CycleSnapshot:
-    """Inputs and results of one cycle.
+class RecordPacker:
+    """Packs cycles for a sink; assigns the bits of ``limited_by``.
 
-    Attributes:
-        timing: its place in time, on the clock of the buses.
-        now_s: the time of the robots.
-        source_s: time in the trajectory, None while none runs.
-        targets: by robot, in the world frame.
-        outcomes: of every robot's tick.
-        states: of every robot, after the exchange.
-        samples: newest by axis.
-        measured: newest measured tip by robot.
-        loads: forces on tips and their standard deviations by robot, in the world frame [N].
+    Args:
+        robots: all of them.
+        exchange: with their devices.
+        sink: of the records.
+        now: the clock of the buses.
     """
 
-    timing: Timing
-    now_s: float
-    source_s: float | None
-    targets: Mapping[str, Target | None]
-    outcomes: Sequence[TickResult]
-    states: Sequence[RobotState]
-    samples: Mapping[str, Sample]
-    measured: Mapping[str, Measurement]
-    loads: Mapping[str, tuple[Vec3, Vec3]]
-
-
-class RecordPacker:
-    """Packs cycles for a sink; assigns the bits of ``limited_by``."""
-
-    def __init__(self, configs: Sequence[RobotConfig], sink: Sink, now: Callable[[], float]) -> None:
-        """``now``: the clock of the buses."""
-        self._configs = configs
+    def __init__(self, robots: Robots, exchange: Exchange, sink: Sink, now: Callable[[], float]) -> None:
+        self._robots = robots
+        self._exchange = exchange
         self._sink = sink
         self._now = now
-        self._bits: list[dict[str, int]] = [{} for _ in configs]
+        self._bits: list[dict[str, int]] = [{} for _ in robots.configs]
 
-    def record(self, cycle: CycleSnapshot) -> None:
-        """Write one record."""
-        timing, source_s = cycle.timing, cycle.source_s
+    def record(
+        self,
+        timing: Timing,
+        now_s: float,
+        source_s: float | None,
+        targets: Mapping[str, Target | None],
+        outcomes: Sequence[TickResult],
+        measured: Mapping[str, Measurement],
+        loads: Mapping[str, tuple[Vec3, Vec3]],
+    ) -> None:
+        """Write one record, after the exchange.
+
+        Args:
+            timing: of the cycle, on the clock of the buses.
+            now_s: the time of the robots.
+            source_s: time in the trajectory, None while none runs.
+            targets: by robot, in the world frame.
+            outcomes: of every robot's tick.
+            measured: newest measured tip by robot.
+            loads: forces on tips and their standard deviations by robot, in the world frame [N].
+        """
         values = [*_HEAD]
         values[TICK], values[SKIPPED] = timing.tick, timing.skipped
         values[DEADLINE], values[LATENESS] = timing.deadline_s, timing.lateness_s
         if source_s is not None:
             values[SOURCE_TIME] = source_s
-        for index, config in enumerate(self._configs):
-            outcome, state = cycle.outcomes[index], cycle.states[index]
-            target = cycle.targets.get(config.name)
+        for index, config in enumerate(self._robots.configs):
+            outcome, state, target = outcomes[index], self._robots.states[index], targets.get(config.name)
             row = self._robot(index, outcome, state, target)
-            measured = cycle.measured.get(config.name)
-            if measured is not None and (age_s := cycle.now_s - measured.time_s) <= MEASURED_MAX_AGE_S:
-                row[_MEASURED_TIP], row[_MEASURED_AGE] = measured.tip_in_world, age_s
-                if measured.direction_in_world:
-                    row[_MEASURED_DIRECTION] = measured.direction_in_world
-            if (load := cycle.loads.get(config.name)) is not None:
+            tip = measured.get(config.name)
+            if tip is not None and (age_s := now_s - tip.time_s) <= MEASURED_MAX_AGE_S:
+                row[_MEASURED_TIP], row[_MEASURED_AGE] = tip.tip_in_world, age_s
+                if tip.direction_in_world:
+                    row[_MEASURED_DIRECTION] = tip.direction_in_world
+            if (load := loads.get(config.name)) is not None:
                 row[_ESTIMATED], row[_SIGMA] = load
             values += row
-            _add_axes(values, config, outcome, state, target, cycle.samples)
+            _add_axes(values, config, outcome, state, target, self._exchange.samples)
         values[WORK] = self._now() - timing.deadline_s - timing.lateness_s
         self._sink.write(values)
 
@@ -150,7 +148,7 @@ class RecordPacker:
         if name not in bits:
             number = min(len(bits), _MAX_NAMES)
             bits[name] = 1 << number
-            self._sink.event(LimitNamed(robot=self._configs[index].name, bit=number, name=name))
+            self._sink.event(LimitNamed(robot=self._robots.configs[index].name, bit=number, name=name))
         return bits[name]
 
 

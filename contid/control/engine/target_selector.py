@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
-from contid.control.engine.chain_orders import ChainOrders
+from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.events.run import SourceEnded, StopBegan
 from contid.control.engine.messages import RobotNames
@@ -37,7 +37,7 @@ class TargetSelector:
     def __init__(
         self,
         robots: Robots,
-        chains: ChainOrders,
+        chains: ChainMonitor,
         rate_hz: float,
         sink: Sink,
         trajectory: Trajectory | None,

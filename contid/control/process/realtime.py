@@ -30,7 +30,7 @@ def request_real_time() -> str:
 
 def warm_up() -> None:
     """Import and run the approach once, before the first tick needs it."""
-    Approach((0.0,), (0.0,), (1.0,), 1.0, 1.0, 1.0).at(0.5)
+    Approach((0.0,), (0.0,), (1.0,), (1.0,), (1.0,), (1.0,)).at(0.5)
 
 
 def disable_gc() -> None:

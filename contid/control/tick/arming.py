@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from contid.control.tick.axis_motions import inwards, outside, planned, speed
+from contid.control.tick.axis_motions import inwards, motion_to, outside, planned, speed
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.play import NO_LEAD
@@ -17,7 +17,6 @@ from contid.control.tick.tip_feedback import corrected
 from contid.control.tick.transitions import fail, moved
 from contid.hal import Sample
 from contid.targets import Actuation, Target
-from contid.trajectory.approach import Approach
 
 #: Longest wait for a first valid sample of every axis.
 FIRST_SAMPLE_TIMEOUT_S: Final = 2.0
@@ -29,10 +28,10 @@ def next_arming(
     config: RobotConfig, state: RobotState, now_s: float, samples: Sequence[Sample], target: Target | None
 ) -> RobotState:
     """From CONNECTING towards the first command; each step needs a valid sample of every axis."""
-    sampled = bool(samples) and all(sample.valid and sample.value is not None for sample in samples)
+    present = config.measured_actuation(samples)
     late = now_s - state.since_s > FIRST_SAMPLE_TIMEOUT_S
     if state.mode is Mode.CONNECTING:
-        if sampled:
+        if present is not None:
             state = moved(config, state, Event.SAMPLED, now_s)
         elif late:
             silent = [axis for axis, sample in zip(config.axes, samples, strict=False) if not sample.valid]
@@ -44,8 +43,7 @@ def next_arming(
         # Old commands are dropped: an interrupted arming must not return to them.
         cleared = replace(state, command=(), increments=(), reference=(), motion=None, lead=NO_LEAD)
         return replace(moved(config, cleared, Event.ARM, now_s), pending=Effect.ENABLE, enabled=False)
-    if state.mode is Mode.ARMING and state.enabled and sampled:
-        present = config.transmission.to_actuation(tuple(sample.value or 0.0 for sample in samples))
+    if state.mode is Mode.ARMING and state.enabled and present is not None:
         still = (0.0,) * len(present)
         state = replace(state, command=present, reference=present, increments=still, motion=None)
         if state.recovering:
@@ -100,8 +98,4 @@ def approach(
     goal = config.model.inverse(in_base, seed or state.command).actuation
     if not all(map(math.isfinite, goal)):
         return fail(config, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)
-    motion = Approach(
-        state.command, speed(config, state), goal, config.velocity, config.acceleration, config.jerk,
-        straight=config.straight,
-    )  # fmt: skip
-    return planned(state, motion, start_s)
+    return planned(state, motion_to(config, state.command, speed(config, state), goal), start_s)

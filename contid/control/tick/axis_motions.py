@@ -10,7 +10,7 @@ from contid.control.tick.state import AxisMotion, RobotState
 from contid.control.tick.way import within
 from contid.targets import Actuation, Target
 from contid.trajectory.approach import Approach
-from contid.trajectory.standstill import JerkLimitedStop, stopping
+from contid.trajectory.standstill import JerkLimitedStop
 from contid.trajectory.straight_stop import StraightStop
 
 #: Share of an axis's travel beyond a limit that counts as outside; less is noise of a sensor or a zero.
@@ -34,14 +34,14 @@ def speed(config: RobotConfig, state: RobotState) -> Actuation:
     return tuple(step / config.period_s for step in state.increments)
 
 
-def slow_motion(config: RobotConfig, state: RobotState, goal: Actuation, share: float) -> Approach:
-    """From the last command at standstill to a goal, with a share of velocity, acceleration and jerk."""
-    velocity, acceleration, jerk = (
-        tuple([rate * share for rate in rates])
-        for rates in (config.velocity, config.acceleration, config.jerk)
+def motion_to(
+    config: RobotConfig, start: Actuation, velocity: Actuation, goal: Actuation, share: float = 1.0
+) -> Approach:
+    """From a position and velocity to a goal at rest, with a share of velocity, acceleration and jerk."""
+    fastest, acceleration, jerk = (
+        [share * rate for rate in rates] for rates in (config.velocity, config.acceleration, config.jerk)
     )
-    still = (0.0,) * len(goal)
-    return Approach(state.command, still, goal, velocity, acceleration, jerk, straight=config.straight)
+    return Approach(start, velocity, goal, fastest, acceleration, jerk, config.straight)
 
 
 def outside(config: RobotConfig, actuation: Actuation) -> str:
@@ -65,7 +65,7 @@ def inwards(config: RobotConfig, state: RobotState, start_s: float) -> RobotStat
         min(max(value, each.lower), each.upper)
         for value, each in zip(state.command, config.limits, strict=True)
     )
-    motion = slow_motion(config, state, goal, RECOVER_SHARE)
+    motion = motion_to(config, state.command, speed(config, state), goal, RECOVER_SHARE)
     return replace(planned(state, motion, start_s), goto=Target(actuation=goal), follow=False)
 
 
@@ -77,8 +77,7 @@ def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """
     if not any(state.increments):
         return replace(state, motion=None, reference=state.command, squeeze=None)
-    rest = (0.0,) * len(state.command)
-    motion = stopping(state.command, speed(config, state), rest, config.acceleration, config.jerk)
+    motion = JerkLimitedStop(state.command, speed(config, state), config.acceleration, config.jerk)
     if _leaves(config, state.command, motion):
         return braking_at_once(config, state, now_s)
     return planned(state, motion, now_s - config.period_s)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
 from contid.control.tick.limits import AxisLimits, axis_limits
 from contid.control.tick.play import Capstan
 from contid.control.tick.shared_limits import SharedLimits
 from contid.control.tick.taut import Taut
+from contid.control.tick.transmission import RobotTransmission
+from contid.hal import Sample
 from contid.kinematics.extra_axes import build_whole_model
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model
-from contid.robot_file.base import ContactPolicy, Quantity, StopPolicy, Stops, TipFeedback
+from contid.robot_file.base import ContactPolicy, Quantity, Stops, TipFeedback
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import CurrentSense, RackFinger
 from contid.robot_file.robot import RobotDescription
@@ -22,34 +24,6 @@ from contid.units import BAR
 
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1
-
-
-class Transmission(Protocol):
-    """Between a model's actuation [m or Pa] and the values of the devices [rad or Pa]."""
-
-    def to_device(self, actuation: Actuation) -> tuple[float, ...]:
-        """Device values of an actuation."""
-        ...
-
-    def to_actuation(self, device: tuple[float, ...]) -> Actuation:
-        """Actuation that device values mean."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class StopConfig:
-    """The stop policies of one robot as plain values."""
-
-    on_end: StopPolicy
-    on_interrupt: StopPolicy
-    on_fault: StopPolicy
-    on_host_loss: StopPolicy
-    estop: StopPolicy
-
-    @classmethod
-    def of(cls, stops: Stops) -> StopConfig:
-        """The policies of a robot file."""
-        return cls(stops.on_end, stops.on_interrupt, stops.on_fault, stops.on_host_loss, stops.estop)
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,12 +87,12 @@ class RobotConfig:
     model: Model
     frame: BaseFrame
     limits: tuple[AxisLimits, ...]
-    transmission: Transmission
+    transmission: RobotTransmission
     axis_names: tuple[str, ...]
     extra_axes: int
     axes: tuple[str, ...]
     rest: Actuation
-    stops: StopConfig
+    stops: Stops
     velocity: tuple[float, ...]
     acceleration: tuple[float, ...]
     jerk: tuple[float, ...]
@@ -145,11 +119,16 @@ class RobotConfig:
         estimated = self.sensing is not None and self.sensing.load == "estimated"
         return self.feedback is not None or estimated
 
+    def measured_actuation(self, samples: Sequence[Sample]) -> Actuation | None:
+        """Where the axes are, None unless every one of them has a valid sample."""
+        values = [sample.value for sample in samples if sample.valid and sample.value is not None]
+        return self.transmission.to_actuation(values) if len(values) == len(self.axes) else None
+
 
 def robot_config(
     name: str,
     robot: RobotDescription,
-    transmission: Transmission,
+    transmission: RobotTransmission,
     rate_hz: float,
     tolerance_of_bus: Mapping[str, int],
     watchdog_s_of_bus: Mapping[str, float],
@@ -176,7 +155,7 @@ def robot_config(
         axes=tuple(f"{name}.{axis}" for axis in names),
         # Extra axes rest at their least value: without pressure, open.
         rest=(*robot.rest, *model.lower[len(robot.axis_names) :]),
-        stops=StopConfig.of(robot.stop),
+        stops=robot.stop,
         velocity=velocity,
         acceleration=acceleration,
         jerk=jerk,

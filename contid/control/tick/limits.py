@@ -23,8 +23,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from contid.trajectory.approach import Limit, per_axis
-
 # Which limit bound, as bits of one number per axis.
 POSITION: Final = 1
 VELOCITY: Final = 2
@@ -64,15 +62,15 @@ class AxisLimits:
 def axis_limits(
     lower: Sequence[float],
     upper: Sequence[float],
-    velocity: Limit,
-    acceleration: Limit,
+    velocity: Sequence[float],
+    acceleration: Sequence[float],
     period_s: float,
 ) -> tuple[AxisLimits, ...]:
-    """Limits of every axis from ranges [m, Pa or rad], rates (common or per axis) and the period [s]."""
-    count = len(lower)
-    steps = [each * period_s for each in per_axis(velocity, count)]
-    changes = [each * period_s * period_s for each in per_axis(acceleration, count)]
-    return tuple(AxisLimits(*each) for each in zip(lower, upper, steps, changes, strict=True))
+    """Limits of every axis from ranges [m, Pa or rad], rates and the period [s]."""
+    return tuple(
+        AxisLimits(low, high, v * period_s, a * period_s * period_s)
+        for low, high, v, a in zip(lower, upper, velocity, acceleration, strict=True)
+    )
 
 
 def brake_step(room: float, change: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final, TypeAlias
 
 from contid.control.tick.contact.squeeze_way import Squeeze
 from contid.control.tick.faults import Fault
@@ -15,21 +15,15 @@ from contid.errors import ContidError
 from contid.hal import Rest
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
+from contid.trajectory.approach import Approach
+from contid.trajectory.standstill import JerkLimitedStop
+from contid.trajectory.straight_stop import StraightStop
 
 NO_CORRECTION: Final = Correction()
 
 
-class AxisMotion(Protocol):
-    """A jerk-limited motion in actuator space (`contid.trajectory.approach`)."""
-
-    @property
-    def duration_s(self) -> float:
-        """How long it takes [s]."""
-        ...
-
-    def at(self, t_s: float) -> tuple[Actuation, Actuation]:
-        """Actuation and its velocity at a time since the start; the end after the end."""
-        ...
+#: A motion in actuator space.
+AxisMotion: TypeAlias = Approach | JerkLimitedStop | StraightStop
 
 
 class Effect(enum.Enum):

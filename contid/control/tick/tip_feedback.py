@@ -91,14 +91,13 @@ def observed(
         ahead: by what the devices are ahead of their axes, for play and friction.
     """
     seen_m, used_s = before.seen_m, before.used_s
-    valid = bool(samples) and all(sample.valid and sample.value is not None for sample in samples)
-    if measurement is not None and measurement.time_s > used_s and valid:
-        actuation = config.transmission.to_actuation(tuple([sample.value or 0.0 for sample in samples]))
+    newer = measurement if measurement is not None and measurement.time_s > used_s else None
+    if newer is not None and (actuation := config.measured_actuation(samples)) is not None:
         delivered = led(actuation, tuple([-lead for lead in ahead]))
         model_tip = config.model.forward(delivered, load_n).tip_m
-        error_m = _minus(config.frame.point_in_base(measurement.tip_in_world), model_tip)
+        error_m = _minus(config.frame.point_in_base(newer.tip_in_world), model_tip)
         if all(map(math.isfinite, error_m)):
-            seen_m, used_s = _bounded(error_m, feedback.limit_m), measurement.time_s
+            seen_m, used_s = _bounded(error_m, feedback.limit_m), newer.time_s
     if now_s - used_s > feedback.stale_s:
         return _faded(feedback, before, now_s)
     share = -math.expm1(-feedback.gain_per_s * config.period_s)

@@ -9,14 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from contid.control.tick.axis_motions import (
-    braking,
-    braking_at_once,
-    outside,
-    planned,
-    slow_motion,
-    speed,
-)
+from contid.control.tick.axis_motions import braking, braking_at_once, motion_to, outside, planned, speed
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.contact.squeeze import why_not
 from contid.control.tick.contact.squeeze_way import Squeeze
@@ -26,7 +19,6 @@ from contid.control.tick.supervisor import REST_OF, Event, Mode, allowed, move
 from contid.hal import Sample
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
-from contid.trajectory.approach import Approach
 
 #: Share of velocity, acceleration and jerk of the motion back from a contact.
 RETREAT_SHARE: Final = 0.2
@@ -135,7 +127,7 @@ def recover(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
 
 def retreat(config: RobotConfig, state: RobotState, goal: Actuation, now_s: float) -> RobotState:
     """From HOLD at standstill, go slowly to an earlier command, then hold."""
-    motion = slow_motion(config, state, goal, RETREAT_SHARE)
+    motion = motion_to(config, state.command, speed(config, state), goal, RETREAT_SHARE)
     after = moved(config, state, Event.FOLLOW, now_s)
     return replace(
         after, motion=motion, motion_s=now_s - config.period_s, goto=Target(actuation=goal), follow=False
@@ -144,23 +136,14 @@ def retreat(config: RobotConfig, state: RobotState, goal: Actuation, now_s: floa
 
 def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: float) -> RobotState:
     """Begin to stop by a policy; the devices of a robot in FAULT or not armed rest at once."""
-    after = moved(config, state, Event.STOP, now_s)
-    after = replace(after, arm_requested=False, follow=False, goto=None, recovering=False)
+    after = _without_orders(moved(config, state, Event.STOP, now_s))
     if after.mode in (Mode.OFF, Mode.FAULT):
         resting = _effect(policy) if state.command else Effect.NONE
         return replace(after, pending=resting, enabled=False, motion=None)
     if not state.command or policy is StopPolicy.VENT:
         return stopped(config, replace(after, policy=policy), now_s)
     if policy is StopPolicy.REST and not outside(config, state.command):
-        motion = Approach(
-            state.command,
-            speed(config, state),
-            config.rest,
-            config.velocity,
-            config.acceleration,
-            config.jerk,
-            straight=config.straight,
-        )
+        motion = motion_to(config, state.command, speed(config, state), config.rest)
         return replace(planned(after, motion, now_s - config.period_s), policy=policy)
     return braking(config, replace(after, policy=policy), now_s)
 
@@ -176,37 +159,32 @@ def estop(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """Relax or vent now, from any state; OFF afterwards, a latched fault stays. Never refused."""
     if state.mode is not Mode.OFF:
         state = moved(config, state, Event.ESTOP, now_s)
-    return replace(
-        state, arm_requested=False, follow=False, goto=None, enabled=False, motion=None,
-        policy=None, pending=_effect(config.stops.estop), recovering=False,
-    )  # fmt: skip
+    resting = _effect(config.stops.estop)
+    return replace(_without_orders(state), enabled=False, motion=None, policy=None, pending=resting)
 
 
 def fail(config: RobotConfig, state: RobotState, fault: Fault, message: str, now_s: float) -> RobotState:
     """Latch a fault and stop by the policy; the first one stays."""
     if state.mode is Mode.FAULT:
         return state
-    after = replace(
-        moved(config, state, Event.FAULT, now_s),
-        fault=fault, message=message, arm_requested=False, follow=False, goto=None, motion=None, policy=None,
-        recovering=False,
-    )  # fmt: skip
+    after = faulted(config, state, fault, message, now_s)
     if fault in (Fault.DEVICE_LOST, Fault.BUS_STALLED) or not state.enabled:
         # The bus is lost or nothing is enabled: only the devices' own watchdogs can act.
-        return replace(after, enabled=False, pending=Effect.NONE)
+        return replace(after, enabled=False, motion=None)
     if config.stops.on_fault is StopPolicy.HOLD and state.command:
-        return braking(config, replace(after, pending=Effect.NONE), now_s)
-    return replace(after, enabled=False, pending=_effect(config.stops.on_fault))
+        return braking(config, after, now_s)
+    return replace(after, enabled=False, motion=None, pending=_effect(config.stops.on_fault))
+
+
+def faulted(config: RobotConfig, state: RobotState, fault: Fault, message: str, now_s: float) -> RobotState:
+    """The state with a fault, without the orders and requests before it; its motion goes on."""
+    after = _without_orders(moved(config, state, Event.FAULT, now_s))
+    return replace(after, fault=fault, message=message, policy=None, pending=Effect.NONE)
 
 
 def too_near(config: RobotConfig, state: RobotState, message: str, now_s: float) -> RobotState:
     """Latch fault 303 and stop in the shortest way, whatever the policy: to relax would move the body."""
-    after = replace(
-        moved(config, state, Event.FAULT, now_s),
-        fault=Fault.TOO_NEAR, message=message, arm_requested=False, follow=False, goto=None,
-        policy=None, recovering=False, pending=Effect.NONE,
-    )  # fmt: skip
-    return braking_at_once(config, after, now_s)
+    return braking_at_once(config, faulted(config, state, Fault.TOO_NEAR, message, now_s), now_s)
 
 
 def ask_clear(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
@@ -228,6 +206,10 @@ def clear(config: RobotConfig, state: RobotState, samples: Sequence[Sample], now
     after = moved(config, state, Event.CLEAR, now_s)
     # The devices may have lost torque: arming starts again from the samples.
     return replace(after, fault=Fault.NONE, message="", enabled=False, misses=(0,) * len(config.axes))
+
+
+def _without_orders(state: RobotState) -> RobotState:
+    return replace(state, arm_requested=False, follow=False, goto=None, recovering=False)
 
 
 def _wrong(config: RobotConfig, samples: Sequence[Sample]) -> list[str]:

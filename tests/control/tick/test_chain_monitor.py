@@ -34,6 +34,7 @@ def chain(
     on_fault: str = "hold",
     right_bus: str = "",
     rest_mm: float = 115,
+    left_start_mm: float = 115,
 ) -> LoadedFile:
     """Two upright arms 700 mm apart on servos, each on a bus of its own, and a rope."""
     lines = [
@@ -59,8 +60,9 @@ def chain(
             f"    stop: {{on_interrupt: {on_interrupt}, on_fault: {on_fault}, on_host_loss: relax}}",
             "    axes:",
         ]
+        start_deg = (left_start_mm if name == "left" else 115) / 37.7 * 360
         lines += [
-            f"      s{s}.l{j}: {{bus: {bus}, device: servo, mm_per_rev: 37.7}}"
+            f"      s{s}.l{j}: {{bus: {bus}, device: servo, mm_per_rev: 37.7, start_deg: {start_deg}}}"
             for s in (1, 2)
             for j in (1, 2, 3)
         ]
@@ -264,6 +266,24 @@ def test_cleared_alone_an_arm_does_not_follow_without_the_other() -> None:
         loaded, RATE, rows(loaded, UP, back, UP, back, period_s=2.0), sinks=[seen], orders=orders, ticks=300
     )
     assert seen.modes("left")[-3:] == ["READY", "ARMING", "HOLD"]
+
+
+def test_a_recovery_that_the_rope_forbids_is_over() -> None:
+    """Afterwards the arm arms again by itself, and is outside its limits as before."""
+    orders: dict[int, list[msg.Message]] = {
+        1: [msg.Mark(1)],
+        50: [msg.ClearFault(("right",))],
+        60: [msg.Recover(("left",))],
+        120: [msg.ClearFault(("left",))],
+        130: [msg.Resume(("left",))],
+    }
+    # The rope hangs above its floor only while the left arm is 9 mm too long in each section.
+    loaded = chain(left_start_mm=159, floor_mm=-52)
+    seen = Collector(loaded)
+    run_virtual(loaded, RATE, rows(loaded, UP, UP), sinks=[seen], orders=orders, ticks=200)
+    faults = [e["fault"] for e in seen.events if e["event"] == "fault" and e["robot"] == "left"]
+    assert faults == [Fault.OUTSIDE_LIMITS, Fault.CHAIN_FORBIDS, Fault.OUTSIDE_LIMITS]
+    assert not any("on its way inside" in each for each in message(seen, "refused"))
 
 
 @pytest.mark.parametrize("ending", ["finish", "stop", "on_end"])

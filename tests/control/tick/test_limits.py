@@ -146,7 +146,7 @@ def test_flags_name_what_bound(target: float, flag: int) -> None:
 
 
 def test_several_axes_are_independent() -> None:
-    limits = axis_limits((0.0, 0.0), (1.0, 1.0), velocity=10.0, acceleration=2000.0, period_s=0.01)
+    limits = axis_limits((0.0, 0.0), (1.0, 1.0), (10.0, 10.0), (2000.0, 2000.0), period_s=0.01)
     commands, flags = limit(limits, (0.5, 0.5), (0.0, 0.0), (0.55, 0.9), (0.0, 0.0))
     assert commands == pytest.approx((0.55, 0.6))
     assert flags[0] == 0

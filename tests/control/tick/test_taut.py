@@ -20,7 +20,7 @@ from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.base import StopPolicy
 from contid.robot_file.load import parse_robot_file
 from contid.targets import Target
-from contid.trajectory.standstill import stopping
+from contid.trajectory.standstill import JerkLimitedStop
 
 ROUNDING_N = 1e-4  # 5 nm of pull at 20 N/mm
 
@@ -250,7 +250,7 @@ def test_a_stop_whose_end_is_out_of_bounds_ends_before_it(configs: Path) -> None
     end = (*ways, -0.00011804630818783407, -0.001006409679159443, 0.0007443009580876692)
     step = (*(0.0,) * 6, -7.331410581976148e-10, 3.584462352585957e-10, 3.5844621736925986e-10)
     still = (0.0,) * len(end)
-    motion = stopping(end, still, still, config.acceleration, config.jerk)
+    motion = JerkLimitedStop(end, still, config.acceleration, config.jerk)
     run.state = replace(
         run.state, command=command, reference=end, increments=step, policy=StopPolicy.HOLD,
         motion=motion, motion_s=-1.0,

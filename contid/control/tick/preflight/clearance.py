@@ -8,10 +8,9 @@ from typing import Final
 
 from contid.clearance.guard import ClearanceGuard, Configuration
 from contid.clearance.walk import Walk
-from contid.control.tick.axis_motions import straight_stop
+from contid.control.tick.axis_motions import motion_to, straight_stop
 from contid.control.tick.config import RobotConfig
 from contid.targets import ZERO3, Actuation, Vec3
-from contid.trajectory.approach import Approach
 
 #: Interval between the computed configurations of an approach; the motion between them is bounded [s].
 INTERVAL_S: Final = 0.02
@@ -43,9 +42,8 @@ class ClearancePreflight:
         start = self.walk.configuration
         motions = {}
         for name, (goal, _) in goals.items():
-            config, here = self._configs[name], start[name][0]
-            rates = config.velocity, config.acceleration, config.jerk
-            motions[name] = Approach(here, (0.0,) * len(here), goal, *rates, straight=config.straight)
+            here = start[name][0]
+            motions[name] = motion_to(self._configs[name], here, (0.0,) * len(here), goal)
         duration_s = max((motion.duration_s for motion in motions.values()), default=0.0)
         steps = max(1, math.ceil(duration_s / INTERVAL_S))
         for k in range(1, steps + 1):
