@@ -15,7 +15,6 @@ import time
 import numpy as np
 
 from contid.control.engine.virtual import VirtualProcess
-from contid.control.tick.load_sensing.load_filter import Jump
 from contid.robot_file.clearance import PlaneDescription
 from contid.robot_file.load import with_mock
 from contid.robot_file.pneumatic.simulated import SimulatedArm
@@ -61,17 +60,16 @@ def spirals(minutes):
     run = Run(calibrated(body, rng), body, rng)
     phases = np.array([0.0, 2.0, 4.0, 1.0, 3.0, 5.0]) * math.pi / 3.0
     run.move(0.6 + 0.1 * np.sin(phases))
-    run.observer.jumps.clear()
-    jumps: list[tuple[float, Jump]] = []
+    changes = []
     for k in range(round(60.0 * minutes * RATE_HZ)):
-        jumps += run.observer.jumps
-        run.observer.jumps.clear()
-        t = k / RATE_HZ
+        before, t = run.observer.found, k / RATE_HZ
         radius = 0.1 + 0.3 * 0.5 * (1.0 - math.cos(2.0 * math.pi * t / 40.0))
         run.tick(0.6 + radius * np.sin(2.0 * math.pi * t / 4.0 + phases))
-    changes = np.array([np.linalg.norm(jump.change_n) / GRAM_N for _, jump in jumps])
+        after = run.observer.found
+        if before and after and before.settled and not after.settled:
+            changes.append(math.dist(after.force_in_base, before.force_in_base) / GRAM_N)
     print(f"spirals of 4 s a turn for {minutes:g} simulated minutes: {len(changes)} jumps of the estimate, "
-          f"{int((changes > 1.0).sum())} by more than 1 g")  # fmt: skip
+          f"{sum(change > 1.0 for change in changes)} by more than 1 g")  # fmt: skip
 
 
 def walls(count):
@@ -97,15 +95,13 @@ def walls(count):
         run = Run(robot, body, rng)
         run.move(low)
         run.rest(1.0)
-        run.observer.jumps.clear()
         onset_s = None
         for k in range(round(3.0 * RATE_HZ)):
             run.tick(low + (high - low) * k / (3.0 * RATE_HZ))
             body.tip_in_world_m(0.0)
             if onset_s is None and body.push_n > 0.0:
                 onset_s = run.ticks / RATE_HZ
-                run.observer.jumps.clear()
-            if onset_s is not None and run.observer.jumps:
+            if onset_s is not None and (found := run.observer.found) is not None and not found.settled:
                 delays.append(run.ticks / RATE_HZ - onset_s)
                 break
         else:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contid.control.engine.tick_layout import NAN3, RobotRecord
+from contid.control.engine.tick_layout import RobotRecord
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
 from contid.kinematics.body_shape import by_model
@@ -30,6 +30,9 @@ ROBOTS = {
 
 def config_of(configs: Path, name: str) -> RobotConfig:
     return build_robot_configs(load_robot_file(configs / f"{name}.yaml"), 200.0)[0]
+
+
+NAN3 = (math.nan,) * 3
 
 
 def tracked(tip: Vec3, direction: Vec3 = NAN3) -> RobotRecord:

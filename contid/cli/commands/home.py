@@ -145,5 +145,5 @@ def zero_of(loaded: LoadedFile, found: Homed) -> float:
     axis = loaded.file.robots[robot].axes[name]
     if axis.mm_per_rev is None:
         return math.degrees(found.value)
-    angle = axis_map(axis.model_copy(update={"zero_deg": 0.0})).to_device(mm_to_m(found.at_mm))
-    return math.degrees(found.value - angle)
+    to_device, _ = axis_map(axis.model_copy(update={"zero_deg": 0.0}))
+    return math.degrees(found.value - to_device(mm_to_m(found.at_mm)))

@@ -76,7 +76,7 @@ def _virtual(request: RunRequest) -> RunReport:
         stack.enter_context(handle_logs(min(request.log_level, logging.INFO), SinkHandler(Tee(sinks))))
         rows = _rows(source, preflight_of(request, loaded)) if isinstance(source, Stream) else None
         tips = MeasuredTips(build_robot_configs(loaded, rate_hz), record_layout(loaded, rate_hz))
-        sinks.append(TipSink(tips))
+        sinks.append(tips)
         report = run_virtual(loaded, rate_hz, timed, sinks=sinks, on_end=request.on_end, rows=rows)
     tips.complete(report.robots)
     if rows is not None:
@@ -107,20 +107,6 @@ class SinkHandler(LogQueue):
         """See `logging.Handler.emit`."""
         super().emit(record)
         self.write(self._sink)
-
-
-class TipSink:
-    """A sink that tallies measured tips."""
-
-    def __init__(self, tips: MeasuredTips) -> None:
-        self._tips = tips
-
-    def write(self, values: list[float]) -> None:
-        """See `contid.control.engine.cycle.Sink`."""
-        self._tips.write(values)
-
-    def event(self, event: RunEvent) -> None:
-        """Events are not tallied."""
 
 
 class TerminalSink:

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from contid.control.engine.events.base import RunEvent
 from contid.control.engine.tick_layout import TICK, RecordLayout, RobotRecord, TickRecord
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.supervisor import Mode
@@ -32,7 +33,7 @@ class _Tally:
 
 
 class MeasuredTips:
-    """Tally of the measured tip errors of all robots.
+    """Tally of the measured tip errors of all robots; also a sink of the engine.
 
     Args:
         configs: of the robots, in the order of the records.
@@ -46,10 +47,13 @@ class MeasuredTips:
         self._next = 0
         self._tallies = [_Tally() for _ in self._configs]
 
-    def write(self, values: Sequence[float]) -> None:
-        """Take the undecoded values of a record; most are skipped."""
+    def write(self, values: list[float]) -> None:
+        """See `contid.control.engine.cycle.Sink`; most records are skipped."""
         if values[TICK] >= self._next:
             self.add(self._layout.decode(tuple(values)))
+
+    def event(self, event: RunEvent) -> None:
+        """Events have no tips."""
 
     def add(self, record: TickRecord | None) -> None:
         """Take a record, unless its turn has not come."""

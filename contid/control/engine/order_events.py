@@ -8,6 +8,7 @@ samples of the record.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any, Final
 
 from contid.control.engine import messages as msg
@@ -19,14 +20,20 @@ from contid.errors import ContidError
 from contid.robot_file.base import StopPolicy
 from contid.targets import ZERO3, Target
 
-_FOR_ROBOTS: Final[dict[str, type[msg.Hold | msg.Resume | msg.Estop | msg.ClearFault | msg.Recover]]] = {
+#: Orders whose event has the fields of the message as they are, by name.
+_AS_THEY_ARE: Final[dict[str, type[msg.Message]]] = {
     "hold": msg.Hold,
     "resume": msg.Resume,
+    "stop": msg.Stop,
     "estop": msg.Estop,
     "clear_fault": msg.ClearFault,
     "recover": msg.Recover,
+    "finish": msg.Finish,
+    "begin": msg.Begin,
+    "end": msg.EndOfRows,
+    "go": msg.Go,
 }
-_NAMES: Final[dict[type, str]] = {kind: name for name, kind in _FOR_ROBOTS.items()}
+_NAMES: Final[dict[type, str]] = {kind: name for name, kind in _AS_THEY_ARE.items()}
 
 
 def order_event(message: object, tick: int) -> OrderGiven | None:
@@ -43,30 +50,15 @@ def _order(message: object) -> dict[str, Any] | None:
             goto: dict[str, Any] = {"order": "goto", "robot": robot, "target": _target(target)}
             return goto if force_n is None else {**goto, "until_force_n": force_n}
         case msg.Measured(robot, tip_in_world, direction, age_s):
-            fields = {"order": "measured", "robot": robot, "tip_m": tip_in_world, "age_s": age_s}
-            return fields if direction is None else {**fields, "direction": direction}
-        case msg.Stop(robots, policy, reason):
-            return {"order": "stop", "robots": robots, "policy": policy, "reason": reason}
-        case msg.Finish(policy, reason):
-            return {"order": "finish", "policy": policy, "reason": reason}
-        case (
-            msg.Hold(robots)
-            | msg.Resume(robots)
-            | msg.Estop(robots)
-            | msg.ClearFault(robots)
-            | msg.Recover(robots)
-        ):
-            return {"order": _NAMES[type(message)], "robots": robots}
-        case msg.EndOfRows():
-            return {"order": "end"}
-        case msg.Begin():
-            return {"order": "begin"}
+            seen = {"order": "measured", "robot": robot, "tip_m": tip_in_world, "age_s": age_s}
+            return seen if direction is None else {**seen, "direction": direction}
         case msg.Play(trajectory, waits):
-            fields = {"order": "play", "rows": len(trajectory)}
-            return {**fields, "waits": True} if waits else fields
-        case msg.Go(at_s, began_s):
-            return {"order": "go", "at_s": at_s, "began_s": began_s}
-    return None
+            played = {"order": "play", "rows": len(trajectory)}
+            return {**played, "waits": True} if waits else played
+    name = _NAMES.get(type(message))
+    if name is None:
+        return None
+    return {"order": name, **{each.name: getattr(message, each.name) for each in fields(_AS_THEY_ARE[name])}}
 
 
 def order_of(event: OrderGiven) -> msg.Message:
@@ -78,17 +70,19 @@ def order_of(event: OrderGiven) -> msg.Message:
     """
     order = event.order
     kind = order["order"]
-    policy = order.get("policy")
-    stop = None if policy is None else StopPolicy(policy)
-    robots = order.get("robots")
-    if kind in _FOR_ROBOTS:
-        return _FOR_ROBOTS[kind](None if robots is None else tuple(robots))
+    if kind in _AS_THEY_ARE:
+        given = {each.name: order[each.name] for each in fields(_AS_THEY_ARE[kind]) if each.name in order}
+        if given.get("robots") is not None:
+            given["robots"] = tuple(given["robots"])
+        if given.get("policy") is not None:
+            given["policy"] = StopPolicy(given["policy"])
+        return _AS_THEY_ARE[kind](**given)
     match kind:
         case "rows":
             # Recordings of earlier versions have one event per robot of a row.
             before = {order["robot"]: order["target"]} if "robot" in order else {}
             targets = order.get("targets", before)
-            return msg.Rows({robot: target_of(fields) for robot, fields in targets.items()})
+            return msg.Rows({robot: target_of(each) for robot, each in targets.items()})
         case "measured":
             x, y, z = order["tip_m"]
             direction = order.get("direction")
@@ -104,16 +98,6 @@ def order_of(event: OrderGiven) -> msg.Message:
             if target is not None:
                 force_n = order.get("until_force_n")
                 return msg.Goto(order["robot"], target, None if force_n is None else float(force_n))
-        case "stop":
-            return msg.Stop(None if robots is None else tuple(robots), stop, order["reason"])
-        case "finish":
-            return msg.Finish(stop, order["reason"])
-        case "end":
-            return msg.EndOfRows()
-        case "begin":
-            return msg.Begin()
-        case "go":
-            return msg.Go(float(order["at_s"]), float(order["began_s"]))
     raise ContidError(f"tick {event.tick}: the order {kind!r} cannot be repeated from a recording")
 
 
@@ -138,7 +122,7 @@ def _target(target: Target | None) -> dict[str, Any] | None:
     """The fields of a target that are set; floats survive JSON exactly."""
     if target is None:
         return None
-    fields = {
+    values = {
         "tip_m": target.tip_m,
         "direction": target.direction,
         "rotation": target.rotation,
@@ -149,12 +133,12 @@ def _target(target: Target | None) -> dict[str, Any] | None:
         "measured_tip_m": target.measured_tip_m,
         "measured_direction": target.measured_direction,
     }
-    return {name: value for name, value in fields.items() if value is not None}
+    return {name: value for name, value in values.items() if value is not None}
 
 
-def target_of(fields: Mapping[str, Any] | None) -> Target | None:
+def target_of(values: Mapping[str, Any] | None) -> Target | None:
     """The target of an ``order`` event."""
-    if fields is None:
+    if values is None:
         return None
-    values: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in fields.items()}
-    return Target(**values)
+    given: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
+    return Target(**given)

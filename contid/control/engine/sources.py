@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Final, Protocol
+from typing import Final, TypeAlias
 
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.soft_start import ease_ticks, fitted, played
@@ -14,31 +14,6 @@ from contid.trajectory.timed import Trajectory
 
 #: How long after the last row the limiter may still need to bring a robot onto it.
 SETTLE_S: Final = 5.0
-
-
-class Source(Protocol):
-    """Gives every robot its target at a tick."""
-
-    #: Time in the trajectory [s], None where there is none.
-    time_s: float | None
-    #: True when the source has ended and every robot has reached its last target.
-    finished: bool
-
-    def targets(self, tick: int) -> Mapping[str, Target | None]:
-        """Targets by robot in the world frame; a robot without one holds."""
-        ...
-
-    def watch(self, tick: int, states: Mapping[str, RobotState]) -> None:
-        """Called after each tick with the states of the robots."""
-        ...
-
-    def pause(self, tick: int) -> None:
-        """Stop the clock of the source."""
-        ...
-
-    def resume(self) -> None:
-        """Start the clock again, once the robots are back where it stopped."""
-        ...
 
 
 class Timed:
@@ -52,6 +27,8 @@ class Timed:
     Attributes:
         waits: it stays at its first row.
         within_reach: its targets were found within reach.
+        time_s: time in the trajectory [s].
+        finished: it has ended, and every robot has reached its last target.
     """
 
     def __init__(
@@ -72,11 +49,11 @@ class Timed:
         self.waits = waits
         self.within_reach = trajectory.within_reach
         self._ended_at: int | None = None
-        self.time_s: float | None = trajectory.start_s
+        self.time_s = trajectory.start_s
         self.finished = False
 
     def targets(self, tick: int) -> Mapping[str, Target | None]:
-        """Targets at the time of this tick."""
+        """Targets by robot at the time of this tick, in the world frame."""
         trajectory = self._trajectory
         position = self._position(tick)
         if self._origin is not None and position >= self._length and self._ended_at is None:
@@ -88,7 +65,7 @@ class Timed:
         return trajectory.targets_at(time_s)
 
     def watch(self, tick: int, states: Mapping[str, RobotState]) -> None:
-        """Start the clock when every robot has arrived; detect the end."""
+        """After a tick: start the clock when every robot has arrived; detect the end."""
         followers = [states[name] for name in self._robots if states[name].follow]
         if self._ended_at is not None:
             still = all(state.command == state.reference for state in followers)
@@ -129,13 +106,18 @@ class Timed:
 
 
 class Live:
-    """The newest row of a stream."""
+    """The newest row of a stream.
+
+    Attributes:
+        time_s: None, as a stream has no times.
+        finished: it has ended, and every robot has reached its last target.
+    """
 
     def __init__(self) -> None:
         self._newest: dict[str, Target | None] = {}
         self._ended = False
         self._paused = False
-        self.time_s: float | None = None
+        self.time_s = None
         self.finished = False
 
     def put(self, targets: Mapping[str, Target | None]) -> None:
@@ -167,3 +149,7 @@ class Live:
     def resume(self) -> None:
         """Follow the newest row again."""
         self._paused = False
+
+
+#: Targets by robot at a tick, in the world frame; a robot without one holds.
+Source: TypeAlias = Timed | Live

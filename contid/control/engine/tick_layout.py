@@ -21,8 +21,6 @@ from typing import Annotated, Any, Final, NamedTuple, get_args, get_type_hints
 from contid.control.tick.supervisor import Mode
 from contid.targets import Vec3
 
-NAN3: Final = (math.nan,) * 3
-
 # Bits of RobotRecord.flags.
 HAS_TARGET: Final = 1
 CONVERGED: Final = 2

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from contid.control.tick.limits import AxisLimits, axis_limits
-from contid.control.tick.play import Capstan
 from contid.control.tick.shared_limits import SharedLimits
-from contid.control.tick.taut import Taut
 from contid.control.tick.transmission import RobotTransmission
 from contid.hal import Sample
 from contid.kinematics.extra_axes import build_whole_model
@@ -21,6 +19,10 @@ from contid.robot_file.rack_finger import CurrentSense, RackFinger
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
 from contid.units import BAR
+
+if TYPE_CHECKING:
+    from contid.kinematics.tendon.capstan import CapstanLead
+    from contid.kinematics.tendon.taut import TautPulls
 
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1
@@ -103,8 +105,8 @@ class RobotConfig:
     feedback: FeedbackConfig | None = None
     play: Actuation | None = None
     loops: Actuation | None = None
-    capstan: Capstan | None = None
-    taut: Taut | None = None
+    capstan: CapstanLead | None = None
+    taut: TautPulls | None = None
     sensing: Cosserat | None = None
     contact: ContactPolicy | None = None
     usual_a: float = 0.0

@@ -19,23 +19,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 from contid.control.tick.limits import AxisLimits
-from contid.kinematics.array import Array
 from contid.targets import Actuation
 
-
-class Capstan(Protocol):
-    """Interface of `contid.kinematics.tendon.capstan.CapstanLead`."""
-
-    def slides(self, before: Actuation, pulls: Actuation, steps: Actuation) -> Actuation:
-        """Sense of sliding of every tendon in every section after a step."""
-        ...
-
-    def lead(self, pulls: Actuation, slides: Actuation) -> Array:
-        """What is added to the pulls [m]."""
-        ...
+if TYPE_CHECKING:
+    from contid.kinematics.tendon.capstan import CapstanLead
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +64,7 @@ _STILL: Final = 1e-9
 
 def next_lead(
     play: Actuation | None,
-    capstan: Capstan | None,
+    capstan: CapstanLead | None,
     before: Lead,
     command: Actuation,
     increments: Actuation,

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -29,6 +29,9 @@ from contid.control.tick.limits import REFUSED, TENSION, AxisLimits, allowed_ste
 from contid.kinematics.array import Array
 from contid.targets import Actuation
 from contid.units import LIMIT_TOLERANCE_M
+
+if TYPE_CHECKING:
+    from contid.kinematics.tendon.taut import TautPulls
 
 #: A pull changes its pace along a straight line of bends and tightness, and this takes a part of the change
 #: of step that its axis may make (`AxisLimits.change`). At least this share of it is left for braking:
@@ -47,32 +50,8 @@ _STILL_M: Final = 1e-12
 _ROUNDING: Final = 1e-9
 
 
-class Taut(Protocol):
-    """Interface of `contid.kinematics.tendon.taut.TautPulls`."""
-
-    def excess(self, actuation: Actuation, /) -> Array:
-        """By how much pulls [m] exceed every limit of travel, tension and bends; convex."""
-        ...
-
-    def tightness(self, pulls: Array) -> Array:
-        """Tightness of every section [N]."""
-        ...
-
-    def tightened(self, pulls: Array, tightness: Array) -> Array:
-        """Pulls [m] of the same bends with at least this tightness [N]."""
-        ...
-
-    def split(self, pulls: Array) -> Array:
-        """Coordinates of pulls [m]: bends [rad], tightness [N] and the rest of the pulls [m]."""
-        ...
-
-    def join(self, coordinates: Array) -> Array:
-        """Pulls [m] of coordinates."""
-        ...
-
-
 def limit_taut(
-    taut: Taut,
+    taut: TautPulls,
     limits: Sequence[AxisLimits],
     last: Actuation,
     last_steps: Actuation,
@@ -114,13 +93,13 @@ class _TautLimiter:
     """The limits of the tendons of one robot in one tick.
 
     Attributes:
-        taut: see `Taut`.
+        taut: conversions between pulls, and bends with tightness.
         limits: of the axes.
         pulls: the last command [m].
         steps: the last command minus the one before [m].
     """
 
-    taut: Taut
+    taut: TautPulls
     limits: Sequence[AxisLimits]
     pulls: Array
     steps: Array

@@ -11,8 +11,8 @@ tuples, which is faster than NumPy for two to twelve axes.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Protocol, TypeAlias
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
@@ -26,63 +26,22 @@ from contid.units import BAR, DEG, MM_PER_M
 _Sparse: TypeAlias = tuple[tuple[tuple[int, float], ...], ...]
 
 
-class AxisMap(Protocol):
-    """One axis between the driven quantity [m or Pa] and its device [rad or Pa]; strictly monotone."""
-
-    def to_device(self, driven: float) -> float:
-        """Device value for a driven length or pressure."""
-        ...
-
-    def to_driven(self, device: float) -> float:
-        """Exact inverse of `to_device`."""
-        ...
-
-
-class Linear:
-    """``device = zero + gain * driven``: a pinion or spool, or the identity."""
-
-    __slots__ = ("gain", "zero")
-
-    def __init__(self, gain: float, zero: float) -> None:
-        self.gain = gain
-        self.zero = zero
-
-    def to_device(self, driven: float) -> float:
-        """See `AxisMap`."""
-        return self.zero + self.gain * driven
-
-    def to_driven(self, device: float) -> float:
-        """See `AxisMap`."""
-        return (device - self.zero) / self.gain
-
-
-class Table:
-    """A measured curve from length [m] to pressure [Pa]."""
-
-    __slots__ = ("curve",)
-
-    def __init__(self, rows_mm_bar: Sequence[tuple[float, float]]) -> None:
-        self.curve = MonotoneCubic(
-            [length / MM_PER_M for length, _ in rows_mm_bar], [pressure * BAR for _, pressure in rows_mm_bar]
-        )
-
-    def to_device(self, driven: float) -> float:
-        """See `AxisMap`."""
-        return self.curve(driven)
-
-    def to_driven(self, device: float) -> float:
-        """See `AxisMap`."""
-        return self.curve.inverse(device)
+#: From a driven length or pressure [m or Pa] to the value of a device [rad or Pa], and exactly back.
+AxisMap: TypeAlias = tuple[Callable[[float], float], Callable[[float], float]]
 
 
 def axis_map(axis: AxisDescription) -> AxisMap:
-    """The map of a checked axis description."""
+    """The map of a checked axis description: its measured table, else a pinion, a spool or the identity."""
     if axis.mm_to_bar is not None:
-        return Table(axis.mm_to_bar)
-    gain = float(axis.direction)
+        lengths_m, pressures_pa = zip(
+            *((mm / MM_PER_M, bar * BAR) for mm, bar in axis.mm_to_bar), strict=True
+        )
+        curve = MonotoneCubic(lengths_m, pressures_pa)
+        return curve, curve.inverse
+    zero, gain = axis.zero_deg * DEG, float(axis.direction)
     if axis.mm_per_rev is not None:
         gain *= 2.0 * math.pi * MM_PER_M / axis.mm_per_rev
-    return Linear(gain, axis.zero_deg * DEG)
+    return lambda driven: zero + gain * driven, lambda device: (device - zero) / gain
 
 
 class RobotTransmission:
@@ -109,19 +68,19 @@ class RobotTransmission:
     def to_device(self, actuation: Actuation) -> tuple[float, ...]:
         """Device values [rad or Pa] that realise an actuation [m or Pa]."""
         driven = actuation if self._forward is None else _multiply(self._forward, actuation)
-        return tuple([axis.to_device(value) for axis, value in zip(self.maps, driven, strict=True)])
+        return tuple([to_device(value) for (to_device, _), value in zip(self.maps, driven, strict=True)])
 
     def to_actuation(self, device: Sequence[float]) -> Actuation:
         """The actuation [m or Pa] that device values [rad or Pa] stand for."""
-        driven = tuple([axis.to_driven(value) for axis, value in zip(self.maps, device, strict=True)])
+        driven = tuple([to_driven(value) for (_, to_driven), value in zip(self.maps, device, strict=True)])
         return driven if self._backward is None else _multiply(self._backward, driven)
 
     def travel(self) -> tuple[tuple[float, float], ...]:
         """Min and max device value of every axis over the robot's limits [rad or Pa]."""
         ends = []
-        for axis, (low, high) in zip(self.maps, self._driven, strict=True):
-            a, b = axis.to_device(low), axis.to_device(high)
-            ends.append((min(a, b), max(a, b)))
+        for (to_device, _), limits in zip(self.maps, self._driven, strict=True):
+            low, high = sorted(map(to_device, limits))
+            ends.append((low, high))
         return tuple(ends)
 
 

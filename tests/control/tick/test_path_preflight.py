@@ -105,18 +105,22 @@ def test_what_is_accepted_is_followed_and_what_is_refused_is_not(
         assert off_m <= tolerance_m * (1 + 1e-3)
 
 
+def no_corners(samples: Sequence[Tick]) -> set[int]:
+    return set()
+
+
 def test_a_trajectory_of_three_centuries_is_checked_at_once() -> None:
     loaded = load(1)
     trajectory = trajectory_of(loaded, AXES, (0.0, 50.0, 50.0), (1e10, 60.0, 50.0))
     assert refused(loaded, trajectory) == []
-    assert len(list(run_ticks(trajectory, RATE, 0, 0))) < 1000
+    assert len(list(run_ticks(trajectory, RATE, 0, 0, no_corners))) < 1000
 
 
 @pytest.mark.parametrize("ease", [(0, 0), (40, 20)])
 def test_ticks_of_short_intervals_are_all_there(ease: tuple[int, int]) -> None:
     loaded = load(1)
     trajectory = trajectory_of(loaded, AXES, *((0.9 * k, 50.0 + k, 50.0) for k in range(11)))
-    ticks = list(run_ticks(trajectory, RATE, *ease))
+    ticks = list(run_ticks(trajectory, RATE, *ease, no_corners))
     assert [each.ticks for each in ticks] == [1] * len(ticks)
     assert len(ticks) == 9 * RATE + 1 + sum(ease) / 2
     for each in ticks:

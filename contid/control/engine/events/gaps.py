@@ -4,41 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
-from contid.control.engine.events.base import RunEvent, Text
+from contid.control.engine.events.base import RunEvent, Text, run_event
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("recorder")
 class RecorderFailed(RunEvent):
     """The control process ended without closing the ring."""
 
-    KIND: ClassVar[str] = "recorder"
     message: Text
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("overrun")
 class RecorderOverrun(RunEvent):
     """The ring was overwritten before the recorder had read it."""
 
-    KIND: ClassVar[str] = "overrun"
     missed_ticks: Annotated[int, "ticks that are not in the file"]
     missed_events: Annotated[int, "events that are not in the file"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("viewer")
 class ViewerPaused(RunEvent):
     """The ring was overwritten before the viewer had read it; written by the viewer."""
 
-    KIND: ClassVar[str] = "viewer"
     message: Text
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("too_long")
 class EventTooLong(RunEvent):
     """Replaces an event that does not fit into the ring."""
 
-    KIND: ClassVar[str] = "too_long"
     kind: Annotated[str, "of the event"]
 
 

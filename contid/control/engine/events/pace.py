@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.base import RunEvent, run_event
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("skipped")
 class TicksSkipped(RunEvent):
     """Ticks were skipped because an earlier one took too long."""
 
-    KIND: ClassVar[str] = "skipped"
     ticks: Annotated[int, "number of ticks"]
     total: Annotated[int, "ticks skipped so far"]
     longest_gap_ms: Annotated[float, "longest time between two ticks so far that others were left out of"] = (
@@ -20,21 +18,19 @@ class TicksSkipped(RunEvent):
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("waited")
 class TicksWaited(RunEvent):
     """Periods without ticks passed while devices were connected, armed or cleared."""
 
-    KIND: ClassVar[str] = "waited"
     ticks: Annotated[int, "number of periods"]
     total: Annotated[int, "periods waited for so far"]
     longest_gap_ms: Annotated[float, "longest time between two ticks so far that others were left out of"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("report")
 class PaceReported(RunEvent):
     """Statistics of the ticks at the end of the run."""
 
-    KIND: ClassVar[str] = "report"
     ticks: Annotated[int, "number of ticks"]
     late: Annotated[int, "ticks that started late"]
     skipped: Annotated[int, "ticks that never started"]

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
-from contid.control.engine.events.base import RobotName, RunEvent, Text, TickNumber
+from contid.control.engine.events.base import RobotName, RunEvent, Text, TickNumber, run_event
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("state")
 class ModeChanged(RunEvent):
     """A robot entered a mode."""
 
-    KIND: ClassVar[str] = "state"
     robot: RobotName
     mode: Annotated[str, "new mode of the robot"]
     tick: TickNumber
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("fault")
 class FaultLatched(RunEvent):
     """A robot entered FAULT."""
 
-    KIND: ClassVar[str] = "fault"
     robot: RobotName
     fault: Annotated[int, "number of the fault"]
     name: Annotated[str, "name of the fault"]
@@ -31,11 +28,10 @@ class FaultLatched(RunEvent):
     tick: TickNumber
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("contact")
 class ContactBegan(RunEvent):
     """A force acts on a robot that neither its model nor its known load explains."""
 
-    KIND: ClassVar[str] = "contact"
     tick: TickNumber
     robot: RobotName
     axis: Annotated[str, "axes whose currents showed it, empty for the tip"] = ""
@@ -48,11 +44,10 @@ class ContactBegan(RunEvent):
     message: Text
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("squeeze")
 class SqueezeChanged(RunEvent):
     """A motion of a tip until a force (`Goto.until_force_n`) reached the force, lost the object, or ended."""
 
-    KIND: ClassVar[str] = "squeeze"
     tick: TickNumber
     robot: RobotName
     what: Annotated[str, "reached, lost, nothing (no force up to the target), pressed (no free way), weak"]
@@ -60,30 +55,27 @@ class SqueezeChanged(RunEvent):
     message: Text
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("grip")
 class EffortLimited(RunEvent):
     """The effort of a robot was limited to a share of that of the robot file."""
 
-    KIND: ClassVar[str] = "grip"
     tick: TickNumber
     robot: RobotName
     share: Annotated[float, "share, 0 to 1"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("limit_name")
 class LimitNamed(RunEvent):
     """A bit of ``limited_by`` was assigned to a limit."""
 
-    KIND: ClassVar[str] = "limit_name"
     robot: RobotName
     bit: Annotated[int, "bit of limited_by"]
     name: Annotated[str, "name of the limit"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("robot")
 class RobotReported(RunEvent):
     """The closing report of a robot (`contid.control.engine.report.robot_reports`)."""
 
-    KIND: ClassVar[str] = "robot"
     robot: RobotName
     report: Annotated[dict[str, Any], "mode, fault, tip errors and limits"]

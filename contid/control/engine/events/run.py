@@ -2,64 +2,57 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
-from contid.control.engine.events.base import RunEvent, Text, TickNumber
+from contid.control.engine.events.base import RunEvent, Text, TickNumber, run_event
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("started")
 class RunStarted(RunEvent):
     """The buses are open; the message is the reason when real-time priority was refused."""
 
-    KIND: ClassVar[str] = "started"
     realtime: Annotated[bool, "the control process has real-time priority"]
     message: Text
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("failed")
 class RunFailed(RunEvent):
     """The control process cannot continue."""
 
-    KIND: ClassVar[str] = "failed"
     message: Text
     exit_code: Annotated[int, "of the process"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("end")
 class SourceEnded(RunEvent):
     """The trajectory or the stream ended."""
 
-    KIND: ClassVar[str] = "end"
     tick: TickNumber
     on_end: Annotated[str, "what the robots do then"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("stopping")
 class StopBegan(RunEvent):
     """All robots stop; the run ends afterwards."""
 
-    KIND: ClassVar[str] = "stopping"
     reason: Annotated[str, "why the stop began"]
     seconds: Annotated[float, "how long the stop takes"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("log")
 class LogWritten(RunEvent):
     """A log record of the daemon or of the control process."""
 
-    KIND: ClassVar[str] = "log"
     process: Annotated[str, "daemon or control"]
     level: Annotated[str, "debug, info, warning, error or critical"]
     logger: Annotated[str, "name of the module"]
     message: Text
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@run_event("note")
 class NoteWritten(RunEvent):
     """A client related the clock of this run to its own, for recordings that are laid over each other."""
 
-    KIND: ClassVar[str] = "note"
     experiment: Annotated[str, "name of the experiment"]
     node: Annotated[str, "name of this daemon in its fleet"]
     conductor: Annotated[str, "boot of the client's machine, from which its clock counts"]

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -35,19 +34,6 @@ _ARMED: Final = 15
 _ROUNDED_N: Final = 1e-6
 #: Damping after the first step that did not lower the cost, relative to the diagonal.
 _DAMPING: Final = 0.1
-
-
-@dataclass(frozen=True, slots=True)
-class Jump:
-    """A force that changed suddenly.
-
-    Attributes:
-        change_n: by how much, as far as the few newest measurements show, in the base frame.
-        squared_distance: of their mean from what was expected, in standard deviations.
-    """
-
-    change_n: tuple[float, float, float]
-    squared_distance: float
 
 
 class LoadFilter:
@@ -99,10 +85,10 @@ class LoadFilter:
 
     def add(
         self, t_s: float, residual: Array, compliance: Array, model: Array
-    ) -> Generator[None, None, Jump | None]:
+    ) -> Generator[None, None, bool]:
         """Take a measurement in two parts of work, with a yield between them.
 
-        Returns a `Jump` when the force changed suddenly.
+        Returns True when the force changed suddenly.
 
         Args:
             t_s: when it was captured; later than the one before.
@@ -114,9 +100,8 @@ class LoadFilter:
         min_gain = -math.expm1(-step_s / self._window_s)
         self._last_s = t_s
         newest = np.concatenate([residual[None], self._newest[: WIDTHS[-1] - 1]])
-        jump = None
-        if self.count >= _ARMED and (found := self._jump(newest, compliance, model)) is not None:
-            jump, width = found
+        width = self._changed_since(newest, compliance, model) if self.count >= _ARMED else 0
+        if width:
             self._begin(newest[:width])
         else:
             self.count += 1
@@ -128,7 +113,7 @@ class LoadFilter:
         average = self._noise / min(self.count, 2.0 / max(1.0 / self.count, min_gain) - 1.0)
         self._weight = _inverse(average + model)
         self._linearise(compliance)
-        return jump
+        return width > 0
 
     def _linearise(self, compliance: Array) -> None:
         self._compliance = compliance
@@ -182,26 +167,19 @@ class LoadFilter:
     def _cost(self, force: Array, residual: Array) -> float:
         return float(residual @ self._weight @ residual + force @ self._prior @ force)
 
-    def _jump(self, newest: Array, compliance: Array, model: Array) -> tuple[Jump, int] | None:
-        """A jump and the number of measurements that show it best."""
-        known = model + compliance @ self.covariance @ compliance.T
-        (a, b, c), (_, d, e), (_, _, f) = known.tolist()
-        rows, noise = newest.tolist(), self._noise_mm2
-        largest, best_width, mean = 0.0, 0, (0.0, 0.0, 0.0)
+    def _changed_since(self, newest: Array, compliance: Array, model: Array) -> int:
+        """Number of newest measurements that show a sudden change best, 0 without one."""
+        (a, b, c), (_, d, e), (_, _, f) = (model + compliance @ self.covariance @ compliance.T).tolist()
+        largest, best_width = GATE, 0
         x = y = z = 0.0
-        for width, (px, py, pz) in enumerate(rows, 1):
+        for width, (px, py, pz) in enumerate(newest.tolist(), 1):
             x, y, z = x + px, y + py, z + pz
             if width in WIDTHS:
-                averaged, part = (x / width, y / width, z / width), noise / width
+                averaged, part = (x / width, y / width, z / width), self._noise_mm2 / width
                 distance = squared_distance(averaged, (a + part, b, c, d + part, e, f + part))
                 if distance > largest:
-                    largest, best_width, mean = distance, width, averaged
-        if largest <= GATE:
-            return None
-        weight = _inverse(self._noise + known)
-        inverse = _inverse(compliance.T @ weight @ compliance + self._prior)
-        x, y, z = (inverse @ compliance.T @ weight @ np.array(mean)).tolist()
-        return Jump((x, y, z), largest), best_width
+                    largest, best_width = distance, width
+        return best_width
 
 
 def _inverse(matrix: Array) -> Array:

@@ -9,7 +9,6 @@ inputs only, so a replay finds the same.
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
@@ -17,7 +16,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from contid.control.tick.load_sensing.identified_arm import SCALE_STEP, IdentifiedArm, Numbers
-from contid.control.tick.load_sensing.load_filter import Jump, LoadFilter
+from contid.control.tick.load_sensing.load_filter import LoadFilter
 from contid.control.tick.load_sensing.pressure_trace import PressurePose, PressureTrace
 from contid.control.tick.tip_feedback import Measurement
 from contid.kinematics.array import Array
@@ -33,8 +32,6 @@ TRIALS: Final = 4
 #: Multiples of the estimated force under which the stability of the arm is examined: while it is stable under
 #: the first, the solver may keep this force as its load; under the second, it may take a larger one.
 MARGIN: Final = (1.25, 1.5)
-#: At most this many sudden changes are kept for the caller.
-MAX_JUMPS: Final = 64
 #: Calls of the kernel per second of ticks; slower ticks make more calls each.
 CALLS_HZ: Final = 500.0
 #: Covariance of the model: renewed after a change of a pressure [bar] or of the force [N].
@@ -72,12 +69,17 @@ class LoadObserver:
     Args:
         robot: its description, with a ``sense``.
         period_s: of the tick.
+
+    Attributes:
+        arm: with the error of its model.
+        trace: the pressures of the newest ticks.
     """
 
     def __init__(self, robot: Cosserat, period_s: float) -> None:
         assert robot.sense is not None
         _rehearse(_Estimation(robot, robot.sense.load, period_s), len(robot.axis_names))
         self._estimation = _Estimation(robot, robot.sense.load, period_s)
+        self.arm, self.trace = self._estimation.arm, self._estimation.trace
         # The estimation must not hold its own generator: such a ring outlives the process's clean-up.
         self._work = self._estimation.forever()
         self._calls = max(1, math.ceil(CALLS_HZ * period_s))
@@ -86,21 +88,6 @@ class LoadObserver:
     def found(self) -> LoadFound | None:
         """Newest estimate, None before the first."""
         return self._estimation.found
-
-    @property
-    def arm(self) -> IdentifiedArm:
-        """The arm with the error of its model."""
-        return self._estimation.arm
-
-    @property
-    def trace(self) -> PressureTrace:
-        """The pressures of the newest ticks."""
-        return self._estimation.trace
-
-    @property
-    def jumps(self) -> deque[tuple[float, Jump]]:
-        """The newest sudden changes since the caller emptied it, with the time of capture [s]."""
-        return self._estimation.jumps
 
     def tick(
         self,
@@ -117,7 +104,7 @@ class LoadObserver:
             commands_bar: pressures commanded in the tick before; None when there were none.
             measurement: newest measured tip; the same one until another arrives.
         """
-        self._estimation.trace.tick(now_s, reported_bar, commands_bar)
+        self.trace.tick(now_s, reported_bar, commands_bar)
         self._estimation.newest = measurement
         for _ in range(self._calls):
             next(self._work)
@@ -140,7 +127,6 @@ class _Estimation:
         self._model_at: tuple[Numbers, Array] = ((), np.zeros(3))
         self._checks_margin = robot.load == "estimated"
         self.found: LoadFound | None = None
-        self.jumps: deque[tuple[float, Jump]] = deque(maxlen=MAX_JUMPS)
 
     def forever(self) -> _Work:
         """Take every measurement when it arrives, and renew the covariance of the model between them."""
@@ -183,9 +169,8 @@ class _Estimation:
         yield
         tip, self._moment = np.array(here[0]), here[1]
         seen = MM_PER_M * np.array(self._frame.point_in_base(measurement.tip_in_world))
-        jump = yield from self._filter.add(measurement.time_s, seen - tip, _matrix(here[2]), model)
-        if jump is not None:
-            self.jumps.append((measurement.time_s, jump))
+        jumped = yield from self._filter.add(measurement.time_s, seen - tip, _matrix(here[2]), model)
+        if jumped:
             yield
             # Steps never lead back from an equilibrium of another branch: try the unloaded arm as well.
             tip = self._unloaded(corrected, tip)
@@ -193,7 +178,7 @@ class _Estimation:
             tried = self._filter.proposed()
             if tried is None:
                 break
-            if trial or jump is not None:
+            if trial or jumped:
                 yield
             # A force on the tip has a moment about the base that follows from the tip.
             predicted = _moved(self._moment, tip, tried - self._filter.force)

@@ -11,7 +11,7 @@ Not every tick is computed: see `contid.control.tick.preflight.ticks`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -23,6 +23,7 @@ from contid.control.tick.preflight.ticks import Tick, run_ticks
 from contid.control.tick.soft_start import ease_ticks
 from contid.targets import Actuation, Solution, Target
 from contid.trajectory.timed import Trajectory
+from contid.units import m_to_mm
 
 #: An extra axis may be behind its reference by its greatest speed times this [s].
 LAG_S: Final = 0.02
@@ -33,9 +34,6 @@ NEAR_M: Final = 1e-5
 #: corner shows in two changes.
 _CORNER: Final = 0.5
 _ROUNDING: Final = 1.0 + 1e-6
-
-#: Why a robot cannot meet a target.
-Explain = Callable[[RobotConfig, Target, Solution], str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,81 +53,63 @@ class PathFinding:
     row: int = 0
 
 
-class PathPreflight:
-    """Follows the curve of a trajectory with every robot that it moves.
+def path_findings(
+    trajectory: Trajectory,
+    configs: Sequence[RobotConfig],
+    seeds: Mapping[str, Actuation],
+    clearance: ClearancePreflight | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Iterator[PathFinding]:
+    """Findings in the order of the rows, each with the row on the way to which a robot fails.
 
     Args:
-        configs: of these robots.
+        trajectory: its rows are within reach.
+        configs: of the robots that it moves.
         seeds: actuation of each from which the first row is solved.
-        explain: the message of a target out of reach.
         clearance: keeps the bodies apart on the approach from the seeds and on the curve; None without.
+        progress: called every 1000 checked ticks with the row reached.
     """
-
-    def __init__(
-        self,
-        configs: Sequence[RobotConfig],
-        seeds: Sequence[Actuation],
-        explain: Explain,
-        clearance: ClearancePreflight | None = None,
-    ) -> None:
-        self._configs = tuple(configs)
-        self._seeds = tuple(seeds)
-        self._explain = explain
-        self._clearance = clearance
-
-    def findings(
-        self, trajectory: Trajectory, progress: Callable[[int], None] | None = None
-    ) -> Iterator[PathFinding]:
-        """Findings in the order of the rows, each with the row on the way to which a robot fails.
-
-        Args:
-            trajectory: its rows are within reach.
-            progress: called every 1000 checked ticks with the row reached.
-        """
-        if not self._configs:
+    if not configs:
+        return
+    lead = ease_ticks(configs, trajectory, trajectory.start_s, ahead=True)
+    tail = ease_ticks(configs, trajectory, trajectory.end_s, ahead=False)
+    first = trajectory.targets_of_row(0)
+    followers = [_Follower(config, first[config.name], seeds[config.name]) for config in configs]
+    refused = dict[int, PathFinding]()  # by follower; after them the clearance
+    if clearance is not None:
+        begin = {f.name: (f.command, first[f.name].load_n) for f in followers}
+        message = clearance.approach(begin)
+        if message:
+            yield PathFinding(f"on the approach to this row, {message}", row=0)
             return
-        lead = ease_ticks(self._configs, trajectory, trajectory.start_s, ahead=True)
-        tail = ease_ticks(self._configs, trajectory, trajectory.end_s, ahead=False)
-        first = trajectory.targets_of_row(0)
-        followers = [
-            _Follower(config, first[config.name], seed, self._explain)
-            for config, seed in zip(self._configs, self._seeds, strict=True)
-        ]
-        refused = dict[int, PathFinding]()  # by follower; after them the clearance
-        if self._clearance is not None:
-            begin = {f.name: (f.command, first[f.name].load_n) for f in followers}
-            message = self._clearance.approach(begin)
+
+    def corners(samples: Sequence[Tick]) -> set[int]:
+        targets = [trajectory.targets_at(each.time_s) for each in samples]
+        ticks = [each.ticks for each in samples]
+        each_robots = [f.corners([at[f.name] for at in targets], ticks) for f in followers]
+        return set[int]().union(*each_robots)
+
+    path = run_ticks(trajectory, 1.0 / configs[0].period_s, lead, tail, corners)
+    for count, tick in enumerate(path):
+        row = tick.row
+        if progress is not None and count % 1000 == 0:
+            progress(row)
+        if any(found.row < row for found in refused.values()):
+            yield from refused.values()
+            refused.clear()
+        targets = trajectory.targets_at(tick.time_s)
+        for index, follower in enumerate(followers):
+            found = follower.follow(targets[follower.name], tick.ticks)
+            if found and (index not in refused or _severity(found) > _severity(refused[index])):
+                message = f"on the way to this row, {found.message}"
+                refused[index] = replace(found, row=row, message=message)
+        if clearance is not None and len(followers) not in refused:
+            reached = {f.name: (f.command, targets[f.name].load_n) for f in followers}
+            message = clearance.to(reached, {f.name: f.steps for f in followers})
             if message:
-                yield PathFinding(f"on the approach to this row, {message}", row=0)
-                return
-
-        def corners(samples: Sequence[Tick]) -> set[int]:
-            targets = [trajectory.targets_at(each.time_s) for each in samples]
-            ticks = [each.ticks for each in samples]
-            each_robots = [f.corners([at[f.name] for at in targets], ticks) for f in followers]
-            return set[int]().union(*each_robots)
-
-        path = run_ticks(trajectory, 1.0 / self._configs[0].period_s, lead, tail, corners)
-        for count, tick in enumerate(path):
-            row = tick.row
-            if progress is not None and count % 1000 == 0:
-                progress(row)
-            if any(found.row < row for found in refused.values()):
-                yield from refused.values()
-                refused.clear()
-            targets = trajectory.targets_at(tick.time_s)
-            for index, follower in enumerate(followers):
-                found = follower.follow(targets[follower.name], tick.ticks)
-                if found and (index not in refused or _severity(found) > _severity(refused[index])):
-                    message = f"on the way to this row, {found.message}"
-                    refused[index] = replace(found, row=row, message=message)
-            if self._clearance is not None and len(followers) not in refused:
-                reached = {f.name: (f.command, targets[f.name].load_n) for f in followers}
-                message = self._clearance.to(reached, {f.name: f.steps for f in followers})
-                if message:
-                    message = f"on the way to this row, {message}"
-                    refused[len(followers)] = PathFinding(message, row=row)
-        yield from refused.values()
+                message = f"on the way to this row, {message}"
+                refused[len(followers)] = PathFinding(message, row=row)
+    yield from refused.values()
 
 
 def _severity(found: PathFinding) -> tuple[float, float]:
@@ -140,26 +120,16 @@ def _severity(found: PathFinding) -> tuple[float, float]:
 class _Follower:
     """One robot on its way along the curve, as the tick drives it."""
 
-    def __init__(self, config: RobotConfig, first: Target, seed: Actuation, explain: Explain) -> None:
+    def __init__(self, config: RobotConfig, first: Target, seed: Actuation) -> None:
         self.name = config.name
         self._config = config
-        self._explain = explain
         self._goal = config.model.inverse(config.frame.target_in_base(first), seed).actuation
-        self._command = self._goal
-        self._steps = self._pace = (0.0,) * len(self._goal)
+        #: The actuation reached, and the change of each axis in the tick that reached it [m or Pa].
+        self.command = self._goal
+        self.steps = self._pace = (0.0,) * len(self._goal)
         self._lag = tuple([each.step * max(1.0, LAG_S / config.period_s) for each in config.limits])
         #: Greatest step and change of step of each axis since the command was last on the curve.
         self._peaks = [(0.0, 0.0) for _ in self._goal]
-
-    @property
-    def command(self) -> Actuation:
-        """The actuation reached."""
-        return self._command
-
-    @property
-    def steps(self) -> Actuation:
-        """Change of each axis in the tick that reached it [m or Pa]."""
-        return self._steps
 
     def corners(self, targets: Sequence[Target], ticks: Sequence[int]) -> set[int]:
         """Indices of targets before which an axis may change its speed by more than it can in a tick.
@@ -169,7 +139,7 @@ class _Follower:
             ticks: from the one before to each of them.
         """
         config, found = self._config, set[int]()
-        seed, goal, pace = self._command, self._goal, self._pace
+        seed, goal, pace = self.command, self._goal, self._pace
         for index, (target, apart) in enumerate(zip(targets, ticks, strict=True)):
             try:
                 answer = config.model.inverse(config.frame.target_in_base(target), seed).actuation
@@ -187,7 +157,7 @@ class _Follower:
         config = self._config
         in_base = config.frame.target_in_base(target)
         try:
-            solution = config.model.inverse(in_base, self._command)
+            solution = config.model.inverse(in_base, self.command)
         except ValueError as error:
             return PathFinding(f"{config.name}: {error}")
         goal = solution.actuation
@@ -199,22 +169,22 @@ class _Follower:
         ]
         self._goal, self._pace = goal, pace
         if ticks == 1:
-            command, flags, _ = next_command(config, self._command, self._steps, goal, pace, in_base)
+            command, flags, _ = next_command(config, self.command, self.steps, goal, pace, in_base)
             behind = [0.0] if command == goal else self._behind(command, goal, in_base)
         else:
             # The ticks between were not computed; without a corner only speed can be too much.
             command, flags = goal, ()
             behind = [abs(step) / each.step for step, each in zip(pace, config.limits, strict=True)]
-        self._steps = tuple([new - old for new, old in zip(command, self._command, strict=True)])
-        self._command = command
+        self.steps = tuple([new - old for new, old in zip(command, self.command, strict=True)])
+        self.command = command
         worst = max(range(len(behind)), key=behind.__getitem__)
         found = None
         if not solution.converged and (solution.residual_m > NEAR_M or target.extra):
-            found = PathFinding(self._explain(config, target, solution), residual_m=solution.residual_m)
+            found = PathFinding(explain(config, target, solution), residual_m=solution.residual_m)
         elif behind[worst] > _ROUNDING:
             found = self._too_fast(worst)
         if found or ticks > 1:
-            self._command, self._steps = goal, pace
+            self.command, self.steps = goal, pace
         if found or not any(flags):
             self._peaks = [(0.0, 0.0) for _ in goal]
         return found
@@ -272,3 +242,19 @@ def rounded_up(factor: float) -> str:
     """A factor with two digits, never below it."""
     digits = 10.0 ** (1 - math.floor(math.log10(factor)))
     return f"{math.ceil(factor * digits * (1.0 - 1e-9)) / digits:g}"
+
+
+def explain(config: RobotConfig, target: Target, solution: Solution) -> str:
+    """Which columns of which robot, which limit, and by how much."""
+    where = "actuation" if target.actuation is not None else "tip"
+    limits = f" (limited by {', '.join(solution.limited_by)})" if solution.limited_by else ""
+    note = f"; {solution.note}" if solution.note else ""
+    miss = "" if target.actuation is not None else f" by {m_to_mm(solution.residual_m):.6g} mm"
+    return f"{config.name}: {where} {_shown(config, target)} is out of reach{miss}{limits}{note}"
+
+
+def _shown(config: RobotConfig, target: Target) -> str:
+    if target.actuation is not None:
+        unit = config.quantity.unit
+        return "(" + ", ".join(f"{v * config.quantity.per_si:.6g}" for v in target.actuation) + f") {unit}"
+    return "(" + ", ".join(f"{m_to_mm(v):.6g}" for v in target.tip_m or ()) + ") mm"

@@ -11,10 +11,10 @@ from typing import Final
 from contid.clearance.guard import ClearanceGuard
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.preflight.clearance import ClearancePreflight
-from contid.control.tick.preflight.path import PathFinding, PathPreflight, slower
+from contid.control.tick.preflight.path import PathFinding, explain, path_findings, slower
 from contid.errors import BadInputError, Located
 from contid.kinematics.rope.chain import ChainGuard, Tip
-from contid.targets import ZERO3, Actuation, Solution, Target
+from contid.targets import ZERO3, Actuation, Target
 from contid.trajectory.timed import Trajectory
 from contid.units import m_to_mm
 
@@ -189,7 +189,7 @@ class Preflight:
         if not self._refuses:
             return trajectory
         report = None if progress is None else lambda row: progress(row, total)
-        for found in self._path(trajectory, before, self._clearance).findings(trajectory, report):
+        for found in path_findings(trajectory, self._moved(trajectory), before, self._clearance, report):
             refused.add(found)
         if refused.rows:
             slowdown = max(found.slowdown for found in refused.worst.values())
@@ -204,16 +204,11 @@ class Preflight:
 
         It returns at the first place that they do not allow.
         """
-        return next(self._path(trajectory, self._start).findings(trajectory), None) is None
+        return not any(path_findings(trajectory, self._moved(trajectory), self._start))
 
-    def _path(
-        self,
-        trajectory: Trajectory,
-        seeds: Mapping[str, Actuation],
-        clearance: ClearancePreflight | None = None,
-    ) -> PathPreflight:
-        moved = [self._configs[each] for each in trajectory.targets_of_row(0) if each in self._configs]
-        return PathPreflight(moved, [seeds[config.name] for config in moved], explain, clearance)
+    def _moved(self, trajectory: Trajectory) -> list[RobotConfig]:
+        """The robots that a trajectory moves."""
+        return [self._configs[each] for each in trajectory.targets_of_row(0) if each in self._configs]
 
 
 class _Refused:
@@ -270,19 +265,3 @@ def _looks_like_metres(trajectory: Trajectory) -> bool:
             if target.tip_m is None or max(map(abs, target.tip_m)) > METRES_M:
                 return False
     return True
-
-
-def explain(config: RobotConfig, target: Target, solution: Solution) -> str:
-    """Which columns of which robot, which limit, and by how much."""
-    where = "actuation" if target.actuation is not None else "tip"
-    limits = f" (limited by {', '.join(solution.limited_by)})" if solution.limited_by else ""
-    note = f"; {solution.note}" if solution.note else ""
-    miss = "" if target.actuation is not None else f" by {m_to_mm(solution.residual_m):.6g} mm"
-    return f"{config.name}: {where} {_shown(config, target)} is out of reach{miss}{limits}{note}"
-
-
-def _shown(config: RobotConfig, target: Target) -> str:
-    if target.actuation is not None:
-        unit = config.quantity.unit
-        return "(" + ", ".join(f"{v * config.quantity.per_si:.6g}" for v in target.actuation) + f") {unit}"
-    return "(" + ", ".join(f"{m_to_mm(v):.6g}" for v in target.tip_m or ()) + ") mm"

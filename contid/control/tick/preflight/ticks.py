@@ -46,13 +46,8 @@ class Tick:
 Corners = Callable[[Sequence[Tick]], Collection[int]]
 
 
-def no_corners(samples: Sequence[Tick]) -> Collection[int]:
-    """For curves that the axes follow themselves."""
-    return ()
-
-
 def run_ticks(
-    trajectory: Trajectory, rate_hz: float, lead: int, tail: int, corners: Corners = no_corners
+    trajectory: Trajectory, rate_hz: float, lead: int, tail: int, corners: Corners
 ) -> Iterator[Tick]:
     """The ticks of a run that are computed.
 
