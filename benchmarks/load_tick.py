@@ -91,7 +91,7 @@ def run(name: str, ticks: int) -> np.ndarray:
     """Times of a tick without and with sensing, and of what it adds [us], shape ``(3, ticks)``."""
     files = {sensed: arm_file(name, sensed) for sensed in (False, True)}
     processes = {sensed: VirtualProcess(loaded, RATE_HZ, Silent()) for sensed, loaded in files.items()}
-    model = processes[False].engine.configs[0].model
+    model = processes[False].engine.robots.configs[0].model
     x, y, z = model.forward(tuple(0.4 * top for top in model.upper)).tip_m
     loads: Any = processes[True].engine._loads
     loads.tick, loads.loaded = Timed(loads.tick), Timed(loads.loaded)
@@ -104,7 +104,7 @@ def run(name: str, ticks: int) -> np.ndarray:
         for sensed in (False, True) if k % 2 else (True, False):
             process = processes[sensed]
             process.begin()
-            if process.engine.armed:
+            if process.engine.robots.armed:
                 process.engine.obey(Rows({"arm": target}), process.tick)
             loads.tick.spent_ns = loads.loaded.spent_ns = 0
             begin = time.thread_time_ns()

@@ -125,7 +125,7 @@ def measure(name: str, count: int) -> Cost:
 
     bus.exchange = timed  # type: ignore[method-assign]  # a stopwatch around it
     process.engine.arm()
-    while process.engine.source is None or not (process.engine.source.time_s or 0.0) > 1.0:
+    while process.engine.selector.source is None or not (process.engine.selector.source.time_s or 0.0) > 1.0:
         process.begin()
         process.turn()
     gc.collect()

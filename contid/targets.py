@@ -7,7 +7,7 @@ world frame of the trajectory into it. Vectors are tuples of three floats (plana
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final, TypeAlias
@@ -22,6 +22,12 @@ ZERO3: Final[Vec3] = (0.0, 0.0, 0.0)
 #: Sine of an angle below which two vectors count as parallel.
 _PARALLEL: Final = 1e-6
 _NO_EXTRA: Final[Mapping[str, float]] = MappingProxyType({})
+
+
+def vec3(values: Iterable[float]) -> Vec3:
+    """Three numbers as a vector."""
+    x, y, z = values
+    return x, y, z
 
 
 def load_or_zero(load_n: Vec3) -> Vec3:

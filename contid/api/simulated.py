@@ -83,7 +83,7 @@ class Sim:
             sinks.append(self._recording.follow(setup))
         self._process = VirtualProcess(loaded, self.rate_hz, Tee(sinks), on_end=OnEnd.HOLD, attended=True)
         self._states = StateReader(
-            record_layout(loaded, self.rate_hz), self._process.engine.configs, self.units
+            record_layout(loaded, self.rate_hz), self._process.engine.robots.configs, self.units
         )
         self._closed = False
         self.state = self._arm()
@@ -161,7 +161,7 @@ class Sim:
         """Run ticks until every robot is armed, or all are in FAULT."""
         engine = self._process.engine
         engine.arm()
-        while not engine.armed or self._process.cycles == 0:
+        while not engine.robots.armed or self._process.cycles == 0:
             self._run_tick()
             state = self._states.read(self._values, self._refused)
             if all(robot.mode == Mode.FAULT.name for robot in state.robots.values()):

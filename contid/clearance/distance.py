@@ -34,13 +34,11 @@ class Distance:
     Attributes:
         lower_m, upper_m: bounds [m].
         at_m: arc length from the base of the first body where it is nearest [m].
-        other_at_m: the same on the second body; 0 for an obstacle.
     """
 
     lower_m: float
     upper_m: float
     at_m: float
-    other_at_m: float = 0.0
 
 
 def between_bodies(a: Body, b: Body, enough_m: float = math.inf) -> Distance:
@@ -55,15 +53,10 @@ def between_bodies(a: Body, b: Body, enough_m: float = math.inf) -> Distance:
     if kernel is None:
         return numpy_between_bodies(a, b, enough_m)
     radii, off_m = a.radius_m + b.radius_m, a.off_m + b.off_m
-    lower, upper, at, other_at = kernel.between(
+    lower, upper, at, _ = kernel.between(
         a.points, a.spacing_m, b.points, b.spacing_m, enough_m + radii + off_m
     )
-    return Distance(
-        lower - radii - off_m,
-        upper - radii + off_m,
-        a.start_m + at * a.spacing_m,
-        b.start_m + other_at * b.spacing_m,
-    )
+    return Distance(lower - radii - off_m, upper - radii + off_m, a.start_m + at * a.spacing_m)
 
 
 def numpy_between_bodies(a: Body, b: Body, enough_m: float = math.inf) -> Distance:
@@ -83,12 +76,8 @@ def numpy_between_bodies(a: Body, b: Body, enough_m: float = math.inf) -> Distan
         least = float(lower[nearest])
         leaves = (a1 - a0 == 1) & (b1 - b0 == 1)
         if least >= enough_m or leaves.all():
-            return Distance(
-                least,
-                best,
-                a.start_m + 0.5 * float(a0[nearest] + a1[nearest]) * a.spacing_m,
-                b.start_m + 0.5 * float(b0[nearest] + b1[nearest]) * b.spacing_m,
-            )
+            at_m = a.start_m + 0.5 * float(a0[nearest] + a1[nearest]) * a.spacing_m
+            return Distance(least, best, at_m)
         keep = lower <= best + _ROUNDING_M
         a0, a1, b0, b1 = a0[keep], a1[keep], b0[keep], b1[keep]
         a0, a1, b0, b1 = _halved(a0, a1, b0, b1)

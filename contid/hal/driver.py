@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from contid.errors import ContidError
@@ -62,9 +62,6 @@ def load_driver(name: str) -> Driver:
     Raises:
         UnknownDriverError: no such driver.
     """
-    from importlib import import_module
-    from importlib.metadata import EntryPoint
-
     if name in BUILT_IN:
         point = EntryPoint(name, BUILT_IN[name], ENTRY_POINT_GROUP)
     else:
@@ -72,6 +69,5 @@ def load_driver(name: str) -> Driver:
         if not found:
             raise UnknownDriverError(f"unknown driver {name!r}; available: {', '.join(driver_names())}")
         point = found[0]
-    module = import_module(point.module)
-    driver: Driver = getattr(module, point.attr)
+    driver: Driver = point.load()
     return driver

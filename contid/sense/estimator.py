@@ -19,7 +19,7 @@ import numpy as np
 from contid.kinematics.array import Array
 from contid.sense.calibration import LoadCalibration
 from contid.sense.play import HysteresisSides
-from contid.targets import Actuation, Vec3
+from contid.targets import Actuation, Vec3, vec3
 
 #: Two-sided 95 % of the normal distribution.
 NORMAL_95: Final = 1.959964
@@ -50,8 +50,7 @@ class LoadEstimate:
     @property
     def interval_n(self) -> Vec3:
         """Half width of the 95 % interval of every component [N]."""
-        x, y, z = (NORMAL_95 * np.sqrt(np.diag(self.covariance))).tolist()
-        return x, y, z
+        return vec3((NORMAL_95 * np.sqrt(np.diag(self.covariance))).tolist())
 
     def along(self, direction: Vec3) -> tuple[float, float]:
         """Component along a direction [N] and half width of its 95 % interval."""
@@ -130,7 +129,7 @@ class LoadEstimator:
         prior = np.eye(3) / self._prior_n**2
 
         def missed(force: Array) -> Array:
-            load = _vector(force)
+            load = vec3(force.tolist())
             tips = [
                 len(group) * np.array(self._model.forward(corrected[pose], load).tip_m)
                 for pose, group in groups.items()
@@ -141,7 +140,7 @@ class LoadEstimator:
         force, error = self._force, missed(self._force)
         converged, damping, information = False, 0.0, prior
         for _ in range(_ITERATIONS):
-            load = _vector(force)
+            load = vec3(force.tolist())
             jacobian = self._model.jacobian(corrected[newest], load)
             compliance = self._model.compliance(corrected[newest], load)
             spread = self._noise_m**2 / count * np.eye(3)
@@ -167,11 +166,5 @@ class LoadEstimator:
                 converged = True
                 break
         self._force = force if converged else np.zeros(3)
-        x, y, z = force.tolist()
         covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-        return LoadEstimate((x, y, z), covariance, converged, count)
-
-
-def _vector(array: Array) -> Vec3:
-    x, y, z = array.tolist()
-    return x, y, z
+        return LoadEstimate(vec3(force.tolist()), covariance, converged, count)

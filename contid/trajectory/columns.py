@@ -8,7 +8,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final
 
 from contid.errors import BadInputError, Located
@@ -19,8 +19,6 @@ TIME: Final = "t_s"
 _AXES: Final = ("x", "y", "z")
 #: A header with more mistakes is another file; the search for the nearest name takes a millisecond each.
 MAX_FINDINGS: Final = 20
-#: Quantities that command motion; the others are inputs (loads, measurements).
-MOVING: Final = frozenset({"tip", "direction", "x_axis", "mid", "actuation", "extra"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,18 +74,7 @@ def column_groups(prefix: str, robot: RobotDescription) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for name, meaning in vocabulary(robot).items():
         found.setdefault(meaning.group, []).append(f"{prefix}{name}")
-    order = (
-        "tip",
-        "direction",
-        "x_axis",
-        "mid",
-        "load",
-        "actuation",
-        "extra",
-        "measured",
-        "measured_direction",
-    )
-    return {kind: found[kind] for kind in order if kind in found}
+    return {each.name: found[each.name] for each in fields(RobotColumns) if each.name in found}
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,15 +86,15 @@ class RobotColumns:
     direction: tuple[int, ...] = ()
     x_axis: tuple[int, ...] = ()
     mid: tuple[int, ...] = ()
-    actuation: tuple[int, ...] = ()
     load: tuple[int, ...] = ()
+    actuation: tuple[int, ...] = ()
+    extra: tuple[tuple[str, int], ...] = ()
     measured: tuple[int, ...] = ()
     measured_direction: tuple[int, ...] = ()
-    extra: tuple[tuple[str, int], ...] = ()
 
     @property
     def moving(self) -> tuple[int, ...]:
-        """Indices of the quantities that command motion."""
+        """Indices of the quantities that command motion; the others are inputs: loads, measurements."""
         tip = (*self.tip, *self.direction, *self.x_axis, *self.mid)
         return (*tip, *self.actuation, *(index for _, index in self.extra))
 

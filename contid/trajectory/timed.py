@@ -81,10 +81,6 @@ class Trajectory:
         """Time of a row [s]."""
         return self._times[index]
 
-    def line_of_row(self, index: int) -> int:
-        """Line in the file of row ``index``, for messages."""
-        return self.lines[index]
-
     def row_at(self, time_s: float) -> int:
         """Index of the last row at or before ``time_s``; the first row for any earlier time."""
         return max(bisect_right(self._times, time_s) - 1, 0)

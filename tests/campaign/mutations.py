@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
@@ -125,9 +125,9 @@ def _shared_fate(patch: pytest.MonkeyPatch) -> None:
 
     def cycling(engine: Engine, timing: Timing) -> None:
         cycle(engine, timing)
-        if any(state.mode is Mode.FAULT for state in engine.states):
-            states = cast("list[RobotState]", engine.states)
-            for index, (config, state) in enumerate(zip(engine.configs, states, strict=True)):
+        if any(state.mode is Mode.FAULT for state in engine.robots.states):
+            states = engine.robots.states
+            for index, (config, state) in enumerate(zip(engine.robots.configs, states, strict=True)):
                 if state.mode in (Mode.APPROACH, Mode.RUN):
                     states[index] = stay(config, state, timing.tick * config.period_s)
 

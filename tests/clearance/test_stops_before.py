@@ -129,7 +129,7 @@ def test_a_goto_into_a_wall_holds_before_it_and_has_not_arrived():
         if tick == 50:
             process.engine.obey(msg.Goto("f", Target(actuation=(0.045, 0.075))), tick)
         process.turn()
-    assert process.engine.states[0].mode is Mode.HOLD
+    assert process.engine.robots.states[0].mode is Mode.HOLD
     process.close()
     assert [event.arrived for event in kept.of(GotoEnded)] == [False]
     (refused,) = kept.of(OrderRefused)
@@ -154,7 +154,7 @@ def test_a_stop_through_the_rest_pose_ends_in_front_of_the_other_finger():
         if tick in way:
             process.engine.obey(way[tick], tick)
         process.turn()
-    assert [state.mode for state in process.engine.states] == [Mode.OFF, Mode.HOLD]
+    assert [state.mode for state in process.engine.robots.states] == [Mode.OFF, Mode.HOLD]
     process.close()
     assert [event.arrived for event in kept.of(GotoEnded)] == [True, True]
     (refused,) = kept.of(OrderRefused)

@@ -98,8 +98,8 @@ def resting(robot: Cosserat, tip, *, grams=10.0, estimated=False, feedback=False
     empty, under, steps = np.zeros(3), [], [0.0]
     while process.tick < END_S * RATE_HZ:
         process.begin()
-        t_s, before = process.tick / RATE_HZ, process.engine.states[0].command
-        if process.engine.armed:
+        t_s, before = process.tick / RATE_HZ, process.engine.robots.states[0].command
+        if process.engine.robots.armed:
             process.engine.obey(Rows({"arm": replace(NO_LOAD, tip_m=tip)}), process.tick)
         process.turn()
         if process.tick == round((PAYLOAD_AT_S - 0.1) * RATE_HZ):
@@ -107,7 +107,7 @@ def resting(robot: Cosserat, tip, *, grams=10.0, estimated=False, feedback=False
         if HIDDEN_AT_S - 1.0 <= t_s < HIDDEN_AT_S and process.tick % round(RATE_HZ / INSTANTS) == 0:
             under.append(arm.body.tip_in_world_m(t_s))
         if t_s > HIDDEN_AT_S:
-            after = process.engine.states[0].command
+            after = process.engine.robots.states[0].command
             steps.append(max(abs(a - b) for a, b in zip(after, before, strict=True)) / 1e5)
     process.close()
     return Resting(empty, np.mean(under, axis=0), max(steps))

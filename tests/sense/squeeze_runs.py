@@ -116,7 +116,7 @@ def run(
         process.turn()
         if body.push_n > 0.0:
             body.friction_a = free_a * friction_in_contact
-        found.states.append(process.engine.states[0])
+        found.states.append(process.engine.robots.states[0])
         found.push_n.append(body.push_n)
     process.close()
     return found

@@ -67,7 +67,7 @@ def test_tip_feedback_from_images_removes_the_error_of_a_wrong_model():
         process.begin()
         if tick == 20:
             process.engine.obey(msg.Rows({"f": Target(tip_m=tuple(goal.tolist()))}), tick)
-        command = process.engine.states[0].command
+        command = process.engine.robots.states[0].command
         if tick % 4 == 0 and tick > 20 and command:
             left, right = command
             middle, bend = 0.5 * (left + right) + 1e-3, 0.5 * (right - left) * 1.08

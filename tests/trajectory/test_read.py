@@ -41,7 +41,7 @@ def test_rows_are_targets_in_si(hand: dict[str, RobotDescription]) -> None:
     text = f"# a comment\n{header}\n\n0.5, 70,1e1,60,80\n1,71,11,61,81\n"
     trajectory = read(text, hand)
     assert (trajectory.start_s, trajectory.end_s, len(trajectory)) == (0.5, 1.0, 2)
-    assert [trajectory.line_of_row(i) for i in range(2)] == [4, 5]
+    assert list(trajectory.lines) == [4, 5]
     for early in (-1.0, 0.5):
         targets = trajectory.targets_at(early)
         assert targets["left"].tip_m == (0.07, 0.01, 0.0)

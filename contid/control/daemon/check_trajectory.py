@@ -51,12 +51,8 @@ def check_trajectory(robot_file: str, trajectory: str) -> AcceptedTrajectory:
         ContidError: the robot file or the trajectory is wrong, or a robot cannot follow it.
     """
     loaded, source = _read(robot_file, trajectory)
-    preflight = build_preflight(loaded, loaded.file.rate_hz, Unreachable.REFUSE)
-    assert preflight is not None, "refusing always checks"
     try:
-        preflight.trajectory(
-            source, "stdin" if trajectory == "-" else trajectory, check_progress(len(source))
-        )
+        _check(loaded, source, trajectory)
     except TooFastError as error:
         raise with_remedy(error) from error
     moved = tuple(name for name in driven_robots(loaded) if name in source.targets_of_row(0))
@@ -75,13 +71,16 @@ def fastest_trajectory(robot_file: str, trajectory: str, text: TextIO | None = N
         ContidError: the robot file or the trajectory is wrong, or a robot cannot reach it.
     """
     loaded, source = _read(robot_file, trajectory, text)
+    with suppress(TooFastError):
+        _check(loaded, source, trajectory)
+    return fastest(loaded, source, loaded.file.rate_hz)
+
+
+def _check(loaded: LoadedFile, source: Trajectory, name: str) -> None:
+    """Check a trajectory as a run does, at the rate of the file."""
     preflight = build_preflight(loaded, loaded.file.rate_hz, Unreachable.REFUSE)
     assert preflight is not None, "refusing always checks"
-    with suppress(TooFastError):
-        preflight.trajectory(
-            source, "stdin" if trajectory == "-" else trajectory, check_progress(len(source))
-        )
-    return fastest(loaded, source, loaded.file.rate_hz)
+    preflight.trajectory(source, "stdin" if name == "-" else name, check_progress(len(source)))
 
 
 def _read(robot_file: str, trajectory: str, text: TextIO | None = None) -> tuple[LoadedFile, Trajectory]:

@@ -20,21 +20,25 @@ from contid.control.engine.outcomes import Outcomes
 from contid.control.engine.pack_record import RecordPacker
 from contid.control.engine.ports import BusPort
 from contid.control.engine.robots import Order, Robots
-from contid.control.engine.sources import Source, Timed
+from contid.control.engine.sources import Timed
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.robot_tick import TickResult, tick
-from contid.control.tick.state import RobotState
-from contid.control.tick.statistics import RobotTally
-from contid.hal import Sample
 from contid.kinematics.rope.chain import ChainGuard
 from contid.targets import Target
 from contid.trajectory.timed import Trajectory
 
 
 class Engine:
-    """The robots, their buses and their source of targets."""
+    """The robots, their buses and their source of targets.
+
+    Attributes:
+        robots: with their configurations, states and statistics.
+        exchange: with the buses.
+        selector: of the source of targets.
+        finished: every robot rests after the end of the source, or after an order to finish.
+    """
 
     def __init__(
         self,
@@ -65,51 +69,24 @@ class Engine:
             clearance: what keeps bodies apart, None without.
         """
         self.finished = False
-        self._robots = Robots(configs, sink)
-        self._exchange = Exchange(self._robots, ports, rate_hz, sink, now)
-        self._chains = ChainMonitor(guards, self._robots, self._exchange, sink)
-        self._selector = TargetSelector(
-            self._robots, self._chains, rate_hz, sink, trajectory, on_end, attended
-        )
+        self.robots = Robots(configs, sink)
+        self.exchange = Exchange(self.robots, ports, rate_hz, sink, now)
+        self._chains = ChainMonitor(guards, self.robots, self.exchange, sink)
+        self.selector = TargetSelector(self.robots, self._chains, rate_hz, sink, trajectory, on_end, attended)
         self._clearance = (
-            None if clearance is None else ClearanceWatch(clearance, self._robots, self._exchange, sink)
+            None if clearance is None else ClearanceWatch(clearance, self.robots, self.exchange, sink)
         )
-        self._loads = LoadWatch(self._robots, self._exchange)
-        self._contacts = ContactOrders(self._robots, self._exchange, self._loads, self._chains, sink)
-        self._recorder = RecordPacker(self._robots, self._exchange, sink, now)
+        self._loads = LoadWatch(self.robots, self.exchange)
+        self._contacts = ContactOrders(self.robots, self.exchange, self._loads, self._chains, sink)
+        self._recorder = RecordPacker(self.robots, self.exchange, sink, now)
         self._buses = tuple(ports)
         self._orders = OrderHandler(
-            self._robots, self._selector, self._exchange, self._chains, self._contacts, self._loads,
+            self.robots, self.selector, self.exchange, self._chains, self._contacts, self._loads,
             rate_hz, sink,
         )  # fmt: skip
-        self._outcomes = Outcomes(self._robots, self._selector, self._exchange, self._contacts, rate_hz, sink)
+        self._outcomes = Outcomes(self.robots, self.selector, self.exchange, self._contacts, rate_hz, sink)
         self._rate_hz = rate_hz
         self._step = -1
-
-    @property
-    def configs(self) -> Sequence[RobotConfig]:
-        """Configuration of each robot."""
-        return self._robots.configs
-
-    @property
-    def states(self) -> Sequence[RobotState]:
-        """State of each robot."""
-        return self._robots.states
-
-    @property
-    def tallies(self) -> Sequence[RobotTally]:
-        """Statistics of each robot."""
-        return self._robots.tallies
-
-    @property
-    def samples(self) -> Mapping[str, Sample]:
-        """Newest sample by axis."""
-        return self._exchange.samples
-
-    @property
-    def source(self) -> Source | None:
-        """The source of targets."""
-        return self._selector.source
 
     @property
     def preparing(self) -> bool:
@@ -117,18 +94,8 @@ class Engine:
 
         No robot moves, and one connects or arms, or a bus carried out a request (clear, disable, open).
         """
-        robots = self._robots
-        return not robots.moving and (robots.preparing or self._exchange.requested)
-
-    @property
-    def armed(self) -> bool:
-        """True when every robot that was to be armed has its first command."""
-        return self._robots.armed
-
-    @property
-    def ended(self) -> bool:
-        """True when the source has ended."""
-        return self._selector.ended
+        robots = self.robots
+        return not robots.moving and (robots.preparing or self.exchange.requested)
 
     def arm(self) -> None:
         """Connect and arm every robot and follow the source."""
@@ -139,12 +106,12 @@ class Engine:
         self._begin(transitions.connect)
 
     def _begin(self, how: Order) -> None:
-        self._robots.order(None, how, 0.0)
-        self._robots.report_changes(0)
+        self.robots.order(None, how, 0.0)
+        self.robots.report_changes(0)
 
     def abandon(self) -> None:
         """After an internal error: try to bring the devices to their ``on_host_loss`` rest."""
-        self._exchange.abandon()
+        self.exchange.abandon()
 
     def obey(self, message: object, tick_number: int) -> None:
         """Carry out a message of the daemon; a refusal becomes an event."""
@@ -152,7 +119,7 @@ class Engine:
 
     def cycle(self, timing: Timing) -> None:
         """One tick of everything."""
-        robots, selector, exchange = self._robots, self._selector, self._exchange
+        robots, selector, exchange = self.robots, self.selector, self.exchange
         self._outcomes.begin(timing)
         # The time of the robots counts the ticks that ran, not the skipped ones.
         step = self._step = timing.tick - timing.skipped
@@ -196,6 +163,6 @@ class Engine:
 
     def _computed(self, index: int, now_s: float, target: Target | None) -> TickResult:
         """The tick of one robot."""
-        config, state = self._robots.configs[index], self._robots.states[index]
-        measured = self._selector.measured.get(config.name)
-        return tick(config, state, now_s, self._exchange.samples_of(config), target, measured)
+        config, state = self.robots.configs[index], self.robots.states[index]
+        measured = self.selector.measured.get(config.name)
+        return tick(config, state, now_s, self.exchange.samples_of(config), target, measured)

@@ -11,10 +11,10 @@ from contid.control.engine.robots import Robots
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.load_sensing.identified_arm import Numbers
 from contid.control.tick.load_sensing.load_feed import CountedLoad, FedLoad, certain_share, fed, loaded
-from contid.control.tick.load_sensing.load_observer import LoadFound, LoadObserver, in_bar
+from contid.control.tick.load_sensing.load_observer import LoadFound, LoadObserver
 from contid.control.tick.play import led
 from contid.control.tick.tip_feedback import Measurement
-from contid.targets import ZERO3, Target, Vec3
+from contid.targets import ZERO3, Actuation, Target, Vec3, vec3
 
 #: An estimate without newer measurements is not shown any longer.
 SHOWN_S = 1.0
@@ -49,9 +49,9 @@ class LoadWatch:
         """One tick of every observer, before the ticks of the robots."""
         for index, observer in self.observers.items():
             config, state = self._robots.configs[index], self._robots.states[index]
-            own = len(config.axes) - config.extra_axes
-            commands = in_bar(led(state.command, state.lead.added)[:own])
-            observer.tick(now_s, self._reported(config), commands, measured.get(config.name))
+            reported = _in_bar(config, config.measured_actuation(self._exchange.samples_of(config)))
+            commands = _in_bar(config, led(state.command, state.lead.added))
+            observer.tick(now_s, reported, commands, measured.get(config.name))
             found = observer.found
             if found is None or now_s - found.time_s > SHOWN_S:
                 self.in_world.pop(config.name, None)
@@ -90,18 +90,14 @@ class LoadWatch:
         fed_load = self._fed.get(robot)
         return target if fed_load is None else loaded(fed_load, target)
 
-    def _reported(self, config: RobotConfig) -> Numbers | None:
-        samples = self._exchange.samples_of(config)
-        own = len(config.axes) - config.extra_axes
-        values = [sample.value if sample.valid else None for sample in samples]
-        if not values or None in values:
-            return None
-        actuation = config.transmission.to_actuation(tuple([value or 0.0 for value in values]))
-        return in_bar(actuation[:own])
+
+def _in_bar(config: RobotConfig, actuation: Actuation | None) -> Numbers | None:
+    """The pressures of the model's own axes [bar], None without."""
+    own = len(config.axes) - config.extra_axes
+    return tuple([value * 1e-5 for value in actuation[:own]]) if actuation else None
 
 
 def _in_world(config: RobotConfig, found: LoadFound) -> tuple[Vec3, Vec3]:
     rotation = np.array(config.frame.rotation).reshape(3, 3)
     spread = rotation @ np.array(found.covariance).reshape(3, 3) @ rotation.T
-    x, y, z = np.sqrt(np.diag(spread)).tolist()
-    return config.frame.vector_in_world(found.force_in_base), (x, y, z)
+    return config.frame.vector_in_world(found.force_in_base), vec3(np.sqrt(np.diag(spread)).tolist())

@@ -11,25 +11,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.tick_layout import TICK, RecordLayout, RobotRecord, TickRecord
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.statistics import RobotTally
 from contid.control.tick.supervisor import Mode
 from contid.targets import Actuation, Vec3, load_or_zero
-from contid.units import m_to_mm
 
 #: Records per second that are evaluated.
 SAMPLES_HZ: Final = 50.0
-
-
-@dataclass(slots=True)
-class _Tally:
-    count: int = 0
-    greatest_m: float = 0.0
-    squares_m2: float = 0.0
 
 
 class MeasuredTips:
@@ -45,7 +37,7 @@ class MeasuredTips:
         self._layout = layout
         self._every = max(1, round(layout.rate_hz / SAMPLES_HZ))
         self._next = 0
-        self._tallies = [_Tally() for _ in self._configs]
+        self._tallies = [RobotTally() for _ in self._configs]
 
     def write(self, values: list[float]) -> None:
         """See `contid.control.engine.cycle.Sink`; most records are skipped."""
@@ -63,18 +55,15 @@ class MeasuredTips:
         for config, tally, robot in zip(self._configs, self._tallies, record.robots, strict=True):
             error_m = measured_tip_error_m(config, robot)
             if robot.mode == Mode.RUN and math.isfinite(error_m):
-                tally.count += 1
-                tally.squares_m2 += error_m * error_m
-                tally.greatest_m = max(tally.greatest_m, error_m)
+                tally.add(error_m, converged=True)
 
     def complete(self, robots: dict[str, dict[str, Any]]) -> None:
         """Add the figures to the reports of the robots; those without a sample in RUN get none."""
         for config, tally in zip(self._configs, self._tallies, strict=True):
-            if tally.count and config.name in robots:
-                robots[config.name] |= {
-                    "measured_tip_error_max_mm": m_to_mm(tally.greatest_m),
-                    "measured_tip_error_rms_mm": m_to_mm(math.sqrt(tally.squares_m2 / tally.count)),
-                }
+            if tally.followed and config.name in robots:
+                figures = tally.as_dict()
+                for name in ("tip_error_max_mm", "tip_error_rms_mm"):
+                    robots[config.name][f"measured_{name}"] = figures[name]
 
 
 def measured_actuation(config: RobotConfig, robot: RobotRecord) -> Actuation | None:

@@ -17,17 +17,30 @@ RobotNames: TypeAlias = tuple[str, ...] | None
 
 
 @dataclass(frozen=True, slots=True)
-class Hold:
+class OrderToRobots:
+    """Base of the orders that state nothing but which robots they are for."""
+
+    robots: RobotNames = None
+
+
+class Hold(OrderToRobots):
     """Stop jerk-limited and stay; for all robots the trajectory pauses too."""
 
-    robots: RobotNames = None
 
-
-@dataclass(frozen=True, slots=True)
-class Resume:
+class Resume(OrderToRobots):
     """Arm if need be and follow the source again."""
 
-    robots: RobotNames = None
+
+class Estop(OrderToRobots):
+    """Relax or vent now."""
+
+
+class ClearFault(OrderToRobots):
+    """Clear the devices and the latch; nothing moves."""
+
+
+class Recover(OrderToRobots):
+    """Move robots that are outside their limits inside, slowly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,31 +53,10 @@ class Stop:
 
 
 @dataclass(frozen=True, slots=True)
-class Estop:
-    """Relax or vent now."""
-
-    robots: RobotNames = None
-
-
-@dataclass(frozen=True, slots=True)
-class ClearFault:
-    """Clear the devices and the latch; nothing moves."""
-
-    robots: RobotNames = None
-
-
-@dataclass(frozen=True, slots=True)
 class Grip:
     """Limit the effort of robots to a share (0 to 1) of that of the robot file; nothing else changes."""
 
     share: float
-    robots: RobotNames = None
-
-
-@dataclass(frozen=True, slots=True)
-class Recover:
-    """Move robots that are outside their limits inside, slowly."""
-
     robots: RobotNames = None
 
 

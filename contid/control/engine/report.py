@@ -113,11 +113,12 @@ def _errors(robot: Mapping[str, Any]) -> str:
 def robot_reports(engine: Engine) -> dict[str, dict[str, Any]]:
     """The closing report of each robot."""
     out = {}
-    for config, state, tally in zip(engine.configs, engine.states, engine.tallies, strict=True):
+    robots = engine.robots
+    for config, state, tally in zip(robots.configs, robots.states, robots.tallies, strict=True):
         fault, message = state.fault, state.message
         faulted = state.mode is Mode.FAULT
         allowed_m = tip_tolerance_m(config.quantity)
-        if fault is Fault.NONE and engine.ended and tally.off_target_m > allowed_m:
+        if fault is Fault.NONE and engine.selector.ended and tally.off_target_m > allowed_m:
             fault, message, faulted = Fault.TIP_OFF_TARGET, _off_target(tally, allowed_m), True
         out[config.name] = {
             "mode": state.mode.name,

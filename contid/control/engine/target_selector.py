@@ -156,7 +156,7 @@ class TargetSelector:
     def _note(self, targets: Mapping[str, Target | None], now_s: float) -> None:
         for robot, target in targets.items():
             if target is not None and target.measured_tip_m is not None:
-                self.measured[robot] = Measurement.of(target, now_s)
+                self.measured[robot] = Measurement(target.measured_tip_m, now_s, target.measured_direction)
 
     def _replace(self, source: Source, now_s: float) -> None:
         """Change the source: robots that followed the old one approach the new one, or hold."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from contid.control.engine.bus_trackers import BusTrackers
 from contid.control.engine.clock import VirtualClock
@@ -114,7 +114,6 @@ def run_virtual(
     rows: Iterable[Mapping[str, Target | None]] | None = None,
     orders: Mapping[int, Sequence[Message]] | None = None,
     ticks: int | None = None,
-    progress: Callable[[int], None] | None = None,
 ) -> RunReport:
     """Run to the end of the source.
 
@@ -127,7 +126,6 @@ def run_virtual(
         rows: rows of a stream instead of a trajectory; one per tick once every robot is armed.
         orders: messages by the tick before which they arrive.
         ticks: maximum number of ticks.
-        progress: called with the number of the tick now and then.
 
     Returns:
         The report; a KeyboardInterrupt ends the run early.
@@ -146,13 +144,11 @@ def run_virtual(
                 for message in (orders or {}).get(before, ()):
                     engine.obey(message, number)
             given = number + 1
-            if rows is not None and engine.armed and not engine.ended:
+            if rows is not None and engine.robots.armed and not engine.selector.ended:
                 row = next(queue, None)
                 engine.obey(EndOfRows() if row is None else Rows(row), number)
             process.turn()
-            if progress is not None and process.cycles % 1000 == 0:
-                progress(process.tick)
-            if engine.ended and on_end is OnEnd.HOLD:
+            if engine.selector.ended and on_end is OnEnd.HOLD:
                 break
     except KeyboardInterrupt:
         report.ending, report.exit_code = "interrupted", 130

@@ -102,20 +102,17 @@ class Inbox:
             EOFError: the daemon closed the pipe.
         """
         os.set_blocking(self._descriptor, True)
-        while len(self._buffer) < LENGTH.size or len(self._buffer) < LENGTH.size + self._body_size():
+        while not (messages := self._complete(at_most=1)):
             chunk = os.read(self._descriptor, CHUNK)
             if not chunk:
                 raise EOFError("the daemon is gone")
             self._buffer += chunk
-        return self._complete(at_most=1)[0]
-
-    def _body_size(self) -> int:
-        return int(LENGTH.unpack_from(self._buffer)[0])
+        return messages[0]
 
     def _complete(self, at_most: int = 1 << 30) -> list[object]:
         out: list[object] = []
         while len(out) < at_most and len(self._buffer) >= LENGTH.size:
-            end = LENGTH.size + self._body_size()
+            end = LENGTH.size + LENGTH.unpack_from(self._buffer)[0]
             if len(self._buffer) < end:
                 break
             message = pickle.loads(self._buffer[LENGTH.size : end])

@@ -65,9 +65,9 @@ def limit_on_path(
     low, high = (np.array(side) for side in zip(*steps, strict=True))
     way = Way(config, last[:own], answer[:own], answer_steps[:own], target_in_base, command[own:], low, high)
     exact_m = _EXACT * _TOLERANCE_M[config.quantity]
-    held = way.held(limits, low, high, np.array(command[:own]), exact_m)
+    held = way.held(np.array(command[:own]), exact_m)
     if held is None and config.taut is None and within(config, last[:own], command[own:]):
-        held, straight = way.towards(limits, low, high, np.array(last_steps[:own]), straight)
+        held, straight = way.towards(np.array(last_steps[:own]), straight)
     # Outside the limits each axis goes inwards by itself; tendons have a limiter of their own.
     if held is None:
         return command, flags, False

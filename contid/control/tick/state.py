@@ -21,7 +21,6 @@ from contid.trajectory.straight_stop import StraightStop
 
 NO_CORRECTION: Final = Correction()
 
-
 #: A motion in actuator space.
 AxisMotion: TypeAlias = Approach | JerkLimitedStop | StraightStop
 

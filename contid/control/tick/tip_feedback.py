@@ -36,12 +36,6 @@ class Measurement:
     time_s: float
     direction_in_world: Vec3 | None = None
 
-    @classmethod
-    def of(cls, target: Target, time_s: float) -> Measurement:
-        """The measurement that comes with a target."""
-        assert target.measured_tip_m is not None
-        return cls(target.measured_tip_m, time_s, target.measured_direction)
-
 
 @dataclass(frozen=True, slots=True)
 class Correction:

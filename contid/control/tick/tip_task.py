@@ -12,7 +12,7 @@ from contid.control.tick.chord import Displacement
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits
 from contid.kinematics.array import Array
-from contid.targets import Actuation, Pose, Target, Vec3
+from contid.targets import Actuation, Pose, Target, Vec3, vec3
 
 #: Length that a radian of direction counts as [m].
 _ELL_M: Final = 0.1
@@ -82,8 +82,7 @@ def _turn(direction: Array, change: Array) -> Array:
 
 def shifted(point: Vec3, begin: Vec3, end: Vec3) -> Vec3:
     """A point moved as from ``begin`` to ``end``."""
-    x, y, z = (p + e - b for p, b, e in zip(point, begin, end, strict=True))
-    return x, y, z
+    return vec3(p + e - b for p, b, e in zip(point, begin, end, strict=True))
 
 
 def turned(begin: Vec3, end: Vec3, share: float) -> Vec3:
@@ -93,8 +92,7 @@ def turned(begin: Vec3, end: Vec3, share: float) -> Vec3:
     angle = float(np.linalg.norm(turn))
     if not angle > 0.0:
         return begin
-    x, y, z = (math.cos(angle) * start + math.sin(angle) / angle * turn).tolist()
-    return x, y, z
+    return vec3((math.cos(angle) * start + math.sin(angle) / angle * turn).tolist())
 
 
 def turn_of(rotation: Array, size: float = 1.0) -> Vec3:
@@ -109,11 +107,9 @@ def turn_of(rotation: Array, size: float = 1.0) -> Vec3:
         axis = axis / np.linalg.norm(axis)
         across = axis if float(axis @ across) >= 0.0 else -axis
         sine = 1.0
-    x, y, z = (across * (size * (angle / sine if sine > 0.0 else 1.0))).tolist()
-    return x, y, z
+    return vec3((across * (size * (angle / sine if sine > 0.0 else 1.0))).tolist())
 
 
 def between(begin: Vec3, end: Vec3, share: float) -> Vec3:
     """A point of the straight line between two points."""
-    x, y, z = (a + share * (b - a) for a, b in zip(begin, end, strict=True))
-    return x, y, z
+    return vec3(a + share * (b - a) for a, b in zip(begin, end, strict=True))

@@ -50,6 +50,8 @@ class Way:
         self._config = config
         self._target = target
         self._extra = extra
+        self._limits = limits = config.limits[: len(last)]
+        self._low, self._high = low, high
         self._last = np.array(last)
         self._answer = np.array(answer)
         self._paces = np.array(answer_steps)
@@ -58,7 +60,6 @@ class Way:
         freedoms -= 2 * (target.direction is not None) + 3 * (target.rotation is not None)
         freedoms -= 3 * (target.mid_m is not None)
         self._redundant = freedoms > 0
-        limits = config.limits[: len(last)]
         # A target that goes further in a tick than an axis can is not followed at its pace: it has jumped.
         self._jumped = any(abs(pace) > each.step for pace, each in zip(answer_steps, limits, strict=True))
         self._before = self._answer  # the answer that goes along with the line, a tick ago
@@ -84,25 +85,23 @@ class Way:
             elif part < 1.0:
                 self._chase = StraightLine(limits, self._J, displaced, goal, part * drift)
 
-    def held(
-        self, limits: Sequence[AxisLimits], low: Array, high: Array, clipped: Array, exact_m: float
-    ) -> Array | None:
+    def held(self, clipped: Array, exact_m: float) -> Array | None:
         """The next command of a redundant robot with the tip on its target; None if none was found."""
         if self._line is None or self._line.share < 1.0 or not self._redundant or self._task is None:
             return None
-        redundant = Redundant(limits, self._last + low, self._last + high, self._task, self._J, exact_m)
+        low, high = self._last + self._low, self._last + self._high
+        redundant = Redundant(self._limits, low, high, self._task, self._J, exact_m)
         return redundant.held(self._last, self._answer, self._paces, clipped)
 
-    def towards(
-        self, limits: Sequence[AxisLimits], low: Array, high: Array, last_steps: Array, straight: bool
-    ) -> tuple[Array | None, bool]:
+    def towards(self, last_steps: Array, straight: bool) -> tuple[Array | None, bool]:
         """The next command on a straight line to the answer, and whether it is one of the axes.
 
         None where the line of the axes is blocked.
         """
+        limits, low, high = self._limits, self._low, self._high
         if self._chase is not None and not (straight and not self._jumped):
             moving = any(abs(d) > each.change for d, each in zip(last_steps.tolist(), limits, strict=True))
-            preferred = self._preferred(limits)
+            preferred = self._preferred()
             free = _unbounded(limits, last_steps)
             for halt in (False, True):
                 step, share, across = self._chase.step(low, high, preferred, halt)
@@ -110,10 +109,10 @@ class Way:
                 if not moving and _stands(limits, step):
                     continue
                 if across <= _ACROSS and share > 0.0:
-                    settled = self._settled(limits, share, low, high)
+                    settled = self._settled(share)
                     if settled is not None and (moving or not _stands(limits, settled)):
                         return self._last + settled, False
-                if not (at_end.any() and across > _ACROSS) and self._can_stop(limits, step):
+                if not (at_end.any() and across > _ACROSS) and self._can_stop(step):
                     return self._last + step, False
             if moving:
                 return self._last + _braked(limits, last_steps, low, high), False
@@ -121,33 +120,34 @@ class Way:
         drift = (0.0 if self._jumped else _part(self._paces, low, high)) * self._paces
         line = StraightLine(limits, np.diag(1.0 / scale), lambda d: d / scale, gap / scale, drift / scale)
         step, _, _ = line.step(low, high, gap)
-        if not self._can_stop(limits, step):
+        if not self._can_stop(step):
             step = _braked(limits, last_steps, low, high)
             if not np.any(last_steps):
                 return None, False
         return self._last + step, True
 
-    def _preferred(self, limits: Sequence[AxisLimits]) -> Array:
+    def _preferred(self) -> Array:
         """The step towards the answer to the next point of the line."""
         if not self._redundant or self._chase is None:
             return np.zeros(len(self._last))
         gap = np.array(self._solved(self._chase.share).actuation[: len(self._last)]) - self._last
         part = 1.0
-        for each, size in zip(limits, np.abs(gap).tolist(), strict=True):
+        for each, size in zip(self._limits, np.abs(gap).tolist(), strict=True):
             if size > _NONE * each.change:
                 part = min(part, brake_step(size, each.change) / size)
         step: Array = part * gap
         return step
 
-    def _settled(self, limits: Sequence[AxisLimits], share: float, low: Array, high: Array) -> Array | None:
+    def _settled(self, share: float) -> Array | None:
         """The step to the model's answer for a point of the line, if it is allowed and can be stopped."""
         solution = self._solved(share)
         step = np.array(solution.actuation[: len(self._last)]) - self._last
+        low, high = self._low, self._high
         slack = _NONE * (high - low)
         if not solution.converged or np.any(step < low - slack) or np.any(step > high + slack):
             return None
         step = np.clip(step, low, high)
-        return step if self._can_stop(limits, step) else None
+        return step if self._can_stop(step) else None
 
     @cached_property
     def _ends(self) -> tuple[Pose, Pose, Pose]:
@@ -178,9 +178,9 @@ class Way:
         )
         return self._config.model.inverse(point, (*self._last.tolist(), *self._extra))
 
-    def _can_stop(self, limits: Sequence[AxisLimits], step: Array) -> bool:
+    def _can_stop(self, step: Array) -> bool:
         """True when the axes, after a step, can stop together before the limits of the model."""
-        ahead = self._last + _ahead(limits, step) * step
+        ahead = self._last + _ahead(self._limits, step) * step
         return within(self._config, tuple(ahead.tolist()), self._extra)
 
 

@@ -83,9 +83,9 @@ def test_a_stuck_bus_faults_its_robot_and_the_other_runs_on() -> None:
             # The end is far away for a healthy bus and near for the stuck one: no timing is asserted.
             timeout_s = 5.0 if tick < 40 else 0.05
             engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s + timeout_s))
-        assert engine.states[0].mode is Mode.FAULT
-        assert engine.states[0].fault is Fault.BUS_STALLED
-        assert engine.states[1].mode is Mode.HOLD
+        assert engine.robots.states[0].mode is Mode.FAULT
+        assert engine.robots.states[0].fault is Fault.BUS_STALLED
+        assert engine.robots.states[1].mode is Mode.HOLD
     finally:
         buses["bus0"].free.set()
         for port in ports.values():
@@ -113,7 +113,7 @@ def test_an_estop_that_meets_a_late_bus_is_waited_for_before_the_run_ends() -> N
     try:
         for _ in range(20):
             cycle(5.0)
-        assert engine.states[0].mode is Mode.HOLD
+        assert engine.robots.states[0].mode is Mode.HOLD
         bus.free.clear()
         cycle(0.0)
         assert port.busy
@@ -188,6 +188,6 @@ def test_a_value_that_is_no_number_is_a_failed_read_even_if_marked_valid(value: 
     for tick in range(500):  # the bus looks at it
         clock.now_s = tick / 200.0
         engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s))
-    assert engine.states[0].fault is (Fault.AXIS_SILENT if since else Fault.NO_SAMPLE)
-    assert bool(engine.states[0].command) == bool(since)
+    assert engine.robots.states[0].fault is (Fault.AXIS_SILENT if since else Fault.NO_SAMPLE)
+    assert bool(engine.robots.states[0].command) == bool(since)
     bus.close()

@@ -54,7 +54,7 @@ class Rig:
 
     def tip(self) -> tuple[float, float, float]:
         """Where the plant's tip really is: the true model at the measured actuation."""
-        samples = self.engine.samples
+        samples = self.engine.exchange.samples
         values = tuple(value for axis in self.config.axes if (value := samples[axis].value) is not None)
         actuation = self.config.transmission.to_actuation(values)
         return self.config.frame.point_in_world(self.truth.forward(actuation).tip_m)
@@ -70,7 +70,7 @@ class Rig:
             now_s = self.tick / RATE_HZ
             self.engine.cycle(Timing(self.tick, 0, now_s))
             self.tick += 1
-            if self.engine.samples:
+            if self.engine.exchange.samples:
                 self.tips.append(self.tip())
 
     def close(self) -> None:
@@ -145,13 +145,13 @@ def test_without_the_tracker_it_falls_back_to_the_open_loop_within_a_second_and_
     rig = Rig(loaded, truth)
     rig.run(6.0, Target(tip_m=(0.030, 0.070, 0.0)))
     open_loop = rig.config.model.inverse(Target(tip_m=(0.030, 0.070, 0.0)), rig.config.rest).actuation
-    before = rig.engine.states[0].command
+    before = rig.engine.robots.states[0].command
     assert max(abs(a - b) for a, b in zip(before, open_loop, strict=True)) > 1e-4
     rig.tracking = False
     commands = [before]
     for _ in range(int(RATE_HZ)):
         rig.run(1 / RATE_HZ)
-        commands.append(rig.engine.states[0].command)
+        commands.append(rig.engine.robots.states[0].command)
     rig.close()
     assert commands[-1] == pytest.approx(open_loop, abs=1e-12)
     steps = np.abs(np.diff(np.array(commands), axis=0))
@@ -164,11 +164,11 @@ def test_a_robot_that_holds_keeps_its_correction_only_while_tips_are_measured(tr
     loaded, truth = finger({})
     rig = Rig(loaded, truth)
     rig.run(5.0, Target(tip_m=(0.030, 0.070, 0.0)))
-    learnt = rig.engine.states[0].correction.error_m
+    learnt = rig.engine.robots.states[0].correction.error_m
     rig.engine.obey(msg.Hold(), rig.tick)
     rig.tracking = tracking
     rig.run(1.5)
-    held = rig.engine.states[0].correction.error_m
+    held = rig.engine.robots.states[0].correction.error_m
     rig.close()
     assert math.hypot(*learnt) > 1e-3
     # Until it stands still it follows what it learnt on the way.
@@ -184,13 +184,13 @@ def test_a_measurement_counts_from_its_capture() -> None:
     tip = rig.tip()
     rig.engine.obey(msg.Measured(rig.config.name, tip, None, 0.150), rig.tick)
     rig.run(1 / RATE_HZ)
-    correction = rig.engine.states[0].correction
+    correction = rig.engine.robots.states[0].correction
     # One that was captured before it is no news.
     rig.engine.obey(msg.Measured(rig.config.name, (0.0, 0.0, 0.0), None, 0.160), rig.tick)
     rig.run(1 / RATE_HZ)
     rig.close()
     assert correction.used_s == pytest.approx((rig.tick - 2) / RATE_HZ - 0.150)
-    assert rig.engine.states[0].correction.seen_m == correction.seen_m
+    assert rig.engine.robots.states[0].correction.seen_m == correction.seen_m
 
 
 def test_noise_of_the_tracker_is_filtered_and_a_wild_measurement_is_bounded() -> None:
@@ -202,7 +202,7 @@ def test_noise_of_the_tracker_is_filtered_and_a_wild_measurement_is_bounded() ->
     rig.tracking = False
     rig.engine.obey(msg.Measured(rig.config.name, (5.0, 5.0, 0.0)), rig.tick)
     rig.run(0.2)
-    error = rig.engine.states[0].correction.error_m
+    error = rig.engine.robots.states[0].correction.error_m
     rig.close()
     assert math.hypot(*error) <= 5e-3 + 1e-12
 
@@ -212,7 +212,7 @@ def test_it_is_off_by_default() -> None:
     rig = Rig(loaded, truth)
     rig.run(3.0, Target(tip_m=(0.030, 0.070, 0.0)))
     rig.close()
-    assert rig.engine.states[0].correction.error_m == (0.0, 0.0, 0.0)
+    assert rig.engine.robots.states[0].correction.error_m == (0.0, 0.0, 0.0)
 
 
 def test_a_mirrored_base_measures_in_the_world() -> None:

@@ -117,6 +117,7 @@ class InnovationTest:
 
     Attributes:
         distance: T of the newest residuals.
+        lag_s: time by which the measured tip is ahead of the reported pressures [s].
     """
 
     def __init__(self, noise_mm: float) -> None:
@@ -125,16 +126,11 @@ class InnovationTest:
         self._residual_mm: Array = np.zeros((0, 3))
         self._velocity: Array = np.zeros((0, 3))
         self._by_force: Array = np.zeros((0, 3, 3))
-        self._lag_s = 0.0
+        self.lag_s = 0.0
         self._lag_information = 1.0 / _LAG_SIGMA_S**2
         self._pressure_bar2 = _PRESSURE_BAR**2
         #: Derivatives by the pressures of the newest residuals, the newest first.
         self._by_pressure: list[Array] = []
-
-    @property
-    def lag_s(self) -> float:
-        """Time by which the measured tip is ahead of the reported pressures [s]."""
-        return self._lag_s
 
     @property
     def armed(self) -> bool:
@@ -169,7 +165,7 @@ class InnovationTest:
         That is the oldest of the newest residuals: a contact would have been found by now.
         """
         row, by_pressure = NEWEST - 1, self._by_pressure[-1]
-        residual_mm = self._residual_mm[row] - self._lag_s * self._velocity[row - 1]
+        residual_mm = self._residual_mm[row] - self.lag_s * self._velocity[row - 1]
         noise: Array = self._noise + self._pressure_bar2 * by_pressure @ by_pressure.T
         return residual_mm, self._by_force[row], noise
 
@@ -185,7 +181,7 @@ class InnovationTest:
         # A velocity is the difference over two intervals, so that of the next measurement is centred on this
         # one, and free of the noise of its pressures.
         centred = np.vstack([self._velocity[0], self._velocity[:-1]])
-        explained = self._residual_mm - self._lag_s * centred
+        explained = self._residual_mm - self.lag_s * centred
         apart = explained[:NEWEST] - explained[NEWEST:].mean(axis=0)
         faster = centred[:NEWEST] - centred[NEWEST:].mean(axis=0)
         noise = self._noise + self._pressure_bar2 * new.by_pressure @ new.by_pressure.T
@@ -219,7 +215,7 @@ class InnovationTest:
             kept_information = self._lag_information * (1.0 - 1.0 / _MEMORY)
             self._lag_information = kept_information + float(faster @ weight @ faster)
             step = float(faster @ weight @ apart) / self._lag_information
-            self._lag_s = min(max(self._lag_s + step, -_MAX_LAG_S), _MAX_LAG_S)
+            self.lag_s = min(max(self.lag_s + step, -_MAX_LAG_S), _MAX_LAG_S)
         seen_bar2 = float((apart @ apart - np.trace(self._noise)) / np.trace(spread))
         averaged = self._pressure_bar2 + (seen_bar2 - self._pressure_bar2) / _MEMORY
         self._pressure_bar2 = min(max(averaged, 0.0), _MAX_PRESSURE_BAR**2)

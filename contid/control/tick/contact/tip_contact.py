@@ -32,7 +32,7 @@ from contid.control.tick.tip_feedback import Measurement
 from contid.kinematics.array import Array
 from contid.kinematics.frames import BaseFrame
 from contid.robot_file.cosserat import Cosserat
-from contid.targets import Vec3
+from contid.targets import Vec3, vec3
 from contid.units import MM_PER_M
 
 #: This long after a contact the present load becomes the known one [s].
@@ -148,7 +148,7 @@ class TipContact:
         self, measurement: Measurement, pose: PressurePose, load: KnownLoad, gap_s: float
     ) -> TipContactFound | None:
         corrected = self._arm.corrected(pose.pressures, pose.sides)
-        known = _vector(load.force)
+        known = vec3(load.force.tolist())
         if self._moment is None:
             self._moment = self._arm.base_moment(corrected, known)
         here = None if self._moment is None else self._arm.near(corrected, known, self._moment)
@@ -192,10 +192,10 @@ class TipContact:
     def _ended(self, corrected: Numbers, seen: Array, residual: TipResidual) -> bool:
         """True when the load is again that before the newest contact: then this is no new contact."""
         before = self._before
-        moment = None if before is None else self._arm.base_moment(corrected, _vector(before.force))
+        moment = None if before is None else self._arm.base_moment(corrected, vec3(before.force.tolist()))
         if before is None or moment is None:
             return False
-        here = self._arm.near(corrected, _vector(before.force), moment)
+        here = self._arm.near(corrected, vec3(before.force.tolist()), moment)
         if here is None:
             return False
         by_force = np.array(here[2]).reshape(3, 3)
@@ -214,7 +214,7 @@ class TipContact:
         size = float(np.linalg.norm(force))
         self._forget()
         self._since_s, self._before = time_s, load
-        return TipContactFound(time_s, _vector(np.array(force / size)), size, found.confidence)
+        return TipContactFound(time_s, vec3((force / size).tolist()), size, found.confidence)
 
 
 def _rehearse(noise_mm: float) -> None:
@@ -225,8 +225,3 @@ def _rehearse(noise_mm: float) -> None:
         residual_mm = np.array([0.01 * (number % 2), 0.0, 0.0])
         test.add(TipResidual(residual_mm, residual_mm, slopes, np.zeros((3, 3)), np.eye(3), np.eye(3)))
     test.reload(load.follow(*test.confirmed, 0.02))
-
-
-def _vector(array: Array) -> Vec3:
-    x, y, z = array.tolist()
-    return x, y, z

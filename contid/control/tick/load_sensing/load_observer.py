@@ -9,7 +9,7 @@ inputs only, so a replay finds the same.
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
@@ -24,7 +24,7 @@ from contid.kinematics.cosserat.engine import NearAnswer
 from contid.kinematics.frames import BaseFrame
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.pneumatic.sense import LoadSensing
-from contid.targets import ZERO3, Vec3
+from contid.targets import ZERO3, Vec3, vec3
 from contid.units import MM_PER_M, STANDARD_GRAVITY
 
 #: Forces that are tried per measurement.
@@ -150,7 +150,7 @@ class _Estimation:
     def _take(self, measurement: Measurement, pose: PressurePose) -> _Work:
         """Bring a measurement into the estimate."""
         corrected = self.arm.corrected(pose.pressures, pose.sides)
-        here = self.arm.near(corrected, _vector(self._filter.force), self._moment)
+        here = self.arm.near(corrected, vec3(self._filter.force.tolist()), self._moment)
         if here is None:
             yield
             here = self._again(corrected)
@@ -182,7 +182,7 @@ class _Estimation:
                 yield
             # A force on the tip has a moment about the base that follows from the tip.
             predicted = _moved(self._moment, tip, tried - self._filter.force)
-            there = self.arm.near(corrected, _vector(tried), predicted)
+            there = self.arm.near(corrected, vec3(tried.tolist()), predicted)
             yield
             if there is None:
                 self._filter.judge(None, _NONE)
@@ -190,7 +190,7 @@ class _Estimation:
                 tip, self._moment = np.array(there[0]), there[1]
         spread = tuple(self._filter.covariance.ravel().tolist())
         reached, moment = tip, self._moment
-        force = _vector(self._filter.force)
+        force = vec3(self._filter.force.tolist())
         stable: list[bool] = []
         if self._checks_margin:
             yield
@@ -198,7 +198,7 @@ class _Estimation:
             if not self._checks_margin or not all(stable):
                 break
             predicted = _moved(moment, reached, (part - last) * self._filter.force)
-            there = self.arm.near(corrected, _vector(part * self._filter.force), predicted)
+            there = self.arm.near(corrected, vec3((part * self._filter.force).tolist()), predicted)
             stable.append(there is not None)
             if there is not None:
                 reached, moment = np.array(there[0]), there[1]
@@ -217,7 +217,7 @@ class _Estimation:
 
     def _again(self, corrected: Numbers) -> NearAnswer | None:
         """The equilibrium under the estimated force, reached by continuation from the unloaded arm."""
-        force = _vector(self._filter.force)
+        force = vec3(self._filter.force.tolist())
         moment = self.arm.base_moment(corrected, force)
         return None if moment is None else self.arm.near(corrected, force, moment)
 
@@ -229,7 +229,7 @@ class _Estimation:
     def _renew(self, pose: PressurePose) -> _Work:
         """The covariance of the model at a pose; it stays as it was where the arm is unstable."""
         arm, force = self.arm, self._filter.force
-        corrected, load = arm.corrected(pose.pressures, pose.sides), _vector(force)
+        corrected, load = arm.corrected(pose.pressures, pose.sides), vec3(force.tolist())
         here = arm.near(corrected, load, self._moment)
         yield
         if here is None:
@@ -269,17 +269,5 @@ def _moved(moment: Numbers, tip: Array, change: Array) -> Numbers:
     return (a + y * w - z * v, b + z * u - x * w, c + x * v - y * u)
 
 
-def _vector(array: Array) -> Vec3:
-    x, y, z = array.tolist()
-    return x, y, z
-
-
 def _matrix(row_major: Numbers) -> Array:
     return np.array(row_major).reshape(3, 3)
-
-
-def in_bar(values: Sequence[float | None]) -> Numbers | None:
-    """Pressures [Pa] in bar, None where one is missing."""
-    if not values or None in values:
-        return None
-    return tuple([(value or 0.0) * 1e-5 for value in values])

@@ -255,7 +255,7 @@ class _Refused:
         return Located(self._name, self._line(row), 1, message)
 
     def _line(self, row: int) -> int:
-        return self._trajectory.line_of_row(row)
+        return self._trajectory.lines[row]
 
 
 def _looks_like_metres(trajectory: Trajectory) -> bool:
