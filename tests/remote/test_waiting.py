@@ -78,6 +78,9 @@ def test_it_answers_everything_and_begins_when_the_input_comes() -> None:
         with pytest.raises(RemoteError, match="on stdin; nothing is connected") as refused:
             client.resume()
         assert refused.value.code == Code.REFUSED
+        for order in (client.recover, lambda: client.grip(0.5)):
+            with pytest.raises(RemoteError, match="on stdin; nothing is connected"):
+                order()
         with pytest.raises(RemoteError) as refused:
             client.move({"x_mm": 50.0, "y_mm": 75.0})
         assert refused.value.code == Code.LEASE_HELD

@@ -2,7 +2,7 @@
 
 A pipe may stay silent for any time, and checking a long trajectory takes seconds. Meanwhile nothing is sent
 to the control process and no device is opened. Orders of clients are answered here: an order to stop is kept
-(the run then connects and waits for `resume`), an order to move is refused.
+(the run then connects and waits for `resume`), one that needs devices is refused.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from typing import Final
 
 from contid.control.daemon.cancellable_reader import CancellableReader, InputCancelledError
 from contid.control.daemon.inputs import Stream
+from contid.control.engine import messages as msg
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.orders import MarkReached, OrderRefused
-from contid.control.engine.messages import Estop, Goto, Hold, Mark, Message, Play, Resume, Rows, Stop
 from contid.trajectory.timed import Trajectory
 
 #: The thread may take so long to end after `cancel`; then it is left running.
@@ -65,14 +65,16 @@ class PendingInput:
         if self._outcome is not None and not self._outcome.done():
             self._outcome.set_exception(InputCancelledError())
 
-    def answer(self, order: Message) -> list[RunEvent]:
+    def answer(self, order: msg.Message) -> list[RunEvent]:
         """The events that answer an order before the run has begun."""
         match order:
-            case Mark(number):
+            case msg.Mark(number):
                 return [MarkReached(number=number, tick=0)]
-            case Hold() | Stop() | Estop():
+            case msg.Hold() | msg.Stop() | msg.Estop():
                 self.stopped = True
-            case Resume() | Goto() | Rows() | Play():
+            case (
+                msg.Resume() | msg.Recover() | msg.Goto() | msg.Rows() | msg.Play() | msg.Start() | msg.Grip()
+            ):
                 message = f"{self.message}; nothing is connected yet"
                 return [OrderRefused(message=message)]
         return []

@@ -157,7 +157,7 @@ class TelemetryView:
                     for what, (of_axes, per) in rates.items()
                     for quantity, limit in dict(zip(config.quantities, of_axes, strict=True)).items()
                 },
-                "stop": {key: getattr(config.stops, key).value for key in config.stops.__slots__},
+                "stop": {reason: policy.value for reason, policy in config.stops},
                 "axes": {
                     axis: {
                         f"min_{each.unit}": minimum * each.per_si,

@@ -1,0 +1,52 @@
+"""Orders that reach a run before it begins: stops are kept, and what cannot be carried out is refused."""
+
+from __future__ import annotations
+
+import pytest
+
+from contid.control.daemon.pending_input import PendingInput
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.orders import MarkReached, OrderRefused
+from contid.control.engine.messages import (
+    ClearFault,
+    Estop,
+    Goto,
+    Grip,
+    Hold,
+    Mark,
+    Message,
+    Recover,
+    Resume,
+    Rows,
+    Start,
+    Stop,
+)
+from contid.targets import Target
+
+
+async def answers(order: Message) -> tuple[list[RunEvent], bool]:
+    pending = PendingInput("waiting for a trajectory on stdin", lambda reader: None)
+    found = pending.answer(order)
+    await pending.result()
+    return found, pending.stopped
+
+
+@pytest.mark.parametrize(
+    "order",
+    [Resume(), Recover(), Grip(0.5), Goto("f0", Target(actuation=(0.06, 0.06))), Rows({}), Start(1.0)],
+    ids=repr,
+)
+async def test_what_needs_devices_is_refused(order: Message) -> None:
+    found, stopped = await answers(order)
+    assert found == [OrderRefused(message="waiting for a trajectory on stdin; nothing is connected yet")]
+    assert not stopped
+
+
+@pytest.mark.parametrize("order", [Hold(), Stop(), Estop()], ids=repr)
+async def test_a_stop_is_kept(order: Message) -> None:
+    assert await answers(order) == ([], True)
+
+
+async def test_there_is_no_fault_to_clear_and_a_mark_is_reached() -> None:
+    assert await answers(ClearFault()) == ([], False)
+    assert await answers(Mark(7)) == ([MarkReached(number=7, tick=0)], False)
