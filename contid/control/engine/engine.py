@@ -109,10 +109,6 @@ class Engine:
         self.robots.order(None, how, 0.0)
         self.robots.report_changes(0)
 
-    def abandon(self) -> None:
-        """After an internal error: try to bring the devices to their ``on_host_loss`` rest."""
-        self.exchange.abandon()
-
     def obey(self, message: object, tick_number: int) -> None:
         """Carry out a message of the daemon; a refusal becomes an event."""
         self._orders.obey(message, tick_number, self._step + 1)

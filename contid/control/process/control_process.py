@@ -175,7 +175,7 @@ def _serve(setup: RunSetup, inbox: Inbox, parent_watch: ParentWatch, ring: RingW
         try:
             process.run()
         except BaseException:
-            process.engine.abandon()
+            process.engine.exchange.abandon()
             raise
         for name, fields in robot_reports(process.engine).items():
             ring.event(RobotReported(robot=name, report=fields))

@@ -9,15 +9,19 @@ from pathlib import Path
 import pytest
 
 from contid.control.engine import messages as msg
+from contid.control.engine.chain_monitor import ChainMonitor
+from contid.control.engine.clearance_watch import ClearanceWatch
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.tick_layout import TickRecord
-from contid.control.engine.virtual import run_virtual
+from contid.control.engine.virtual import VirtualProcess, run_virtual
 from contid.control.engine.wiring import record_layout
 from contid.control.tick.faults import Fault
+from contid.control.tick.preflight.rows import Preflight
 from contid.control.tick.supervisor import Mode
+from contid.kinematics.model import Model
 from contid.robot_file.base import StopPolicy
-from contid.targets import Target
+from contid.targets import Actuation, Solution, Target
 from tests.support.fingers import Collector, circle, load
 
 RATE = 200.0
@@ -255,3 +259,46 @@ def test_nothing_that_moves_is_obeyed_while_a_run_ends() -> None:
     assert seen.modes("f0")[-1] == "OFF"
     assert seen.modes("f1")[-2:] == ["STOPPING", "OFF"]
     assert any(event["event"] == "refused" for event in seen.events)
+
+
+def test_a_live_row_is_solved_once_by_its_check_and_once_in_each_tick(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Decision 0023: nothing solves it a third time."""
+    process = VirtualProcess(load(2), RATE, Collector(), attended=True)
+    robots = process.engine.robots
+    check = Preflight(robots.configs)
+    solved: list[Target] = []
+    kind = type(robots.configs[0].model)
+    inverse = kind.inverse
+
+    def counted(self: Model, target: Target, seed: Actuation) -> Solution:
+        solved.append(target)
+        return inverse(self, target, seed)
+
+    monkeypatch.setattr(kind, "inverse", counted)
+    row = {"f0": Target(tip_m=(0.055, 0.075, 0.0)), "f1": Target(tip_m=(0.045, 0.075, 0.0))}
+    assert not check.row(row)
+    assert len(solved) == 2
+    process.engine.arm()
+    process.engine.obey(msg.Rows(row), 0)
+    for _ in range(400):
+        solved.clear()
+        process.begin()
+        process.turn()
+    process.close()
+    assert all(state.mode is Mode.RUN for state in robots.states)
+    assert len(solved) == 2
+
+
+def test_a_file_without_chains_and_clearance_makes_no_call_of_them_in_a_tick(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def called(*_: object) -> None:
+        raise AssertionError("called")
+
+    for kind in (ChainMonitor, ClearanceWatch):
+        monkeypatch.setattr(kind, "before_tick", called)
+        monkeypatch.setattr(kind, "after_tick", called)
+    loaded = load(2)
+    assert run_virtual(loaded, RATE, circle(loaded)).exit_code == 0

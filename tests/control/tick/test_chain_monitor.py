@@ -12,8 +12,10 @@ from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.engine.virtual import run_virtual
-from contid.control.engine.wiring import driven_robots
+from contid.control.engine.wiring import build_preflight, driven_robots
 from contid.control.tick.faults import Fault
+from contid.control.tick.preflight.rows import Unreachable
+from contid.errors import BadInputError
 from contid.kinematics.model import build_model
 from contid.robot_file.base import StopPolicy
 from contid.robot_file.load import LoadedFile, parse_robot_file
@@ -266,6 +268,18 @@ def test_cleared_alone_an_arm_does_not_follow_without_the_other() -> None:
         loaded, RATE, rows(loaded, UP, back, UP, back, period_s=2.0), sinks=[seen], orders=orders, ticks=300
     )
     assert seen.modes("left")[-3:] == ["READY", "ARMING", "HOLD"]
+
+
+def test_a_rope_is_checked_between_rows_that_are_days_apart() -> None:
+    """At once, and all the same where a curve between two good rows brings the tips too far apart."""
+    loaded = chain(length_mm=720)
+    preflight = build_preflight(loaded, RATE, Unreachable.REFUSE)
+    assert preflight is not None
+    preflight.trajectory(rows(loaded, UP, UP, period_s=1e6), "t.csv")
+    left_mm = (0.0, -19.9, -19.0, 60.0)  # the curve swings out beyond 20 mm, where the rope is too short
+    far = rows(loaded, *((x, 0.0, 250.0, 700.0, 0.0, 250.0) for x in left_mm), period_s=1e6)
+    with pytest.raises(BadInputError, match="on the way to this row, rope"):
+        preflight.trajectory(far, "t.csv")
 
 
 def test_a_recovery_that_the_rope_forbids_is_over() -> None:

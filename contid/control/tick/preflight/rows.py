@@ -20,9 +20,10 @@ from contid.units import m_to_mm
 
 #: Refused rows that are listed one by one; the last finding counts them all.
 MAX_LISTED: Final = 5
-#: Interval between checks of a rope along a path; tips at 0.5 m/s move 10 mm in it.
+#: Interval between checks of a rope along a path, in which tips at 0.5 m/s move 10 mm; in a long interval
+#: between two rows, this many checks: tips move less from one to the next.
 SAMPLE_INTERVAL_S: Final = 0.02
-
+MAX_SAMPLES: Final = 1000
 
 #: When every position of a refused trajectory is within this distance of the origin [m], its columns in mm
 #: probably hold metres.
@@ -139,12 +140,12 @@ class Preflight:
     def between_rows(self, trajectory: Trajectory, index: int) -> dict[str, str]:
         """Why a chain forbids the way from the row before to this one; empty when it does not.
 
-        Rows may be far apart: a rope is checked at least every `SAMPLE_INTERVAL_S`.
+        Rows may be far apart: a rope is checked every `SAMPLE_INTERVAL_S`, or `MAX_SAMPLES` times.
         """
         if not self._guards or index == 0:
             return {}
         start_s, end_s = trajectory.time_of_row(index - 1), trajectory.time_of_row(index)
-        samples = math.ceil((end_s - start_s) / SAMPLE_INTERVAL_S)
+        samples = min(math.ceil((end_s - start_s) / SAMPLE_INTERVAL_S), MAX_SAMPLES)
         seeds, tips = dict(self._seeds), self._tips
         try:
             for k in range(1, samples):
