@@ -34,7 +34,7 @@ from contid.control.tick.faults import Fault
 from contid.control.tick.preflight.rows import SAMPLE_INTERVAL_S
 from contid.control.tick.robot_tick import tick
 from contid.control.tick.state import AxisMotion, OrderRefusedError, RobotState
-from contid.control.tick.supervisor import MOVING, Mode
+from contid.control.tick.supervisor import MOVING, UNARMED, Mode
 from contid.control.tick.tip_feedback import Measurement
 from contid.kinematics.rope.chain import ChainGuard, Tip
 from contid.robot_file.base import StopPolicy
@@ -43,8 +43,8 @@ from contid.targets import Actuation, Target
 #: A negative margin may shrink by this along a path [m].
 TOLERANCE_M: Final = 1e-3
 
-_BEFORE: Final = frozenset({Mode.OFF, Mode.CONNECTING, Mode.READY, Mode.ARMING})
-_AWAY: Final = frozenset({Mode.OFF, Mode.FAULT, Mode.STOPPING})
+#: Modes of a robot that does not follow.
+_NOT_FOLLOWING: Final = frozenset({Mode.OFF, Mode.FAULT, Mode.STOPPING})
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,9 +248,9 @@ class ChainMonitor:
 
 def _ready(state: RobotState) -> bool:
     """True for an arm that follows the source now or from this tick on."""
-    if not state.follow or state.mode in _AWAY:
+    if not state.follow or state.mode in _NOT_FOLLOWING:
         return False
-    return state.mode not in _BEFORE or (state.mode is Mode.ARMING and state.enabled)
+    return state.mode not in UNARMED or (state.mode is Mode.ARMING and state.enabled)
 
 
 def _begins(state: RobotState, target: Target | None) -> bool:

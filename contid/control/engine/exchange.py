@@ -139,10 +139,10 @@ class Exchange:
                 # Also in a late tick the bus gets its share of the period.
                 timeout_s = max(timing.end_s - self._now(), MIN_SHARE / self._rate_hz)
             if port.busy and (answer := port.take(timeout_s)) is not None:
-                self._digest(name, port, answer, now_s)
+                self._take_over(name, port, answer, now_s)
             elif port.busy and not port.lost:
                 self._stalled(name, port, now_s)
-        self._staleness.look(timing.tick, self.samples, self._now())
+        self._staleness.classify(timing.tick, self.samples, self._now())
 
     def abandon(self) -> None:
         """After an internal error: try to bring the devices to their ``on_host_loss`` rest."""
@@ -154,7 +154,8 @@ class Exchange:
                     with suppress(Exception):
                         port.bus.disable(axes, rest)
 
-    def _digest(self, name: str, port: BusPort, answer: BusReply, now_s: float) -> None:
+    def _take_over(self, name: str, port: BusPort, answer: BusReply, now_s: float) -> None:
+        """New samples, and what became of the requests to the devices, or that the bus is lost."""
         if answer.lost or answer.done or answer.refused or port.lost:
             self._sink.event(answer_event(answer, name, self._tick))
         if answer.lost:

@@ -78,7 +78,7 @@ class Outcomes:
             else:  # the nearest point, which may jump
                 tally.off_path(_behind_m(config, state, target))
                 # A correction by measured tips may lead out of the reach that was checked.
-                if isinstance(source, Timed) and source.within_reach and not config.departs:
+                if isinstance(source, Timed) and source.within_reach and not config.measurements_move_targets:
                     tally.missed(outcome.solution.residual_m)
         for bits in outcome.limits:
             if bits:

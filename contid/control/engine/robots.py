@@ -14,13 +14,11 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, describe
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
 from contid.control.tick.statistics import RobotTally
-from contid.control.tick.supervisor import MOVING, Mode
+from contid.control.tick.supervisor import MOVING, UNARMED, Mode
 from contid.robot_file.base import StopPolicy
 
 #: Returns the state of a robot after an order given at a time [s].
 Order: TypeAlias = Callable[[RobotConfig, RobotState, float], RobotState]
-
-_UNARMED = (Mode.OFF, Mode.CONNECTING, Mode.READY, Mode.ARMING)
 
 
 def stopping(policy: StopPolicy | None, reason: str) -> Order:
@@ -61,7 +59,7 @@ class Robots:
     @property
     def armed(self) -> bool:
         """True when every robot that was to be armed has its first command."""
-        return not any(state.mode in _UNARMED and state.arm_requested for state in self.states)
+        return not any(state.mode in UNARMED and state.arm_requested for state in self.states)
 
     @property
     def resting(self) -> bool:

@@ -62,7 +62,7 @@ class StalenessMonitor:
         #: Exchanges in a row with a better class than the reported one, by bus.
         self._better: dict[str, int] = dict.fromkeys(self._axes_of, 0)
 
-    def look(self, tick: int, samples: Mapping[str, Sample], now_s: float) -> None:
+    def classify(self, tick: int, samples: Mapping[str, Sample], now_s: float) -> None:
         """Classify the samples of an exchange and report changes; the first class of a bus is not reported.
 
         Args:

@@ -116,8 +116,8 @@ class RobotConfig:
     shared: SharedLimits | None = None
 
     @property
-    def departs(self) -> bool:
-        """True when measurements move the targets, also out of the reach that was checked."""
+    def measurements_move_targets(self) -> bool:
+        """True with tip feedback or an estimated load: targets may leave the reach that was checked."""
         estimated = self.sensing is not None and self.sensing.load == "estimated"
         return self.feedback is not None or estimated
 

@@ -63,7 +63,8 @@ class RobotTally:
             a robot catches up at the limit of its rates do not count.
         last_off_m: the same in the newest tick, catching up or not.
         missed_m: greatest residual of a target that was within reach when it was checked [m].
-        joined_s: when the robot began to follow; it has caught up once no limit binds.
+        joined_s: when the robot began to follow.
+        caught_up: no limit has bound since then, or since a target out of reach, in at least one tick.
         limited: ticks per limit that bound any axis.
     """
 

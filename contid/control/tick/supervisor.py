@@ -78,6 +78,8 @@ MOVES: Final[dict[tuple[Mode, Event], Mode]] = {
     **{(mode, Event.FAULT): Mode.FAULT for mode in Mode if mode is not Mode.FAULT},
 }
 
+#: States before the first command.
+UNARMED: Final = frozenset({Mode.OFF, Mode.CONNECTING, Mode.READY, Mode.ARMING})
 #: States in which a robot may be in motion.
 MOVING: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.STOPPING})
 

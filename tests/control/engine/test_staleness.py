@@ -29,13 +29,13 @@ def sample(time_s: float) -> Sample:
 def test_every_change_is_an_event() -> None:
     kept = KeptEvents()
     watch = StalenessMonitor({"servos": ("a", "b"), "board": ()}, RATE_HZ, kept)  # type: ignore[arg-type]
-    watch.look(0, {}, 0.0)
+    watch.classify(0, {}, 0.0)
     fresh = 0.0
     for tick in range(1, 900):
         now_s = tick / RATE_HZ
         if not 100 <= tick < 400:
             fresh = now_s - 0.002
-        watch.look(tick, {"a": sample(now_s), "b": sample(fresh)}, now_s)
+        watch.classify(tick, {"a": sample(now_s), "b": sample(fresh)}, now_s)
     assert [(e["tick"], e["before"], e["tier"]) for e in kept.events] == [
         (102, "fresh", "late"), (109, "late", "stale"), (139, "stale", "old"), (299, "old", "lost"),
         (499, "lost", "fresh"),
@@ -49,5 +49,5 @@ def test_a_device_at_a_bound_does_not_flood() -> None:
     watch = StalenessMonitor({"servos": ("a",)}, RATE_HZ, kept)  # type: ignore[arg-type]
     for tick in range(2000):
         now_s = tick / RATE_HZ
-        watch.look(tick, {"a": sample(now_s - (0.020 if tick % 4 == 1 else 0.0))}, now_s)
+        watch.classify(tick, {"a": sample(now_s - (0.020 if tick % 4 == 1 else 0.0))}, now_s)
     assert [e["tier"] for e in kept.events] == ["late"]
