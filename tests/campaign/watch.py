@@ -15,6 +15,7 @@ from contid.hal import Bus
 from contid_drivers.sim.bus import SimBus
 from contid_drivers.sim.options import SimBusOptions
 from tests.campaign.script import Case
+from tests.support.sim_faults import advance
 
 #: However long a stop takes by itself, a run that does not end so much later is taken as stuck.
 STUCK_S = 2.0
@@ -108,7 +109,7 @@ def watch(case: Case) -> Seen:
         process.clock.sleep(longest_s + 1.0 / rate_hz)
         for bus in buses.values():
             assert isinstance(bus, SimBus)
-            bus.refresh()
+            advance(bus)
         seen.powered_at_end = _powered(buses)
     finally:
         process.close()

@@ -11,6 +11,7 @@ from contid.hal import AxisOnBus, DeviceKind, Rest, Sample, load_driver
 from contid_drivers.sim.bus import SimBus
 from contid_drivers.sim.options import FaultKind, SimAxisOptions, SimBusOptions
 from tests.contract.harness import TICK_S, Facts
+from tests.support.sim_faults import advance, heal, inject
 
 AXES = ("left.a", "left.b", "right.a")
 
@@ -44,22 +45,22 @@ class SimRig:
         return device.on or device.rest is Rest.HOLD
 
     def silence(self, axis: str, silent: bool) -> None:
-        (self.bus.inject if silent else self.bus.heal)(FaultKind.SILENT, axis)
+        (inject if silent else heal)(self.bus, FaultKind.SILENT, axis)
 
     def unplug(self) -> None:
-        self.bus.inject(FaultKind.LOST)
+        inject(self.bus, FaultKind.LOST)
 
     def plug(self) -> None:
-        self.bus.heal(FaultKind.LOST)
+        heal(self.bus, FaultKind.LOST)
 
     def break_device(self, axis: str) -> None:
-        self.bus.inject(FaultKind.OVERLOAD, axis)
+        inject(self.bus, FaultKind.OVERLOAD, axis)
 
     def repair_device(self, axis: str) -> None:
-        self.bus.heal(FaultKind.OVERLOAD, axis)
+        heal(self.bus, FaultKind.OVERLOAD, axis)
 
     def _device(self, axis):
-        self.bus.refresh()
+        advance(self.bus)
         return self.bus.devices[axis]
 
 

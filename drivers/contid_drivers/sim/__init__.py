@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from contid_drivers.sim.options import FaultKind, ScheduledFault, SimAxisOptions, SimBusOptions
+from contid_drivers.sim.options import SimAxisOptions, SimBusOptions
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
     from contid.hal import AxisOnBus, Bus, Clock, DeviceKind
-
-__all__ = ["DRIVER", "FaultKind", "ScheduledFault", "SimAxisOptions", "SimBusOptions", "SimDriver"]
 
 
 class SimDriver:

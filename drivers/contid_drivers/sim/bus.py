@@ -20,8 +20,8 @@ from contid_drivers.sim.arm.tracker import TrackedArm
 from contid_drivers.sim.devices import SimDevice
 from contid_drivers.sim.faults import Switches
 from contid_drivers.sim.finger.body import FingerBody
-from contid_drivers.sim.journal import Journal
-from contid_drivers.sim.options import FaultKind, ScheduledFault, SimAxisOptions, SimBusOptions
+from contid_drivers.sim.journal import append_event
+from contid_drivers.sim.options import FaultKind, SimAxisOptions, SimBusOptions
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -36,9 +36,9 @@ class SimBus:
         self._options = options
         self._clock = clock
         self._watchdog_s = options.watchdog_ms / 1e3
-        self._journal = Journal(options.journal_file)
-        self._switches = Switches()
-        self._scheduled = False
+        self.switches = Switches()
+        #: When `open` was called first; times of the robot file count from it.
+        self._opened_s: float | None = None
         self._open = False
         self._lost = ""
         self._enabled: set[str] = set()
@@ -58,12 +58,12 @@ class SimBus:
         now = self._advance()
         if self._open:
             return
-        if not self._scheduled:
-            self._scheduled = True
+        if self._opened_s is None:
+            self._opened_s = now
             for fault in self._options.faults:
-                self._switches.schedule(fault, now)
+                self.switches.schedule(fault, now)
             self._advance()
-        if self._switches.is_on(FaultKind.LOST):
+        if self.switches.is_on(FaultKind.LOST):
             raise DeviceNotFoundError(self.name, "the simulated bus is unplugged", "end the fault 'lost'")
         missing = [axis for axis in self.axes if self._silent(axis)]
         if missing:
@@ -71,10 +71,6 @@ class SimBus:
                 self.name, f"expected {', '.join(self.axes)}; no answer from {', '.join(missing)}"
             )
         self._open, self._lost = True, ""
-        for arm in self.arms:
-            arm.opened(now)
-        for finger in self.fingers:
-            finger.opened(now)
         self._samples = {axis: Sample(None, now, False, 0.0) for axis in self.axes}
         self._note("open", now)
 
@@ -102,9 +98,9 @@ class SimBus:
             if axis in self._enabled and not self._silent(axis):
                 self.devices[axis].command(value)
         for axis, device in self.devices.items():
-            if not self._silent(axis) and not self._switches.is_on(FaultKind.STALE, axis):
+            if not self._silent(axis) and not self.switches.is_on(FaultKind.STALE, axis):
                 self._samples[axis] = device.read(now)
-        end = self._wait(now, self._options.latency_ms / 1e3 + self._switches.delay_s)
+        end = self._wait(now, self._options.latency_ms / 1e3 + self.switches.delay_s)
         for axis, device in self.devices.items():
             answered = not self._silent(axis)
             if answered:
@@ -133,7 +129,7 @@ class SimBus:
         now = self._advance_open()
         for axis in axes:
             device = self._answering(axis)
-            if device.fault and self._switches.is_on(FaultKind.OVERLOAD, axis):
+            if device.fault and self.switches.is_on(FaultKind.OVERLOAD, axis):
                 raise DeviceError(axis, f"{device.fault} persists")
         for axis in axes:
             if self.devices[axis].fault:
@@ -165,29 +161,6 @@ class SimBus:
         now = self._clock.now()
         return [tip for arm in self.arms for tip in arm.arrived(now)]
 
-    # -- faults ------------------------------------------------------------------------------------------
-
-    def inject(
-        self, kind: FaultKind, axis: str | None = None, for_s: float | None = None, delay_ms: float = 20.0
-    ) -> None:
-        """Begin a fault now, for ``for_s`` or until `heal`."""
-        if axis is not None:
-            self._device(axis)
-        fault = ScheduledFault(at_s=0.0, kind=kind, axis=axis, for_s=for_s, delay_ms=delay_ms)
-        self._switches.schedule(fault, self._clock.now())
-        self._advance()
-
-    def heal(self, kind: FaultKind, axis: str | None = None) -> None:
-        """End a fault now; latched consequences stay until `clear_fault` or `open`."""
-        self._advance()
-        self._switches.end(kind, axis or "")
-        if kind is FaultKind.STALL and axis is not None:
-            self._device(axis).motion.blocked = False
-
-    def refresh(self) -> None:
-        """Advance `devices` to the clock's time, for direct access to them."""
-        self._advance()
-
     # -- helpers -----------------------------------------------------------------------------------------
 
     def _device(self, axis: str) -> SimDevice:
@@ -199,7 +172,7 @@ class SimBus:
             ) from None
 
     def _silent(self, axis: str) -> bool:
-        return self._switches.is_on(FaultKind.SILENT, axis) or self._switches.is_on(FaultKind.LOST)
+        return self.switches.is_on(FaultKind.SILENT, axis) or self.switches.is_on(FaultKind.LOST)
 
     def _answering(self, axis: str) -> SimDevice:
         device = self._device(axis)
@@ -222,9 +195,9 @@ class SimBus:
 
     def _advance(self) -> float:
         now = self._clock.now()
-        while (edge_s := self._switches.next_s) <= now:
+        while (edge_s := self.switches.next_s) <= now:
             self._advance_devices(edge_s)
-            edge = self._switches.take()
+            edge = self.switches.take()
             if edge.kind is FaultKind.LOST and edge.on and self._open:
                 self._open, self._lost = False, "the simulated bus was unplugged"
                 self._enabled.clear()
@@ -237,19 +210,25 @@ class SimBus:
         return now
 
     def _advance_devices(self, to_s: float) -> None:
-        """Advance every device and arm to ``to_s``; trackers capture at their own instants."""
+        """Advance every device and body to ``to_s``; trackers capture at their own instants."""
+        if self._opened_s is None:
+            self._advance_to(to_s)
+            return
         for arm in self.arms:
-            while (capture_s := arm.next_capture_s()) <= to_s:
+            while (capture_s := arm.next_capture_s(self._opened_s)) <= to_s:
                 self._advance_to(capture_s)
-                arm.capture([self.devices[axis].motion.value for axis in arm.axes], capture_s)
+                arm.capture(self._values(arm.axes), capture_s, capture_s - self._opened_s)
         self._advance_to(to_s)
         for arm in self.arms:
-            arm.follow([self.devices[axis].motion.value for axis in arm.axes])
+            arm.body.follow(self._values(arm.axes))
         for finger in self.fingers:
             shafts = [self.devices[axis] for axis in finger.axes]
-            settled = finger.settle([shaft.motion.value for shaft in shafts], to_s)
+            settled = finger.settle(self._values(finger.axes), to_s - self._opened_s)
             for shaft, (angle, current_a) in zip(shafts, settled, strict=True):
                 shaft.bear(angle, current_a, finger.noise_a)
+
+    def _values(self, axes: Sequence[str]) -> list[float]:
+        return [self.devices[axis].motion.value for axis in axes]
 
     def _advance_to(self, to_s: float) -> None:
         """Advance every device to ``to_s``; watchdogs trip at their own instants."""
@@ -268,7 +247,8 @@ class SimBus:
                 self._note("trip", deadline, first)
 
     def _note(self, event: str, t_s: float, subject: str = "") -> None:
-        self._journal.write(event, t_s, self.name, self.devices, subject)
+        if self._options.journal_file is not None:
+            append_event(self._options.journal_file, event, t_s, self.name, self.devices, subject)
 
 
 def _device(bus: str, options: SimBusOptions, axis: AxisOnBus, now: float) -> SimDevice:

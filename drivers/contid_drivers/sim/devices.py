@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 import random
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 from contid.hal import DeviceKind, Rest, Sample
 from contid.units import BAR
@@ -19,6 +20,7 @@ from contid_drivers.sim.profile import ProfileMotion
 
 RPM: Final = 2.0 * math.pi / 60.0
 AMBIENT_C: Final = 25.0
+_CONVERTER_STEPS: Final = 4095.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +94,7 @@ _MOTOR: Final = Character(
 )
 # Proportional regulator behind a 12-bit converter over its ceiling.
 _REGULATOR: Final = Character(
-    quantum=3.0 * BAR / 4095.0,
+    quantum=3.0 * BAR / _CONVERTER_STEPS,
     velocity_quantum=0.0,
     lowest=0.0,
     highest=3.0 * BAR,
@@ -114,37 +116,40 @@ _OF_KIND: Final = {
 }
 
 
+def _pascals(bar: float) -> float:
+    return bar * BAR
+
+
+def _thousandth(value: float) -> float:
+    return value / 1e3
+
+
+#: Key of the robot file: the constant that it sets, and its conversion.
+_OVERRIDES: Final[dict[str, tuple[str, Callable[[Any], float | Rest]]]] = {
+    "velocity_deg_s": ("velocity", math.radians),
+    "acceleration_deg_s2": ("acceleration", math.radians),
+    "counts_per_rev": ("quantum", lambda counts: 2.0 * math.pi / counts),
+    "noise_deg": ("noise", math.radians),
+    "current_limit_ma": ("current_limit_a", _thousandth),
+    "overload_s": ("overload_s", float),
+    "response_ms": ("tau_s", _thousandth),
+    "slew_bar_s": ("velocity", _pascals),
+    "vent_bar_s": ("vent_rate", _pascals),
+    "ceiling_bar": ("highest", _pascals),
+    "noise_bar": ("noise", _pascals),
+    "on_watchdog": ("on_watchdog", Rest),
+}
+
+
 def character_of(options: SimAxisOptions) -> Character:
     """The numbers of one axis: those of its kind, overridden by the robot file."""
-    base = _OF_KIND[options.device]
-    highest = base.highest if options.ceiling_bar is None else options.ceiling_bar * BAR
-    if options.device is DeviceKind.REGULATOR:
-        quantum = highest / 4095.0
-        velocity = base.velocity if options.slew_bar_s is None else options.slew_bar_s * BAR
-        noise = base.noise if options.noise_bar is None else options.noise_bar * BAR
-    else:
-        counts = options.counts_per_rev
-        quantum = base.quantum if counts is None else 2.0 * math.pi / counts
-        speed = options.velocity_deg_s
-        velocity = base.velocity if speed is None else math.radians(speed)
-        noise = base.noise if options.noise_deg is None else math.radians(options.noise_deg)
-    acceleration, limit = options.acceleration_deg_s2, options.current_limit_ma
-    return Character(
-        quantum=quantum,
-        velocity_quantum=base.velocity_quantum,
-        lowest=base.lowest,
-        highest=highest,
-        velocity=velocity,
-        acceleration=base.acceleration if acceleration is None else math.radians(acceleration),
-        vent_rate=base.vent_rate if options.vent_bar_s is None else options.vent_bar_s * BAR,
-        tau_s=base.tau_s if options.response_ms is None else options.response_ms / 1e3,
-        noise=noise,
-        current_limit_a=base.current_limit_a if limit is None else limit / 1e3,
-        overload_s=base.overload_s if options.overload_s is None else options.overload_s,
-        overload=base.overload,
-        supply_v=base.supply_v,
-        on_watchdog=base.on_watchdog if options.on_watchdog is None else options.on_watchdog,
-    )
+    given = options.model_dump(exclude_none=True)
+    changes: dict[str, Any] = {
+        constant: convert(given[key]) for key, (constant, convert) in _OVERRIDES.items() if key in given
+    }
+    if "highest" in changes:
+        changes["quantum"] = changes["highest"] / _CONVERTER_STEPS
+    return replace(_OF_KIND[options.device], **changes)
 
 
 class SimDevice:

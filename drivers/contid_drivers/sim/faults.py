@@ -1,4 +1,4 @@
-"""Faults of a simulated bus: scheduled by the robot file, or set by `SimBus.inject`."""
+"""Faults of a simulated bus, scheduled by the robot file."""
 
 from __future__ import annotations
 
@@ -21,12 +21,16 @@ class Edge:
 
 
 class Switches:
-    """The faults that are on now, and the scheduled edges; ``axis`` is "" for faults of the bus."""
+    """Scheduled edges of faults, and the faults that are on.
+
+    Attributes:
+        on: additional delay of replies [s] of every fault that is on, by kind and axis, "" for the bus.
+    """
 
     def __init__(self) -> None:
         self._edges: list[Edge] = []
         self._number = 0
-        self._on: dict[tuple[FaultKind, str], float] = {}
+        self.on: dict[tuple[FaultKind, str], float] = {}
 
     def schedule(self, fault: ScheduledFault, origin_s: float) -> None:
         """Schedule begin and end of a fault; its times count from ``origin_s``."""
@@ -46,20 +50,16 @@ class Switches:
         """Remove the next edge, apply and return it."""
         edge = heapq.heappop(self._edges)
         if edge.on:
-            self._on[edge.kind, edge.axis] = edge.delay_s
+            self.on[edge.kind, edge.axis] = edge.delay_s
         else:
-            self._on.pop((edge.kind, edge.axis), None)
+            self.on.pop((edge.kind, edge.axis), None)
         return edge
 
     def is_on(self, kind: FaultKind, axis: str = "") -> bool:
         """True while the fault is on."""
-        return (kind, axis) in self._on
-
-    def end(self, kind: FaultKind, axis: str = "") -> None:
-        """End a fault now; one that is not on stays off."""
-        self._on.pop((kind, axis), None)
+        return (kind, axis) in self.on
 
     @property
     def delay_s(self) -> float:
         """Additional delay of replies now."""
-        return self._on.get((FaultKind.LATE, ""), 0.0)
+        return self.on.get((FaultKind.LATE, ""), 0.0)

@@ -6,41 +6,36 @@ It shows what the devices did after the control process ended.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
+from pathlib import Path
 
 from contid.errors import DeviceError
 from contid.hal import DeviceKind
 from contid_drivers.sim.devices import SimDevice
 
 
-class Journal:
-    """Appends to a file with one system call per line, so that a killed process leaves whole lines."""
+def append_event(
+    path: str, event: str, t_s: float, bus: str, devices: Mapping[str, SimDevice], subject: str
+) -> None:
+    """Append one event with the state of every axis.
 
-    def __init__(self, path: str | None) -> None:
-        self._path = path
+    It takes one system call, so that a killed process leaves whole lines.
 
-    def write(
-        self, event: str, t_s: float, bus: str, devices: Mapping[str, SimDevice], subject: str = ""
-    ) -> None:
-        """Append one event with the state of every axis."""
-        if self._path is None:
-            return
-        line = {
-            "event": event,
-            "t_s": t_s,
-            "bus": bus,
-            "subject": subject,
-            "axes": {name: _state(device) for name, device in devices.items()},
-        }
-        try:
-            fd = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
-            try:
-                os.write(fd, json.dumps(line).encode() + b"\n")
-            finally:
-                os.close(fd)
-        except OSError as error:
-            raise DeviceError(bus, f"cannot write journal_file {self._path}: {error.strerror}") from error
+    Raises:
+        DeviceError: the file cannot be written.
+    """
+    line = {
+        "event": event,
+        "t_s": t_s,
+        "bus": bus,
+        "subject": subject,
+        "axes": {name: _state(device) for name, device in devices.items()},
+    }
+    try:
+        with Path(path).open("ab", buffering=0) as file:
+            file.write(json.dumps(line).encode() + b"\n")
+    except OSError as error:
+        raise DeviceError(bus, f"cannot write journal_file {path}: {error.strerror}") from error
 
 
 def _state(device: SimDevice) -> dict[str, object]:

@@ -73,24 +73,17 @@ class SimBusOptions(Strict):
     faults: tuple[ScheduledFault, ...] = ()
 
 
+_SHAFT_KEYS: Final = frozenset(
+    {"start_deg", "velocity_deg_s", "acceleration_deg_s2", "response_ms", "current_limit_ma", "overload_s"}
+)
 #: Keys of each kind of device besides ``device`` and ``on_watchdog``.
 KEYS_OF: Final[dict[DeviceKind, frozenset[str]]] = {
-    DeviceKind.SERVO: frozenset(
-        {
-            "start_deg", "velocity_deg_s", "acceleration_deg_s2", "response_ms", "noise_deg",
-            "current_limit_ma", "overload_s",
-        }
-    ),
-    DeviceKind.MOTOR: frozenset(
-        {
-            "start_deg", "velocity_deg_s", "acceleration_deg_s2", "response_ms", "counts_per_rev",
-            "current_limit_ma", "overload_s",
-        }
-    ),
+    DeviceKind.SERVO: _SHAFT_KEYS | {"noise_deg"},
+    DeviceKind.MOTOR: _SHAFT_KEYS | {"counts_per_rev"},
     DeviceKind.REGULATOR: frozenset(
         {"start_bar", "slew_bar_s", "vent_bar_s", "ceiling_bar", "response_ms", "noise_bar"}
     ),
-}  # fmt: skip
+}
 
 
 class SimAxisOptions(Strict):

@@ -44,10 +44,10 @@ def pressures(count=6, seed=3):
 @pytest.mark.parametrize("force", FORCES)
 def test_without_errors_the_tip_is_that_of_the_model(force):
     robot = arm_with()
-    model, solver = CosseratModel(robot), arm_solver(robot)
+    model, solve = CosseratModel(robot), arm_solver(robot)
     for p in pressures():
         tip, _, _, stable, moment, _ = model.engine.forward(p.tolist(), force)
-        found, unknowns, met = solver.solve(p.tolist(), force, (*moment, 0.0), *ANYWHERE)
+        found, unknowns, met = solve(p.tolist(), force, (*moment, 0.0), *ANYWHERE)
         assert stable
         assert met
         assert found == pytest.approx(tip, abs=5e-3)  # [mm]; the model's own discretisation
@@ -61,7 +61,7 @@ def test_compiled_arm_twin_and_the_study_of_the_paper_agree():
     robot = arm_with("errors: {modulus_percent: [4, -3], moment_percent: -2}")
     assert robot.sim.errors.modulus_percent == (4.0, -3.0)
     rows = [section_numbers(s, 1.04 if i == 0 else 0.97, 0.98) for i, s in enumerate(robot.geometry.sections)]
-    twin, solver = LiteralArm(rows, STEPS), arm_solver(robot)
+    twin, solve = LiteralArm(rows, STEPS), arm_solver(robot)
     nominal = CosseratModel(robot).setup.rod
     from studies.shi_experiments import Plant, arm
 
@@ -75,7 +75,7 @@ def test_compiled_arm_twin_and_the_study_of_the_paper_agree():
         assert met
         assert found == pytest.approx(tip.tolist(), abs=1e-6)
         if kernels.load("plant") is not None:
-            compiled = solver.solve(row.tolist(), force.tolist(), (0.0,) * 4, *ANYWHERE)
+            compiled = solve(row.tolist(), force.tolist(), (0.0,) * 4, *ANYWHERE)
             assert compiled[2]
             assert compiled[0] == pytest.approx(found, abs=1e-8)
             assert compiled[1] == pytest.approx(unknowns, abs=1e-8)

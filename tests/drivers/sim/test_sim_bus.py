@@ -12,7 +12,9 @@ import pytest
 from contid.control.engine.clock import VirtualClock
 from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Rest
-from contid_drivers.sim import DRIVER, FaultKind, SimAxisOptions, SimBusOptions
+from contid_drivers.sim import DRIVER
+from contid_drivers.sim.options import FaultKind, SimAxisOptions, SimBusOptions
+from tests.support.sim_faults import advance, heal, inject
 
 TICK = 2.0 * math.pi / 4096.0
 BAR = 1e5
@@ -42,7 +44,7 @@ class Rig:
         return out
 
     def value(self, axis="r.a"):
-        self.bus.refresh()
+        advance(self.bus)
         return self.bus.devices[axis].motion.value
 
 
@@ -174,7 +176,7 @@ def test_free_motion_never_overloads_a_device():
 def test_a_held_shaft_saturates_the_current_then_drops_the_torque(device, message):
     rig = Rig({"device": device, "overload_s": 0.4, "current_limit_ma": 800}).start()
     rig.run(0.2, a=1.0)
-    rig.bus.inject(FaultKind.STALL, "r.a")
+    inject(rig.bus, FaultKind.STALL, "r.a")
     held = rig.value()
     saturated = rig.run(0.3, a=30.0)[-1]["r.a"]
     assert saturated.effort == 0.8
@@ -182,7 +184,7 @@ def test_a_held_shaft_saturates_the_current_then_drops_the_torque(device, messag
     dropped = rig.run(0.6, a=30.0)[-1]["r.a"]
     assert dropped.fault == message
     assert dropped.effort == 0.0
-    rig.bus.heal(FaultKind.STALL, "r.a")
+    heal(rig.bus, FaultKind.STALL, "r.a")
     rig.run(1.0, a=30.0)
     assert rig.value() == held
 
@@ -190,7 +192,7 @@ def test_a_held_shaft_saturates_the_current_then_drops_the_torque(device, messag
 def test_stale_data_is_valid_and_grows_old():
     rig = Rig({"device": "servo"}, {"device": "servo"}).start()
     before = rig.run(0.005)[-1]["r.a"]
-    rig.bus.inject(FaultKind.STALE, "r.a", for_s=0.1)
+    inject(rig.bus, FaultKind.STALE, "r.a", for_s=0.1)
     samples = rig.run(0.05, a=2.0)[-1]
     assert samples["r.a"].valid
     assert (samples["r.a"].value, samples["r.a"].time_s) == (before.value, before.time_s)
@@ -201,7 +203,7 @@ def test_stale_data_is_valid_and_grows_old():
 
 def test_a_late_reply_delays_the_exchange_and_ages_its_sample():
     rig = Rig({"device": "servo"}, latency_ms=1.0).start()
-    rig.bus.inject(FaultKind.LATE, for_s=0.001, delay_ms=30.0)
+    inject(rig.bus, FaultKind.LATE, for_s=0.001, delay_ms=30.0)
     before = rig.clock.now()
     sample = rig.bus.exchange({})["r.a"]
     assert rig.clock.now() - before == pytest.approx(0.031)
@@ -266,7 +268,7 @@ def test_the_watchdog_takes_the_configured_rest(options, powered):
     rig = Rig({"device": "servo", **options}, watchdog_ms=60).start()
     rig.run(0.1, a=5.0)
     rig.clock.sleep(0.0601)
-    rig.bus.refresh()
+    advance(rig.bus)
     device = rig.bus.devices["r.a"]
     assert not device.on
     assert (device.rest is Rest.HOLD) == powered

@@ -9,7 +9,7 @@ import pytest
 from contid.errors import BadInputError, ContidError
 from contid.hal import AxisOnBus, DeviceKind, load_driver
 from contid.robot_file.load import load_robot_file, parse_robot_file, with_mock
-from contid_drivers.sim import SimBusOptions
+from contid_drivers.sim.options import SimBusOptions
 
 BUS = """driver: dynamixel
     port: /dev/serial/by-id/usb-FTDI_USB__-__Serial_Converter_XXXXXXXX-if00-port0

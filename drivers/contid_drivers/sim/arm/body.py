@@ -7,7 +7,7 @@ from typing import Final
 
 from contid.robot_file.cosserat import Cosserat
 from contid.units import BAR, MM_PER_M, STANDARD_GRAVITY
-from contid_drivers.sim.arm.statics import ArmSolver, Numbers, arm_solver
+from contid_drivers.sim.arm.statics import Numbers, arm_solver
 from contid_drivers.sim.plane import plane_in_base
 
 #: A new equilibrium that is not found in one step is approached in this many.
@@ -27,7 +27,7 @@ class SimulatedBody:
     def __init__(self, robot: Cosserat) -> None:
         assert robot.sim is not None
         self._sim = robot.sim
-        self._solver: ArmSolver = arm_solver(robot)
+        self._solve = arm_solver(robot)
         self._gravity = robot.geometry.gravity_unit
         base = robot.base
         self._origin, self._rotation = base.position_m, base.rotation
@@ -85,7 +85,6 @@ class SimulatedBody:
         The first one is continued from the arm without pressure and payload.
         """
         begin = self._reached or ((0.0,) * len(pressures), (0.0, 0.0, 0.0))
-        guess = self._unknowns
         for parts in (1, _PARTS) if self._reached else (_PARTS,):
             guess = self._unknowns
             for part in range(1, parts + 1):
@@ -105,10 +104,10 @@ class SimulatedBody:
         """The equilibrium with the tip off the wall, or on the wall where that pushes it outwards."""
         none = (0.0, 0.0, 0.0)
         if self._sim.wall is None:
-            return self._solver.solve(pressures, force, guess, False, none, 0.0)
+            return self._solve(pressures, force, guess, False, none, 0.0)
         on_wall = guess[3] > 0.0
         for held in (on_wall, not on_wall):
-            found = self._solver.solve(pressures, force, guess, held, self._normal, self._wall_mm)
+            found = self._solve(pressures, force, guess, held, self._normal, self._wall_mm)
             tip, unknowns, met = found
             gap = sum(n * x for n, x in zip(self._normal, tip, strict=True)) - self._wall_mm
             if met and (unknowns[3] >= 0.0 if held else gap >= 0.0):

@@ -11,8 +11,8 @@ Units: mm, N, N·mm, bar.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Final, Protocol, TypeAlias
+from collections.abc import Callable, Sequence
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,29 +36,11 @@ _STEP: Final = np.array([1e-6, 1e-6, 1e-6, 1e-7])
 _BALANCE: Final = 1e-9
 
 
-class ArmSolver(Protocol):
-    """Equilibrium of an arm, from a guess nearby."""
-
-    def solve(
-        self,
-        pressures: Sequence[float],
-        force: Sequence[float],
-        guess: Sequence[float],
-        held: bool,
-        normal: Sequence[float],
-        offset: float,
-    ) -> tuple[Numbers, Numbers, bool]:
-        """Tip [mm], unknowns, and whether the equilibrium was found.
-
-        Args:
-            pressures: that act [bar].
-            force: dead, on the tip [N].
-            guess: base moment [N·mm] and push of the wall [N], four numbers.
-            held: the tip is on the wall.
-            normal: of the wall.
-            offset: of the wall along its normal [mm].
-        """
-        ...
+#: Finds an equilibrium; arguments and result of `LiteralArm.solve`.
+Solve: TypeAlias = Callable[
+    [Sequence[float], Sequence[float], Sequence[float], bool, Sequence[float], float],
+    tuple[Numbers, Numbers, bool],
+]
 
 
 def section_numbers(section: SectionGeometry, modulus_scale: float, moment_scale: float) -> Numbers:
@@ -94,7 +76,7 @@ def section_numbers(section: SectionGeometry, modulus_scale: float, moment_scale
     )  # fmt: skip
 
 
-def arm_solver(robot: Cosserat) -> ArmSolver:
+def arm_solver(robot: Cosserat) -> Solve:
     """The solver of an arm with the errors of its ``sim``: compiled where available."""
     assert robot.sim is not None
     errors, sections = robot.sim.errors, robot.geometry.sections
@@ -106,8 +88,8 @@ def arm_solver(robot: Cosserat) -> ArmSolver:
     ]
     kernel = load("plant")
     if kernel is None:
-        return LiteralArm(rows, STEPS)
-    compiled: ArmSolver = kernel.Arm(rows, STEPS)
+        return LiteralArm(rows, STEPS).solve
+    compiled: Solve = kernel.Arm(rows, STEPS).solve
     return compiled
 
 
@@ -127,7 +109,18 @@ class LiteralArm:
         normal: Sequence[float],
         offset: float,
     ) -> tuple[Numbers, Numbers, bool]:
-        """See `ArmSolver`; the columns of the differences are integrated side by side."""
+        """Equilibrium of the arm from a guess nearby: tip [mm], unknowns, and whether it was found.
+
+        The columns of the differences are integrated side by side.
+
+        Args:
+            pressures: that act [bar].
+            force: dead, on the tip [N].
+            guess: of the unknowns: base moment [N·mm] and push of the wall [N], four numbers.
+            held: the tip is on the wall.
+            normal: of the wall.
+            offset: of the wall along its normal [mm].
+        """
         load_n, out_of_wall = np.array(force), np.array(normal)
         count = 4 if held else 3
         x = np.array(guess, float)

@@ -17,6 +17,10 @@ class TrackedArm:
     Args:
         robot: its name.
         description: with a ``sim``.
+
+    Attributes:
+        axes: names of its axes on the bus.
+        body: follows their pressures, also between two captures: its play depends on all of them.
     """
 
     def __init__(self, robot: str, description: Cosserat) -> None:
@@ -26,30 +30,15 @@ class TrackedArm:
         self._noise = random.Random(f"{self._tracker.seed}:{robot}")
         self._captures = 0
         self._underway: deque[TipMeasured] = deque()
-        self._axes = [f"{robot}.{axis}" for axis in description.axis_names]
-        self._opened_s: float | None = None
+        self.axes = [f"{robot}.{axis}" for axis in description.axis_names]
         self.body = SimulatedBody(description)
 
-    @property
-    def axes(self) -> list[str]:
-        """Names of its axes on the bus."""
-        return self._axes
+    def next_capture_s(self, opened_s: float) -> float:
+        """When the tracker of a bus opened at ``opened_s`` captures next."""
+        return opened_s + self._captures / self._tracker.rate_hz
 
-    def opened(self, now_s: float) -> None:
-        """The bus was opened; times in the robot file count from the first one."""
-        if self._opened_s is None:
-            self._opened_s = now_s
-
-    def next_capture_s(self) -> float:
-        """When the tracker captures next; never before the bus was opened."""
-        if self._opened_s is None:
-            return float("inf")
-        return self._opened_s + self._captures / self._tracker.rate_hz
-
-    def capture(self, regulators_pa: list[float], now_s: float) -> None:
-        """Measure the tip, which is due at ``now_s``."""
-        assert self._opened_s is not None
-        t_s = now_s - self._opened_s
+    def capture(self, regulators_pa: list[float], now_s: float, t_s: float) -> None:
+        """Measure the tip now, ``t_s`` after the bus was opened."""
         self._captures += 1
         self.body.follow(regulators_pa)
         if any(begin <= t_s < end for begin, end in self._tracker.hidden_s):
@@ -57,10 +46,6 @@ class TrackedArm:
         sigma = self._tracker.noise_mm / MM_PER_M
         x, y, z = (v + self._noise.gauss(0.0, sigma) for v in self.body.tip_in_world_m(t_s))
         self._underway.append(TipMeasured(self._robot, (x, y, z), now_s))
-
-    def follow(self, regulators_pa: list[float]) -> None:
-        """Pressures between two captures: the play of the chambers depends on all of them."""
-        self.body.follow(regulators_pa)
 
     def arrived(self, now_s: float) -> list[TipMeasured]:
         """Measurements whose latency is over."""

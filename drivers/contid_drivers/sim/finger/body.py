@@ -62,29 +62,21 @@ class FingerBody:
         self.push_n = 0.0
         self._stiffness = math.degrees(self._sim.stiffness_ma_per_deg / 1e3)
         self._shafts: list[float] = []
-        self._opened_s: float | None = None
         self._normal, self._surface_mm = (0.0, 0.0, 0.0), 0.0
         if self._sim.object is not None:
             self._normal, self._surface_mm = plane_in_base(self._sim.object, description.base)
 
-    def opened(self, now_s: float) -> None:
-        """The bus was opened; times in the robot file count from the first one."""
-        if self._opened_s is None:
-            self._opened_s = now_s
-
-    def settle(self, free_rad: list[float], now_s: float) -> list[tuple[float, float]]:
+    def settle(self, free_rad: list[float], t_s: float) -> list[tuple[float, float]]:
         """Angles of the shafts [rad] and currents of their servos [A].
 
         Args:
             free_rad: angles of the servos without a load.
-            now_s: the time.
+            t_s: time since the bus was opened.
         """
         if not self._shafts:
             self._shafts = list(free_rad)
         shafts, thing = self._shafts, self._sim.object
-        present = thing is not None and not (
-            thing.until_s is not None and now_s - (self._opened_s or 0.0) >= thing.until_s
-        )
+        present = thing is not None and (thing.until_s is None or t_s < thing.until_s)
         k = thing.stiffness_n_per_mm * MM_PER_M if thing is not None and present else 0.0
         for _ in range(_LINEARISED):
             gap_m, along = (self._gap_m(shafts), self._along()) if present else (1.0, [0.0] * len(shafts))

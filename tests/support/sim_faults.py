@@ -1,0 +1,29 @@
+"""Faults of a simulated bus at any time, besides those that its robot file schedules."""
+
+from __future__ import annotations
+
+from contid.hal import Rest
+from contid_drivers.sim.bus import SimBus
+from contid_drivers.sim.options import FaultKind, ScheduledFault
+
+
+def advance(bus: SimBus) -> None:
+    """Advance the devices to the clock's time, for direct access to them."""
+    bus.disable((), Rest.HOLD)
+
+
+def inject(
+    bus: SimBus, kind: FaultKind, axis: str | None = None, for_s: float | None = None, delay_ms: float = 20.0
+) -> None:
+    """Begin a fault now, for ``for_s`` or until `heal`."""
+    fault = ScheduledFault(at_s=0.0, kind=kind, axis=axis, for_s=for_s, delay_ms=delay_ms)
+    bus.switches.schedule(fault, bus._clock.now())
+    advance(bus)
+
+
+def heal(bus: SimBus, kind: FaultKind, axis: str | None = None) -> None:
+    """End a fault now; latched consequences stay until `clear_fault` or `open`."""
+    advance(bus)
+    bus.switches.on.pop((kind, axis or ""), None)
+    if kind is FaultKind.STALL and axis is not None:
+        bus.devices[axis].motion.blocked = False
