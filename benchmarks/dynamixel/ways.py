@@ -50,7 +50,6 @@ def wire_alone(case: Case, row: Row) -> None:
     """Packets ready-made, answers only counted."""
     ids = range(1, case.count + 1)
     port = ServoPort("wire", case.port, case.baud, 0.0)
-    port.open()
     here = ((device, (2048).to_bytes(4, "little")) for device in ids)
     wire = sync_write(116, 4, here) + sync_read(126, 10, list(ids), case.fast)
     whole = 8 + case.count * 14 if case.fast else case.count * 21

@@ -39,31 +39,24 @@ def unlock_port(descriptor: int) -> None:
 
 
 class LockedPort:
-    """A locked serial device; every failure closes it and raises `DeviceLostError`.
+    """An open, locked serial device; every failure closes it and raises `DeviceLostError`.
 
     Args:
         device: name in messages.
         path: of the device.
         baud: rate [bit/s].
+
+    Raises:
+        DeviceNotFoundError: missing, not permitted, or in use by another process.
     """
 
     def __init__(self, device: str, path: str, baud: int) -> None:
         self.device = device
         self.path = path
-        self.baud = baud
         #: Time of one byte with its start and stop bit.
         self.byte_s = 10 / baud
-        self.serial: serial.Serial | None = None
-        self.fd = -1
-
-    def open(self) -> None:
-        """Open, lock and flush.
-
-        Raises:
-            DeviceNotFoundError: missing, not permitted, or in use by another process.
-        """
         try:
-            self.serial = serial.Serial(self.path, self.baud, timeout=0, exclusive=True)
+            self.serial = serial.Serial(path, baud, timeout=0, exclusive=True)
             with suppress(OSError, ValueError):
                 # Supported by some adapters' kernel drivers only, not by ptys.
                 self.serial.set_low_latency_mode(True)
@@ -71,7 +64,7 @@ class LockedPort:
         except PORT_ERRORS as error:
             raise self._open_error(error) from error
         self.fd = int(self.serial.fileno())
-        lock_port(self.fd, self.path)
+        lock_port(self.fd, path)
 
     def _open_error(self, error: Exception) -> DeviceNotFoundError:
         number = getattr(error, "errno", None)
@@ -88,9 +81,8 @@ class LockedPort:
         if self.fd >= 0:  # after a close the descriptor number may belong to another port
             unlock_port(self.fd)
         self.fd = -1
-        if self.serial is not None:
-            with suppress(*PORT_ERRORS):
-                self.serial.close()
+        with suppress(*PORT_ERRORS):
+            self.serial.close()
 
     def lost(self, error: BaseException | str) -> DeviceLostError:
         """Close the failed port; returns the error to raise."""

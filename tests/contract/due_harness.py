@@ -65,15 +65,15 @@ class DueRig(RealTimeRig):
         return self._truth(axis)[4] == 2  # the output drives
 
     def silence(self, axis: str, silent: bool) -> None:
-        self.emulator.fault("silent", channel=self._channels[axis], on=silent)
+        self.emulator.switch({"fault": "silent", "channel": self._channels[axis], "on": silent})
 
     def unplug(self) -> None:
-        self.emulator.fault("unplug")
+        self.emulator.switch({"fault": "unplug"})
         while self.port.is_symlink():
             time.sleep(0.001)
 
     def plug(self) -> None:
-        self.emulator.fault("plug")
+        self.emulator.switch({"fault": "plug"})
         while not self.port.exists():
             time.sleep(0.001)
 
@@ -85,7 +85,7 @@ class DueRig(RealTimeRig):
 
     def _fault(self, axis: str, on: bool) -> None:
         name = "bridge" if self.facts.kind is DeviceKind.MOTOR else "wire"
-        self.emulator.fault(name, channel=self._channels[axis], on=on)
+        self.emulator.switch({"fault": name, "channel": self._channels[axis], "on": on})
 
 
 @contextmanager

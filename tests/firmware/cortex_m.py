@@ -7,8 +7,10 @@ import struct
 import unicorn
 from unicorn import arm_const
 
-from contid_drivers.due.cortex import FLASH_BYTES, FLASH_START, RAM_BYTES, RAM_START, Image
+from contid_drivers.due.cortex import FLASH_BYTES, RAM_BYTES, RAM_START
+from tests.firmware.elf import Image
 
+FLASH_START = 0x0008_0000
 PAGE = 0x1000
 RETURN_TO = FLASH_START + FLASH_BYTES - 0x100
 STACK_TOP = RAM_START + RAM_BYTES

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from contid_drivers.due.cortex import read_elf
+from tests.firmware.elf import read_elf
 from tests.firmware.sam3x.board import Sam3x
 from tests.firmware.sam3x.build import build_sketch
 from tests.firmware.sam3x.cpu import CLOCK_HZ, NEVER

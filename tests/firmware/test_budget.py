@@ -19,10 +19,11 @@ from contid_drivers.due.cortex import (
     FLASH_BYTES,
     RAM_BYTES,
     build_core,
-    read_elf,
+    memory_use,
 )
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from tests.firmware.cortex_m import CoreBoard
+from tests.firmware.elf import read_elf
 
 CLOCK_HZ = 84_000_000
 BUDGET = 0.35
@@ -103,15 +104,15 @@ def shaft(now_ms: int) -> int:
 
 def report() -> str:
     load = measure()
-    image = read_elf(build_core())
+    flash, ram = memory_use(build_core())
     share = load.tick_share + load.edge_share
     return (
         f"control tick, {MOTORS} motors: {load.tick} instructions at most, {load.tick_mean:.0f} on average "
         f"-> {load.tick_share:.1%} at 1 kHz\n"
         f"edge interrupt: {load.edge} instructions -> {load.edge_share:.1%} at {MOTORS} x {EDGES_PER_S}/s\n"
         f"together {share:.1%} of {CLOCK_HZ / 1e6:.0f} MHz (estimated cycles), budget {BUDGET:.0%}\n"
-        f"core: {image.flash} B flash, {image.ram} B RAM; with the Arduino core about "
-        f"{image.flash + ARDUINO_FLASH} of {FLASH_BYTES} B and {image.ram + ARDUINO_RAM} of {RAM_BYTES} B"
+        f"core: {flash} B flash, {ram} B RAM; with the Arduino core about "
+        f"{flash + ARDUINO_FLASH} of {FLASH_BYTES} B and {ram + ARDUINO_RAM} of {RAM_BYTES} B"
     )
 
 
@@ -124,9 +125,9 @@ def test_six_motors_fit_the_budget():
 
 
 def test_flash_and_ram_are_bounded():
-    image = read_elf(build_core())
-    assert 4_000 < image.flash < 48 * 1024
-    assert 1_000 < image.ram < 16 * 1024
+    flash, ram = memory_use(build_core())
+    assert 4_000 < flash < 48 * 1024
+    assert 1_000 < ram < 16 * 1024
 
 
 if __name__ == "__main__":

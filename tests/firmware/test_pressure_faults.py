@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from contid_drivers.due.codes import BoardState, Reason, Refusal, SafeCode, Type
+from contid_drivers.due.codes import BoardState, Reason, Refusal, Type
 from contid_drivers.due.messages import Refused, Telemetry
+from contid_drivers.due.options import SafeState
 
 #: A 0-10 V read-back behind a divider: no live zero, so a wire that is off reads 0 bar.
 NO_LIVE_ZERO = {"readback": [[0, 0], [3000, 3]], "wire_break_mv": 0}
@@ -123,8 +124,8 @@ def test_hold_is_no_safe_state_of_a_chamber(board):
     axis = AxisOnBus("p0", DueAxisOptions.model_validate({"channel": "p0", **REGULATOR}))
     blob = bytearray(wiring.board_config("b", DueBusOptions(port="x", role=Role.PRESSURE), [axis]))
     air = board("pressure")
-    for start in SafeCode:
-        blob[5:7] = bytes([SafeCode.HOLD, start])
+    for start in SafeState:
+        blob[5:7] = bytes([SafeState.HOLD.code, start.code])
         refused = air.ask(Type.CONFIGURE, frames.crc16(bytes(blob)).to_bytes(2, "little") + bytes(blob))
         assert isinstance(refused, Refused)
         assert refused.refusal in (Refusal.BAD_VALUE, Refusal.SAFE_IS_NOT_START)

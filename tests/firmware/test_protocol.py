@@ -9,6 +9,7 @@ import pytest
 
 from contid_drivers.due import codes
 from contid_drivers.due.firmware import firmware_dir
+from contid_drivers.due.options import Bridge, Role, SafeState
 from contid_drivers.due.wiring import MOTOR_FIELDS, REGULATOR_FIELDS
 
 CORE = firmware_dir() / "contid_due" / "src" / "core"
@@ -16,10 +17,10 @@ HEADER = (CORE / "protocol.h").read_text(encoding="utf-8")
 PAGE = (firmware_dir() / "PROTOCOL.md").read_text(encoding="utf-8")
 ENUMS = {
     "Message": codes.Type,
-    "Role": codes.RoleCode,
+    "Role": Role,
     "Rest": codes.RestCode,
-    "Safe": codes.SafeCode,
-    "Bridge": codes.BridgeCode,
+    "Safe": SafeState,
+    "Bridge": Bridge,
     "State": codes.BoardState,
     "Reason": codes.Reason,
     "Refusal": codes.Refusal,
@@ -35,12 +36,14 @@ def enum_of(name: str) -> dict[str, int]:
 
 
 @pytest.mark.parametrize(("in_sketch", "in_driver"), ENUMS.items())
-def test_every_name_has_one_number(in_sketch: str, in_driver: type[enum.IntEnum]) -> None:
+def test_every_name_has_one_number(in_sketch: str, in_driver: type[enum.IntEnum | codes.NamedCode]) -> None:
     numbers = enum_of(in_sketch)
     if in_driver is codes.Refusal:
         # NONE marks an accepted request inside the firmware; it is never sent.
         assert numbers.pop("NONE") == 0
-    assert numbers == {each.name: each.value for each in in_driver}
+    assert numbers == {
+        each.name: each.code if isinstance(each, codes.NamedCode) else each.value for each in in_driver
+    }
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import pytest
 
-from contid_drivers.due.cortex import read_elf
+from tests.firmware.elf import read_elf
 from tests.firmware.sam3x.board import UNIQUE_ID, Sam3x
 from tests.firmware.sam3x.build import build_sketch
 from tests.firmware.sam3x.set_up import CHECKS, hello, serial_number

@@ -9,9 +9,10 @@ from unicorn import arm_const
 
 from contid_drivers.due import frames, messages
 from contid_drivers.due.codes import Refusal, Type
-from contid_drivers.due.cortex import build_core, read_elf
+from contid_drivers.due.cortex import build_core
 from contid_drivers.due.firmware import WARNINGS, build_host, firmware_dir
 from tests.firmware.cortex_m import CoreBoard
+from tests.firmware.elf import read_elf
 
 SANITIZE = [*WARNINGS, "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
 

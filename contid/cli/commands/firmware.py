@@ -6,13 +6,14 @@ import shlex
 import shutil
 import subprocess
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, cast
 
 import click
 
 from contid.cli.support.robot_names import robot_names
-from contid.errors import ContidError, DeviceError
+from contid.errors import ContidError
 
 #: The driver's own module of sources and builds, found by name like every driver.
 _SOURCES = "contid_drivers.due.firmware"
@@ -35,14 +36,13 @@ def build() -> None:
     sources, cortex = import_module(_SOURCES), import_module(_CORTEX)
     click.echo(f"sources: {sources.firmware_dir()}")
     click.echo(f"emulator: {sources.build_host()}")
-    try:
-        image = cortex.read_elf(cortex.build_core())
-    except DeviceError as error:
-        click.echo(f"Cortex-M3: not built: {error}", err=True)
+    if find_spec("ziglang") is None:
+        click.echo("Cortex-M3: not built: it needs the package ziglang (pip install ziglang)", err=True)
         return
-    flash, ram = image.flash + cortex.ARDUINO_FLASH, image.ram + cortex.ARDUINO_RAM
+    core_flash, core_ram = cortex.memory_use(cortex.build_core())
+    flash, ram = core_flash + cortex.ARDUINO_FLASH, core_ram + cortex.ARDUINO_RAM
     click.echo(
-        f"Cortex-M3: core {image.flash} B flash, {image.ram} B RAM; with the Arduino core about "
+        f"Cortex-M3: core {core_flash} B flash, {core_ram} B RAM; with the Arduino core about "
         f"{flash / cortex.FLASH_BYTES:.0%} of {cortex.FLASH_BYTES // 1024} KB flash and "
         f"{ram / cortex.RAM_BYTES:.0%} of {cortex.RAM_BYTES // 1024} KB RAM (estimates)"
     )

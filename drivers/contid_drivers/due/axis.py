@@ -7,7 +7,7 @@ import math
 from contid.hal import AxisOnBus, DeviceKind, Sample
 from contid_drivers.due.codes import DUTY_FULL, BoardState
 from contid_drivers.due.messages import BoardReport
-from contid_drivers.due.wiring import Scale, axis_options
+from contid_drivers.due.wiring import axis_options, board_units
 
 #: Magnitude limit of a demand [counts or Pa]; the board computes in 32 bits.
 DEMAND_LIMIT = 1_000_000_000
@@ -18,13 +18,21 @@ POSITION_LOST = "position lost: the board restarted; park the axis at power_up_d
 
 
 class BoardAxis:
-    """State of one axis on the host."""
+    """State of one axis on the host.
+
+    Attributes:
+        units: the board's per rad or Pa.
+        value, time_s: last valid position [rad] or pressure [Pa] and its time.
+        report: of the newest telemetry that had the channel.
+        enabled: commands are sent.
+        silent: the newest telemetry lacks the channel.
+    """
 
     def __init__(self, axis: AxisOnBus) -> None:
         options = axis_options(axis)
         self.name = axis.name
         self.channel = options.number
-        self.scale = Scale(options)
+        self.units = board_units(options)
         self.motor = options.kind is DeviceKind.MOTOR
         self.homes = options.homing is not None
         self.has_current = options.stall_current_ma > 0
@@ -55,15 +63,18 @@ class BoardAxis:
         (before, at), self._commanded = self._commanded, (value, now)
         if not 0.0 < now - at <= STREAM_GAP_S:
             return None
-        per_s = self.scale.to_board((value - before) / (now - at))
-        return max(-DEMAND_LIMIT, min(DEMAND_LIMIT, per_s))
+        return self.to_board((value - before) / (now - at))
+
+    def to_board(self, value: float) -> int:
+        """A value [rad or Pa, or per s] in the board's units, rounded and limited."""
+        return max(-DEMAND_LIMIT, min(DEMAND_LIMIT, round(value * self.units)))
 
     def update(self, report: BoardReport, now: float) -> None:
         """Store the channel's report; the value changes only with a valid sensor."""
         self.report = report
         self.silent = False
         if report.sensor_ok:
-            self.value = self.scale.from_board(report.position)
+            self.value = report.position / self.units
             self.time_s = now
 
     def sample(self, now: float, fresh: bool) -> Sample:
@@ -81,7 +92,7 @@ class BoardAxis:
             time_s=self.time_s,
             valid=fresh and report.sensor_ok and not self.silent,
             age_s=now - self.time_s,
-            velocity=self.scale.from_board(report.velocity),
+            velocity=report.velocity / self.units,
             effort=effort,
             fault=self.fault,
         )

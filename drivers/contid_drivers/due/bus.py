@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections.abc import Mapping, Sequence
@@ -9,15 +10,18 @@ from collections.abc import Mapping, Sequence
 from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Clock, Rest, Sample
 from contid_drivers.due import messages
-from contid_drivers.due.axis import DEMAND_LIMIT, POSITION_LOST, BoardAxis
+from contid_drivers.due.axis import POSITION_LOST, BoardAxis
 from contid_drivers.due.codes import BoardState, RestCode, Type
 from contid_drivers.due.messages import Hello, Refused, Telemetry
 from contid_drivers.due.options import DueBusOptions
 from contid_drivers.due.session import DueConnection, refused
 
+log = logging.getLogger(__name__)
+
 #: A board silent for longer than this [s] counts as lost.
 SILENCE_S = 0.5
-_REST = {Rest.HOLD: RestCode.HOLD, Rest.RELAX: RestCode.RELAX, Rest.VENT: RestCode.VENT}
+#: Attempts of a request before its axes count as silent.
+_TRIES = 3
 
 
 class DueBus:
@@ -30,6 +34,8 @@ class DueBus:
         self._axes_on_bus = tuple(axes)
         self._clock = clock
         self._by_name = {axis.name: BoardAxis(axis) for axis in axes}
+        #: Rest of axes that the board has not confirmed, by name; requested again when it answers.
+        self._pending_rest: dict[str, RestCode] = {}
         self._session: DueConnection | None = None
         #: Why the bus cannot be used, "" while it can.
         self._lost = "it is not open"
@@ -63,6 +69,7 @@ class DueBus:
         self._lost = "it is closed"
         for axis in self._by_name.values():
             axis.enabled = False
+        self._pending_rest.clear()
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
         """See `contid.hal.Bus.exchange`: one demand out, one telemetry back."""
@@ -77,6 +84,8 @@ class DueBus:
         }
         body = messages.demand(session.config_crc, session.echo_ms, values, velocities)
         fresh = self._update(self._command(session, Type.DEMAND, body))
+        if fresh and self._pending_rest:
+            self._stop(session)
         self._exchanges += 1
         self._unanswered += not fresh
         now = self._clock.now()
@@ -109,9 +118,12 @@ class DueBus:
         if stray:
             # Armed by an earlier host with that host's goal; arming from rest takes the present position.
             self.disable(stray, Rest.HOLD)
+            if any(axis.armed for axis in chosen if axis.name in stray):
+                raise refused(self.name, "cannot enable", stray, None)
         self._request_for(session, Type.ARM, "cannot enable", [axis for axis in chosen if not axis.armed])
         for axis in chosen:
             axis.enabled = True
+            self._pending_rest.pop(axis.name, None)
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
         """See `contid.hal.Bus.disable`: motors hold or coast, regulators hold, close or vent."""
@@ -120,13 +132,25 @@ class DueBus:
         session = self._session
         if session is None or self._lost:
             return
-        body = messages.stop((self._axis(name).channel for name in axes), _REST[rest])
-        for _ in range(3):
-            try:
-                if self._update(self._command(session, Type.STOP, body)):
+        self._pending_rest.update(dict.fromkeys(axes, RestCode[rest.name]))
+        try:
+            for _ in range(_TRIES):
+                if self._stop(session):
                     return
-            except DeviceLostError:
-                return
+        except DeviceLostError:
+            return
+        log.error("%s: stop not confirmed for %s; it is repeated", self.name, ", ".join(axes))
+
+    def _stop(self, session: DueConnection) -> bool:
+        """Request the pending rests; False when one is not confirmed."""
+        for rest in dict.fromkeys(self._pending_rest.values()):
+            names = [name for name, pending in self._pending_rest.items() if pending is rest]
+            body = messages.stop((self._axis(name).channel for name in names), rest)
+            if not self._update(self._command(session, Type.STOP, body)):
+                return False
+            for name in names:
+                del self._pending_rest[name]
+        return True
 
     def clear_fault(self, axes: Sequence[str]) -> None:
         """See `contid.hal.Bus.clear_fault`; a lost position stays lost."""
@@ -163,7 +187,7 @@ class DueBus:
             return
         # Arming, clearing, homing and parking are idempotent, so a request without an answer is repeated.
         refusal = None
-        for _ in range(3):
+        for _ in range(_TRIES):
             answer = self._command(session, kind, body)
             if self._update(answer):
                 return
@@ -202,7 +226,7 @@ class DueBus:
             if not math.isfinite(value):
                 raise DeviceError(f"{self.name}: {name}", f"command {value} is not finite")
             if axis.enabled and axis.armed and not axis.fault:
-                values[axis.channel] = max(-DEMAND_LIMIT, min(DEMAND_LIMIT, axis.scale.to_board(value)))
+                values[axis.channel] = axis.to_board(value)
         return values
 
     def _axis(self, name: str) -> BoardAxis:

@@ -21,6 +21,8 @@ CHANNEL_SENSOR_OK: Final = 0x40
 CHANNEL_POSITION_LOST: Final = 0x80
 #: Bit of a channel's capabilities in hello.
 CURRENT_SENSE: Final = 4
+#: Ports of a board by number; one at a time commands it.
+PORTS: Final = ("native", "programming")
 #: Flags of the board.
 BOARD_CONFIGURED: Final = 0x01
 BOARD_DEMAND_STALE: Final = 0x02
@@ -120,37 +122,13 @@ class Refusal(enum.IntEnum):
     OTHER_PORT = 17
 
 
-class RoleCode(enum.IntEnum):
-    """Kind of actuator a board drives."""
+class NamedCode(enum.StrEnum):
+    """Base of names of a robot file whose order is that of their numbers on the wire, from 0."""
 
-    MOTOR = 0
-    PRESSURE = 1
-
-
-class PortCode(enum.IntEnum):
-    """Port of a board; one at a time commands it."""
-
-    NATIVE = 0
-    PROGRAMMING = 1
-
-
-class BridgeCode(enum.IntEnum):
-    """Kind of H-bridge."""
-
-    PWM_IN_IN = 0
-    TB6612 = 1
-    IN_IN = 2
-    DIR_PWM = 3
-
-
-class SafeCode(enum.IntEnum):
-    """Safe state of a channel."""
-
-    BRAKE = 0
-    COAST = 1
-    HOLD = 2
-    VENT = 3
-    CLOSE = 4
+    @property
+    def code(self) -> int:
+        """The number on the wire."""
+        return list(type(self)).index(self)
 
 
 class RestCode(enum.IntEnum):

@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 import signal
 import subprocess
 import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final, Self
+from typing import Final, Literal, Self, TypeAlias, get_args
+
+from pydantic import Field
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, DeviceKind
+from contid.robot_file.base import Strict
 from contid.units import BAR
 from contid_drivers.control_file import ControlFile
+from contid_drivers.due.codes import CHANNELS
 from contid_drivers.due.firmware import build_host
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
 from contid_drivers.due.wiring import DUE_ADC, Adc, axis_options
 
-#: Switches of one channel: ``{"fault": "leak", "channel": 2, "on": true}``.
-CHANNEL_FAULTS: Final = ("stall", "bridge", "encoder_stuck", "encoder_reversed", "leak", "wire")
-#: One channel does not answer: ``{"fault": "silent", "channel": 2, "on": true}``.
-SILENT: Final = "silent"
-#: Switches of the line: ``{"fault": "garbage", "on": true}``.
-LINE_FAULTS: Final = ("garbage", "mute", "supply_low")
-#: Events: ``{"fault": "freeze", "ms": 400}``; without ``ms`` without end.
-BOARD_FAULTS: Final = ("reset", "brown_out", "power_cycle", "freeze", "unplug", "plug")
+ChannelFault: TypeAlias = Literal["stall", "bridge", "encoder_stuck", "encoder_reversed", "leak", "wire"]
+LineFault: TypeAlias = Literal["garbage", "mute", "supply_low"]
+BoardEvent: TypeAlias = Literal["reset", "brown_out", "power_cycle", "freeze", "unplug", "plug"]
 #: Distance of the emulated end stops beyond the travel.
 _STOP_MARGIN_DEG: Final = 30.0
 #: Signals of a program's own faults; others come from outside.
@@ -36,25 +34,31 @@ CRASHES: Final = (signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, s
 _FOLLOW_S: Final = 0.02
 
 
-def fault_command(entry: object) -> str:
-    """Command line of the emulator for one JSON fault switch.
+class BoardFault(Strict):
+    """One fault switch, and its keys in a control file.
 
-    Raises:
-        DeviceError: no such switch; the message lists them.
+    Attributes:
+        fault: of one channel, which ``silent`` takes off the board; of the line; or an event.
+        channel: for faults of a channel.
+        on: false ends a fault of a channel or of the line.
+        ms: duration of an event; without end if left out.
     """
-    names = ", ".join((*CHANNEL_FAULTS, SILENT, *LINE_FAULTS, *BOARD_FAULTS))
-    if not isinstance(entry, dict) or "fault" not in entry:
-        raise DeviceError("due emulator", f'a fault switch is {{"fault": NAME, ...}}; names: {names}')
-    name, on = entry["fault"], 1 if entry.get("on", True) else 0
-    if name in CHANNEL_FAULTS:
-        return f"set {int(entry.get('channel', 0))} {name} {on}"
-    if name == SILENT:
-        return f"silent {int(entry.get('channel', 0))} {on}"
-    if name in LINE_FAULTS:
-        return f"{name} {on}"
-    if name in BOARD_FAULTS:
-        return f"{name} {int(entry['ms'])}" if "ms" in entry else str(name)
-    raise DeviceError("due emulator", f"no fault switch {name!r}; names: {names}")
+
+    fault: ChannelFault | Literal["silent"] | LineFault | BoardEvent
+    channel: int = Field(default=0, ge=0, lt=CHANNELS)
+    on: bool = True
+    ms: int | None = Field(default=None, ge=0)
+
+    @property
+    def command(self) -> str:
+        """Its command in firmware/host/README.md."""
+        if self.fault in get_args(ChannelFault):
+            return f"set {self.channel} {self.fault} {self.on:d}"
+        if self.fault == "silent":
+            return f"silent {self.channel} {self.on:d}"
+        if self.fault in get_args(LineFault):
+            return f"{self.fault} {self.on:d}"
+        return self.fault if self.ms is None else f"{self.fault} {self.ms}"
 
 
 def plant_commands(axis: AxisOnBus, adc: Adc = DUE_ADC) -> list[str]:
@@ -175,18 +179,14 @@ class DueEmulator:
             raise DeviceError("due emulator", f"unknown command {line!r}")
         return answer[3:]
 
-    def fault(self, name: str, **details: int | bool) -> None:
-        """Set one fault switch (see `fault_command`)."""
-        self.command(fault_command({"fault": name, **details}))
+    def switch(self, given: object) -> None:
+        """Set a fault switch (see `BoardFault`)."""
+        self.command(BoardFault.model_validate(given).command)
 
 
-def _follow(emulator: DueEmulator, control: ControlFile, ended: threading.Event) -> None:
+def _follow(control: ControlFile, ended: threading.Event) -> None:
     while not ended.wait(_FOLLOW_S):
-        for line in control.new_lines():
-            try:
-                emulator.command(fault_command(json.loads(line)))
-            except (DeviceError, ValueError) as error:
-                control.report_error(line, error)
+        control.poll()
 
 
 @contextlib.contextmanager
@@ -201,7 +201,7 @@ def emulated(
     with DueEmulator(options, axes) as board:
         follower = None
         if control is not None:
-            arguments = (board, ControlFile(control), ended)
+            arguments = (ControlFile(control, board.switch), ended)
             follower = threading.Thread(target=_follow, args=arguments, daemon=True)
             follower.start()
         channels = ", ".join(f"{axis_options(axis).channel} {axis.name}" for axis in axes)

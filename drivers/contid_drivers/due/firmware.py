@@ -6,7 +6,7 @@ import hashlib
 import os
 import shutil
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -90,18 +90,34 @@ def build_host(extra_flags: Sequence[str] = (), main: str = "main.cpp") -> Path:
     """
     host = firmware_dir() / "host"
     sources = [*core_sources(), host / "machine.cpp", host / "plant.cpp", host / main]
-    headers = [*sorted(sources[0].parent.glob("*.h")), *sorted(host.glob("*.h"))]
-    flags = [*_HOST_FLAGS, *extra_flags]
-    digest = hashlib.sha256(" ".join(flags).encode())
-    for path in (*sources, *headers):
+    return build_once(Path(main).stem, ["g++", *_HOST_FLAGS, *extra_flags], sources, host.glob("*.h"))
+
+
+def build_once(
+    name: str, compiler: Sequence[str], sources: Sequence[Path], included: Iterable[Path], suffix: str = ""
+) -> Path:
+    """A program in the cache, built anew when its flags or its files changed.
+
+    Args:
+        name: of the program.
+        compiler: with its flags.
+        sources: to compile and link.
+        included: further files that the program is made of, besides the headers of the core.
+        suffix: of the program.
+
+    Raises:
+        DeviceError: no compiler, the build fails, or the cache cannot be written.
+    """
+    headers = (firmware_dir() / "contid_due" / "src" / "core").glob("*.h")
+    digest = hashlib.sha256(" ".join(compiler).encode())
+    for path in (*sources, *sorted(headers), *sorted(included)):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    program = cache_dir() / f"{Path(main).stem}-{digest.hexdigest()[:16]}"
+    program = cache_dir() / f"{name}-{digest.hexdigest()[:16]}{suffix}"
     if program.is_file():
         return program
-    compiler = shutil.which("g++")
-    if compiler is None:
+    if shutil.which(compiler[0]) is None:
         raise DeviceError(
-            "due emulator", "it is built from the firmware, and g++ is missing", "apt install g++"
+            "due emulator", f"it is built from the firmware, and {compiler[0]} is missing", "apt install g++"
         )
     try:
         program.parent.mkdir(parents=True, exist_ok=True)
@@ -109,11 +125,10 @@ def build_host(extra_flags: Sequence[str] = (), main: str = "main.cpp") -> Path:
         why = f"cannot keep the program in {program.parent}: {error.strerror or error}"
         raise DeviceError("due emulator", why, _CACHE_REMEDY) from error
     fresh = program.with_name(f"{program.name}.{os.getpid()}")
-    done = subprocess.run(
-        [compiler, *flags, "-o", str(fresh), *map(str, sources)], capture_output=True, text=True, check=False
-    )
+    command = [*compiler, "-o", str(fresh), *map(str, sources)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
-        raise DeviceError("due emulator", f"g++ fails on the firmware:\n{done.stderr.strip()}")
+        raise DeviceError("due emulator", f"the build of {name} fails:\n{done.stderr.strip()}")
     # One atomic step: two builders at once both end with a whole program.
     fresh.replace(program)
     return program

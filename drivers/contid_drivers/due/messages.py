@@ -25,9 +25,9 @@ from contid_drivers.due.codes import (
     Refusal,
     ResetCause,
     RestCode,
-    RoleCode,
     Type,
 )
+from contid_drivers.due.options import Role
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Hello:
         boot: starts since power-up.
         boot_id: random, another one at every start.
         position_lost: a motor counts from an unknown position.
-        bridges: kinds of H-bridge it can drive, one bit each (`codes.BridgeCode`).
+        bridges: kinds of H-bridge it can drive, one bit each (`options.Bridge`).
         adc_steps, adc_mv: full scale of an analogue input.
     """
 
@@ -65,8 +65,8 @@ class Hello:
     @property
     def role_name(self) -> str:
         """The role as written in a robot file."""
-        names = {role.value: role.name.lower() for role in RoleCode}
-        return names.get(self.role, f"{self.role}?")
+        roles = list(Role)
+        return roles[self.role] if self.role < len(roles) else f"{self.role}?"
 
 
 @dataclass(frozen=True, slots=True)

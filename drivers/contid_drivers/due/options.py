@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import itertools
 from typing import Annotated, Literal, TypeAlias
 
@@ -10,6 +9,7 @@ from pydantic import Field, model_validator
 
 from contid.hal import DeviceKind
 from contid.robot_file.base import NonNegative, Positive, Strict
+from contid_drivers.due.codes import NamedCode
 
 #: Calibration points of a regulator the board can hold.
 MAX_CALIBRATION_POINTS = 8
@@ -17,7 +17,7 @@ Percent: TypeAlias = Annotated[float, Field(ge=0, le=100)]
 PinMillivolt: TypeAlias = Annotated[float, Field(ge=0, le=3300)]
 
 
-class SafeState(enum.StrEnum):
+class SafeState(NamedCode):
     """State of an output without a host.
 
     Motors: brake (terminals shorted), coast (bridge off), hold (position kept, under power). Regulators: vent
@@ -31,14 +31,14 @@ class SafeState(enum.StrEnum):
     CLOSE = "close"
 
 
-class Role(enum.StrEnum):
+class Role(NamedCode):
     """Kind of actuator a board drives."""
 
     MOTOR = "motor"
     PRESSURE = "pressure"
 
 
-class Bridge(enum.StrEnum):
+class Bridge(NamedCode):
     """Kind of H-bridge, by its lines.
 
     ``pwm_in_in``: enable or PWM and two inputs (VNH5019, L298). ``tb6612``: the same, but coasts with PWM

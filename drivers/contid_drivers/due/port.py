@@ -18,10 +18,8 @@ class DuePort(LockedPort):
     """Frames over a serial device."""
 
     def __init__(self, device: str, path: str) -> None:
-        """Open the port; errors as `LockedPort.open`."""
         super().__init__(device, path, BAUD)
         self._reader = FrameReader()
-        self.open()
 
     def ask(self, payload: bytes, deadline: float) -> bytes | None:
         """Send a request; return the payload of its answer, None after the deadline.

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 from contid.errors import ContidError, DeviceError
 from contid.hal import AxisOnBus, Finding, Homed, Report, Rest
 from contid_drivers.defer_signals import defer_signals
-from contid_drivers.due.bus import DueBus
+from contid_drivers.due.bus import SILENCE_S, DueBus
 from contid_drivers.due.options import DueBusOptions
 from contid_drivers.due.wiring import axis_options
 from contid_drivers.serial_ports import find_port
@@ -35,26 +36,21 @@ def doctor(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> list
         remedy = f"plug the board in, or correct buses.{name}.port"
         return [Finding(f"{name} port", False, str(error), remedy)]
     findings = [Finding(f"{name} port", True, f"{path} -> {Path(path).resolve()}")]
-    bus = DueBus(name, options, axes, _Monotonic())
-    try:
-        bus.open()
-        hello = bus.hello
-        version = ".".join(map(str, hello.firmware))
-        findings.append(
-            Finding(
-                f"{name} board",
-                True,
+    with closing(DueBus(name, options, axes, _Monotonic())) as bus:
+        try:
+            bus.open()
+            hello = bus.hello
+            version = ".".join(map(str, hello.firmware))
+            started = (
                 f"firmware {version}, started {hello.boot} times, last by {hello.cause.message}, up for "
-                f"{hello.uptime_ms / 1000:.1f} s; chip {hello.unique_id}; pins {hello.pins}",
+                f"{hello.uptime_ms / 1000:.1f} s; chip {hello.unique_id}; pins {hello.pins}"
             )
-        )
-        accepted = f"accepted, safe state = start state on {len(axes)} axes"
-        findings.append(Finding(f"{name} configuration", True, accepted))
-        findings.extend(_timing(name, options, bus))
-    except ContidError as error:
-        findings.append(Finding(f"{name} board", False, str(error), "see the message"))
-    finally:
-        bus.close()
+            findings.append(Finding(f"{name} board", True, started))
+            accepted = f"accepted, safe state = start state on {len(axes)} axes"
+            findings.append(Finding(f"{name} configuration", True, accepted))
+            findings.extend(_timing(name, options, bus))
+        except ContidError as error:
+            findings.append(Finding(f"{name} board", False, str(error), "see the message"))
     return findings
 
 
@@ -106,16 +102,13 @@ def home(
             raise DeviceError(
                 f"{name}: {axis}", "it has no homing", "add homing: {direction: ...} to the axis"
             )
-    bus = DueBus(name, options, axes, _Monotonic())
-    bus.open()
-    try:
-        return [_home_one(bus, by_name[axis], report) for axis in only]
-    finally:
-        with defer_signals():
-            try:
+    with closing(DueBus(name, options, axes, _Monotonic())) as bus:
+        bus.open()
+        try:
+            return [_home_one(bus, by_name[axis], report) for axis in only]
+        finally:
+            with defer_signals():
                 bus.disable(list(only), Rest.RELAX)
-            finally:
-                bus.close()
 
 
 def park(
@@ -128,16 +121,13 @@ def park(
             raise DeviceError(
                 f"{name}: {axis}", "it has homing and is not parked", f"contid home FILE {axis}"
             )
-    bus = DueBus(name, options, axes, _Monotonic())
-    bus.open()
-    try:
+    with closing(DueBus(name, options, axes, _Monotonic())) as bus:
+        bus.open()
         bus.park(only)
         samples = bus.exchange({})
         for axis in only:
             at_deg = axis_options(by_name[axis]).power_up_deg
             report(f"{axis}: parked at {at_deg:g} deg (reads {math.degrees(samples[axis].value or 0.0):.2f})")
-    finally:
-        bus.close()
 
 
 def _home_one(bus: DueBus, axis: AxisOnBus, report: Report) -> Homed:
@@ -150,6 +140,10 @@ def _home_one(bus: DueBus, axis: AxisOnBus, report: Report) -> Homed:
         if sample.fault:
             raise DeviceError(
                 f"{bus.name}: {axis.name}", sample.fault, "clear the way, check direction and duty_percent"
+            )
+        if sample.age_s > SILENCE_S:
+            raise DeviceError(
+                f"{bus.name}: {axis.name}", "it does not answer while homing", "check the board"
             )
         if not bus.homing(axis.name):
             break

@@ -11,10 +11,10 @@ from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus, DeviceKind
 from contid_drivers.due import messages
 from contid_drivers.due.board_clock import BoardClock
-from contid_drivers.due.codes import CURRENT_SENSE, PROTOCOL_VERSION, BridgeCode, PortCode, Refusal, Type
+from contid_drivers.due.codes import CURRENT_SENSE, PORTS, PROTOCOL_VERSION, Refusal, Type
 from contid_drivers.due.frames import crc16
 from contid_drivers.due.messages import Answer, Configured, Hello, Refused, Telemetry
-from contid_drivers.due.options import DueBusOptions
+from contid_drivers.due.options import Bridge, DueBusOptions
 from contid_drivers.due.port import DuePort
 from contid_drivers.due.wiring import Adc, axis_options, board_config, config_body
 from contid_drivers.serial_ports import find_port
@@ -70,7 +70,7 @@ def _wait_for_hello(name: str, options: DueBusOptions, port: DuePort) -> Hello:
 
 
 def _other_port(answer: Refused) -> str:
-    return f"another host commands the board through its {PortCode(answer.detail).name.lower()} port"
+    return f"another host commands the board through its {PORTS[answer.detail]} port"
 
 
 def _refusal(name: str, what: str, answer: Refused) -> DeviceNotFoundError:
@@ -155,8 +155,8 @@ class DueConnection:
         if o.kind is not DeviceKind.MOTOR:
             return
         name = f"{self._name}: {axis.name}"
-        if not self.hello.bridges >> BridgeCode[o.bridge.name] & 1:
-            bridges = ", ".join(one.name.lower() for one in BridgeCode if self.hello.bridges >> one & 1)
+        if not self.hello.bridges >> o.bridge.code & 1:
+            bridges = ", ".join(one for one in Bridge if self.hello.bridges >> one.code & 1)
             raise DeviceError(name, f"expected a board for {o.bridge} bridges, found one for {bridges}")
         if o.stall_current_ma and not self.hello.capabilities[o.number] & CURRENT_SENSE:
             raise DeviceError(

@@ -11,7 +11,7 @@ from typing import Final
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, DeviceKind
 from contid.units import BAR
-from contid_drivers.due.codes import ADC_MV, ADC_STEPS, DUTY_FULL, BridgeCode, RoleCode, SafeCode
+from contid_drivers.due.codes import ADC_MV, ADC_STEPS, DUTY_FULL
 from contid_drivers.due.frames import crc16
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
 
@@ -43,20 +43,9 @@ def axis_options(axis: AxisOnBus) -> DueAxisOptions:
     return axis.options
 
 
-class Scale:
-    """Conversion between the HAL's unit of one axis and the board's: rad and counts, or Pa and Pa."""
-
-    def __init__(self, options: DueAxisOptions) -> None:
-        motor = options.kind is DeviceKind.MOTOR
-        self.per_unit = options.counts_per_rev / math.tau if motor else 1.0
-
-    def to_board(self, value: float) -> int:
-        """Value of the HAL in the board's unit, rounded."""
-        return round(value * self.per_unit)
-
-    def from_board(self, value: int) -> float:
-        """Value of the board in the HAL's unit."""
-        return value / self.per_unit
+def board_units(options: DueAxisOptions) -> float:
+    """The board's units in one of the HAL's: counts per rad of a motor, Pa per Pa of a regulator."""
+    return options.counts_per_rev / math.tau if options.kind is DeviceKind.MOTOR else 1.0
 
 
 def _duty(percent: float) -> int:
@@ -84,14 +73,6 @@ class Adc:
 DUE_ADC: Final = Adc()
 
 
-def _bounds(axis: AxisOnBus, scale: Scale) -> tuple[int, int]:
-    if axis.travel is None:
-        return -_OPEN, _OPEN
-    low, high = axis.travel
-    # Rounded outwards, so that the ends of the travel can be reached.
-    return math.floor(low * scale.per_unit), math.ceil(high * scale.per_unit)
-
-
 def _pack(fields: Mapping[str, str], values: Mapping[str, int]) -> bytes:
     """Values by name in the order of the wire.
 
@@ -110,7 +91,10 @@ def _pack(fields: Mapping[str, str], values: Mapping[str, int]) -> bytes:
 
 def _motor(axis: AxisOnBus, o: DueAxisOptions, adc: Adc) -> bytes:
     per_deg = o.counts_per_rev / 360.0
-    low, high = _bounds(axis, Scale(o))
+    low, high = -_OPEN, _OPEN
+    if axis.travel is not None:
+        # Rounded outwards, so that the ends of the travel can be reached.
+        low, high = math.floor(axis.travel[0] * board_units(o)), math.ceil(axis.travel[1] * board_units(o))
     home = o.homing or EndStop(direction=1)
     flags = (o.encoder_reversed, o.motor_reversed, o.homing is not None, home.direction > 0)
 
@@ -119,10 +103,10 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions, adc: Adc) -> bytes:
 
     values = {
         "channel": o.number,
-        "safe": SafeCode[o.safe.name],
-        "start": SafeCode[o.start.name],
+        "safe": o.safe.code,
+        "start": o.start.code,
         "flags": sum(flag << bit for bit, flag in enumerate(flags)),
-        "bridge": BridgeCode[o.bridge.name],
+        "bridge": o.bridge.code,
         "low": low,
         "high": high,
         "velocity": round(o.velocity_deg_s * per_deg),
@@ -156,8 +140,8 @@ def _regulator(o: DueAxisOptions, adc: Adc) -> bytes:
     (low_mv, low_bar), (high_mv, high_bar) = o.readback
     values = {
         "channel": o.number,
-        "safe": SafeCode[o.safe.name],
-        "start": SafeCode[o.start.name],
+        "safe": o.safe.code,
+        "start": o.start.code,
         "ceiling": round(o.ceiling_bar * BAR),
         "slew": round(o.slew_bar_s * BAR),
         "vent": round(o.vent_bar_s * BAR),
@@ -185,7 +169,7 @@ def board_config(bus: str, options: DueBusOptions, axes: Sequence[AxisOnBus], ad
         DeviceError: an axis belongs to the other kind of board, or a value exceeds its field or input.
     """
     kind = DeviceKind.MOTOR if options.role is Role.MOTOR else DeviceKind.REGULATOR
-    blob = struct.pack("<BHB", RoleCode[options.role.name], options.watchdog_ms, len(axes))
+    blob = struct.pack("<BHB", options.role.code, options.watchdog_ms, len(axes))
     for axis in sorted(axes, key=lambda one: axis_options(one).number):
         o = axis_options(axis)
         if o.kind is not kind:

@@ -119,8 +119,6 @@ class SdkBus:
 def sdk_bus(path: str, baud: int) -> Iterator[SdkBus]:
     """The stock SDK on a port that contid opened and locked; closed at the end."""
     port = ServoPort(path, find_port(path, path), baud, LATENCY_S)
-    port.open()
-    assert port.serial is not None
     # The SDK polls; with a timeout its reads block instead of spinning.
     port.serial.timeout = READ_WAIT_S
     handler = PortHandler(port.path)

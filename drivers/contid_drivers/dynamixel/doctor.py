@@ -37,9 +37,8 @@ def examine(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus]) 
     except DeviceError as error:
         return [Finding(f"{name} port", False, error.message, error.remedy)]
     findings = [_permission(name, path), _latency(name, path)]
-    port = ServoPort(name, path, options.baud, max(options.usb_latency_ms, 20.0) / 1e3)
     try:
-        port.open()
+        port = ServoPort(name, path, options.baud, max(options.usb_latency_ms, 20.0) / 1e3)
     except DeviceError as error:
         return [*findings, Finding(f"{name} port", False, error.message, error.remedy)]
     try:

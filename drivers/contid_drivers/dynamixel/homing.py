@@ -44,7 +44,6 @@ def home(
                 name, f"{axis.name} has no homing", "add `homing: {method: hard_stop, ...}` to the axis"
             )
     port = ServoPort(name, find_port(name, options.port), options.baud, options.usb_latency_ms / 1e3)
-    port.open()
     try:
         client = ServoClient(name, port, {axis.device: axis.name for axis in states})
         handshake(client, states, options)

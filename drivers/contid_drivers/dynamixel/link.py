@@ -73,7 +73,6 @@ class BusLink:
         options = self.options
         path = find_port(self.name, options.port, self._identity)
         port = ServoPort(self.name, path, options.baud, options.usb_latency_ms / 1e3)
-        port.open()
         try:
             client = ServoClient(self.name, port, {axis.device: axis.name for axis in self.axes})
             client.armed = self._armed

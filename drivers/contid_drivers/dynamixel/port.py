@@ -25,10 +25,7 @@ class ServoPort(LockedPort):
         self.latency_s = latency_s
         #: Return delay of the slowest servo.
         self.return_delay_s = RETURN_DELAY_MAX_S
-
-    def open(self) -> None:
-        """See `LockedPort.open`; discards answers to a process that held the port before."""
-        super().open()
+        # Answers to a process that held the port before.
         self.drain()
 
     def flush(self) -> None:

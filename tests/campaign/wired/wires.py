@@ -144,7 +144,7 @@ class Wires:
             return
         channel = {"channel": self._numbers(bus)[axis]} if switch.on_axis else {}
         more = {"ms": 600} if switch.name == "freeze" else {}
-        self.boards[bus].fault(switch.name, **channel, **more)
+        self.boards[bus].switch({"fault": switch.name, **channel, **more})
 
     def heal(self) -> None:
         """Every switch off; what devices latched stays latched."""
@@ -166,10 +166,10 @@ class Wires:
             for switch in self.switches(bus):
                 if switch.on_axis:
                     for number in self._numbers(bus):
-                        board.fault(switch.name, channel=number, on=False)
+                        board.switch({"fault": switch.name, "channel": number, "on": False})
                 elif switch.name in ("mute", "garbage"):
-                    board.fault(switch.name, on=False)
-            board.fault("plug")
+                    board.switch({"fault": switch.name, "on": False})
+            board.switch({"fault": "plug"})
 
     def _numbers(self, bus: str) -> list[int]:
         return [probe.number for probe in self.channels if probe.board is self.boards[bus]]

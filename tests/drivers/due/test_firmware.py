@@ -64,3 +64,17 @@ def test_another_source_is_another_build(tmp_path: Path, monkeypatch: pytest.Mon
     with (copied / "contid_due" / "src" / "due" / "pins.h").open("a") as file:
         file.write("// another wiring\n")
     assert build_id() != before
+
+
+def test_a_core_that_does_not_compile_for_the_board_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copied = tmp_path / "firmware"
+    shutil.copytree(firmware_dir(), copied)
+    with (copied / "contid_due" / "src" / "core" / "crc16.cpp").open("a") as file:
+        file.write("#ifdef __arm__\n#error not on a board\n#endif\n")
+    monkeypatch.setenv("CONTID_FIRMWARE", str(copied))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    done = CliRunner().invoke(firmware_command, ["build"])
+    assert "not on a board" in str(done.exception)
+    assert done.exit_code != 0

@@ -13,9 +13,10 @@ from pydantic import ValidationError
 from contid.errors import BadInputError, DeviceError
 from contid.hal import AxisOnBus, DeviceKind, Emulates, load_driver
 from contid.robot_file.load import parse_robot_file
-from contid_drivers.due.emulator import fault_command
+from contid_drivers.due.axis import BoardAxis
+from contid_drivers.due.emulator import BoardFault
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
-from contid_drivers.due.wiring import Scale, board_config
+from contid_drivers.due.wiring import board_config
 
 REGULATOR = {"calibration": [[0, 0], [100, 3]], "readback": [[600, 0], [3000, 3]], "ceiling_bar": 1.6}
 BAD = [
@@ -68,10 +69,10 @@ def test_refused(options, message):
 
 
 def test_counts_of_a_turn_and_of_650_mm():
-    scale = Scale(DueAxisOptions(channel="m0"))
-    assert scale.to_board(math.tau) == 4776
-    assert scale.to_board(650.0 / (math.pi * 25.0) * math.tau) == 39526
-    assert scale.from_board(39526) == pytest.approx(650.0 / (math.pi * 25.0) * math.tau, abs=math.tau / 4776)
+    axis = BoardAxis(AxisOnBus("a.x", DueAxisOptions(channel="m0")))
+    assert axis.to_board(math.tau) == 4776
+    assert axis.to_board(650.0 / (math.pi * 25.0) * math.tau) == 39526
+    assert axis.to_board(-1e300) == -1_000_000_000
 
 
 def test_the_configuration_is_in_the_boards_units():
@@ -147,10 +148,10 @@ def test_driver_protocol():
     ],
 )
 def test_fault_switches(entry, command):
-    assert fault_command(entry) == command
+    assert BoardFault.model_validate(entry).command == command
 
 
-@pytest.mark.parametrize("entry", [{"fault": "laek"}, {}, "leak"])
-def test_unknown_fault_switch_names_those_there_are(entry):
-    with pytest.raises(DeviceError, match="leak"):
-        fault_command(entry)
+@pytest.mark.parametrize("entry", [{"fault": "laek"}, {"fault": "leak", "channel": [1]}, {}, "leak"])
+def test_wrong_fault_switches_are_refused(entry):
+    with pytest.raises(ValidationError):
+        BoardFault.model_validate(entry)

@@ -13,7 +13,7 @@ from pathlib import Path
 import unicorn
 from unicorn import arm_const
 
-from contid_drivers.due.cortex import read_elf
+from tests.firmware.elf import read_elf
 
 CPU_HZ, BUS_HZ = 600_000_000, 150_000_000
 RETURN_TO = 0x7F00_0000

@@ -13,6 +13,7 @@ from contid.control.engine.clock import RealClock
 from contid.errors import DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus, Rest
 from contid_drivers.due.bus import DueBus
+from contid_drivers.due.codes import Type
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from tests.wire.due.boards import AIR, MOTORS, settle
 
@@ -56,7 +57,7 @@ def test_a_reset_by_the_watchdog_after_a_frozen_loop(world):
     bus.open()
     bus.exchange({})
     bus.enable(bus.axes)
-    emulator.fault("freeze")
+    emulator.switch({"fault": "freeze"})
     with pytest.raises(DeviceLostError, match="watchdog"):
         settle(bus, 3.0)
 
@@ -66,7 +67,7 @@ def test_a_loop_frozen_for_a_moment_costs_some_samples(world):
     bus.open()
     bus.exchange({})
     bus.enable(bus.axes)
-    emulator.fault("freeze", ms=25)  # shorter than the hardware watchdog
+    emulator.switch({"fault": "freeze", "ms": 25})  # shorter than the hardware watchdog
     end = time.monotonic() + 3.0
     valid: list[bool] = []
     while time.monotonic() < end and (False not in valid or not valid[-1]):
@@ -83,15 +84,40 @@ def test_garbage_on_the_line_costs_samples_and_never_moves(world):
     bus.open()
     first = bus.exchange({})
     bus.enable(bus.axes)
-    emulator.fault("garbage")
+    emulator.switch({"fault": "garbage"})
     goals = {axis: sample.value for axis, sample in first.items()}
     seen = [all(sample.valid for sample in bus.exchange(goals).values()) for _ in range(60)]
-    emulator.fault("garbage", on=False)
+    emulator.switch({"fault": "garbage", "on": False})
     samples = settle(bus, 0.2, goals)
     assert not all(seen)
     assert all(sample.valid and not sample.fault for sample in samples.values())
     for axis, goal in goals.items():
         assert samples[axis].value == pytest.approx(goal, abs=0.02)
+
+
+def test_a_stop_that_the_board_did_not_receive_is_repeated_when_it_answers(world, monkeypatch):
+    axes = [AxisOnBus("arm.p", DueAxisOptions.model_validate({"channel": "p0", **AIR, "vent_bar_s": 20}))]
+    bus, emulator = world(axes, Role.PRESSURE, watchdog_ms=5000)
+    bus.open()
+    bus.exchange({})
+    bus.enable(bus.axes)
+    settle(bus, 1.0, {"arm.p": 1e5})
+    assert float(emulator.command("get 0").split()[2]) > 0.8e5
+    session = bus._session
+    lost: list[bytes] = []
+
+    def command(kind, body, real=session.command):
+        if kind is Type.STOP and len(lost) < 3:
+            lost.append(body)
+            return None
+        return real(kind, body)
+
+    monkeypatch.setattr(session, "command", command)
+    bus.disable(bus.axes, Rest.VENT)
+    assert len(lost) == 3
+    sample = settle(bus, 1.0)["arm.p"]
+    assert float(emulator.command("get 0").split()[2]) < 0.05e5
+    assert not sample.fault
 
 
 def test_a_board_with_another_id_is_refused_with_both_ids(world):
@@ -122,9 +148,9 @@ def test_a_low_supply_of_the_board_is_a_fault_while_it_lasts(world):
     bus, emulator = world()
     bus.open()
     assert not any(sample.fault for sample in bus.exchange({}).values())
-    emulator.fault("supply_low")
+    emulator.switch({"fault": "supply_low"})
     assert all("3.3 V supply" in sample.fault for sample in settle(bus, 0.05).values())
-    emulator.fault("supply_low", on=False)
+    emulator.switch({"fault": "supply_low", "on": False})
     assert not any(sample.fault for sample in settle(bus, 0.05).values())
 
 
@@ -148,7 +174,7 @@ def test_a_board_that_falls_silent_is_lost(world):
     bus, emulator = world(latency_ms=5.0)
     bus.open()
     bus.exchange({})
-    emulator.fault("mute")
+    emulator.switch({"fault": "mute"})
     with pytest.raises(DeviceLostError, match="no answer"):
         settle(bus, 5.0)
 

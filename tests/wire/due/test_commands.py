@@ -6,6 +6,7 @@ import json
 import math
 import time
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import pytest
@@ -43,6 +44,19 @@ def test_home_and_doctor(world):
     bus.open()
     assert bus.exchange({})["arm.l1"].value == pytest.approx(math.radians(-15.0), abs=0.01)
     bus.enable(bus.axes)
+
+
+def test_homing_ends_when_the_channel_falls_silent(world):
+    homing = EndStop(direction=-1, at_deg=-20.0, speed_deg_s=5.0)
+    axes = [AxisOnBus("arm.l1", DueAxisOptions(channel="m0", homing=homing))]
+    _, emulator = world(axes)
+    options = DueBusOptions(port=str(emulator.port), role=Role.MOTOR, latency_ms=60.0)
+
+    def silence_soon(_: str) -> None:
+        Timer(0.5, emulator.switch, [{"fault": "silent", "channel": 0}]).start()
+
+    with pytest.raises(DeviceError, match="does not answer"):
+        home("board", options, axes, ["arm.l1"], silence_soon)
 
 
 def test_doctor_without_a_board(tmp_path):
@@ -101,7 +115,7 @@ def test_parked_by_command(world, tmp_path, configs):
     text = (configs / "trirack.emulated.yaml").read_text().replace("./trirack.tty", str(emulator.port))
     file = tmp_path / "arm.yaml"
     file.write_text(text)
-    emulator.fault("brown_out")
+    emulator.switch({"fault": "brown_out"})
     shown = CliRunner().invoke(firmware_command, ["info", str(file)])
     assert "position lost" in shown.output
     done = CliRunner().invoke(home_command, [str(file), "--parked"], catch_exceptions=False)

@@ -23,7 +23,7 @@ def test_an_unannounced_reset_is_a_loss_and_the_position_must_be_confirmed(world
     bus.exchange({})
     bus.enable(bus.axes)
     settle(bus, 0.3, dict.fromkeys(bus.axes, 2.5))
-    emulator.fault(fault)
+    emulator.switch({"fault": fault})
     with pytest.raises(DeviceLostError, match=f"reset.*{cause}"):
         settle(bus, 2.0, dict.fromkeys(bus.axes, 2.5))
     with pytest.raises(DeviceLostError):
@@ -62,7 +62,7 @@ def test_a_power_cycle_under_a_live_host_loses_the_position_for_every_host(world
     bus.enable(bus.axes)
     settle(bus, 0.3, dict.fromkeys(bus.axes, 2.5))
     first = bus.hello
-    emulator.fault("power_cycle")
+    emulator.switch({"fault": "power_cycle"})
     with pytest.raises(DeviceLostError, match="reset"):
         settle(bus, 2.0, dict.fromkeys(bus.axes, 2.5))
     bus.open()

@@ -155,7 +155,7 @@ def test_frozen_loop(board):
     with _contid(board):
         board.wait(board.working)
         board.emulator.command("watchdog 0")  # without the hardware watchdog: the watchdog alone
-        board.emulator.fault("freeze")
+        board.emulator.switch({"fault": "freeze"})
         board.check_safe_state()
 
 

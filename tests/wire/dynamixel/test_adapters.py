@@ -46,7 +46,6 @@ def read_under(r: Any, disturb: Callable[[], None], attempts: int, reads: int = 
     for register, value in DISTINCT.items():
         r.emulator.servos[0].put(register, value)
     port = ServoPort("servos", r.emulator.port, r.options.baud, 0.0015)
-    port.open()
     client, dice = ServoClient("servos", port), random.Random(7)
     good: list[int] = []
     try:
@@ -83,7 +82,6 @@ def test_a_register_read_after_stalls_is_never_another_register(rig: Make) -> No
 def test_a_write_through_a_late_adapter_is_not_confirmed_by_an_earlier_one(rig: Make) -> None:
     r = rig(1)
     port = ServoPort("servos", r.emulator.port, r.options.baud, 0.0015)
-    port.open()
     client = ServoClient("servos", port)
     try:
         for _ in enough(lambda: r.emulator.servo(1).get(reg.POSITION_P) == 500):

@@ -42,7 +42,6 @@ def emulator() -> Iterator[DynamixelEmulator]:
 @pytest.fixture
 def client(emulator: DynamixelEmulator) -> Iterator[ServoClient]:
     port = ServoPort("servos", emulator.port, BAUD, 0.02)
-    port.open()
     yield ServoClient("servos", port)
     port.close()
 

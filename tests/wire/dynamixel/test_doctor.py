@@ -91,7 +91,6 @@ def test_answers_of_exchanges_are_counted_by_what_became_of_them(
 ) -> None:
     r = rig(2, usb_latency_ms=3, slack_ms=0)
     port = ServoPort("servos", r.emulator.port, r.options.baud, 0.02)
-    port.open()
     try:
         client = ServoClient("servos", port)
         r.emulator.set(switch, **values)

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from contid.errors import DeviceError
 from contid.hal import Rest
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator import InjectedFault, machine
-from contid_drivers.dynamixel.emulator.faults import FaultSyntaxError
 from contid_drivers.dynamixel.packets import Instruction
 
 pytestmark = pytest.mark.realtime
@@ -108,12 +108,16 @@ def test_a_stale_answer_is_not_taken_for_the_answer_to_another_request(rig: Make
 
 @pytest.mark.parametrize(
     ("kind", "bits", "message"),
-    [("alert", 0x04, "overheated"), ("alert", 0x01, "input voltage"), ("overload", 0x20, "overload")],
+    [
+        ("alert", {"bits": 0x04}, "overheated"),
+        ("alert", {"bits": 0x01}, "input voltage"),
+        ("overload", {}, "overload"),
+    ],
 )
 def test_a_hardware_error_is_a_fault_with_text_within_one_exchange(
-    running: Any, kind: str, bits: int, message: str
+    running: Any, kind: str, bits: dict[str, int], message: str
 ) -> None:
-    running.emulator.set(kind, 2, bits=bits)
+    running.emulator.set(kind, 2, **bits)
     samples = running.tick(a1=1100 * TICK, a2=2100 * TICK)
     assert message in samples["r.a2"].fault
     assert samples["r.a2"].valid
@@ -228,12 +232,23 @@ def test_the_control_file_operates_the_same_switches(rig: Make, tmp_path: Path) 
     r.until(lambda: errors.exists() and "nonsense" in errors.read_text())
 
 
+def test_a_mistake_in_the_control_file_does_not_end_the_emulator(rig: Make, tmp_path: Path) -> None:
+    r = rig(1)
+    r.bus.open()
+    with (tmp_path / "faults.jsonl").open("a") as file:
+        file.write('{"fault": "chunks", "count": "seven"}\n{"fault": "drop", "id": [1]}\n')
+    errors = tmp_path / "faults.jsonl.errors"
+    r.until(lambda: errors.exists() and errors.read_text().count("\n") == 2)
+    assert "count: Input should be a valid integer" in errors.read_text()
+    assert r.tick()["r.a1"].valid
+
+
 @pytest.mark.parametrize(
     "line", ["{", "[]", '{"fault": "drop"}', '{"fault": "echo", "id": 1}', '{"fault": "melt"}']
 )
 def test_wrong_fault_switches_are_refused(line: str) -> None:
-    with pytest.raises(FaultSyntaxError):
-        InjectedFault.parse(line)
+    with pytest.raises(ValidationError):
+        InjectedFault.model_validate_json(line)
 
 
 def test_the_reboot_of_a_servo_trips_no_watchdog_of_the_others(

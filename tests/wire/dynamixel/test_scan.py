@@ -54,7 +54,6 @@ def ax12() -> Iterator[str]:
 
 def test_a_servo_of_protocol_1_is_found_with_its_model(ax12: str) -> None:
     port = ServoPort("bench", ax12, 1000000, 0.02)
-    port.open()
     assert protocol_1(port) == {1: 12}
     port.close()
 

@@ -30,12 +30,13 @@ Refused lines are appended with their error to the file's name plus ``.errors``.
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final, Self
 
-from contid.errors import ContidError
+from pydantic import Field, model_validator
+
+from contid.robot_file.base import NonNegative, Strict
 from contid_drivers.dynamixel.emulator.adapter import Adapter
 
 _KEYS: Final[dict[str, tuple[str, ...]]] = {
@@ -62,66 +63,35 @@ _KEYS: Final[dict[str, tuple[str, ...]]] = {
     "unplug": (),
     "replug": ("port",),
 }
-_NEED_ID: Final = {
-    "drop",
-    "delay",
-    "corrupt",
-    "duplicate",
-    "silent",
-    "alert",
-    "overload",
-    "trip",
-    "jam",
-    "freeze",
-    "push",
-    "snap",
-}
+#: Kinds that act on one servo; a brown-out without an id acts on all.
+_NEED_ID: Final = {kind for kind, keys in _KEYS.items() if "id" in keys} - {"brownout"}
 
 
-class FaultSyntaxError(ContidError):
-    """An invalid fault switch."""
-
-
-@dataclass(frozen=True, slots=True)
-class InjectedFault:
+class InjectedFault(Strict):
     """One fault switch; a kind ignores fields it does not use."""
 
-    kind: str
-    device: int | None = None
-    count: int = 1
-    ms: float = 0.0
-    hz: float = 0.0
-    bits: int = 0x04
+    kind: str = Field(alias="fault")
+    device: int | None = Field(default=None, alias="id")
+    count: int = Field(default=1, ge=0)
+    ms: NonNegative = 0.0
+    hz: NonNegative = 0.0
+    bits: int = Field(default=0x04, ge=0, le=0xFF)
     on: bool = True
     degrees: float = 0.0
     port: str | None = None
 
-    def __post_init__(self) -> None:
-        """Check kind and id."""
+    @model_validator(mode="after")
+    def _keys_of_the_kind(self) -> Self:
         if self.kind not in _KEYS:
-            raise FaultSyntaxError(f"no fault {self.kind!r}; faults: {', '.join(_KEYS)}")
-        if self.kind in _NEED_ID and self.device is None:
-            raise FaultSyntaxError(f"fault {self.kind!r} needs an id")
-
-    @classmethod
-    def parse(cls, line: str) -> InjectedFault:
-        """Decode one line of a control file.
-
-        Raises:
-            FaultSyntaxError: no JSON object, no such fault, or a key the fault does not have.
-        """
-        try:
-            given: Any = json.loads(line)
-        except json.JSONDecodeError as error:
-            raise FaultSyntaxError(f"fault switch is not JSON: {error}") from None
-        if not isinstance(given, dict) or not isinstance(given.get("fault"), str):
-            raise FaultSyntaxError('a fault switch is an object with a key "fault"')
-        kind = given.pop("fault")
-        if unknown := set(given) - set(_KEYS.get(kind, given)):
-            raise FaultSyntaxError(
-                f"fault {kind!r} has no {', '.join(sorted(unknown))}; it has {_KEYS[kind]}"
+            raise ValueError(f"no fault {self.kind!r}; faults: {', '.join(_KEYS)}")
+        given = self.model_dump(by_alias=True, exclude_defaults=True).keys() - {"fault"}
+        if unknown := given - set(_KEYS[self.kind]):
+            raise ValueError(
+                f"fault {self.kind!r} has no {', '.join(sorted(unknown))}; it has {_KEYS[self.kind]}"
             )
-        return cls(kind, given.pop("id", None), **given)
+        if self.kind in _NEED_ID and self.device is None:
+            raise ValueError(f"fault {self.kind!r} needs an id")
+        return self
 
 
 @dataclass(slots=True)
@@ -134,7 +104,7 @@ class FaultSwitches:
         adapter: late, batched or chunked delivery.
         silent: ids that neither receive nor answer.
         delay_s: additional delay of answers, by id.
-        drop, corrupt, duplicate: number of the next answers with this fault, by id.
+        left: number of the next answers that are dropped, corrupted or duplicated, by kind and id.
     """
 
     echo: bool = False
@@ -142,30 +112,22 @@ class FaultSwitches:
     adapter: Adapter = field(default_factory=Adapter)
     silent: set[int] = field(default_factory=set)
     delay_s: dict[int, float] = field(default_factory=dict)
-    drop: dict[int, int] = field(default_factory=dict)
-    corrupt: dict[int, int] = field(default_factory=dict)
-    duplicate: dict[int, int] = field(default_factory=dict)
+    left: dict[tuple[str, int], int] = field(default_factory=dict)
 
     def set(self, fault: InjectedFault) -> bool:
         """Set a fault of the answers; False for faults of servos or of the port."""
         device = fault.device if fault.device is not None else -1
-        if fault.kind == "echo":
-            self.echo = fault.on
-        elif fault.kind == "silent":
-            (self.silent.add if fault.on else self.silent.discard)(device)
-        elif fault.kind == "delay":
-            self.delay_s[device] = fault.ms / 1e3
-        elif fault.kind in ("drop", "corrupt", "duplicate"):
-            counts: dict[int, int] = getattr(self, fault.kind)
-            counts[device] = fault.count
-        elif fault.kind == "host":
-            self.second_host_hz = fault.hz
-        else:
-            return self._set_adapter(fault)
-        return True
-
-    def _set_adapter(self, fault: InjectedFault) -> bool:
         match fault.kind:
+            case "echo":
+                self.echo = fault.on
+            case "silent":
+                (self.silent.add if fault.on else self.silent.discard)(device)
+            case "delay":
+                self.delay_s[device] = fault.ms / 1e3
+            case "drop" | "corrupt" | "duplicate":
+                self.left[fault.kind, device] = fault.count
+            case "host":
+                self.second_host_hz = fault.hz
             case "late":
                 self.adapter.late_s = fault.ms / 1e3
             case "latency":
@@ -180,8 +142,7 @@ class FaultSwitches:
 
     def spent(self, kind: str, device: int) -> bool:
         """Whether the next answer of a servo has this fault; decrements its count."""
-        counts: dict[int, int] = getattr(self, kind)
-        if not counts.get(device):
+        if not self.left.get((kind, device)):
             return False
-        counts[device] -= 1
+        self.left[kind, device] -= 1
         return True

@@ -18,10 +18,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-from contid.errors import DeviceNotFoundError
 from contid_drivers.control_file import ControlFile
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator.faults import FaultSwitches, FaultSyntaxError, InjectedFault
+from contid_drivers.dynamixel.emulator.faults import FaultSwitches, InjectedFault
 from contid_drivers.dynamixel.emulator.pseudo_port import PseudoPort
 from contid_drivers.dynamixel.emulator.replies import addresses, answers
 from contid_drivers.dynamixel.emulator.servo import Servo
@@ -58,7 +57,7 @@ class DynamixelEmulator:
         self.faults = FaultSwitches()
 
         self._port = PseudoPort(port)
-        self._control = ControlFile(control) if control is not None else None
+        self._control = ControlFile(control, self._switch) if control is not None else None
         self._paced = paced
         self._lock = threading.Lock()
         self._stop = threading.Event()
@@ -116,16 +115,13 @@ class DynamixelEmulator:
             return servo
 
     def set(self, kind: str, device: int | None = None, **values: object) -> None:
-        """Set a fault switch by the fields of `InjectedFault`."""
-        self.apply(InjectedFault(kind, device, **values))  # type: ignore[arg-type]  # a dataclass checks nothing here
-
-    def apply(self, fault: InjectedFault) -> None:
-        """Set a fault switch."""
+        """Set a fault switch by the keys of a control file."""
         with self._lock:
-            self._apply(fault)
+            self._switch({"fault": kind, "id": device, **values})
         self._wake()
 
-    def _apply(self, fault: InjectedFault) -> None:
+    def _switch(self, given: object) -> None:
+        fault = InjectedFault.model_validate(given)
         if self.faults.set(fault):
             return
         if fault.kind == "unplug":
@@ -202,13 +198,8 @@ class DynamixelEmulator:
         now = time.monotonic()
         for servo in self.servos:
             servo.advance(now)
-        if self._control is None:
-            return
-        for line in self._control.new_lines():
-            try:
-                self._apply(InjectedFault.parse(line))
-            except (FaultSyntaxError, TypeError, DeviceNotFoundError) as error:
-                self._control.report_error(line, error)
+        if self._control is not None:
+            self._control.poll()
 
     def _receive(self) -> None:
         chunk = self._port.read()
