@@ -35,7 +35,6 @@ from benchmarks.dynamixel.emulated_wire import emulated, real_time
 from benchmarks.dynamixel.late import late_total
 from benchmarks.dynamixel.rows import Row
 from benchmarks.dynamixel.ways import Case, driver, stock, wire_alone
-from contid_drivers.dynamixel.exchange.block import INDIRECT, MOTION
 
 #: Turns in which the time of a row is spent.
 ROUNDS = 4
@@ -51,9 +50,9 @@ def measured_bus(count: int, baud: int, kinds: Sequence[bool], given: argparse.N
             runs: list[tuple[Row, Callable[[Row], None], bool]] = [
                 (case.row("wire alone", 10), partial(wire_alone, case), True),
                 (case.row("stock SDK", 10), partial(stock, case), False),
-                (case.row("contid", 10), partial(driver, case, layout=MOTION), True),
-                (case.row("contid", 12), partial(driver, case, layout=INDIRECT, every=25), True),
-                (case.row("contid", 15), partial(driver, case, layout=INDIRECT), True),
+                (case.row("contid", 10), partial(driver, case, motion_only=True), True),
+                (case.row("contid", 12), partial(driver, case, every=25), True),
+                (case.row("contid", 15), partial(driver, case), True),
             ]
             for _ in range(ROUNDS):
                 for row, run, contid in runs:
@@ -63,7 +62,7 @@ def measured_bus(count: int, baud: int, kinds: Sequence[bool], given: argparse.N
         for device, which in ((count, "last"), (1, "first")) if given.silent else ():
             case = Case(port, count, baud, False, given.seconds)
             row = case.row(f"contid, {which} servo silent", 15)
-            driver(case, row, INDIRECT, mute=partial(silent, device, True))
+            driver(case, row, mute=partial(silent, device, True))
             silent(device, False)
             rows.append(row)
     real_time(False)

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+import struct
 import time
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any
+from unittest.mock import patch
 
 from benchmarks.dynamixel.rows import Row, measure, wire_limit
 from contid.control.engine.clock import RealClock
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Rest
+from contid_drivers.dynamixel import link
 from contid_drivers.dynamixel.bus import DynamixelBus
-from contid_drivers.dynamixel.exchange.block import CyclicLayout
+from contid_drivers.dynamixel.exchange.block import CyclicLayout, ServoReading
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_drivers.dynamixel.packets import sync_read, sync_write
 from contid_drivers.dynamixel.port import ServoPort
@@ -104,8 +108,20 @@ def enable(bus: DynamixelBus) -> None:
                 raise
 
 
+class MotionLayout(CyclicLayout):
+    """Only current, velocity and position, as the stock SDK reads."""
+
+    def decode(self, data: bytes, alert: bool) -> ServoReading:
+        """Decode a block read with this layout."""
+        current, velocity, position = struct.unpack("<hii", data)
+        return ServoReading(current, velocity, position, alert)
+
+
+MOTION = MotionLayout(126, 10, 10)
+
+
 def driver(
-    case: Case, row: Row, layout: CyclicLayout, every: int = 1, mute: Callable[[], None] | None = None
+    case: Case, row: Row, motion_only: bool = False, every: int = 1, mute: Callable[[], None] | None = None
 ) -> None:
     """This driver; ``mute`` silences a servo once the bus is open and torque is on."""
     options = DynamixelBusOptions.model_validate({
@@ -113,10 +129,11 @@ def driver(
         "telemetry_every": every, "slack_ms": SDK_WAIT_MS, "retry_ms": SDK_WAIT_MS,
     })  # fmt: skip
     axes = [AxisOnBus(f"r.a{i + 1}", DynamixelAxisOptions(id=i + 1)) for i in range(case.count)]
-    bus = DynamixelBus("servos", options, axes, RealClock(), layout)
+    bus = DynamixelBus("servos", options, axes, RealClock())
     goal = goals()
     try:
-        enable(bus)
+        with patch.object(link, "common_layout", lambda _: MOTION) if motion_only else nullcontext():
+            enable(bus)
 
         def cycle() -> int:
             invalid = 0

@@ -40,7 +40,7 @@ from contid_drivers.due.frames import FrameReader, seal
 from contid_drivers.due.messages import read_answer
 from contid_drivers.due.messages import request as payload_of
 from contid_drivers.dynamixel import packets
-from contid_drivers.dynamixel.exchange.block import INDIRECT, MOTION, PLAIN
+from contid_drivers.dynamixel.exchange.block import INDIRECT, PLAIN
 from contid_drivers.dynamixel.exchange.fast_answer import FastAnswer
 from tests.campaign import siege
 from tests.campaign.corpus import stored
@@ -120,7 +120,7 @@ def request(data: bytes) -> None:
 def dynamixel(data: bytes) -> None:
     left = bytearray(data)
     while (packet := packets.take(left)) is not None:
-        for layout in (INDIRECT, PLAIN, MOTION):
+        for layout in (INDIRECT, PLAIN):
             if len(packet.parameters) in (layout.lean, layout.full):
                 layout.decode(packet.parameters, packet.error >= 0x80)
     assert len(left) <= KEPT
@@ -179,7 +179,7 @@ def _good(name: str) -> tuple[bytes, ...]:
         case "request":
             return siege.CORPUS
         case "dynamixel":
-            sizes = {size for layout in (INDIRECT, PLAIN, MOTION) for size in (layout.lean, layout.full)}
+            sizes = {size for layout in (INDIRECT, PLAIN) for size in (layout.lean, layout.full)}
             blocks = b"".join(packets.build_status(1, 0, bytes(size)) for size in sorted(sizes))
             answers = b"".join(packets.build_status(i, 0, bytes(range(i, i + 14))) for i in range(3))
             return (

@@ -238,26 +238,3 @@ def recover(client: ServoClient, axis: Axis) -> None:
         hold_position(client, axis)
     axis.armed, axis.hardware_error, axis.fault, axis.misses = 0, 0, "", 0
     axis.reset, axis.pending_rest = False, None
-
-
-def prepare_search(client: ServoClient, axis: Axis, speed_deg_s: float, current_ma: float) -> int:
-    """Registers for a slow search with a limited current, torque off; the present position [ticks].
-
-    Raises:
-        DeviceError: torque off is not confirmed.
-    """
-    device = axis.device
-    if torque_off(client, [axis]):
-        raise DeviceError(client.name(device), "torque off is not confirmed")
-    for register, value in (
-        (reg.HOMING_OFFSET, 0),
-        (reg.DRIVE_MODE, 0),
-        (reg.OPERATING_MODE, reg.MODE_NUMBERS["current_based_position"]),
-        (reg.PROFILE_VELOCITY, max(1, round(speed_deg_s / reg.DEG_S_PER_UNIT))),
-        (reg.PROFILE_ACCELERATION, 0),
-        (reg.GOAL_CURRENT, axis.model.to_units(current_ma)),
-    ):
-        if client.read(device, register) != value:
-            client.write(device, register, value)
-    axis.turns, axis.travel = 0, None
-    return client.read(device, reg.PRESENT_POSITION)

@@ -15,7 +15,7 @@ from contid_drivers.dynamixel import arming, torque
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
-from contid_drivers.dynamixel.exchange.block import CyclicLayout, ServoReading
+from contid_drivers.dynamixel.exchange.block import ServoReading
 from contid_drivers.dynamixel.exchange.cyclic import Cyclic
 from contid_drivers.dynamixel.grip import CurrentShare
 from contid_drivers.dynamixel.link import BusLink, Opened
@@ -33,12 +33,7 @@ class DynamixelBus:
     """See `contid.hal.Bus`: one serial port and its servos."""
 
     def __init__(
-        self,
-        name: str,
-        options: DynamixelBusOptions,
-        axes: Sequence[AxisOnBus],
-        clock: Clock,
-        layout: CyclicLayout | None = None,
+        self, name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus], clock: Clock
     ) -> None:
         self.name = name
         self.axes = tuple(axis.name for axis in axes)
@@ -47,7 +42,7 @@ class DynamixelBus:
         self._states = {axis.name: Axis.of(axis, options) for axis in axes}
         self._by_id = {axis.device: axis for axis in self._states.values()}
         self._grip = CurrentShare(self._states.values())
-        self._link = BusLink(name, options, tuple(self._states.values()), layout)
+        self._link = BusLink(name, options, tuple(self._states.values()))
         self._readings: dict[int, ServoReading] = {}  # usable ones of the newest exchange
         self._count = 0  # exchanges
         self._clean = 0  # complete exchanges since the last miss
@@ -107,7 +102,7 @@ class DynamixelBus:
     def _note_missing(self, opened: Opened) -> None:
         """Read servos that missed several exchanges last, discard late answers, log the first late one."""
         cyclic = opened.cyclic
-        self._stalls = self._stalls + 1 if cyclic.stalled else 0
+        self._stalls = self._stalls + 1 if cyclic.answers.stalled else 0
         if self._stalls >= STALLS_LOGGED:
             self._log_late(cyclic, "and every exchange waits for them")
         missing = [axis for axis in self._states.values() if axis.misses]
@@ -115,7 +110,7 @@ class DynamixelBus:
             return
         opened.client.expect_late(axis.device for axis in missing)
         cyclic.put_last([axis.device for axis in missing if axis.misses > 1])
-        if cyclic.counts.late:
+        if cyclic.answers.counts.late:
             self._log_late(cyclic, "and are discarded")
 
     def _log_late(self, cyclic: Cyclic, then: str) -> None:
@@ -160,7 +155,7 @@ class DynamixelBus:
         ]
         if not missing or not self.options.retry_ms:
             return
-        if not cyclic.received and not cyclic.received_before:
+        if not cyclic.answers.received and not cyclic.received_before:
             return
         until = time.monotonic() + self.options.retry_ms / 1e3
         if fast:

@@ -12,7 +12,6 @@ from contid_drivers.dynamixel.packets import (
     ALERT,
     BROADCAST,
     STATUS_ERROR_TEXT,
-    STATUS_OVERHEAD,
     Instruction,
     Packet,
     build,
@@ -82,7 +81,7 @@ class ServoClient:
         """Model number and firmware of every servo on the bus, by id."""
         self.port.flush()
         sent = self.port.send(build(BROADCAST, Instruction.PING))
-        slot_s = PING_SLOT_S + (PING_SIZE + STATUS_OVERHEAD) * self.port.byte_s
+        slot_s = PING_SLOT_S + self.port.status_s(PING_SIZE)
         return {
             answer.device: (int.from_bytes(answer.parameters[:2], "little"), answer.parameters[2])
             for answer in self.port.packets(sent + BROADCAST * slot_s + self.port.latency_s)
@@ -122,10 +121,6 @@ class ServoClient:
             if self.ping(device, 1) is not None:
                 return
         raise NoAnswerError(self.name(device), f"no answer within {REBOOT_S:g} s after a reboot")
-
-    def firmware(self, device: int) -> int:
-        """Firmware version."""
-        return self.read(device, reg.FIRMWARE)
 
     def _checked(
         self, device: int, what: str, instruction: Instruction, parameters: bytes, size: int, tries: int
@@ -174,7 +169,7 @@ class ServoClient:
         allowance_s = port.return_delay_s + max(port.latency_s, ACYCLIC_LATENCY_S)
         port.flush()
         sent = port.send(build(device, instruction, parameters))
-        for answer in port.packets(sent + (size + STATUS_OVERHEAD) * port.byte_s + allowance_s):
+        for answer in port.packets(sent + port.status_s(size) + allowance_s):
             if answer.instruction != Instruction.STATUS or answer.device != device:
                 continue
             if len(answer.parameters) == size or (answer.error & ~ALERT and not answer.parameters):
@@ -190,7 +185,7 @@ class ServoClient:
         port = self.port
         port.flush()
         sent = port.send(sync_read(reg.BUS_WATCHDOG.address, FEED_SIZE, others))
-        answer_s = (FEED_SIZE + STATUS_OVERHEAD) * port.byte_s + port.return_delay_s
+        answer_s = port.status_s(FEED_SIZE) + port.return_delay_s
         missing = set(others)
         for answer in port.packets(sent + len(others) * answer_s + port.latency_s):
             missing.discard(answer.device)

@@ -14,7 +14,7 @@ from contid.hal import ExchangeTime
 from contid_drivers.dynamixel.exchange.block import INDIRECT, PLAIN
 from contid_drivers.dynamixel.exchange.fast_answer import HEAD as FAST_HEAD
 from contid_drivers.dynamixel.exchange.fast_answer import PART_OVERHEAD
-from contid_drivers.dynamixel.models import BY_NAME, LAST_FIRMWARE_AT_208, ServoModel
+from contid_drivers.dynamixel.models import BY_NAME, LAST_FIRMWARE_AT_208
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_drivers.dynamixel.packets import STATUS_OVERHEAD, sync_read, sync_write
 
@@ -32,11 +32,6 @@ def bytes_on_wire(ids: Sequence[int], size: int, fast: bool) -> int:
     return goals + len(sync_read(0, size, ids)) + answers
 
 
-def start_of(model: ServoModel, firmware: int) -> int:
-    """Address of the block of the exchange in a model; 0 where the plain block is read."""
-    return model.indirect_data(firmware) if model.fits_block else 0
-
-
 def exchange_time(options: DynamixelBusOptions, axes: Sequence[DynamixelAxisOptions]) -> ExchangeTime:
     """Shortest and longest time of an undisturbed exchange; see `contid.hal.Paces`.
 
@@ -46,7 +41,7 @@ def exchange_time(options: DynamixelBusOptions, axes: Sequence[DynamixelAxisOpti
     """
     ids = [axis.id for axis in axes]
     models = [BY_NAME[axis.model] for axis in axes]
-    starts = [{start_of(model, firmware) for firmware in _FIRMWARES} for model in models]
+    starts = [{model.block_start(firmware) for firmware in _FIRMWARES} for model in models]
     # The layouts with which an exchange is shortest and longest, over all firmwares.
     shortest = INDIRECT if set.intersection(*starts) - {0} else PLAIN
     longest = INDIRECT if len(set.union(*starts)) == 1 or len(set(map(frozenset, starts))) == 1 else PLAIN

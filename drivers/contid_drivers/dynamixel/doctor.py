@@ -14,6 +14,7 @@ from contid_drivers.dynamixel import arming, duplicates
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
+from contid_drivers.dynamixel.exchange.answers import AnswerCounts
 from contid_drivers.dynamixel.exchange.block import PLAIN
 from contid_drivers.dynamixel.exchange.cyclic import Cyclic
 from contid_drivers.dynamixel.exchange.slack import Slack
@@ -107,7 +108,7 @@ def _examine_servo(
 ) -> list[Finding]:
     device, subject = axis.device, f"id {axis.device}"
     expected, found = axis.options.model, model_name(model)
-    firmware = client.firmware(device)
+    firmware = client.read(device, reg.FIRMWARE)
     volts, hot = client.read(device, reg.PRESENT_VOLTAGE), client.read(device, reg.PRESENT_TEMPERATURE)
     errors = client.read(device, reg.HARDWARE_ERROR)
     mode = client.read(device, reg.OPERATING_MODE)
@@ -173,12 +174,12 @@ def exchanges(client: ServoClient, devices: Sequence[int], options: DynamixelBus
         return []
     port = client.port
     patient_s, port.latency_s = port.latency_s, options.usb_latency_ms / 1e3
-    cyclic = Cyclic(port, devices, PLAIN, False, Slack.of(options.slack_ms))
+    cyclic = Cyclic(port, devices, PLAIN, Slack(options.slack_ms), AnswerCounts())
     until = time.monotonic() + EXCHANGES_S
-    while cyclic.counts.exchanges < EXCHANGES and time.monotonic() < until:
+    counts = cyclic.answers.counts
+    while counts.exchanges < EXCHANGES and time.monotonic() < until:
         cyclic.run({}, full=True)
     port.latency_s = patient_s
-    counts = cyclic.counts
     bad = counts.late + counts.silent + counts.broken
     remedy = ""
     if counts.late:

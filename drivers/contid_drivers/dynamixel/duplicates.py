@@ -12,7 +12,7 @@ from typing import Final
 
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.client import ACYCLIC_LATENCY_S
-from contid_drivers.dynamixel.packets import STATUS_OVERHEAD, Instruction, build, read_parameters, take
+from contid_drivers.dynamixel.packets import Instruction, build, read_parameters, take
 from contid_drivers.dynamixel.port import RETURN_DELAY_MAX_S, ServoPort
 
 #: Reads of the block; one can be equal by chance, or lost to noise.
@@ -52,7 +52,7 @@ class AnswerCount:
 def count_answers(port: ServoPort, device: int, reads: int = READS) -> AnswerCount:
     """Read the running values of an id ``reads`` times and count what arrives."""
     request = build(device, Instruction.READ, read_parameters(reg.REALTIME_TICK.address, _SIZE))
-    answer_s = (_SIZE + STATUS_OVERHEAD) * port.byte_s
+    answer_s = port.status_s(_SIZE)
     allowance_s = port.return_delay_s + max(port.latency_s, ACYCLIC_LATENCY_S)
     single = broken = silent = 0
     for _ in range(reads):

@@ -15,11 +15,11 @@ from typing import Final
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Homed, Report
 from contid_drivers.defer_signals import defer_signals
-from contid_drivers.dynamixel import arming, turns
+from contid_drivers.dynamixel import arming, search, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import ServoClient
-from contid_drivers.dynamixel.handshake import handshake
+from contid_drivers.dynamixel.link import handshake
 from contid_drivers.dynamixel.options import DynamixelBusOptions, HardStop, SingleTurn, Tensioning
 from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.dynamixel.tensioning import tension
@@ -92,19 +92,19 @@ def _by_stop(
     client: ServoClient, axis: Axis, homing: HardStop, options: DynamixelBusOptions, report: Report
 ) -> Homed:
     device = axis.device
-    start = arming.prepare_search(client, axis, homing.speed_deg_s, homing.current_ma)
+    start = search.prepare(client, axis, homing.speed_deg_s, homing.current_ma)
     arming.arm(client, axis)
     arming.start_watchdogs(client, [axis], options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
-    reach = homing.speed_deg_s * homing.timeout_s / 360.0 * reg.TICKS_PER_REV
-    client.write(device, reg.GOAL_POSITION, start + homing.direction * round(reach))
+    reach = round(homing.speed_deg_s * homing.timeout_s * reg.TICKS_PER_DEG)
+    client.write(device, reg.GOAL_POSITION, start + homing.direction * reach)
     report(f"{axis.name}: searching its stop with {homing.current_ma} mA")
     stop = _until_blocked(client, axis, homing, start)
     report(f"{axis.name}: stop at {math.degrees(stop * reg.RAD_PER_TICK):.2f} deg")
-    back = stop - homing.direction * round(homing.backoff_deg / 360.0 * reg.TICKS_PER_REV)
+    back = stop - homing.direction * round(homing.backoff_deg * reg.TICKS_PER_DEG)
     client.write(device, reg.GOAL_POSITION, back)
     _wait_there(client, axis, back, homing.backoff_deg / homing.speed_deg_s + 1.0)
     turns.store(client, axis, 0)
-    travelled = abs(stop - start) * 360.0 / reg.TICKS_PER_REV
+    travelled = abs(stop - start) / reg.TICKS_PER_DEG
     return Homed(
         axis.name,
         stop * reg.RAD_PER_TICK,
@@ -115,26 +115,20 @@ def _by_stop(
 
 def _until_blocked(client: ServoClient, axis: Axis, homing: HardStop, start: int) -> int:
     """Position [ticks] at which the servo stands still with its current at the limit."""
-    device, name = axis.device, client.name(axis.device)
     until = time.monotonic() + homing.timeout_s
     still_since, last = time.monotonic(), start
     while True:
         time.sleep(POLL_S)
-        if bits := client.read(device, reg.HARDWARE_ERROR):
-            raise DeviceError(name, f"hardware error while homing: {reg.describe_hardware_error(bits)}")
-        if client.read(device, reg.BUS_WATCHDOG) != axis.armed:
-            raise DeviceError(name, "its watchdog tripped or it reset itself while homing", "home again")
-        position = client.read(device, reg.PRESENT_POSITION)
-        current = abs(client.read(device, reg.PRESENT_CURRENT)) * (axis.model.ma_per_unit or 0.0)
+        position, current = search.observe(client, axis)
         now = time.monotonic()
         if abs(position - last) >= STILL_TICKS or current < PUSHING * homing.current_ma:
             still_since, last = now, position
         elif now - still_since >= STILL_S:
             return position
         if now > until:
-            went_deg = (position - start) * 360.0 / reg.TICKS_PER_REV
+            went_deg = (position - start) / reg.TICKS_PER_DEG
             raise DeviceError(
-                name,
+                client.name(axis.device),
                 f"no stop found within {homing.timeout_s:g} s: it moved {went_deg:+.0f} deg "
                 f"with {current:.0f} of {homing.current_ma} mA",
                 "check direction, speed and current of its homing",

@@ -7,18 +7,19 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from contid.errors import DeviceError, DeviceLostError
+from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
+from contid_drivers.dynamixel import duplicates, turns
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel import turns
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.exchange.answers import AnswerCounts
-from contid_drivers.dynamixel.exchange.block import PLAIN, CyclicLayout, common_layout
+from contid_drivers.dynamixel.exchange.block import PLAIN, common_layout
 from contid_drivers.dynamixel.exchange.cyclic import Cyclic
 from contid_drivers.dynamixel.exchange.slack import Slack
-from contid_drivers.dynamixel.handshake import handshake
 from contid_drivers.dynamixel.mapping import map_block
+from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
+from contid_drivers.dynamixel.packets import sync_write
 from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.serial_ports import UsbIdentity, find_port, identity_of
 
@@ -30,18 +31,12 @@ class Opened:
     """An open port.
 
     Attributes:
-        port: the port.
         client: single instructions.
         cyclic: one exchange with all servos.
     """
 
-    port: ServoPort
     client: ServoClient
     cyclic: Cyclic
-
-    def adopt_return_delay(self, axes: Sequence[Axis]) -> None:
-        """Wait for the slowest servo."""
-        self.port.return_delay_s = max(axis.return_delay_s for axis in axes)
 
 
 class BusLink:
@@ -52,15 +47,12 @@ class BusLink:
         indirect: the cyclic exchange reads mapped bytes.
     """
 
-    def __init__(
-        self, name: str, options: DynamixelBusOptions, axes: Sequence[Axis], layout: CyclicLayout | None
-    ) -> None:
+    def __init__(self, name: str, options: DynamixelBusOptions, axes: Sequence[Axis]) -> None:
         self.name = name
         self.axes = axes
         self.options = options
         self.counts = AnswerCounts()
         self.indirect = False
-        self._layout = layout
         self._identity: UsbIdentity | None = None
         self._opened: Opened | None = None
         self._lost: DeviceLostError | None = None
@@ -78,7 +70,7 @@ class BusLink:
             client.armed = self._armed
             handshake(client, self.axes, options)
             starts = [map_block(client, axis) for axis in self.axes]
-            layout = self._layout or common_layout(starts)
+            layout = common_layout(starts)
             for axis in self.axes:
                 axis.enabled, axis.misses, axis.reset, axis.pending_rest = False, 0, False, None
                 try:
@@ -88,14 +80,13 @@ class BusLink:
                 except DeviceError as error:
                     axis.latch(f"{error.message}; {error.remedy}")
                     axis.pending_rest = None
-            slack = Slack.of(options.slack_ms)
-            cyclic = Cyclic(port, [axis.device for axis in self.axes], layout, False, slack, self.counts)
-            opened = Opened(port, client, cyclic)
-            opened.adopt_return_delay(self.axes)
+            ids = [axis.device for axis in self.axes]
+            cyclic = Cyclic(port, ids, layout, Slack(options.slack_ms), self.counts)
+            self.adopt_return_delay(client)
         except BaseException:
             port.close()
             raise
-        self._opened, self._lost = opened, None
+        self._opened, self._lost = Opened(client, cyclic), None
         self.indirect = layout.indirect
         self._identity = identity_of(path) or self._identity
         if layout is PLAIN:
@@ -105,7 +96,7 @@ class BusLink:
     def close(self) -> None:
         """See `contid.hal.Bus.close`."""
         if self._opened is not None:
-            self._opened.port.close()
+            self._opened.client.port.close()
         self._opened = self._lost = None
 
     @property
@@ -124,6 +115,10 @@ class BusLink:
         if self._opened is None:
             raise DeviceLostError(self.name, "the bus is not open")
         return self._opened
+
+    def adopt_return_delay(self, client: ServoClient) -> None:
+        """Wait for the slowest servo."""
+        client.port.return_delay_s = max(axis.return_delay_s for axis in self.axes)
 
     def mark_lost(self, error: DeviceLostError) -> DeviceLostError:
         """Keep the error for every call until the next `open`; no axis is enabled any more."""
@@ -146,15 +141,59 @@ class BusLink:
             return False
         cyclic = self.opened().cyclic
         # A servo without fast reads answers none; that is no fault of the wire.
-        cyclic.counts = copy.copy(self.counts)
+        cyclic.answers.counts = copy.copy(self.counts)
         try:
             for _ in range(3):
                 if len(cyclic.run({}, full=True, fast=True)) == len(self.axes):
                     return True
         finally:
-            cyclic.counts = self.counts
+            cyclic.answers.counts = self.counts
         log.warning("%s: Fast Sync Read is not answered; using Sync Read, which is slower", self.name)
         return False
 
     def _armed(self) -> list[int]:
         return [axis.device for axis in self.axes if axis.armed]
+
+
+def handshake(client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOptions) -> None:
+    """Find every servo; read its firmware and return delay.
+
+    Raises:
+        DeviceNotFoundError: a servo is missing or another model; lists expected and found.
+    """
+    lines, twice = [], False
+    for axis in axes:
+        model = client.ping(axis.device)
+        found = "nothing" if model is None else model_name(model)
+        if duplicates.count_answers(client.port, axis.device, duplicates.QUICK_READS).duplicated:
+            found, twice = f"broken answers: {duplicates.CAUSE}", True
+        if found != axis.options.model:
+            lines.append(f"id {axis.device} ({axis.name}): expected {axis.options.model}, found {found}")
+    if lines:
+        present = ", ".join(
+            f"id {device} {model_name(model)} firmware {firmware}"
+            for device, (model, firmware) in sorted(client.broadcast_ping().items())
+        )
+        raise DeviceNotFoundError(
+            client.bus,
+            f"at {options.baud} baud: " + "; ".join(lines) + f"; on the bus: {present or 'none'}",
+            duplicates.REMEDY if twice else "check power, ids and baud rate with `contid scan`",
+        )
+    for axis in axes:
+        _make_it_answer(client, axis)
+        axis.firmware = client.read(axis.device, reg.FIRMWARE)
+        axis.return_delay_s = client.read(axis.device, reg.RETURN_DELAY) * 2e-6
+        if client.read(axis.device, reg.STATUS_RETURN_LEVEL) != reg.STATUS_RETURN_LEVEL.default:
+            client.write(axis.device, reg.STATUS_RETURN_LEVEL, reg.STATUS_RETURN_LEVEL.default)
+
+
+def _make_it_answer(client: ServoClient, axis: Axis) -> None:
+    """Status Return Level (68) := 2 in a servo that answers pings only; such a write has no answer."""
+    level, device = reg.STATUS_RETURN_LEVEL, axis.device
+    try:
+        client.read(device, level)
+    except NoAnswerError:
+        log.warning("%s: its Status Return Level is 0, it answers pings only; set to 2", client.name(device))
+        client.port.flush()
+        client.port.send(sync_write(level.address, 1, [(device, level.encode(level.default))]))
+        client.port.drain()

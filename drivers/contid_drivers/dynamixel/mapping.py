@@ -29,10 +29,9 @@ _PROOFS: Final = (
 
 def map_block(client: ServoClient, axis: Axis) -> int:
     """Point the indirect addresses at the block; returns where it begins, 0 when the servo cannot."""
-    device, model = axis.device, axis.model
-    if not model.fits_block:
+    device, expected = axis.device, axis.model.block_start(axis.firmware)
+    if not expected:
         return 0
-    expected = model.indirect_data(axis.firmware)
     try:
         _write(client, device)
         for start in sorted(INDIRECT_STARTS, key=lambda each: each != expected):

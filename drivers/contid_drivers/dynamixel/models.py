@@ -62,15 +62,14 @@ class ServoModel:
         """Greatest current [mA]; 0 without current registers."""
         return self.current_limit * (self.ma_per_unit or 0.0)
 
-    @property
-    def fits_block(self) -> bool:
-        """True when one byte holds its supply [0.1 V], as the indirect block requires."""
-        return self.supply_max_v < 25.6
-
     def indirect_data(self, firmware: int) -> int:
         """Address of the first indirect data; it depends on the firmware of the small servos."""
         small = self.name.startswith(("xl330", "xc330"))
         return 208 if small and firmware <= LAST_FIRMWARE_AT_208 else 224
+
+    def block_start(self, firmware: int) -> int:
+        """Address of the block of the exchange; 0 where one byte does not hold the supply [0.1 V]."""
+        return self.indirect_data(firmware) if self.supply_max_v < 25.6 else 0
 
     def to_units(self, current_ma: float) -> int:
         """Register value of a current, at most the current itself.

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from typing import Final
 
-from contid_drivers.dynamixel.packets import Packet, take
+from contid_drivers.dynamixel.packets import STATUS_OVERHEAD, Packet, take
 from contid_drivers.locked_port import PORT_ERRORS, LockedPort
 
 #: Return Delay Time is at most 254 x 2 us; used until the servos' own values are read.
@@ -27,6 +27,10 @@ class ServoPort(LockedPort):
         self.return_delay_s = RETURN_DELAY_MAX_S
         # Answers to a process that held the port before.
         self.drain()
+
+    def status_s(self, size: int) -> float:
+        """Time of a status packet with ``size`` parameters on the wire, without stuffing."""
+        return (size + STATUS_OVERHEAD) * self.byte_s
 
     def flush(self) -> None:
         """Discard received bytes: late or unexpected answers."""

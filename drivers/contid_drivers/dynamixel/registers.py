@@ -13,6 +13,7 @@ from typing import Final
 
 TICKS_PER_REV: Final = 4096
 RAD_PER_TICK: Final = 2.0 * math.pi / TICKS_PER_REV
+TICKS_PER_DEG: Final = TICKS_PER_REV / 360.0
 #: Present and Goal Velocity, Profile Velocity: 0.229 rev/min.
 RAD_S_PER_UNIT: Final = 0.229 * 2.0 * math.pi / 60.0
 DEG_S_PER_UNIT: Final = 0.229 * 360.0 / 60.0

@@ -12,12 +12,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import Homed, Report
-from contid_drivers.dynamixel import arming, turns
+from contid_drivers.dynamixel import arming, search, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import ServoClient
@@ -49,7 +48,7 @@ def tension(
     starts = {}
     for axis in axes:
         homing = _homing(axis)
-        starts[axis.device] = arming.prepare_search(client, axis, homing.speed_deg_s, homing.current_ma)
+        starts[axis.device] = search.prepare(client, axis, homing.speed_deg_s, homing.current_ma)
     for axis in axes:
         arming.arm(client, axis)
     watchdog_ms = min(max(options.watchdog_ms, LOOK_MS * len(axes)), 127 * reg.WATCHDOG_MS_PER_UNIT)
@@ -58,7 +57,7 @@ def tension(
     _wind(client, axes, starts, 1.0)
     first = _until_taut(client, axes, starts)
     for axis in axes:
-        back = round(BACK_DEG / 360.0 * reg.TICKS_PER_REV)
+        back = round(BACK_DEG * reg.TICKS_PER_DEG)
         client.write(axis.device, reg.GOAL_POSITION, first[axis.device] - _homing(axis).direction * back)
     _wait_for_way_back(client, axes)
     _wind(client, axes, starts, SLOWLY)
@@ -66,28 +65,12 @@ def tension(
     homed = []
     for axis in axes:
         homing, position = _homing(axis), found[axis.device]
-        wound_deg = abs(position - starts[axis.device]) * 360.0 / reg.TICKS_PER_REV
+        wound_deg = abs(position - starts[axis.device]) / reg.TICKS_PER_DEG
         turns.store(client, axis, 0)
         report(f"{axis.name}: taut at {math.degrees(position * reg.RAD_PER_TICK):.2f} deg")
         how = f"tension with {homing.current_ma} mA after {wound_deg:.0f} deg"
         homed.append(Homed(axis.name, position * reg.RAD_PER_TICK, homing.at_mm, how))
     return homed
-
-
-@dataclass(frozen=True, slots=True)
-class _Memory:
-    """Registers of a servo from its hardware error to its position, by one answer."""
-
-    bytes_: bytes
-
-    @classmethod
-    def read(cls, client: ServoClient, device: int) -> _Memory:
-        first, last = reg.HARDWARE_ERROR.address, reg.PRESENT_POSITION
-        return cls(client.read_block(device, first, last.address + last.size - first))
-
-    def __getitem__(self, register: reg.Register) -> int:
-        begin = register.address - reg.HARDWARE_ERROR.address
-        return register.decode(self.bytes_[begin : begin + register.size])
 
 
 def _homing(axis: Axis) -> Tensioning:
@@ -102,7 +85,7 @@ def _wind(client: ServoClient, axes: Sequence[Axis], starts: dict[int, int], sha
         homing = _homing(axis)
         speed = max(1, round(share * homing.speed_deg_s / reg.DEG_S_PER_UNIT))
         client.write(axis.device, reg.PROFILE_VELOCITY, speed)
-        reach = round(2.0 * homing.slack_deg / 360.0 * reg.TICKS_PER_REV)
+        reach = round(2.0 * homing.slack_deg * reg.TICKS_PER_DEG)
         client.write(axis.device, reg.GOAL_POSITION, starts[axis.device] + homing.direction * reach)
 
 
@@ -123,19 +106,13 @@ def _until_taut(client: ServoClient, axes: Sequence[Axis], starts: dict[int, int
         time.sleep(POLL_S)
         slack = []
         for axis in axes:
-            device, name, homing = axis.device, client.name(axis.device), _homing(axis)
-            state = _Memory.read(client, device)
-            if bits := state[reg.HARDWARE_ERROR]:
-                raise DeviceError(name, f"hardware error while homing: {reg.describe_hardware_error(bits)}")
-            if state[reg.BUS_WATCHDOG] != axis.armed:
-                raise DeviceError(name, "its watchdog tripped or it reset itself while homing", "home again")
-            position = state[reg.PRESENT_POSITION]
-            current = abs(state[reg.PRESENT_CURRENT]) * (axis.model.ma_per_unit or 0.0)
+            device, homing = axis.device, _homing(axis)
+            position, current = search.observe(client, axis)
             carried = current >= CARRIED * homing.current_ma
-            wound_deg = homing.direction * (position - starts[device]) * 360.0 / reg.TICKS_PER_REV
+            wound_deg = homing.direction * (position - starts[device]) / reg.TICKS_PER_DEG
             if not carried and wound_deg > homing.slack_deg:
                 raise DeviceError(
-                    name,
+                    client.name(device),
                     f"slack or snapped tendon: {wound_deg:.0f} deg wound in with {current:.0f} of "
                     f"{homing.current_ma} mA, limit {homing.slack_deg:g} deg",
                     "check the tendon, and direction and slack_deg of its homing",

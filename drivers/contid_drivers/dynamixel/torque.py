@@ -27,7 +27,7 @@ def enable(link: BusLink, axes: Sequence[Axis]) -> None:
     try:
         for axis in chosen:
             arming.configure(client, axis, link.options)
-        opened.adopt_return_delay(link.axes)
+        link.adopt_return_delay(client)
         for axis in chosen:
             if not client.read(axis.device, reg.TORQUE_ENABLE):
                 started.append(axis)

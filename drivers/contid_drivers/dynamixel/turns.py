@@ -17,7 +17,6 @@ Not detectable: a CLEAR sent by another program while contid does not run.
 
 from __future__ import annotations
 
-import enum
 import logging
 import math
 from typing import Final
@@ -42,28 +41,6 @@ TURNS_MAX: Final = 80
 #: Greatest motion assumed between the last reading (``axis.seen``) and the first one after a reset.
 SEEN_TOLERANCE_RAD: Final = math.radians(45.0)
 _TURN: Final = 2.0 * math.pi
-
-
-class CountState(enum.Enum):
-    """Origin of a servo's count of turns."""
-
-    VALID = enum.auto()
-    POWERED_UP = enum.auto()
-    RESET = enum.auto()
-
-
-def recall(client: ServoClient, axis: Axis) -> CountState:
-    """Read the turns stored in the servo; sets ``axis.turns`` when they are valid."""
-    device = axis.device
-    stored = client.read(device, MARKER)
-    turns = stored - _CENTRE
-    # The value after a power-up, 227 or 243 by model, is beyond the turns that are kept.
-    if abs(turns) > TURNS_MAX:
-        return CountState.POWERED_UP
-    if client.read(device, reg.VELOCITY_I) != _GAIN_CENTRE + turns or not counts_turns(client, axis):
-        return CountState.RESET
-    axis.turns, axis.turn_known = turns, True
-    return CountState.VALID
 
 
 def counts_turns(client: ServoClient, axis: Axis) -> bool:
@@ -123,14 +100,18 @@ def settle(client: ServoClient, axis: Axis) -> None:
         DeviceError: it cannot be inferred.
     """
     axis.turn_known = False
-    state = recall(client, axis)
-    if state is CountState.VALID:
+    device = axis.device
+    stored = client.read(device, MARKER) - _CENTRE
+    # The value after a power-up, 227 or 243 by model, is beyond the turns that are kept.
+    marked = abs(stored) <= TURNS_MAX
+    if marked and client.read(device, reg.VELOCITY_I) == _GAIN_CENTRE + stored and counts_turns(client, axis):
+        axis.turns, axis.turn_known = stored, True
         return
-    name, homing = client.name(axis.device), axis.options.homing
-    raw = client.read(axis.device, reg.PRESENT_POSITION) * reg.RAD_PER_TICK
+    name, homing = client.name(device), axis.options.homing
+    raw = client.read(device, reg.PRESENT_POSITION) * reg.RAD_PER_TICK
     if axis.seen is not None:
         expected, tolerance, what = axis.seen, SEEN_TOLERANCE_RAD, "it was last seen at"
-    elif state is CountState.RESET:
+    elif marked:
         raise DeviceError(name, "another program reset its count of turns (operating mode)", _remedy(axis))
     elif isinstance(homing, SingleTurn):
         expected = math.radians(homing.pose_deg)

@@ -35,7 +35,7 @@ def test_a_jump_of_one_turn_is_a_fault_in_the_same_exchange_and_clear_fault_find
     r.until(lambda: r.emulator.servo(1).position_ticks == 9000 and not r.emulator.servo(1).motion.velocity)
     known = r.tick()["r.a1"].value
     # Another host on the bus clears the count of turns; the marks in RAM survive.
-    r.opened.port.send(build(1, Instruction.CLEAR, CLEAR_TURNS))
+    r.opened.client.port.send(build(1, Instruction.CLEAR, CLEAR_TURNS))
     time.sleep(0.01)
     sample = r.tick()["r.a1"]
     assert "its position jumped by -720 deg" in sample.fault

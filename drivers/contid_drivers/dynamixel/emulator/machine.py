@@ -171,7 +171,7 @@ class ServoMachine(ControlTable):
     def _limits(self) -> None:
         ticks_per_unit = reg.RAD_S_PER_UNIT / reg.RAD_PER_TICK
         profile = self.get(reg.PROFILE_VELOCITY) or self.get(reg.VELOCITY_LIMIT)
-        acceleration = self.get(reg.PROFILE_ACCELERATION) * reg.DEG_S2_PER_UNIT / 360.0 * reg.TICKS_PER_REV
+        acceleration = self.get(reg.PROFILE_ACCELERATION) * reg.DEG_S2_PER_UNIT * reg.TICKS_PER_DEG
         unit = self.model.ma_per_unit
         current = self.get(reg.CURRENT_LIMIT) if unit else LOAD_FULL_MA
         if self.memory[reg.OPERATING_MODE.address] == 5:

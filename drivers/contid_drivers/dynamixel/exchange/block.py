@@ -72,23 +72,17 @@ class CyclicLayout:
             return ServoReading(
                 current, velocity, position, alert, watchdog, low, low, error, bool(torque), temperature
             )
-        if self is PLAIN:
-            watchdog, current, velocity, position, voltage, temperature = _PLAIN.unpack(data)
-            return ServoReading(
-                current, velocity, position, alert, watchdog, None, voltage, temperature=temperature
-            )
-        current, velocity, position = _MOTION.unpack(data)
-        return ServoReading(current, velocity, position, alert)
+        watchdog, current, velocity, position, voltage, temperature = _PLAIN.unpack(data)
+        return ServoReading(
+            current, velocity, position, alert, watchdog, None, voltage, temperature=temperature
+        )
 
 
 _LEAN: Final = struct.Struct("<BhiiB")
 _PLAIN: Final = struct.Struct("<B27xhii8xHB")
-_MOTION: Final = struct.Struct("<hii")
 INDIRECT: Final = CyclicLayout(208, _LEAN.size, len(INDIRECT_ORDER), indirect=True)
 INDIRECT_224: Final = CyclicLayout(224, _LEAN.size, len(INDIRECT_ORDER), indirect=True)
 PLAIN: Final = CyclicLayout(98, _PLAIN.size, _PLAIN.size)
-#: Only current, velocity and position; for benchmarks.
-MOTION: Final = CyclicLayout(126, _MOTION.size, _MOTION.size)
 
 
 def common_layout(starts: Sequence[int]) -> CyclicLayout:

@@ -29,7 +29,6 @@ from contid_drivers.dynamixel.exchange.fast_answer import PART_OVERHEAD
 from contid_drivers.dynamixel.exchange.slack import Slack
 from contid_drivers.dynamixel.packets import (
     BROADCAST,
-    STATUS_OVERHEAD,
     Instruction,
     build,
     read_parameters,
@@ -49,20 +48,15 @@ class Cyclic:
     """The exchange of one bus."""
 
     def __init__(
-        self,
-        port: ServoPort,
-        ids: Sequence[int],
-        layout: CyclicLayout,
-        fast: bool,
-        slack: Slack | None = None,
-        counts: AnswerCounts | None = None,
+        self, port: ServoPort, ids: Sequence[int], layout: CyclicLayout, slack: Slack, counts: AnswerCounts
     ) -> None:
         self.port = port
         self.ids = tuple(ids)
         self.layout = layout
-        self.fast = fast
-        self.slack = slack or Slack(0.0)
-        self._answers = ServoAnswers(port, ids, counts or AnswerCounts())
+        #: Reads are fast sync reads.
+        self.fast = False
+        self.slack = slack
+        self.answers = ServoAnswers(port, ids, counts)
         #: Bytes arrived in the exchange before the newest one.
         self.received_before = True
         #: Silent servos that answered the newest exchange; only a numbered one proves it.
@@ -75,25 +69,6 @@ class Cyclic:
         self._numbered = dict.fromkeys(numbered_blocks(layout), 0.0)
         self._orderly = ORDERLY
         self._reads: dict[tuple[int, bool], bytes] = {}
-
-    @property
-    def counts(self) -> AnswerCounts:
-        """What went wrong on the wire."""
-        return self._answers.counts
-
-    @counts.setter
-    def counts(self, counts: AnswerCounts) -> None:
-        self._answers.counts = counts
-
-    @property
-    def received(self) -> bool:
-        """Bytes arrived in the newest exchange."""
-        return self._answers.received
-
-    @property
-    def stalled(self) -> bool:
-        """The newest exchange waited on, because nothing had arrived in time."""
-        return self._answers.stalled
 
     def timeout_s(self, full: bool = True) -> float:
         """Time-out of the answers from the end of the instruction [s]."""
@@ -113,13 +88,13 @@ class Cyclic:
         count = len(self.ids)
         if fast:
             bytes_ = FAST_HEAD + count * (size + PART_OVERHEAD)
-            return float(bytes_ * self.port.byte_s + self.port.return_delay_s)
-        return float(count * ((size + STATUS_OVERHEAD) * self.port.byte_s + self.port.return_delay_s))
+            return bytes_ * self.port.byte_s + self.port.return_delay_s
+        return count * (self.port.status_s(size) + self.port.return_delay_s)
 
     @property
     def disturbed(self) -> bool:
         """Servos are silent, or an answer was late."""
-        return bool(self._silent or self.counts.late)
+        return bool(self._silent or self.answers.counts.late)
 
     def put_last(self, silent: Collection[int]) -> None:
         """Move silent ids to the end of the order: each one delays, or ends, the answers after it."""
@@ -164,10 +139,11 @@ class Cyclic:
         stale = self._discard()
         sent = self.port.send(wire)
         # What the instruction does not depend on follows it, to keep the pause before it short.
-        self.counts.exchanges += 1
-        self.counts.late += stale
-        late = self.counts.late
-        self.received_before = self.received
+        counts = self.answers.counts
+        counts.exchanges += 1
+        counts.late += stale
+        late = counts.late
+        self.received_before = self.answers.received
         # After an exchange without a byte a further wait would only cost the time of the next ones.
         slack_s = self.slack.seconds if self.received_before else 0.0
         on_wire_s = self._answers_s(block.size, fast)
@@ -185,7 +161,7 @@ class Cyclic:
             if each is not None:
                 each(device, reading)
 
-        take_answers = self._answers.fast if fast else self._answers.plain
+        take_answers = self.answers.fast if fast else self.answers.plain
         take_answers(self.ids, block, sent + on_wire_s + self.port.latency_s, slack_s, answered)
         self.returned = frozenset(returned)
         if returned:
@@ -195,7 +171,7 @@ class Cyclic:
         if complete:
             self.slack.record(time.monotonic() - sent - on_wire_s)
         as_expected = complete or (found and self._silent.issuperset(set(self.ids) - found.keys()))
-        orderly = as_expected and not stale and late == self.counts.late
+        orderly = as_expected and not stale and late == counts.late
         self._orderly = self._orderly + 1 if orderly else 0
         return found
 
@@ -220,12 +196,12 @@ class Cyclic:
         block = self._block(full)
         port = self.port
         wire = sync_read(block.address, block.size, devices)
-        answers_s = len(devices) * ((block.size + STATUS_OVERHEAD) * port.byte_s + port.return_delay_s)
+        answers_s = len(devices) * (port.status_s(block.size) + port.return_delay_s)
         if time.monotonic() + len(wire) * port.byte_s + answers_s > until:
             return
         port.flush()
         deadline = min(port.send(wire) + answers_s + port.latency_s, until)
-        self._answers.plain(devices, block, deadline, until - deadline, each)
+        self.answers.plain(devices, block, deadline, until - deadline, each)
 
 
 @cache

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal, Self
+from typing import Final, Literal
 
 #: A scheduler tick of a kernel at 250 Hz: a process may get its bytes this much later.
 SLACK_MIN_S: Final = 4.2e-3
@@ -17,19 +17,14 @@ class Slack:
     """The slack of one bus, fixed or from the lateness of the answers so far.
 
     Args:
-        fixed_s: the robot file's ``slack_ms`` [s], None for ``auto``.
+        slack_ms: of the robot file.
     """
 
-    def __init__(self, fixed_s: float | None) -> None:
-        self._fixed_s = fixed_s
+    def __init__(self, slack_ms: float | Literal["auto"]) -> None:
+        self._slack_ms = slack_ms
         self._count = 0
         #: The two largest latenesses of this window, and the second largest of the window before [s].
         self._largest = self._second = self._before = 0.0
-
-    @classmethod
-    def of(cls, slack_ms: float | Literal["auto"]) -> Self:
-        """The slack of a robot file."""
-        return cls(None if slack_ms == "auto" else slack_ms / 1e3)
 
     def record(self, late_s: float) -> None:
         """Count an exchange whose last answer came ``late_s`` after its time on the wire."""
@@ -48,6 +43,6 @@ class Slack:
     @property
     def seconds(self) -> float:
         """Time to wait beyond the time-out [s]."""
-        if self._fixed_s is not None:
-            return self._fixed_s
+        if self._slack_ms != "auto":
+            return self._slack_ms / 1e3
         return min(max(MARGIN * self.percentile_s, SLACK_MIN_S), SLACK_MAX_S)
