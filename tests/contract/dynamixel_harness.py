@@ -49,11 +49,17 @@ class DynamixelRig(RealTimeRig):
         self.emulator.set("replug")
 
     def break_device(self, axis: str) -> None:
-        self._servo(axis).cause = OVERLOAD
+        servo, reboot = self._servo(axis), self._servo(axis).reboot
+
+        def reboot_in_vain() -> None:
+            reboot()
+            servo.fail(OVERLOAD)
+
+        servo.reboot = reboot_in_vain  # type: ignore[method-assign]
         self.emulator.set("overload", self._ids[axis])
 
     def repair_device(self, axis: str) -> None:
-        self._servo(axis).cause = 0
+        del self._servo(axis).reboot  # that of the class again
 
     def _servo(self, axis: str) -> Servo:
         return self.emulator.servo(self._ids[axis])

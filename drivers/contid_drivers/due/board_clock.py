@@ -32,11 +32,6 @@ class BoardClock:
         self._at_s = 0.0
         self.sampled_s = -math.inf
 
-    @property
-    def error_s(self) -> float:
-        """Greatest error of the mapping; infinite before the first answer."""
-        return (self._high_s - self._low_s) / 2.0
-
     def update(self, uptime_ms: int, age_us: int, asked_s: float, received_s: float) -> None:
         """Use an answer.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from typing import Final
+from typing import Final, Self
 
 PROTOCOL_VERSION: Final = 3
 CHANNELS: Final = 6
@@ -59,45 +59,30 @@ class BoardState(enum.IntEnum):
 
 
 class Reason(enum.IntEnum):
-    """Fault that put a channel into its safe state."""
+    """Fault that put a channel into its safe state, with its text."""
+
+    message: str
+
+    def __new__(cls, number: int, message: str = "") -> Self:
+        """A member with its number and text."""
+        reason = int.__new__(cls, number)
+        reason._value_, reason.message = number, message
+        return reason
 
     NONE = 0
-    WATCHDOG = 1
-    STALLED = 2
-    ENCODER_SILENT = 3
-    ENCODER_REVERSED = 4
-    FOLLOWING = 5
-    HOME_FAILED = 6
-    SENSOR_WIRE = 7
-    LEAK = 8
-    OVER_PRESSURE = 9
-    BRIDGE = 10
-    ABOVE_SET_POINT = 11
-    NOT_VENTING = 12
-    ENCODER_EDGES = 13
-
-    @property
-    def message(self) -> str:
-        """The fault as text."""
-        return _REASON_TEXT[self]
-
-
-_REASON_TEXT: Final = {
-    Reason.NONE: "",
-    Reason.WATCHDOG: "watchdog: no valid demand in time",
-    Reason.STALLED: "stalled: driven, but the shaft does not turn",
-    Reason.ENCODER_SILENT: "encoder silent: driven without stall current, but no counts",
-    Reason.ENCODER_REVERSED: "runs away from its set-point: encoder or motor reversed",
-    Reason.FOLLOWING: "following error too large",
-    Reason.HOME_FAILED: "homing did not find the end stop",
-    Reason.SENSOR_WIRE: "pressure signal out of range: broken wire",
-    Reason.LEAK: "pressure stays below its set-point: leak, no supply or no signal",
-    Reason.OVER_PRESSURE: "pressure above the ceiling",
-    Reason.ABOVE_SET_POINT: "pressure stays above its set-point: exhaust blocked, or the read-back is wrong",
-    Reason.NOT_VENTING: "pressure does not fall at rest: exhaust blocked, or the read-back is wrong",
-    Reason.ENCODER_EDGES: "encoder edges missed: noise, a loose wire, or too fast; the position is lost",
-    Reason.BRIDGE: "the H-bridge reports a fault (heat, current or supply)",
-}
+    WATCHDOG = 1, "watchdog: no valid demand in time"
+    STALLED = 2, "stalled: driven, but the shaft does not turn"
+    ENCODER_SILENT = 3, "encoder silent: driven without stall current, but no counts"
+    ENCODER_REVERSED = 4, "runs away from its set-point: encoder or motor reversed"
+    FOLLOWING = 5, "following error too large"
+    HOME_FAILED = 6, "homing did not find the end stop"
+    SENSOR_WIRE = 7, "pressure signal out of range: broken wire"
+    LEAK = 8, "pressure stays below its set-point: leak, no supply or no signal"
+    OVER_PRESSURE = 9, "pressure above the ceiling"
+    BRIDGE = 10, "the H-bridge reports a fault (heat, current or supply)"
+    ABOVE_SET_POINT = 11, "pressure stays above its set-point: exhaust blocked, or the read-back is wrong"
+    NOT_VENTING = 12, "pressure does not fall at rest: exhaust blocked, or the read-back is wrong"
+    ENCODER_EDGES = 13, "encoder edges missed: noise, a loose wire, or too fast; the position is lost"
 
 
 class Refusal(enum.IntEnum):

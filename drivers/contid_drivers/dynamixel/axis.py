@@ -31,7 +31,7 @@ class Axis:
         travel: device range of the robot file [rad].
         operating_mode: value of register 11.
         device: id on the bus.
-        current_a: unit of its current registers [A], None without them.
+        model: its model in the robot file.
         firmware, return_delay_s: read at `open`.
         enabled: commands are sent.
         armed: Bus Watchdog written to it (counts of 20 ms), 0 while not armed.
@@ -55,7 +55,7 @@ class Axis:
     travel: tuple[float, float] | None
     operating_mode: int
     device: int
-    current_a: float | None
+    model: ServoModel
     firmware: int = 0
     return_delay_s: float = 0.0
     enabled: bool = False
@@ -85,8 +85,8 @@ class Axis:
         """From the robot file."""
         options = axis.options
         assert isinstance(options, DynamixelAxisOptions)
-        mode = options.mode or bus.mode
-        if mode == "current_based_position" and BY_NAME[options.model].ma_per_unit is None:
+        mode, model = options.mode or bus.mode, BY_NAME[options.model]
+        if mode == "current_based_position" and model.ma_per_unit is None:
             what = f"mode {mode} needs current registers, which {options.model} has not"
             raise DeviceError(axis.name, what, "write mode: extended_position at the axis")
         limit_deg = options.following_error_deg
@@ -94,22 +94,16 @@ class Axis:
             # In the current-based mode pushing against something is the purpose.
             limit_deg = math.inf if mode == "current_based_position" else FOLLOWING_ERROR_DEG
         following = FollowingError(math.radians(limit_deg), options.following_error_ms / 1e3)
-        unit_ma = BY_NAME[options.model].ma_per_unit
         return cls(
             axis.name,
             options,
             axis.travel,
             reg.MODE_NUMBERS[mode],
             options.id,
-            None if unit_ma is None else unit_ma / 1e3,
+            model,
             following=following,
             tendon=_tendon_of(options),
         )
-
-    @property
-    def model(self) -> ServoModel:
-        """Its model in the robot file."""
-        return BY_NAME[self.options.model]
 
     def to_rad(self, ticks: int) -> float:
         """Angle [rad] of a position the servo reports."""
@@ -166,8 +160,8 @@ class Axis:
             self.seen = value
         self.time_s = time_s
         self.velocity = reading.velocity * reg.RAD_S_PER_UNIT
-        unit = self.current_a
-        self.effort = None if unit is None else reading.current * unit
+        unit_ma = self.model.ma_per_unit
+        self.effort = None if unit_ma is None else reading.current * unit_ma / 1e3
         if reading.voltage is not None:
             self.voltage_v = reading.voltage / 10.0
         if reading.temperature is not None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import difflib
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 from contid.errors import DeviceError
@@ -24,10 +25,10 @@ BLINK_S: Final = 0.25
 REFUSED: Final[dict[str, str]] = {
     reg.ID.name: "use `contid servo set-id`, which refuses two servos of one id",
     reg.BAUD.name: "use `contid servo set-baud`",
-    reg.GOAL_PWM.name: "a goal moves the servo without limits: use `contid run` and `contid move`",
-    reg.GOAL_CURRENT.name: "a goal moves the servo without limits: use `contid run` and `contid move`",
-    reg.GOAL_VELOCITY.name: "a goal moves the servo without limits: use `contid run` and `contid move`",
-    reg.GOAL_POSITION.name: "a goal moves the servo without limits: use `contid run` and `contid move`",
+    **dict.fromkeys(
+        (goal.name for goal in (reg.GOAL_PWM, reg.GOAL_CURRENT, reg.GOAL_VELOCITY, reg.GOAL_POSITION)),
+        "a goal moves the servo without limits: use `contid run` and `contid move`",
+    ),
 }
 
 
@@ -59,10 +60,7 @@ def read(path: str, baud: int, device: int, names: Sequence[str]) -> list[Regist
         chosen = [_named(bus, device, table, name) for name in names]
         if not names:
             chosen = [each for each in table.values() if not each.name.startswith("indirect")]
-        return [
-            RegisterValue(each.name, each.address, bus.read(device, each), _unit(bus, device, each))
-            for each in chosen
-        ]
+        return [RegisterValue(each.name, each.address, bus.read(device, each), each.unit) for each in chosen]
 
 
 def write(path: str, baud: int, device: int, name: str, value: int) -> int:
@@ -105,13 +103,14 @@ def reset(path: str, baud: int, device: int) -> None:
 
 
 def _table(bus: SdkBus, device: int) -> dict[str, Register]:
-    """Registers of the servo's own model, by name."""
+    """Registers of the servo's own model, with the units of its currents, by name."""
     number, firmware = bus.read(device, reg.MODEL_NUMBER), bus.read(device, reg.FIRMWARE)
     model = BY_NUMBER.get(number)
     if model is None:
         raise DeviceError(bus.name(device), f"{model_name(number)}: its registers are not known to contid")
     table = reg.table_of(model.indirect_data(firmware), model.current_limit, model.gains)
-    return {each.name: each for each in table}
+    unit = "0.1 %" if model.ma_per_unit is None else f"{model.ma_per_unit:g} mA"
+    return {each.name: replace(each, unit=unit) if each.unit == "mA" else each for each in table}
 
 
 def _named(bus: SdkBus, device: int, table: dict[str, Register], name: str) -> Register:
@@ -123,11 +122,3 @@ def _named(bus: SdkBus, device: int, table: dict[str, Register], name: str) -> R
     near = difflib.get_close_matches(plain, table, 3)
     remedy = f"did you mean {', '.join(near)}?" if near else "`contid servo read` lists them"
     raise DeviceError(bus.name(device), f"no register {name!r}", remedy)
-
-
-def _unit(bus: SdkBus, device: int, register: Register) -> str:
-    """Unit of one count, by the model."""
-    if register.unit != "mA":
-        return register.unit
-    unit = BY_NUMBER[bus.read(device, reg.MODEL_NUMBER)].ma_per_unit
-    return "0.1 %" if unit is None else f"{unit:g} mA"

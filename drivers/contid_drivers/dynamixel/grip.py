@@ -31,8 +31,8 @@ def limit_ma(axis: Axis) -> float:
 
 def read_own_limit(client: ServoClient, axis: Axis) -> None:
     """Read the Current Limit that the servo has; a Goal Current above it is refused."""
-    if axis.operating_mode == CURRENT_BASED and axis.current_a is not None:
-        axis.own_limit_ma = 1e3 * axis.current_a * client.read(axis.device, reg.CURRENT_LIMIT)
+    if axis.operating_mode == CURRENT_BASED and axis.model.ma_per_unit is not None:
+        axis.own_limit_ma = axis.model.ma_per_unit * client.read(axis.device, reg.CURRENT_LIMIT)
 
 
 def goal_current(axis: Axis) -> int:

@@ -121,6 +121,19 @@ INDIRECT_DATA: Final = 208
 INDIRECT_LOW: Final = 64
 INDIRECT_HIGH: Final = 227
 
+
+def _indirect(data: int, count: int, high: int) -> list[Register]:
+    """Indirect addresses, from `INDIRECT_LOW` to ``high``, and the data from address ``data`` on."""
+    addresses = range(INDIRECT_ADDRESS, INDIRECT_ADDRESS + 2 * count, 2)
+    return [
+        *(
+            _rw(f"indirect address {i + 1}", at, 2, data + i, INDIRECT_LOW, high)
+            for i, at in enumerate(addresses)
+        ),
+        *(_rw(f"indirect data {i + 1}", data + i, 1, 0, 0, 255) for i in range(count)),
+    ]
+
+
 #: Registers of an XL330 with firmware up to 52; `table_of` gives those of the others.
 TABLE: Final[tuple[Register, ...]] = (
     MODEL_NUMBER,
@@ -153,9 +166,7 @@ TABLE: Final[tuple[Register, ...]] = (
     _ro("position trajectory", 140, 4, 0, "tick", signed=True),
     PRESENT_VOLTAGE, PRESENT_TEMPERATURE,
     _ro("backup ready", 147, 1, 1),
-    *(_rw(f"indirect address {i + 1}", INDIRECT_ADDRESS + 2 * i, 2, INDIRECT_DATA + i, INDIRECT_LOW,
-          INDIRECT_HIGH) for i in range(INDIRECT_COUNT)),
-    *(_rw(f"indirect data {i + 1}", INDIRECT_DATA + i, 1, 0, 0, 255) for i in range(INDIRECT_COUNT)),
+    *_indirect(INDIRECT_DATA, INDIRECT_COUNT, INDIRECT_HIGH),
 )  # fmt: skip
 
 
@@ -167,28 +178,18 @@ def table_of(indirect_data: int, current_limit: int, gains: Sequence[int]) -> tu
         current_limit: its greatest Current Limit [units]; 0 without current registers.
         gains: defaults of `GAINS`.
     """
-    defaults = dict(zip(GAINS, gains, strict=True))
-    head = [
-        replace(register, default=defaults[register]) if register in defaults else register
-        for register in TABLE
-        if register.address < INDIRECT_ADDRESS
-    ]
-    if current_limit:
-        resized = {CURRENT_LIMIT: (0, current_limit), GOAL_CURRENT: (-current_limit, current_limit)}
-        head = [
-            replace(register, default=current_limit, low=resized[register][0], high=current_limit)
-            if register in resized else register
-            for register in head
-        ]  # fmt: skip
-    else:
-        head = [register for register in head if register not in (CURRENT_LIMIT, GOAL_CURRENT)]
+    defaults, limits = dict(zip(GAINS, gains, strict=True)), {CURRENT_LIMIT: 0, GOAL_CURRENT: -current_limit}
+    table = []
+    for register in TABLE:
+        if register in defaults:
+            table.append(replace(register, default=defaults[register]))
+        elif register in limits and current_limit:
+            low = limits[register]
+            table.append(replace(register, default=current_limit, low=low, high=current_limit))
+        elif register not in limits and register.address < INDIRECT_ADDRESS:
+            table.append(register)
     count, high = (INDIRECT_COUNT, INDIRECT_HIGH) if indirect_data == INDIRECT_DATA else (28, 661)
-    return (
-        *head,
-        *(_rw(f"indirect address {i + 1}", INDIRECT_ADDRESS + 2 * i, 2, indirect_data + i, INDIRECT_LOW, high)
-          for i in range(count)),
-        *(_rw(f"indirect data {i + 1}", indirect_data + i, 1, 0, 0, 255) for i in range(count)),
-    )  # fmt: skip
+    return (*table, *_indirect(indirect_data, count, high))
 
 
 BAUD_CODES: Final[dict[int, int]] = {

@@ -36,7 +36,7 @@ struct Port {
     sent += size;
   }
   // Drop the answer that the port has not taken within the time-out.
-  void give_up_in_time(Board& board) {
+  void drop_overdue(Board& board) {
     if (left == 0 || board.uptime_ms() - since_ms < WRITE_TIMEOUT_MS) return;
     left = 0;
     torn = sent > 0;

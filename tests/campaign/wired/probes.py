@@ -48,7 +48,8 @@ class ServoProbe:
     def _saw(self, register: reg.Register, was: bool) -> None:
         servo = self.servo
         # What a host can see: a frozen encoder hides where the shaft is.
-        position = servo.seen_ticks
+        frozen = servo.frozen
+        position = servo.position_ticks if frozen is None else frozen - servo.count_offset()
         if register is reg.TORQUE_ENABLE:
             if servo.torque and not was:
                 off = abs(servo.motion.goal - position)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -32,9 +33,16 @@ EGG_MA = 250.0
 
 def put_egg(emulator: DynamixelEmulator, device: int, ahead_ticks: float = 300.0) -> Any:
     """An egg ahead of a servo; returns its motion."""
-    motion = emulator.servo(device).motion
+    motion: Any = emulator.servo(device).motion
     motion.stops = (motion.stops[0], motion.position + ahead_ticks)
-    motion.crush_ma = EGG_MA
+    motion.crushed, step = False, motion.step
+
+    def press(dt: float) -> None:
+        step(dt)
+        if abs(motion.current) > EGG_MA:
+            motion.crushed, motion.stops = True, (-math.inf, math.inf)
+
+    motion.step = press
     return motion
 
 

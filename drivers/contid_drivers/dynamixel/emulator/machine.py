@@ -6,7 +6,6 @@ It has no clock: `advance` moves it to a given time, virtual in tests, real on t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 from contid_drivers.dynamixel import registers as reg
@@ -20,14 +19,6 @@ LOAD_FULL_MA: Final = 1400
 STEP_S: Final = 0.002
 #: Modes in which the emulated motor moves; in the others it stands still.
 _POSITION_MODES: Final = (3, 4, 5)
-
-
-@dataclass(slots=True)
-class Registered:
-    """A REG WRITE awaiting its ACTION."""
-
-    address: int
-    data: bytes
 
 
 class ServoMachine(ControlTable):
@@ -52,7 +43,8 @@ class ServoMachine(ControlTable):
         self.fed_at = 0.0
         self.stopped_at = 0.0
         self.tripped_goal: float | None = None
-        self.registered: Registered | None = None
+        #: Address and data of a REG WRITE that awaits its ACTION.
+        self.registered: tuple[int, bytes] | None = None
         #: Whole turns the servo forgot when it lost power.
         self.forgotten_ticks = 0
         self.supply_decivolt = round(self.model.supply_v * 10)
@@ -60,8 +52,6 @@ class ServoMachine(ControlTable):
         self.frozen: int | None = None
         #: A hand turns the shaft: its speed [ticks/s], and until when.
         self.hand_ticks_s, self.hand_until = 0.0, 0.0
-        #: Hardware error that returns after every reboot until it is set to 0.
-        self.cause = 0
         code = next(code for code, rate in reg.BAUD_CODES.items() if rate == baud)
         for register, value in ((reg.ID, device), (reg.BAUD, code), (reg.FIRMWARE, firmware)):
             self.put(register, value)
@@ -72,11 +62,6 @@ class ServoMachine(ControlTable):
     def position_ticks(self) -> float:
         """True position of the shaft, over all turns."""
         return self.motion.position
-
-    @property
-    def seen_ticks(self) -> float:
-        """Position of the shaft, over all turns, as its encoder has it: a frozen one stays behind."""
-        return self.motion.position if self.frozen is None else self.frozen - self.count_offset()
 
     @property
     def answers(self) -> bool:
@@ -92,8 +77,6 @@ class ServoMachine(ControlTable):
         """REBOOT, or a brown-out: RAM and turn count are lost, torque is off, no answers during the start."""
         self.booted_at = self.now + BOOT_S
         self._power_up()
-        if self.cause:
-            self.fail(self.cause)
 
     def _power_up(self) -> None:
         for register in self.table:

@@ -34,9 +34,6 @@ class ShaftMotion:
         self._acceleration = ACCELERATION_MAX
         self._current_limit = 1750.0
         self._pushed_s = 0.0
-        #: A stop is an object that breaks when it is pushed with more than this current [mA].
-        self.crush_ma = math.inf
-        self.crushed = False
         #: Current with which a tendon turns the shaft back, signed like its rotation [mA]; None for no load.
         self.load: Callable[[], float] | None = None
 
@@ -92,8 +89,6 @@ class ShaftMotion:
         if moved != free:
             self.velocity = 0.0
             self.current = self.pushing(self.goal - free)
-            if abs(self.current) > self.crush_ma:
-                self.crushed, self.stops = True, (-math.inf, math.inf)
             self._pushed_s = self._pushed_s + dt if abs(self.current) > OVERLOAD_MA else 0.0
         else:
             self._pushed_s = 0.0

@@ -7,9 +7,9 @@ AND of their levels arrives.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator.servo import Servo
@@ -26,6 +26,8 @@ from contid_drivers.dynamixel.packets import (
 #: Wait of the next servo of a sync read for a silent one (assumed; not in the manual).
 SLOT_S: Final = 100e-6
 _FAST: Final = (Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ)
+_GROUP_READS: Final = (Instruction.SYNC_READ, Instruction.BULK_READ, *_FAST)
+_GROUP_WRITES: Final = (Instruction.SYNC_WRITE, Instruction.BULK_WRITE)
 _READS: Final = (Instruction.PING, Instruction.READ)
 
 
@@ -42,6 +44,15 @@ class StatusReply:
     ends: tuple[int, ...] = ()
 
 
+class Block(NamedTuple):
+    """Registers of one servo that a sync or bulk packet reads or writes."""
+
+    device: int
+    start: int
+    size: int
+    data: bytes = b""
+
+
 def answers(packet: Packet, servos: Sequence[Servo], byte_s: float) -> list[StatusReply]:
     """Let servos execute an instruction and return their answers.
 
@@ -51,20 +62,13 @@ def answers(packet: Packet, servos: Sequence[Servo], byte_s: float) -> list[Stat
         byte_s: time of one byte on the wire.
     """
     instruction = packet.instruction
-    if instruction in (Instruction.SYNC_READ, Instruction.FAST_SYNC_READ):
-        start, size = _word(packet.parameters, 0), _word(packet.parameters, 2)
-        return _reads(
-            instruction, [(device, start, size) for device in packet.parameters[4:]], servos, byte_s
-        )
-    if instruction in (Instruction.BULK_READ, Instruction.FAST_BULK_READ):
-        p = packet.parameters
-        blocks = [(p[i], _word(p, i + 1), _word(p, i + 3)) for i in range(0, len(p) - 4, 5)]
-        return _reads(instruction, blocks, servos, byte_s)
-    if instruction == Instruction.SYNC_WRITE:
-        _sync_write(packet.parameters, servos)
-        return []
-    if instruction == Instruction.BULK_WRITE:
-        _bulk_write(packet.parameters, servos)
+    if instruction in _GROUP_READS:
+        return _reads(instruction, _blocks(packet), servos, byte_s)
+    if instruction in _GROUP_WRITES:
+        for block in _blocks(packet):
+            for servo in servos:
+                if servo.device == block.device:
+                    servo.write(block.start, block.data)
         return []
     at_s = 0.0
     found: list[StatusReply] = []
@@ -86,18 +90,32 @@ def answers(packet: Packet, servos: Sequence[Servo], byte_s: float) -> list[Stat
     return found
 
 
-def addresses(packet: Packet, device: int) -> bool:
-    """Whether an instruction is for a servo: its id, named in a sync or bulk packet, or a plain broadcast."""
-    p, instruction = packet.parameters, packet.instruction
+def addressed(packet: Packet) -> Container[int]:
+    """Ids that an instruction is for: its own, those named in a sync or bulk packet, or all."""
     if packet.device != BROADCAST:
-        return packet.device == device
-    if instruction in (Instruction.SYNC_READ, Instruction.FAST_SYNC_READ):
-        return device in p[4:]
-    if instruction == Instruction.SYNC_WRITE:
-        return device in p[4 :: _word(p, 2) + 1]
-    if instruction in (Instruction.BULK_READ, Instruction.FAST_BULK_READ):
-        return device in p[::5]
-    return True
+        return (packet.device,)
+    if packet.instruction in _GROUP_READS or packet.instruction in _GROUP_WRITES:
+        return {block.device for block in _blocks(packet)}
+    return range(BROADCAST)
+
+
+def _blocks(packet: Packet) -> list[Block]:
+    """What a sync or bulk packet reads or writes."""
+    p, first = packet.parameters, _word(packet.parameters, 0)
+    if packet.instruction in (Instruction.SYNC_READ, Instruction.FAST_SYNC_READ):
+        return [Block(device, first, _word(p, 2)) for device in p[4:]]
+    if packet.instruction in (Instruction.BULK_READ, Instruction.FAST_BULK_READ):
+        return [Block(p[i], _word(p, i + 1), _word(p, i + 3)) for i in range(0, len(p) - 4, 5)]
+    if packet.instruction == Instruction.SYNC_WRITE:
+        size = _word(p, 2)
+        starts = range(4, len(p) - size, size + 1)
+        return [Block(p[i], first, size, p[i + 1 : i + 1 + size]) for i in starts]
+    blocks, at = [], 0
+    while at + 5 <= len(p):
+        size = _word(p, at + 3)
+        blocks.append(Block(p[at], _word(p, at + 1), size, p[at + 5 : at + 5 + size]))
+        at += 5 + size
+    return blocks
 
 
 def _act(packet: Packet, servo: Servo) -> tuple[int, bytes]:
@@ -126,7 +144,7 @@ def _act(packet: Packet, servo: Servo) -> tuple[int, bytes]:
 
 
 def _reads(
-    instruction: int, blocks: list[tuple[int, int, int]], servos: Sequence[Servo], byte_s: float
+    instruction: int, blocks: list[Block], servos: Sequence[Servo], byte_s: float
 ) -> list[StatusReply]:
     by_id: dict[int, list[Servo]] = {}
     for servo in servos:
@@ -135,7 +153,7 @@ def _reads(
         return _fast(blocks, by_id, byte_s)
     at_s = 0.0
     found: list[StatusReply] = []
-    for device, start, size in blocks:
+    for device, start, size, _ in blocks:
         talking = [s for s in by_id.get(device, ()) if s.get(reg.STATUS_RETURN_LEVEL) > 0]
         if not talking:
             at_s += SLOT_S
@@ -149,15 +167,13 @@ def _reads(
     return found
 
 
-def _fast(
-    blocks: list[tuple[int, int, int]], by_id: dict[int, list[Servo]], byte_s: float
-) -> list[StatusReply]:
+def _fast(blocks: list[Block], by_id: dict[int, list[Servo]], byte_s: float) -> list[StatusReply]:
     """One packet; a missing servo ends it, because the next one waits for its bytes."""
-    length = 3 + sum(size + 4 for _, _, size in blocks) - 2
+    length = 3 + sum(block.size + 4 for block in blocks) - 2
     wire = bytearray(HEADER + bytes((BROADCAST, length & 0xFF, length >> 8, Instruction.STATUS)))
     at_s = 0.0
     ends: list[int] = []
-    for i, (device, start, size) in enumerate(blocks):
+    for i, (device, start, size, _) in enumerate(blocks):
         servo = next(iter(by_id.get(device, ())), None)
         if servo is None or servo.get(reg.FIRMWARE) < reg.FAST_READ_FIRMWARE:
             if i == 0:
@@ -169,24 +185,6 @@ def _fast(
         wire += crc16(wire).to_bytes(2, "little")
         ends.append(len(wire))
     return [StatusReply(BROADCAST, bytes(wire), at_s + len(wire) * byte_s, tuple(ends))] if blocks else []
-
-
-def _sync_write(p: bytes, servos: Sequence[Servo]) -> None:
-    start, size = _word(p, 0), _word(p, 2)
-    for i in range(4, len(p) - size, size + 1):
-        for servo in servos:
-            if servo.device == p[i]:
-                servo.write(start, p[i + 1 : i + 1 + size])
-
-
-def _bulk_write(p: bytes, servos: Sequence[Servo]) -> None:
-    i = 0
-    while i + 5 <= len(p):
-        device, start, size = p[i], _word(p, i + 1), _word(p, i + 3)
-        for servo in servos:
-            if servo.device == device:
-                servo.write(start, p[i + 5 : i + 5 + size])
-        i += 5 + size
 
 
 def _word(data: bytes, at: int) -> int:

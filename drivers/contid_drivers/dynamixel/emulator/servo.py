@@ -11,13 +11,17 @@ from __future__ import annotations
 from typing import Final
 
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator.machine import Registered, ServoMachine
+from contid_drivers.dynamixel.emulator.machine import ServoMachine
 from contid_drivers.dynamixel.packets import StatusError
 from contid_drivers.dynamixel.registers import Register
 
 _EXTENDED_MODES: Final = (4, 5)
 #: Position mode: entering it, and torque on in it, reduce Present Position to one turn (register 132).
 _ONE_TURN_MODE: Final = 3
+#: Goals, which a tripped Bus Watchdog ignores.
+_GOALS: Final = tuple(
+    goal.address for goal in (reg.GOAL_PWM, reg.GOAL_CURRENT, reg.GOAL_VELOCITY, reg.GOAL_POSITION)
+)
 _CLEAR_MULTI_TURN: Final = b"\x01\x44\x58\x4c\x22"
 
 
@@ -50,7 +54,7 @@ class Servo(ServoMachine):
             return StatusError.ACCESS
         if not register.low <= value <= register.high or (register is reg.BUS_WATCHDOG and value < 0):
             return StatusError.DATA_RANGE
-        if self.tripped and (_is_goal(register) or (register is reg.BUS_WATCHDOG and value != 0)):
+        if self.tripped and (register.address in _GOALS or (register is reg.BUS_WATCHDOG and value != 0)):
             return StatusError.DATA_RANGE
         if register is reg.OPERATING_MODE and value not in self._modes():
             return StatusError.DATA_RANGE
@@ -97,7 +101,7 @@ class Servo(ServoMachine):
 
     def register_write(self, address: int, data: bytes) -> StatusError:
         """REG WRITE."""
-        self.registered = Registered(address, data)
+        self.registered = address, data
         self.put(reg.REGISTERED, 1)
         return StatusError.NONE
 
@@ -105,7 +109,7 @@ class Servo(ServoMachine):
         """ACTION."""
         waiting, self.registered = self.registered, None
         self.put(reg.REGISTERED, 0)
-        return self.write(waiting.address, waiting.data) if waiting else StatusError.INSTRUCTION
+        return self.write(*waiting) if waiting else StatusError.INSTRUCTION
 
     def clear(self, parameters: bytes) -> StatusError:
         """CLEAR: forget the turns; only at rest."""
@@ -129,10 +133,3 @@ class Servo(ServoMachine):
                 self.put(register, register.default)
         self.reboot()
         return StatusError.NONE
-
-
-def _is_goal(register: Register) -> bool:
-    return reg.GOAL_PWM.address <= register.address <= reg.GOAL_POSITION.address and register not in (
-        reg.PROFILE_ACCELERATION,
-        reg.PROFILE_VELOCITY,
-    )

@@ -22,7 +22,7 @@ from contid_drivers.control_file import ControlFile
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator.faults import FaultSwitches, InjectedFault
 from contid_drivers.dynamixel.emulator.pseudo_port import PseudoPort
-from contid_drivers.dynamixel.emulator.replies import addresses, answers
+from contid_drivers.dynamixel.emulator.replies import addressed, answers
 from contid_drivers.dynamixel.emulator.servo import Servo
 from contid_drivers.dynamixel.emulator.tendons import TendonPlant
 from contid_drivers.dynamixel.packets import Instruction, Packet, build, read_parameters, take
@@ -218,11 +218,12 @@ class DynamixelEmulator:
     def _answer(self, packet: Packet, now: float, rate: int, byte_s: float) -> None:
         self.instructions += 1
         receiving = []
+        ids = addressed(packet)
         for servo in self.servos:
             if servo.baud == rate and servo.device not in self.faults.silent:
                 servo.advance(now)
                 if servo.answers:
-                    if addresses(packet, servo.device):
+                    if servo.device in ids:
                         servo.feed(now)
                     receiving.append(servo)
         end = self._line_free

@@ -147,9 +147,12 @@ Output Motor::follow() {
   return law(DUTY_FULL);
 }
 
-// v = v* + kp e, no faster than the velocity limit;  duty = kv v + ka a* + ks (v - v_measured) + ki int (v -
-// v_measured)
-// + friction sign(v).  The inner speed loop keeps a shaft that catches up below the limit.
+// Position and speed law, with the set-point's position, velocity v* and acceleration a*:
+//
+//   v = v* + kp (position error), no faster than the velocity limit
+//   duty = kv v + ka a* + ks (v - v_measured) + ki integral(v - v_measured) + friction sign(v)
+//
+// The inner speed loop keeps a shaft that catches up below the limit.
 Output Motor::law(int32_t max_duty) {
   const int64_t error_q8 = clamp64((set_.position_q16() - static_cast<int64_t>(position_) * 65536) >> 8,
                                    -(static_cast<int64_t>(1) << 30), static_cast<int64_t>(1) << 30);

@@ -37,8 +37,9 @@ class SetPoint {
   int64_t rate_;       // of the reference, per tick
   int32_t velocity_;   // counts times 65536 per tick
   int64_t smooth_;     // its change per tick, averaged, times 32
-  int32_t most_, step_;
-  uint32_t left_;  // ticks of the line still to go
+  int32_t most_;       // velocity limit, as velocity_
+  int32_t step_;       // acceleration limit: greatest change of velocity_ per tick
+  uint32_t left_;      // ticks of the line still to go
   int32_t goal_;
 };
 

@@ -71,7 +71,7 @@ void serve_native(Board& board) {
     send_packet(native.waiting, size);
     native.took(size);
   }
-  native.give_up_in_time(board);
+  native.drop_overdue(board);
   receive_packet();
   while (native.left == 0 && packet_at < packet_size) native.take(packet[packet_at++], board);
 }

@@ -211,7 +211,7 @@ void serve_port() {
     if (size > 0) port.took(Serial.write(port.waiting, size));
     if (size > 0 && port.left == 0) Serial.send_now();
   }
-  port.give_up_in_time(board);
+  port.drop_overdue(board);
   while (port.left == 0 && Serial.available() > 0) port.take(static_cast<uint8_t>(Serial.read()), board);
 }
 
