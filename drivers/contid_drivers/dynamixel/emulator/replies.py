@@ -44,7 +44,7 @@ class StatusReply:
     ends: tuple[int, ...] = ()
 
 
-class Block(NamedTuple):
+class BlockAccess(NamedTuple):
     """Registers of one servo that a sync or bulk packet reads or writes."""
 
     device: int
@@ -99,21 +99,21 @@ def addressed(packet: Packet) -> Container[int]:
     return range(BROADCAST)
 
 
-def _blocks(packet: Packet) -> list[Block]:
+def _blocks(packet: Packet) -> list[BlockAccess]:
     """What a sync or bulk packet reads or writes."""
     p, first = packet.parameters, _word(packet.parameters, 0)
     if packet.instruction in (Instruction.SYNC_READ, Instruction.FAST_SYNC_READ):
-        return [Block(device, first, _word(p, 2)) for device in p[4:]]
+        return [BlockAccess(device, first, _word(p, 2)) for device in p[4:]]
     if packet.instruction in (Instruction.BULK_READ, Instruction.FAST_BULK_READ):
-        return [Block(p[i], _word(p, i + 1), _word(p, i + 3)) for i in range(0, len(p) - 4, 5)]
+        return [BlockAccess(p[i], _word(p, i + 1), _word(p, i + 3)) for i in range(0, len(p) - 4, 5)]
     if packet.instruction == Instruction.SYNC_WRITE:
         size = _word(p, 2)
         starts = range(4, len(p) - size, size + 1)
-        return [Block(p[i], first, size, p[i + 1 : i + 1 + size]) for i in starts]
+        return [BlockAccess(p[i], first, size, p[i + 1 : i + 1 + size]) for i in starts]
     blocks, at = [], 0
     while at + 5 <= len(p):
         size = _word(p, at + 3)
-        blocks.append(Block(p[at], _word(p, at + 1), size, p[at + 5 : at + 5 + size]))
+        blocks.append(BlockAccess(p[at], _word(p, at + 1), size, p[at + 5 : at + 5 + size]))
         at += 5 + size
     return blocks
 
@@ -144,7 +144,7 @@ def _act(packet: Packet, servo: Servo) -> tuple[int, bytes]:
 
 
 def _reads(
-    instruction: int, blocks: list[Block], servos: Sequence[Servo], byte_s: float
+    instruction: int, blocks: list[BlockAccess], servos: Sequence[Servo], byte_s: float
 ) -> list[StatusReply]:
     by_id: dict[int, list[Servo]] = {}
     for servo in servos:
@@ -167,7 +167,7 @@ def _reads(
     return found
 
 
-def _fast(blocks: list[Block], by_id: dict[int, list[Servo]], byte_s: float) -> list[StatusReply]:
+def _fast(blocks: list[BlockAccess], by_id: dict[int, list[Servo]], byte_s: float) -> list[StatusReply]:
     """One packet; a missing servo ends it, because the next one waits for its bytes."""
     length = 3 + sum(block.size + 4 for block in blocks) - 2
     wire = bytearray(HEADER + bytes((BROADCAST, length & 0xFF, length >> 8, Instruction.STATUS)))
