@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from contextlib import closing
 from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Homed, Report
-from contid_drivers.defer_signals import defer_signals
 from contid_drivers.dynamixel import arming, search, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
@@ -43,8 +43,8 @@ def home(
             raise DeviceError(
                 name, f"{axis.name} has no homing", "add `homing: {method: hard_stop, ...}` to the axis"
             )
-    port = ServoPort(name, find_port(name, options.port), options.baud, options.usb_latency_ms / 1e3)
-    try:
+    path = find_port(name, options.port)
+    with closing(ServoPort(name, path, options.baud, options.usb_latency_ms / 1e3)) as port:
         client = ServoClient(name, port, {axis.device: axis.name for axis in states})
         handshake(client, states, options)
         for axis in states:
@@ -55,16 +55,12 @@ def home(
             found = [_home_one(client, axis, options, report) for axis in chosen if axis not in tendons]
             if tendons:
                 found += tension(client, tendons, options, report)
-                with defer_signals():
-                    arming.torque_off(client, tendons)
+                search.relax(client, tendons)
             return found
         except BaseException:
             # An interrupt may arrive between the end of a search and its torque off.
-            with defer_signals():
-                arming.torque_off(client, [a for a in chosen if not isinstance(a.options.homing, SingleTurn)])
+            search.relax(client, [a for a in chosen if not isinstance(a.options.homing, SingleTurn)])
             raise
-    finally:
-        port.close()
 
 
 def _home_one(client: ServoClient, axis: Axis, options: DynamixelBusOptions, report: Report) -> Homed:
@@ -75,8 +71,7 @@ def _home_one(client: ServoClient, axis: Axis, options: DynamixelBusOptions, rep
     try:
         return _by_stop(client, axis, homing, options, report)
     finally:
-        with defer_signals():
-            arming.torque_off(client, [axis])
+        search.relax(client, [axis])
 
 
 def _by_pose(client: ServoClient, axis: Axis, homing: SingleTurn, report: Report) -> Homed:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Sequence
+
 from contid.errors import DeviceError
+from contid_drivers.defer_signals import defer_signals
 from contid_drivers.dynamixel import arming
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.registers import Register
+
+log = logging.getLogger(__name__)
 
 
 def prepare(client: ServoClient, axis: Axis, speed_deg_s: float, current_ma: float) -> int:
@@ -31,6 +37,15 @@ def prepare(client: ServoClient, axis: Axis, speed_deg_s: float, current_ma: flo
             client.write(device, register, value)
     axis.turns, axis.travel = 0, None
     return client.read(device, reg.PRESENT_POSITION)
+
+
+def relax(client: ServoClient, axes: Sequence[Axis]) -> None:
+    """Switch the torque off, not interrupted by signals; logs the axes that do not confirm it."""
+    with defer_signals():
+        if silent := arming.torque_off(client, axes):
+            log.error(
+                "%s: torque off not confirmed by %s; switch the power off", client.bus, ", ".join(silent)
+            )
 
 
 def observe(client: ServoClient, axis: Axis) -> tuple[int, float]:

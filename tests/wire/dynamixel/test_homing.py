@@ -64,6 +64,22 @@ def test_an_interrupt_leaves_torque_off(rig: Make, monkeypatch: pytest.MonkeyPat
     assert not r.emulator.servo(1).torque
 
 
+def test_a_torque_that_stays_on_is_reported(
+    rig: Make, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    from contid_drivers.dynamixel import homing
+
+    def silenced(*_: object) -> int:
+        r.emulator.set("silent", 1)
+        return 0
+
+    monkeypatch.setattr(homing, "_until_blocked", silenced)
+    r = rig(1, axis={"homing": STOP})
+    with pytest.raises(DeviceError, match="no answer"):
+        home(r)
+    assert "torque off not confirmed by r.a1" in caplog.text
+
+
 def test_homing_is_refused_while_another_program_has_the_bus_open(rig: Make) -> None:
     r = rig(2, axis={"homing": STOP})
     r.bus.open()

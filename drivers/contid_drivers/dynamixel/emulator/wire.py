@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import heapq
 import math
-import os
 import select
 import threading
 import time
@@ -67,7 +66,6 @@ class DynamixelEmulator:
         self._sent = 0
         self._line_free = 0.0
         self._second_host_at = 0.0
-        self._wake_r, self._wake_w = -1, -1
         self.instructions = 0
 
     # -- life ----------------------------------------------------------------------------------------------
@@ -78,7 +76,6 @@ class DynamixelEmulator:
         for servo in self.servos:
             servo.now = servo.booted_at = servo.fed_at = now
         self._plug()
-        self._wake_r, self._wake_w = os.pipe()
         self._stop.clear()
         self._thread = threading.Thread(target=self._serve, name="dynamixel-emulator", daemon=True)
         self._thread.start()
@@ -88,12 +85,9 @@ class DynamixelEmulator:
         if self._thread is None:
             return
         self._stop.set()
-        self._wake()
         self._thread.join()
         self._thread = None
         self._port.unplug()
-        os.close(self._wake_r)
-        os.close(self._wake_w)
 
     def __enter__(self) -> Self:
         self.start()
@@ -118,7 +112,6 @@ class DynamixelEmulator:
         """Set a fault switch by the keys of a control file."""
         with self._lock:
             self._switch({"fault": kind, "id": device, **values})
-        self._wake()
 
     def _switch(self, given: object) -> None:
         fault = InjectedFault.model_validate(given)
@@ -163,10 +156,6 @@ class DynamixelEmulator:
         self._received.clear()
         self._due.clear()
 
-    def _wake(self) -> None:
-        if self._wake_w >= 0:
-            os.write(self._wake_w, b"!")
-
     def _byte_s(self) -> tuple[int, float]:
         rate = self._port.rate()
         return rate, BITS_PER_BYTE / rate if rate and self._paced else 0.0
@@ -175,7 +164,7 @@ class DynamixelEmulator:
         looked = 0.0
         while not self._stop.is_set():
             with self._lock:
-                watched = [self._port.descriptor, self._wake_r] if self._port.plugged else [self._wake_r]
+                watched = [self._port.descriptor] if self._port.plugged else []
                 until = self._due[0][0] if self._due else None
             now = time.monotonic()
             wait = IDLE_S if until is None else max(0.0, until - now - SPIN_S)
@@ -183,8 +172,6 @@ class DynamixelEmulator:
                 wait = min(wait, max(0.0, self._second_host_at - now))
             ready, _, _ = select.select(watched, [], [], min(wait, IDLE_S))
             with self._lock:
-                if self._wake_r in ready:
-                    os.read(self._wake_r, 64)
                 if self._port.plugged and self._port.descriptor in ready:
                     self._receive()
                 if self.faults.second_host_hz and self._port.plugged and now >= self._second_host_at:
@@ -259,11 +246,11 @@ class DynamixelEmulator:
             heapq.heapify(self._due)
             return
         device = self.servos[self.instructions % len(self.servos)].device
-        wire = build(device, Instruction.READ, read_parameters(reg.PRESENT_POSITION.address, 4))
+        parameters = read_parameters(reg.PRESENT_POSITION.address, 4)
+        wire = build(device, Instruction.READ, parameters)
         self._line_free = now + len(wire) * byte_s
         self._schedule(self._line_free, wire, byte_s)
-        if (packet := take(bytearray(wire))) is not None:
-            self._answer(packet, now, rate, byte_s)
+        self._answer(Packet(device, Instruction.READ, 0, parameters, wire), now, rate, byte_s)
 
     def _deliver(self) -> None:
         """Write the answers that are due."""
