@@ -88,17 +88,15 @@ class MeasuredChannel:
             raise ModelFailedError(repr(error)) from error
         return cls(session, robots) if robots else None
 
-    def declaration(self) -> list[tuple[int, bytes]]:
-        """Opcodes and bodies of its schema and its channel."""
+    def declaration(self) -> tuple[Any, Any]:
+        """Its schema and its channel as records of the ``mcap`` package."""
         from mcap import records
 
         text = json.dumps(measured_schema(self._keys)).encode()
-        declared = records.Schema(id=NUMBER, name=f"contid.{MEASURED}", encoding="jsonschema", data=text)
-        channel = records.Channel(NUMBER, MEASURED, "json", {}, NUMBER)
-        return [
-            (mcap.SCHEMA, mcap.encode(declared)[mcap.RECORD.size :]),
-            (mcap.CHANNEL, mcap.encode(channel)[mcap.RECORD.size :]),
-        ]
+        return (
+            records.Schema(id=NUMBER, name=f"contid.{MEASURED}", encoding="jsonschema", data=text),
+            records.Channel(NUMBER, MEASURED, "json", {}, NUMBER),
+        )
 
     def message(self, tick: Mapping[str, bytes]) -> bytes:
         """The body of the message of a tick, from the bodies of its other messages by channel.

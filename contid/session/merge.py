@@ -8,15 +8,18 @@ bound.
 from __future__ import annotations
 
 import heapq
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import BinaryIO, Final
 
 from contid.errors import ContidError
 from contid.session.clock_notes import ClockNotes, clock_notes
 from contid.session.format import mcap_records as mcap
+from contid.session.format.indexed_writer import IndexedWriter
+from contid.session.format.mcap_records import MESSAGE_INSIDE
 from contid.session.output import PRIVATE, exists_error, replacing
 from contid.session.read import Session
 
@@ -107,14 +110,14 @@ def _inputs(paths: Sequence[Path]) -> list[_Input]:
 
 
 def _write(out: BinaryIO, inputs: Sequence[_Input], files: Sequence[BinaryIO]) -> MergeReport:
-    from mcap.writer import CompressionType, Writer
+    from mcap import records
 
-    writer = Writer(out, compression=CompressionType.ZSTD)
-    writer.start(profile="", library=mcap.LIBRARY)
-    writer.add_metadata(MERGED, {"nodes": ",".join(each.name for each in inputs)})
+    writer = IndexedWriter(out)
+    writer.add(records.Header("", mcap.LIBRARY))
+    notes: dict[str, dict[str, str]] = {MERGED: {"nodes": ",".join(each.name for each in inputs)}}
     for each in inputs:
         clock = each.clock
-        fields = {
+        notes[f"{MERGED}/{each.name}"] = {
             "file": each.session.path.name,
             "conductor": clock.conductor,
             "experiments": ",".join(clock.experiments),
@@ -123,16 +126,15 @@ def _write(out: BinaryIO, inputs: Sequence[_Input], files: Sequence[BinaryIO]) -
             "last_offset_s": repr(clock.notes[-1].offset_s),
             "bound_s": repr(clock.bound_s),
         }
-        writer.add_metadata(f"{MERGED}/{each.name}", fields)
-        writer.add_metadata(f"{each.name}/robot_file", each.session.metadata["robot_file"])
+        notes[f"{each.name}/robot_file"] = each.session.metadata["robot_file"]
+    for name, texts in notes.items():
+        writer.add(records.Metadata(name=name, metadata=texts))
     counts = dict.fromkeys((each.name for each in inputs), 0)
     first: dict[str, int] = {}
-    streams = (
-        _messages(writer, number, *pair) for number, pair in enumerate(zip(inputs, files, strict=True))
-    )
-    for time_ns, number, (channel, sequence, original_ns, data) in heapq.merge(*streams, key=lambda m: m[:2]):
-        name = inputs[number].name
-        writer.add_message(channel, time_ns, data, original_ns, sequence)
+    numbers = itertools.count(1)
+    streams = (_messages(writer, numbers, *pair) for pair in zip(inputs, files, strict=True))
+    for time_ns, name, body in heapq.merge(*streams, key=lambda message: message[0]):
+        writer.message(body)
         counts[name] += 1
         first.setdefault(name, time_ns)
     writer.finish()
@@ -145,28 +147,29 @@ def _write(out: BinaryIO, inputs: Sequence[_Input], files: Sequence[BinaryIO]) -
 
 
 def _messages(
-    writer: Any, number: int, each: _Input, file: BinaryIO
-) -> Iterator[tuple[int, int, tuple[int, int, int, bytes]]]:
-    """Messages of a session with their time on the common clock; times do not decrease."""
+    writer: IndexedWriter, numbers: Iterator[int], each: _Input, file: BinaryIO
+) -> Iterator[tuple[int, str, bytes]]:
+    """Time on the common clock, node and body of every message; times do not decrease.
+
+    Schemas and channels get the next of ``numbers``, and are written when they are met.
+    """
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
     newest_ns = 0
     for opcode, body in mcap.RecordStream(file):
         if opcode == mcap.SCHEMA:
-            found = mcap.decode(opcode, body)
-            if found.id not in schemas:
-                schemas[found.id] = writer.register_schema(
-                    f"{each.name}/{found.name}", found.encoding, found.data
-                )
+            schema = mcap.decode(opcode, body)
+            if schema.id not in schemas:
+                schemas[schema.id] = next(numbers)
+                writer.add(replace(schema, id=schemas[schema.id], name=f"{each.name}/{schema.name}"))
         elif opcode == mcap.CHANNEL:
             found = mcap.decode(opcode, body)
             if found.id not in channels:
-                topic = f"/{each.name}/{found.topic}"
-                channels[found.id] = writer.register_channel(
-                    topic, found.message_encoding, schemas.get(found.schema_id, 0), found.metadata
-                )
+                channels[found.id] = next(numbers)
+                topic, schema_id = f"/{each.name}/{found.topic}", schemas.get(found.schema_id, 0)
+                writer.add(replace(found, id=channels[found.id], topic=topic, schema_id=schema_id))
         elif opcode == mcap.MESSAGE:
-            channel, sequence, log_ns, _ = mcap.MESSAGE_INSIDE.unpack_from(body)
+            channel, sequence, log_ns, _ = MESSAGE_INSIDE.unpack_from(body)
             newest_ns = max(newest_ns, each.shifted_ns(log_ns))
-            data = bytes(body[mcap.MESSAGE_INSIDE.size :])
-            yield newest_ns, number, (channels[channel], sequence, log_ns, data)
+            head = MESSAGE_INSIDE.pack(channels[channel], sequence, newest_ns, log_ns)
+            yield newest_ns, each.name, head + body[MESSAGE_INSIDE.size :]

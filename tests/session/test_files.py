@@ -196,7 +196,7 @@ def test_chunks_do_not_overlap_in_time(
     """`mcap info` and Foxglove treat overlaps as messages out of order."""
     from mcap.reader import SeekingReader
 
-    monkeypatch.setattr("contid.session.compact.CHUNK_BYTES", 10_000)
+    monkeypatch.setattr("contid.session.format.indexed_writer.CHUNK_BYTES", 10_000)
     path = compact(recorded, tmp_path / "small.mcap")
     with path.open("rb") as file:
         summary = SeekingReader(file).get_summary()
