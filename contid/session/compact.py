@@ -78,8 +78,8 @@ class _Compactor:
         self._writer, self._measured = writer, measured
         self._max_ticks, self._ticks = max_ticks, 0
         self._topics: dict[int, str] = {}
-        # Messages of a tick until its last one.
-        self._tick: list[bytes] = []
+        #: Topics and messages of a tick until its last one.
+        self._tick: list[tuple[str, bytes]] = []
 
     def copy(self, stream: RecordStream, note: Mapping[str, Mapping[str, str]]) -> None:
         """Copy every whole record and tick, and finish the file."""
@@ -91,7 +91,7 @@ class _Compactor:
             if opcode == mcap.MESSAGE:
                 if self._ticks == self._max_ticks:
                     break
-                self._add_message(number, body)
+                self._add_message(self._topics.get(number, ""), body)
                 continue
             if opcode in _DECLARATIONS:
                 if (opcode, number) in copied:
@@ -104,22 +104,21 @@ class _Compactor:
             self._writer.add(records.Metadata(name=name, metadata=dict(texts)))
         self._writer.finish()
 
-    def _add_message(self, channel: int, body: bytes) -> None:
-        topic = self._topics.get(channel)
+    def _add_message(self, topic: str, body: bytes) -> None:
+        writer, measured = self._writer, self._measured
         if topic == TICK_CHANNELS[0]:
-            self._tick = [body]
+            self._tick = [(topic, body)]
         elif topic == TICK_CHANNELS[-1]:
-            self._tick.append(body)
-            for each in self._tick:
-                self._writer.message(each)
-            if self._measured is not None:
-                for declared in self._measured.declaration() if self._ticks == 0 else ():
-                    self._writer.add(declared)
-                named = {self._topics.get(int.from_bytes(each[:2], "little"), ""): each for each in self._tick}
-                self._writer.message(self._measured.message(named))
+            self._tick.append((topic, body))
+            for _, each in self._tick:
+                writer.message(each)
+            if measured is not None:
+                for declared in measured.declaration() if self._ticks == 0 else ():
+                    writer.add(declared)
+                writer.message(measured.message(dict(self._tick)))
             self._tick = []
             self._ticks += 1
         elif self._tick:
-            self._tick.append(body)
+            self._tick.append((topic, body))
         else:
-            self._writer.message(body)
+            writer.message(body)
