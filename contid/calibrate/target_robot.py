@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import TypeVar
 
 from contid.errors import ContidError
-from contid.robot_file.edit import Change, edited, replace_whole
+from contid.robot_file.edit import Change, edited
 from contid.robot_file.load import load_robot_file, parse_robot_file
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.shipped import load_named
+from contid.whole_file import replacing
 
 _Kind = TypeVar("_Kind", bound=RobotDescription)
 
@@ -52,7 +53,7 @@ def write_back(path: Path, robot: str, changes: Sequence[Change], measured: Sequ
 
     Raises:
         BadInputError: the result would not load; the file is unchanged.
-        EditError: a key's mapping is not in the file.
+        ContidError: a key's mapping is not in the file, or it cannot be written.
     """
     loaded = load_robot_file(path)
     written = [*(change.key for change in changes), *measured]
@@ -64,4 +65,5 @@ def write_back(path: Path, robot: str, changes: Sequence[Change], measured: Sequ
         edits.append(Change(front + "placeholder", rest))
     text = edited(loaded.text, edits)
     parse_robot_file(text, str(path))
-    replace_whole(path, text)
+    with replacing(path) as file:
+        file.write(text.encode())

@@ -7,11 +7,18 @@ from __future__ import annotations
 
 import enum
 import math
-from typing import Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from contid.targets import Vec3
 from contid.units import BAR, DEG, MM_PER_M
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+_Values = TypeVar("_Values", float, "NDArray[np.float64]")
 
 
 class Strict(BaseModel):
@@ -48,6 +55,16 @@ def _not_negative(pair: tuple[float, float]) -> tuple[float, float]:
 LengthInterval: TypeAlias = Annotated[Interval, AfterValidator(_not_negative)]
 
 
+def _points_somewhere(vector: Vec3) -> Vec3:
+    if not 1e-6 < math.hypot(*vector) < math.inf:
+        raise ValueError("direction must not be the zero vector, nor infinitely long")
+    return vector
+
+
+#: A vector of any length; only where it points matters.
+Direction: TypeAlias = Annotated[Vec3, AfterValidator(_points_somewhere)]
+
+
 class Quantity(enum.StrEnum):
     """Quantity of an axis: length [m], pressure [Pa], or the angle of an extra axis [rad]."""
 
@@ -58,15 +75,18 @@ class Quantity(enum.StrEnum):
     @property
     def per_si(self) -> float:
         """Edge units per SI unit: 1000 mm per m, 1e-5 bar per Pa, 57.3 degrees per rad."""
-        return {Quantity.LENGTH: MM_PER_M, Quantity.PRESSURE: 1.0 / BAR, Quantity.ANGLE: 1.0 / DEG}[self]
+        first, second = self.edge_si
+        return first / second
 
     def to_si(self, value: float) -> float:
         """A number of a file or row, in mm, bar or degrees, as m, Pa or rad."""
-        return value / MM_PER_M if self is Quantity.LENGTH else value * self.edge_si[1]
+        first, second = self.edge_si
+        return value / first * second
 
-    def from_si(self, value: float) -> float:
-        """M, Pa or rad as mm, bar or degrees, correctly rounded."""
-        return value * MM_PER_M if self is Quantity.LENGTH else value / self.edge_si[1]
+    def from_si(self, value: _Values) -> _Values:
+        """M, Pa or rad as mm, bar or degrees, correctly rounded; a number or an array."""
+        first, second = self.edge_si
+        return value / second * first
 
     @property
     def edge_si(self) -> tuple[float, float]:

@@ -100,20 +100,10 @@ def _check_axes(
 
 def _check_passive(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:
     """Refuse keys that only a robot with actuators can use."""
-    for key in (
-        "base",
-        "rates",
-        "stop",
-        "rest_mm",
-        "rest_bar",
-        "extra_mm",
-        "extra_bar",
-        "extra_deg",
-        "feedback",
-    ):
-        if key in robot.model_fields_set:
-            message = f"{key} has no meaning here: {at[-1]!r} has no actuators of its own"
-            yield document.at_key((*at, key), message)
+    common = RobotDescription.model_fields.keys() - {"model", "axes", "placeholder"}
+    for key in sorted(robot.model_fields_set & common):
+        message = f"{key} has no meaning here: {at[-1]!r} has no actuators of its own"
+        yield document.at_key((*at, key), message)
 
 
 def _check_transmission(

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
-from typing import Annotated, TypeAlias
+from typing import Annotated
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from contid.errors import Located
-from contid.robot_file.base import BasePose, NonNegative, Positive, Size, Strict
+from contid.robot_file.base import BasePose, Direction, NonNegative, Positive, Size, Strict
 from contid.robot_file.findings import allowed_names
 from contid.robot_file.positions import Document
 from contid.robot_file.robot import RobotDescription
-
-Point: TypeAlias = tuple[float, float, float]
-
-
-def _points_somewhere(vector: Point) -> Point:
-    if math.hypot(*vector) < 1e-6:
-        raise ValueError("direction must not be the zero vector")
-    return vector
+from contid.targets import Vec3
 
 
 class BodyDescription(Strict):
@@ -45,8 +37,8 @@ class PlaneDescription(Strict):
         normal: direction out of it, of any length.
     """
 
-    point_mm: Point
-    normal: Annotated[Point, AfterValidator(_points_somewhere)]
+    point_mm: Vec3
+    normal: Direction
 
 
 class SphereDescription(Strict):
@@ -57,7 +49,7 @@ class SphereDescription(Strict):
         radius_mm: of the sphere.
     """
 
-    center_mm: Point
+    center_mm: Vec3
     radius_mm: Positive
 
 
@@ -69,8 +61,8 @@ class CapsuleDescription(Strict):
         radius_mm: of the cylinder and of its ends.
     """
 
-    start_mm: Point
-    end_mm: Point
+    start_mm: Vec3
+    end_mm: Vec3
     radius_mm: Positive
 
 
@@ -83,7 +75,7 @@ class BoxDescription(Strict):
         roll_deg, pitch_deg, yaw_deg: its rotation, as of the base of a robot.
     """
 
-    center_mm: Point
+    center_mm: Vec3
     size_mm: tuple[Positive, Positive, Positive]
     roll_deg: float = 0.0
     pitch_deg: float = 0.0

@@ -1,7 +1,8 @@
-"""The whole robot file: buses and robots as validated values; see `load` for positions."""
+"""The whole robot file: buses and robots as validated values; see `loader` for positions."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -36,6 +37,22 @@ class BusDescription(BaseModel):
 
     driver: str
     tolerance_ticks: int = Field(default=3, ge=1, le=1000)
+
+
+@dataclass(frozen=True, slots=True)
+class BusWiring:
+    """One bus ready to be built: its driver, the driver's options, its axes in file order.
+
+    Attributes:
+        axes: ``("ROBOT.AXIS", the driver's options of that axis)``.
+        tolerance_ticks: exchanges in a row an axis may miss before its robot goes to FAULT.
+    """
+
+    name: str
+    driver: str
+    options: BaseModel
+    axes: tuple[tuple[str, BaseModel], ...]
+    tolerance_ticks: int
 
 
 class RobotFile(Strict):

@@ -1,12 +1,10 @@
 """Writing single values into a robot file atomically; comments, order, anchors, quotes and style stay.
 
-The new text is written beside the file, flushed to the disk and renamed over it (ruamel.yaml round trip).
+ruamel.yaml reads and writes the text.
 """
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
@@ -14,12 +12,10 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from contid.errors import ContidError
+from contid.robot_file.positions import read_text
+from contid.whole_file import replacing
 
 Value: TypeAlias = float | int | str | bool | list[float] | list[str] | Mapping[str, Any]
-
-
-class EditError(ContidError):
-    """A key of a robot file cannot be written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +36,11 @@ def set_values(path: Path, changes: Sequence[Change]) -> None:
     A missing last part of a key is added; its mapping must exist.
 
     Raises:
-        EditError: a key's mapping is not in the file, or the file cannot be written.
+        ContidError: a key's mapping is not in the file, or the file cannot be read or written.
     """
-    try:
-        text = edited(path.read_text(encoding="utf-8"), changes)
-        replace_whole(path, text)
-    except OSError as error:
-        raise EditError(f"{path}: cannot be written: {error}") from error
+    text = edited(read_text(path), changes)
+    with replacing(path) as file:
+        file.write(text.encode())
 
 
 def edited(text: str, changes: Sequence[Change]) -> str:
@@ -66,9 +60,9 @@ def edited(text: str, changes: Sequence[Change]) -> str:
                 node = _below(node, parent)
             except (LookupError, ValueError, TypeError):
                 there = ".".join(parents[: i + 1])
-                raise EditError(f"{change.key}: the file has no key {there}") from None
+                raise ContidError(f"{change.key}: the file has no key {there}") from None
         if not isinstance(node, dict):
-            raise EditError(f"{change.key}: {'.'.join(parents)} is not a mapping")
+            raise ContidError(f"{change.key}: {'.'.join(parents)} is not a mapping")
         old = node.get(last)
         if isinstance(change.value, list) and isinstance(old, list):
             _replace(node, last, change.value)
@@ -174,24 +168,3 @@ def _comment(document: Any, node: Any, parents: list[str], last: str, comment: s
         items[place].value = f"# {comment}\n{rest}"
     else:
         node.yaml_add_eol_comment(comment, key, column=0)
-
-
-def replace_whole(path: Path, text: str) -> None:
-    """Replace a file atomically, or make it."""
-    path = path.resolve()
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).chmod(path.stat().st_mode & 0o777 if path.exists() else 0o644)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)

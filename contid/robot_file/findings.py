@@ -6,7 +6,6 @@ import difflib
 import functools
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
 from pydantic import BaseModel, ValidationError
@@ -45,13 +44,13 @@ def explain(
         kind: the class that refused it; its schema gives the allowed values.
         also: further keys allowed at the top of the data.
     """
-    explainer = _Explainer(document, at, _schema(kind), tuple(also))
+    schema = _schema(kind)
     # A union reports the same place once per alternative; one finding is enough.
     found: dict[Located, None] = {}
     for detail in error.errors(include_url=False):
         if detail["type"] == "too_short" and detail["ctx"]["actual_length"] < len(detail["input"]):
             continue  # pydantic leaves out items that it refuses, each with a finding of its own
-        found[explainer.one(detail)] = None
+        found[_finding(detail, document, at, schema, also)] = None
         if len(found) > MAX_FINDINGS:
             break
     return list(found)
@@ -63,40 +62,35 @@ def _schema(kind: type[BaseModel]) -> Schema:
     return kind.model_json_schema()
 
 
-@dataclass(frozen=True, slots=True)
-class _Explainer:
-    document: Document
-    at: KeyPath
-    schema: Schema
-    also: tuple[str, ...]
-
-    def one(self, detail: ErrorDetails) -> Located:
-        kind, context = detail["type"], detail.get("ctx", {})
-        path = _written_path(self.document, self.at, detail["loc"])
-        inside = path[len(self.at) :]
-        name = _name(path)
-        written = self.document.get(path)
-        if kind == "extra_forbidden":
-            parents = _places(self.schema, self.schema, inside[:-1])
-            names = [key for parent in parents for key in parent.get("properties", ())]
-            names += self.also if len(inside) == 1 else ()
-            if (now := RENAMED_KEYS.get(name)) in names:
-                return self.document.at_key(path, f"key {name!r} was renamed; write {now!r}")
-            return self.document.at_key(path, f"unknown key {name!r}; {allowed_names(names, name)}")
-        if kind == "missing" and isinstance(path[-1], int):
-            return self.document.at_value(path[:-1], f"{name} is missing")
-        if kind == "missing":
-            return self.document.at_key(path, f"key {name!r} is missing")
-        if kind in ("enum", "literal_error"):
-            here = _places(self.schema, self.schema, inside)
-            values = [str(value) for each in here for value in each.get("enum", [each.get("const")])]
-            message = f"{name}: {shown(written)} is not possible; {allowed_names(values, str(written))}"
-        elif kind == "value_error":
-            message = f"{name}: {context.get('error', detail['msg'])}"
-            path = _key_in_message(self.document, path, str(context.get("error", "")))
-        else:
-            message = f"{name}: {_allowed_value(kind, context, detail['msg'])}, not {shown(written)}"
-        return self.document.at_value(path, message)
+def _finding(
+    detail: ErrorDetails, document: Document, at: KeyPath, schema: Schema, also: Iterable[str]
+) -> Located:
+    kind, context = detail["type"], detail.get("ctx", {})
+    path = _written_path(document, at, detail["loc"])
+    inside = path[len(at) :]
+    name = _name(path)
+    written = document.get(path)
+    if kind == "extra_forbidden":
+        parents = _places(schema, schema, inside[:-1])
+        names = [key for parent in parents for key in parent.get("properties", ())]
+        names += also if len(inside) == 1 else ()
+        if (now := RENAMED_KEYS.get(name)) in names:
+            return document.at_key(path, f"key {name!r} was renamed; write {now!r}")
+        return document.at_key(path, f"unknown key {name!r}; {allowed_names(names, name)}")
+    if kind == "missing" and isinstance(path[-1], int):
+        return document.at_value(path[:-1], f"{name} is missing")
+    if kind == "missing":
+        return document.at_key(path, f"key {name!r} is missing")
+    if kind in ("enum", "literal_error"):
+        here = _places(schema, schema, inside)
+        values = [str(value) for each in here for value in each.get("enum", [each.get("const")])]
+        message = f"{name}: {shown(written)} is not possible; {allowed_names(values, str(written))}"
+    elif kind == "value_error":
+        message = f"{name}: {context.get('error', detail['msg'])}"
+        path = _key_in_message(document, path, str(context.get("error", "")))
+    else:
+        message = f"{name}: {_allowed_value(kind, context, detail['msg'])}, not {shown(written)}"
+    return document.at_value(path, message)
 
 
 def _name(path: KeyPath) -> str:

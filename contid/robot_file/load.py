@@ -10,8 +10,8 @@ from typing import Any
 
 from contid.errors import BadInputError, first_findings
 from contid.hal import load_driver
-from contid.robot_file.document import RobotFile
-from contid.robot_file.loader import BusWiring, Loader, robot_classes
+from contid.robot_file.document import BusWiring, RobotFile
+from contid.robot_file.loader import Loader, robot_classes
 from contid.robot_file.model_plugins import load_plugin
 from contid.robot_file.positions import read_document, read_text
 from contid.robot_file.renamed import with_renamed_keys
@@ -64,7 +64,7 @@ def parse_robot_file(text: str, name: str, recorded: bool = False) -> LoadedFile
     buses = loader.load()
     if loader.findings:
         raise BadInputError(first_findings(loader.findings))
-    return LoadedFile(Path(name), text, _robot_file(loader.document.data), buses)
+    return LoadedFile(Path(name), text, _robot_file(document.data), buses)
 
 
 def with_mock(loaded: LoadedFile) -> LoadedFile:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -15,36 +15,19 @@ from contid.robot_file.base import AxisDescription
 from contid.robot_file.chain import Chain, check_chain
 from contid.robot_file.checks import WiredAxis, check_name, check_robot
 from contid.robot_file.clearance import check_clearance
-from contid.robot_file.document import AnyRobot, BusDescription, RobotFile
-from contid.robot_file.exchange_time import rate_too_high
+from contid.robot_file.document import AnyRobot, BusDescription, BusWiring, RobotFile
 from contid.robot_file.findings import allowed_names, explain, shown
 from contid.robot_file.model_plugins import ModelPluginError, load_plugin, plugin_names
 from contid.robot_file.positions import Data, Document, KeyPath
 from contid.robot_file.recovery import recovered
 from contid.robot_file.robot import RobotDescription
-from contid.robot_file.watchdog import watchdog_too_short
+from contid.robot_file.tick_rate import rate_too_high, watchdog_too_short
 
 _Part = TypeVar("_Part", bound=BaseModel)
 
 #: Keys of a bus and of an axis that belong to contid; the others belong to the driver.
 BUS_KEYS: Final = tuple(BusDescription.model_fields)
 AXIS_KEYS: Final = tuple(AxisDescription.model_fields)
-
-
-@dataclass(frozen=True, slots=True)
-class BusWiring:
-    """One bus ready to be built: its driver, the driver's options, its axes in file order.
-
-    Attributes:
-        axes: ``("ROBOT.AXIS", the driver's options of that axis)``.
-        tolerance_ticks: exchanges in a row an axis may miss before its robot goes to FAULT.
-    """
-
-    name: str
-    driver: str
-    options: BaseModel
-    axes: tuple[tuple[str, BaseModel], ...]
-    tolerance_ticks: int
 
 
 class Loader:
@@ -76,19 +59,17 @@ class Loader:
         buses, robots = _mapping(data.get("buses")), _mapping(data.get("robots"))
         self.axes = {name: [] for name in buses}
         wirings = {name: self._bus(name, raw) for name, raw in buses.items() if not self.too_many_findings}
-        rate_hz = data.get("rate_hz")
-        if isinstance(rate_hz, int | float) and rate_hz > 0:
-            for message in watchdog_too_short([bus for bus in wirings.values() if bus], rate_hz):
-                self.findings.append(self.document.at_value(("rate_hz",), f"rate_hz: {message}"))
         described = {
             name: self._robot(name, raw) for name, raw in robots.items() if not self.too_many_findings
         }
         if self.too_many_findings:
             return {}
         complete = {name: replace(bus, axes=tuple(self.axes[name])) for name, bus in wirings.items() if bus}
-        if isinstance(rate_hz, int | float) and rate_hz > 0 and not self.recorded:
-            for message in rate_too_high(complete.values(), rate_hz):
-                self.findings.append(self.document.at_value(("rate_hz",), f"rate_hz: {message}"))
+        rate_hz = data.get("rate_hz")
+        if isinstance(rate_hz, int | float) and rate_hz > 0:
+            wrong = [*watchdog_too_short(complete.values(), rate_hz)]
+            wrong += () if self.recorded else rate_too_high(complete.values(), rate_hz)
+            self.findings += [self.document.at_value(("rate_hz",), f"rate_hz: {each}") for each in wrong]
         for name, bus in complete.items():
             driver = self.drivers[name]
             if isinstance(driver, Restricts) and not self.recorded:

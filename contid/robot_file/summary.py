@@ -7,10 +7,10 @@ from typing import TypedDict
 
 from contid.hal import load_driver
 from contid.robot_file.chain import Chain
-from contid.robot_file.exchange_time import exchange_time, highest_rate_hz, rate_finding
+from contid.robot_file.document import BusWiring
 from contid.robot_file.load import LoadedFile
-from contid.robot_file.loader import BusWiring
 from contid.robot_file.robot import RobotDescription
+from contid.robot_file.tick_rate import exchange_time, highest_rate_hz, rate_finding
 
 
 class AxisReport(TypedDict):
@@ -18,8 +18,8 @@ class AxisReport(TypedDict):
 
     name: str
     unit: str
-    min: float | None
-    max: float | None
+    min: float
+    max: float
     bus: str
     device: str
     address: str
@@ -97,26 +97,19 @@ def summarise(loaded: LoadedFile) -> FileReport:
 
 
 def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotReport:
-    from_si = robot.quantity.from_si
-    limits = {
-        axis: (from_si(low), from_si(high))
-        for axis, low, high in zip(robot.axis_names, robot.lower, robot.upper, strict=True)
-    }
-    units = dict(zip(robot.all_axis_names, robot.quantities, strict=True))
-    limits |= {
-        axis: (units[axis].from_si(low), units[axis].from_si(high))
-        for axis, (low, high) in robot.extra_limits.items()
-    }
+    sides = dict(zip(robot.axis_names, zip(robot.lower, robot.upper, strict=True), strict=True))
+    sides |= robot.extra_limits
+    quantities = dict(zip(robot.all_axis_names, robot.quantities, strict=True))
     axes: list[AxisReport] = []
     for axis, description in robot.axes.items():
         bus = loaded.buses[description.bus]
         options = dict(bus.axes)[f"{name}.{axis}"]
         driver = load_driver(bus.driver)
-        lowest, highest = limits.get(axis, (None, None))
+        lowest, highest = map(quantities[axis].from_si, sides[axis])
         axes.append(
             {
                 "name": axis,
-                "unit": units[axis].unit if axis in units else robot.quantity.unit,
+                "unit": quantities[axis].unit,
                 "min": _rounded(lowest),
                 "max": _rounded(highest),
                 "bus": bus.name,
@@ -178,6 +171,6 @@ def _bus(bus: BusWiring, rate_hz: float) -> BusReport:
     }
 
 
-def _rounded(value: float | None) -> float | None:
+def _rounded(value: float) -> float:
     """Rounded to 12 digits: the conversion through SI costs the last bit."""
-    return None if value is None else float(f"{value:.12g}")
+    return float(f"{value:.12g}")

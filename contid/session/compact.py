@@ -10,18 +10,16 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
 
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import TICK_CHANNELS
 from contid.session.format.indexed_writer import IndexedWriter
 from contid.session.format.mcap_records import RecordStream
 from contid.session.measured_channel import MeasuredChannel, ModelFailedError
-from contid.session.output import PRIVATE, exists_error, replacing
+from contid.session.output import PRIVATE, exists_error
+from contid.whole_file import replacing
 
 log = logging.getLogger(__name__)
-
-_DECLARATIONS: Final = (mcap.SCHEMA, mcap.CHANNEL)
 
 
 def compact(
@@ -47,26 +45,15 @@ def compact(
     if target is not None and target.exists():
         raise exists_error(target)
     target = target or source
-    try:
-        measured = MeasuredChannel.of(source)
-        if measured is not None:
-            _copy(source, target, note or {}, max_ticks, measured)
-            return target
-    except ModelFailedError as error:  # the recording is worth more than what is computed from it
-        log.warning("%s: without the channel measured: %s", source, error)
-    _copy(source, target, note or {}, max_ticks, None)
+    for with_measured in (True, False):
+        try:
+            measured = MeasuredChannel.of(source) if with_measured else None
+            with replacing(target, PRIVATE) as new, source.open("rb") as old:
+                _Compactor(IndexedWriter(new), max_ticks, measured).copy(RecordStream(old), note or {})
+            break
+        except ModelFailedError as error:  # the recording is worth more than what is computed from it
+            log.warning("%s: without the channel measured: %s", source, error)
     return target
-
-
-def _copy(
-    source: Path,
-    target: Path,
-    note: Mapping[str, Mapping[str, str]],
-    max_ticks: int | None,
-    measured: MeasuredChannel | None,
-) -> None:
-    with replacing(target, PRIVATE) as new, source.open("rb") as old:
-        _Compactor(IndexedWriter(new), max_ticks, measured).copy(RecordStream(old), note)
 
 
 class _Compactor:
@@ -93,7 +80,7 @@ class _Compactor:
                     break
                 self._add_message(self._topics.get(number, ""), body)
                 continue
-            if opcode in _DECLARATIONS:
+            if opcode in (mcap.SCHEMA, mcap.CHANNEL):
                 if (opcode, number) in copied:
                     continue
                 copied.add((opcode, number))

@@ -123,7 +123,7 @@ def summarize(session: Session) -> Info:
         info.skipped = int(last[SKIPPED])
     info.duration_s = (last_ns - first_ns) / 1e9
     info.events = dict(sorted(kinds.items()))
-    info.compacted = session.chunked
+    info.compacted = session.end.chunked
     info.state = _state(session, info.ticks)
     if "repaired" in session.metadata:
         info.state += f", repaired {session.metadata['repaired'].get('when', '')}".rstrip()
@@ -147,13 +147,13 @@ def _add_gap(info: Info, before: list[float], now: list[float]) -> None:
 
 
 def _state(session: Session, ticks: int) -> str:
-    if session.clean:
+    if session.end.clean:
         return "clean"
-    if session.cut == GROWING:
+    if session.end.cut == GROWING:
         return GROWING
-    if session.cut == DAMAGED:
-        return f"{DAMAGED} after {ticks} ticks ({session.damage}); what follows is not read"
-    return f"cut off ({session.cut}); `contid session repair` completes it"
+    if session.end.cut == DAMAGED:
+        return f"{DAMAGED} after {ticks} ticks ({session.end.damage}); what follows is not read"
+    return f"cut off ({session.end.cut}); `contid session repair` completes it"
 
 
 def _input(session: Session) -> str:

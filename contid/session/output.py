@@ -1,96 +1,15 @@
-"""Writing a file completely or not at all."""
+"""Files of recordings: private, and never overwritten."""
 
 from __future__ import annotations
 
-import errno
-import os
-import stat
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Final
 
 from contid.errors import ContidError
 from contid.session.format.mcap_records import MAGIC
 
 #: Sessions and command logs hold everything a robot did: for their owner only.
 PRIVATE: Final = 0o600
-#: Errors of file systems that cannot create a file without a name (O_TMPFILE).
-_NO_NAMELESS: Final = (errno.EOPNOTSUPP, errno.EISDIR, errno.ENOENT, errno.EINVAL)
-
-
-@contextmanager
-def replacing(path: Path, mode: int | None = None) -> Iterator[BinaryIO]:
-    """A new file that replaces ``path`` in one step when it is complete; devices are written directly.
-
-    The new file has no name until then, so that nothing is left when this process is killed.
-
-    Args:
-        path: of the file.
-        mode: of the new file; None for that of an existing one, else the usual one.
-
-    Raises:
-        ContidError: the file cannot be written; an existing one is unchanged.
-    """
-    device = path.exists() and not path.is_file()
-    target = path if device else path.resolve()
-    part = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        if device:
-            with path.open("wb") as file:
-                yield file
-            return
-        mode = _usual_mode(target) if mode is None else mode
-        with _nameless(target.parent, part) as file:
-            yield file
-            file.flush()
-            os.fchmod(file.fileno(), mode)
-            os.fsync(file.fileno())
-            _name(file.fileno(), part)
-        part.replace(target)
-    except BaseException as error:
-        if not device:
-            part.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise ContidError(f"{path}: cannot write it: {error.strerror}") from error
-        raise
-
-
-def _usual_mode(target: Path) -> int:
-    with suppress(OSError):
-        return stat.S_IMODE(target.stat().st_mode)
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask
-
-
-def _nameless(folder: Path, part: Path) -> BinaryIO:
-    """A file without a name, or ``part`` where the file system has no such files."""
-    try:
-        return os.fdopen(os.open(folder, os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, PRIVATE), "w+b")
-    except OSError as error:
-        if error.errno not in _NO_NAMELESS:
-            raise
-    return part.open("w+b")
-
-
-def _name(descriptor: int, part: Path) -> None:
-    """Give a file without a name its name."""
-    if os.fstat(descriptor).st_nlink:
-        return
-    # With a folder's descriptor Python calls linkat, which follows the link in /proc.
-    folder = os.open(part.parent, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        part.unlink(missing_ok=True)
-        os.link(
-            f"/proc/self/fd/{descriptor}",
-            part.name,
-            src_dir_fd=folder,
-            dst_dir_fd=folder,
-            follow_symlinks=True,
-        )
-    finally:
-        os.close(folder)
 
 
 def exists_error(path: Path) -> ContidError:

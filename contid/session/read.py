@@ -40,6 +40,7 @@ class Session:
         layout: of the records.
         device_units: ``rad`` or ``pa`` by ``ROBOT.AXIS``.
         rate_hz: of the ticks.
+        end: how the file ends, after `entries` is exhausted.
     """
 
     def __init__(self, path: str | Path, progress: Callable[[int], None] = lambda ticks: None) -> None:
@@ -55,7 +56,7 @@ class Session:
         self.path = path = Path(path)
         self._progress = progress
         self.metadata: dict[str, dict[str, str]] = {}
-        self._end = EndOfFile()
+        self.end = EndOfFile()
         self._attachments: dict[str, bytes] = {}
         self._topics: dict[int, str] = {}
         if path.exists() and not path.is_file():
@@ -141,26 +142,6 @@ class Session:
         return self.metadata.get("options", {}).get(name, "")
 
     @property
-    def clean(self) -> bool:
-        """After `entries` is exhausted: the file has its proper end."""
-        return self._end.clean
-
-    @property
-    def chunked(self) -> bool:
-        """After `entries` is exhausted: the file was compacted."""
-        return self._end.chunked
-
-    @property
-    def cut(self) -> str:
-        """After `entries` is exhausted: why the file ends early, "" if it is clean."""
-        return self._end.cut
-
-    @property
-    def damage(self) -> str:
-        """After `entries` is exhausted: what is damaged inside, "" if nothing is."""
-        return self._end.damage
-
-    @property
     def virtual(self) -> bool:
         """True for a run in virtual time."""
         return self.option("virtual") == "true"
@@ -216,7 +197,7 @@ class Session:
     def entries(self) -> Iterator[Entry]:
         """Ticks and events in their order without incomplete ticks."""
         decoder = Decoder(self.layout, self.device_units)
-        self._end = yield from read_entries(self.path, self._topics, decoder, self._keep, self._progress)
+        self.end = yield from read_entries(self.path, self._topics, decoder, self._keep, self._progress)
 
     def ticks(self) -> Iterator[TickRecord]:
         """Records of the ticks."""

@@ -28,7 +28,7 @@ from contid.session.format.metadata import (
     trajectory_metadata,
 )
 from contid.session.mcap_recorder import READY
-from contid.session.write import SessionSink, SessionWriter
+from contid.session.write import SessionWriter
 
 #: How long the end of a run waits for compaction; a session of 45 minutes of a hand takes a third of it.
 COMPACTION_TIMEOUT_S: Final = 120.0
@@ -95,7 +95,7 @@ class RecordingObserver:
         """
         header = describe(setup, self._options, virtual=True, host=self._host)
         self._writer = SessionWriter(self.path, header)
-        return SessionSink(self._writer, header.layout.packer())
+        return self._writer
 
     def before_order(self, message: Message) -> None:
         """Send the trajectory of an order to the recorder; other orders are complete in their events."""

@@ -29,20 +29,18 @@ def repair(source: Path, output: Path | None, progress: Callable[[int], None] = 
     """
     session = Session(source, progress)
     before = summarize(session)
-    if session.clean and session.chunked and output is None:
+    end = session.end
+    if end.clean and end.chunked and output is None:
         return f"{source}: nothing to repair"
-    if session.cut == GROWING:
+    if end.cut == GROWING:
         raise SessionError(f"{source}: {GROWING}; nothing to repair before the run has ended")
-    max_ticks = None
-    if session.cut == DAMAGED:
-        max_ticks = before.ticks
-        if output is None:
-            message = (
-                f"{DAMAGED} after {max_ticks} ticks ({session.damage}); give --output for a copy of the part"
-            )
-            raise SessionError(f"{source}: {message} before it; this file keeps the rest")
+    if end.cut == DAMAGED and output is None:
+        raise SessionError(
+            f"{source}: {DAMAGED} after {before.ticks} ticks ({end.damage}); give --output for a copy of the "
+            "part before it; this file keeps the rest"
+        )
     when = datetime.now(UTC).isoformat(timespec="seconds")
-    note = {} if session.clean else {"repaired": {"when": when, "found": session.cut}}
-    target = compact(source, output, note, max_ticks)
+    note = {} if end.clean else {"repaired": {"when": when, "found": end.cut}}
+    target = compact(source, output, note, before.ticks if end.cut == DAMAGED else None)
     after = summarize(Session(target, progress))
     return f"{target}: {after.ticks} of {before.ticks} ticks, {after.state}"

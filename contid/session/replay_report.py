@@ -41,8 +41,8 @@ def as_text(session: Session, replayed: Replayed, changed: list[Difference], too
         lines.append("every command is the same, bit for bit")
     if replayed.stopped:
         lines.append(f"stopped after {replayed.ticks} ticks: {replayed.stopped}")
-    if session.cut:
-        lines.append(f"{session.path}: {session.cut}; compared as far as it goes")
+    if session.end.cut:
+        lines.append(f"{session.path}: {session.end.cut}; compared as far as it goes")
     return lines
 
 
@@ -59,7 +59,7 @@ def as_json(session: Session, replayed: Replayed, changed: list[Difference], too
         "same": found is None and not replayed.stopped and replayed.ticks > 0,
         "largest": replayed.largest,
         "stopped": replayed.stopped,
-        "cut": session.cut,
+        "cut": session.end.cut,
         "robot_file": [str(each) for each in changed],
         "versions": changed_versions(session),
         "divergence": divergence,

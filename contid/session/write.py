@@ -10,7 +10,6 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import struct
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -32,7 +31,7 @@ _EVENT_ID: Final = CHANNELS.index(EVENT) + 1
 
 
 class SessionWriter:
-    """Writes one session."""
+    """Writes one session; a `contid.control.engine.cycle.Sink` of a run in virtual time."""
 
     def __init__(self, path: Path, header: Header) -> None:
         """Create the file with its head.
@@ -43,6 +42,7 @@ class SessionWriter:
         self.path = path
         self._header = header
         self._encoder = Encoder(header.layout, header.device_units)
+        self._packer = header.layout.packer()
         self._time_ns = header.wall_ns
         self._sequence = 0
         try:
@@ -72,6 +72,12 @@ class SessionWriter:
         self._time_ns, self._sequence = time_ns, tick
         for number, data in enumerate(self._encoder.encode(values), 1):
             self._buffer += mcap.message(number, tick, time_ns, data)
+
+    def write(self, values: Sequence[float]) -> None:
+        """Add a tick of a run in virtual time, with its numbers as a ring would return them."""
+        self.tick(self._packer.unpack(self._packer.pack(*values)))
+        if self.pending > _BUFFER_BYTES:
+            self.flush()
 
     def event(self, event: RunEvent) -> None:
         """Add an event at the time of the newest tick."""
@@ -117,24 +123,6 @@ class SessionWriter:
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
-
-
-class SessionSink:
-    """Records the ticks of a run in virtual time; see `contid.control.engine.cycle.Sink`."""
-
-    def __init__(self, writer: SessionWriter, layout_packer: struct.Struct) -> None:
-        self._writer = writer
-        self._packer = layout_packer
-
-    def write(self, values: list[float]) -> None:
-        """Record a tick, with its numbers as a ring would return them."""
-        self._writer.tick(self._packer.unpack(self._packer.pack(*values)))
-        if self._writer.pending > _BUFFER_BYTES:
-            self._writer.flush()
-
-    def event(self, event: RunEvent) -> None:
-        """Record an event."""
-        self._writer.event(event)
 
 
 def head_records(header: Header) -> bytes:

@@ -11,8 +11,8 @@ from typing import Any, Final
 
 from contid import __version__
 from contid.errors import ContidError
-from contid.robot_file.edit import replace_whole
 from contid.teach.pose_file import NAME_PATTERN, parse_pose_file, read_pose_file
+from contid.whole_file import replacing
 
 _HEADER: Final = "# Named poses and sequences for `contid move --pose NAME` and `contid play FILE`.\n"
 #: Decimals of saved values: a nanometre, 1 Pa.
@@ -85,8 +85,6 @@ def save_pose(path: Path, name: str, target: Mapping[str, float], saved: str, ro
     out = StringIO()
     yaml.dump(document, out)
     parse_pose_file(out.getvalue(), path)  # what is written can be read
-    try:
-        replace_whole(path, out.getvalue())
-    except OSError as error:
-        raise ContidError(f"{path}: cannot be written: {error.strerror}") from error
+    with replacing(path) as file:
+        file.write(out.getvalue().encode())
     return replaced

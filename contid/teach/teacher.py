@@ -12,12 +12,12 @@ from typing import Any, Final
 import numpy as np
 
 from contid.errors import ContidError
-from contid.robot_file.edit import replace_whole
 from contid.teach.pose_file import read_pose_file
 from contid.teach.pose_store import check_pose_name, provenance, save_pose
 from contid.teach.present_pose import present_pose
 from contid.teach.recording import RecordedLimits, taught_motion, trajectory_csv
 from contid.teleop.described_robot import DescribedRobot
+from contid.whole_file import replacing
 
 HELP: Final = "s save pose, r record / end recording, q quit"
 #: Half an hour at 50 Hz.
@@ -145,8 +145,9 @@ class Teacher:
         try:
             motion = taught_motion(times_s, positions, limits, self._rows_hz)
             saved = provenance(self._robot_file, f"contid teach, {len(samples)} samples")
-            replace_whole(path, trajectory_csv(self._columns, motion, saved))
-        except (ContidError, OSError) as error:
+            with replacing(path) as file:
+                file.write(trajectory_csv(self._columns, motion, saved).encode())
+        except ContidError as error:
             self._report(f"not recorded: {error}")
             return
         notes = f", {motion.slower:.2f} times slower than the hand" if motion.slower > 1.0 else ""

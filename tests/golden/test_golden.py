@@ -51,7 +51,7 @@ def session(request: pytest.FixtureRequest) -> Session:
 def test_commands_are_those_that_were_recorded(session: Session) -> None:
     result = replay(session, session.robot_file(), TOLERANCE)
     assert (result.divergence, result.stopped) == (None, "")
-    assert session.clean  # only a replay to the end finds out
+    assert session.end.clean  # only a replay to the end finds out
     assert result.ticks > 80
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from contid.robot_file.edit import Change, EditError, edited, set_values
+from contid.errors import ContidError
+from contid.robot_file.edit import Change, edited, set_values
 from contid.robot_file.load import load_robot_file
 
 TEXT = """\
@@ -105,7 +106,7 @@ def test_elements_of_lists_are_written_in_every_style(style: str) -> None:
 
 
 def test_a_missing_mapping_is_named() -> None:
-    with pytest.raises(EditError, match=r"the file has no key robots\.right"):
+    with pytest.raises(ContidError, match=r"the file has no key robots\.right"):
         edited(TEXT, [Change("robots.right.axes.left.zero_deg", 1.0)])
 
 
@@ -113,7 +114,7 @@ def test_all_or_none(tmp_path: Path) -> None:
     path = tmp_path / "hand.yaml"
     path.write_text(TEXT)
     good = Change("robots.left.axes.right.zero_deg", 3.0)
-    with pytest.raises(EditError):
+    with pytest.raises(ContidError):
         set_values(path, [good, Change("robots.none.axes", 1.0)])
     assert path.read_text() == TEXT
 

@@ -95,8 +95,10 @@ def kill_one(folder: Path, victim: str, after_s: float) -> Left:
     same = replay(session, session.robot_file())
     whole = Session(compact(path, folder / "repaired.mcap"))
     after = summarize(whole)
-    assert whole.clean, whole.cut
-    return Left(written, before.ticks, session.clean, after.ticks, same.ticks if not same.divergence else -1)
+    assert whole.end.clean, whole.end.cut
+    return Left(
+        written, before.ticks, session.end.clean, after.ticks, same.ticks if not same.divergence else -1
+    )
 
 
 def _ring(pid: int) -> RingReader:

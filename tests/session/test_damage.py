@@ -145,7 +145,7 @@ def test_an_invalid_event_ends_the_session(growing: Path, tmp_path: Path, body: 
     whole = sum(1 for _ in Session(growing).entries())
     session = Session(_with(growing, tmp_path, body))
     assert sum(1 for _ in session.entries()) == whole
-    assert session.cut == DAMAGED
+    assert session.end.cut == DAMAGED
 
 
 @pytest.mark.parametrize(

@@ -16,13 +16,13 @@ from contid.control.engine.command_log import CommandLog
 from contid.control.engine.wiring import record_layout
 from contid.errors import ContidError
 from contid.session.compact import compact
-from contid.session.output import replacing
+from contid.whole_file import replacing
 from tests.support.fingers import load
 
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from contid.session.output import replacing
+from contid.whole_file import replacing
 with replacing(Path(sys.argv[1])) as file:
     file.write(b"new")
     file.flush()
@@ -52,7 +52,7 @@ def test_a_file_is_replaced_in_one_step(
                 raise OSError(errno.EOPNOTSUPP, "not supported")
             return opened(path, flags, mode, **keys)
 
-        monkeypatch.setattr("contid.session.output.os.open", refusing)
+        monkeypatch.setattr("contid.whole_file.os.open", refusing)
     path = tmp_path / "table.csv"
     with replacing(path) as file:
         file.write(b"one")

@@ -98,7 +98,7 @@ def test_sessions_of_every_revision_are_read_and_replayed(path: Path) -> None:
     assert session.metadata["contid"].get("revision", "0") == path.stem
     assert not Path(session.metadata["robot_file"]["name"]).is_absolute()
     result = replay(session, session.robot_file(), TOLERANCE)
-    assert session.clean
+    assert session.end.clean
     assert (result.divergence, result.stopped) == (None, "")
     assert result.ticks > 50
 

@@ -110,7 +110,7 @@ def test_a_new_file_is_made_and_a_wrong_one_is_left_alone(tmp_path: Path) -> Non
     assert path.read_text() == "contid: 1\n"
     with pytest.raises(ContidError, match="'two words' is no name of a pose"):
         save_pose(tmp_path / "other.yaml", "two words", {"x_mm": 1.0}, "now", "finger.yaml")
-    with pytest.raises(ContidError, match=r"cannot be written: No such file"):
+    with pytest.raises(ContidError, match=r"cannot write it: No such file"):
         save_pose(tmp_path / "missing" / "p.yaml", "a", {"x_mm": 1.0}, "now", "finger.yaml")
 
 

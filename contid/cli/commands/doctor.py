@@ -14,8 +14,8 @@ import click
 from contid.cli.support.robot_names import robot_names
 from contid.errors import ContidError
 from contid.hal import Diagnoses, Finding
-from contid.robot_file.exchange_time import exchange_time, rate_finding
 from contid.robot_file.shipped import load_named
+from contid.robot_file.tick_rate import exchange_time, rate_finding
 
 
 @click.command()

@@ -19,10 +19,9 @@ from contid.control.engine.wiring import build_preflight, driven_robots
 from contid.control.tick.preflight.rows import Preflight, TooFastError, Unreachable
 from contid.errors import ContidError
 from contid.robot_file.document import MAX_RATE_HZ
-from contid.robot_file.exchange_time import rate_too_high
 from contid.robot_file.load import LoadedFile, with_mock
 from contid.robot_file.shipped import load_named
-from contid.robot_file.watchdog import watchdog_too_short
+from contid.robot_file.tick_rate import rate_too_high, watchdog_too_short
 from contid.trajectory.timed import Trajectory
 
 

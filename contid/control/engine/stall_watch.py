@@ -14,7 +14,7 @@ from contid.control.engine.cycle import Timing
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import RobotState
 
-#: A shorter gap trips no watchdog: `contid.robot_file.watchdog` refuses shorter ones.
+#: A shorter gap trips no watchdog: `contid.robot_file.tick_rate` refuses shorter ones.
 MIN_PERIODS: Final = 2.0
 #: Devices report a trip within this time: the state of some is read only now and then.
 REPORT_S: Final = 1.0

@@ -18,12 +18,12 @@ from contid.kinematics.rope.chain import ChainGuard
 from contid.kinematics.tendon.spools import spooled_tendons
 from contid.robot_file.chain import Chain
 from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.document import BusWiring
 from contid.robot_file.load import LoadedFile
-from contid.robot_file.loader import BusWiring
 from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon.robot import TendonRobot
-from contid.robot_file.watchdog import watchdog_s
+from contid.robot_file.tick_rate import watchdog_s
 
 _Capability = TypeVar("_Capability")
 

@@ -7,7 +7,8 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from contid.robot_file.base import NonNegative, Positive, Size, Strict
+from contid.robot_file.base import Direction, NonNegative, Positive, Size, Strict
+from contid.targets import Vec3
 
 
 class SectionGeometry(Strict):
@@ -77,19 +78,11 @@ class CosseratGeometry(Strict):
     """
 
     sections: Annotated[tuple[SectionGeometry, ...], Field(min_length=1, max_length=8)]
-    gravity: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    gravity: Direction = (0.0, 0.0, 1.0)
 
     @property
-    def gravity_unit(self) -> tuple[float, float, float]:
+    def gravity_unit(self) -> Vec3:
         """The direction of gravity as a unit vector."""
         x, y, z = self.gravity
         length = math.hypot(x, y, z)
         return (x / length, y / length, z / length)
-
-    @model_validator(mode="after")
-    def _gravity_points_somewhere(self) -> CosseratGeometry:
-        if math.hypot(*self.gravity) == 0.0:
-            raise ValueError(
-                "gravity is a direction and must not be zero; leave densities at 0 for no weight"
-            )
-        return self

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from contid.robot_file.base import NonNegative, Positive, Strict
+from contid.robot_file.base import Direction, NonNegative, Positive, Strict
 from contid.robot_file.tendon.sections import MAX_TENDON_SECTIONS, MAX_TENDONS
 
 _PerSection = Annotated[tuple[NonNegative, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)]
@@ -26,8 +25,8 @@ class Tension(Strict):
 
     floor_n: Positive
     max_n: Positive
-    bending_n_mm2: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)]
-    tendon_n_per_mm: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)]
+    bending_n_mm2: _PerSectionPositive
+    tendon_n_per_mm: _PerSectionPositive
 
     @model_validator(mode="after")
     def _check_range(self) -> Tension:
@@ -52,16 +51,10 @@ class TendonRodStatics(Strict):
     """
 
     weight_n_per_m: _PerSection = (0.0,)
-    gravity: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    gravity: Direction = (0.0, 0.0, -1.0)
     torsion_n_mm2: _PerSectionPositive | None = None
     stretch_n: _PerSectionPositive | None = None
     elements: Annotated[int, Field(ge=2, le=32)] = 6
-
-    @model_validator(mode="after")
-    def _check_gravity(self) -> TendonRodStatics:
-        if not 1e-6 < math.hypot(*self.gravity) < math.inf:
-            raise ValueError("gravity is a direction, such as [0, 0, -1]")
-        return self
 
 
 class TendonFriction(Strict):

@@ -7,13 +7,13 @@ day since 1970.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
+from contid.robot_file.base import Quantity
 from contid.session.format.channels import Field, fields
 from contid.session.read import Session
-from contid.units import DEG
 
 _VECTORS: Final = {
     "tip_m": ("x_mm", "y_mm", "z_mm"),
@@ -26,6 +26,13 @@ _VECTORS: Final = {
     "estimated_sigma_n": ("est.sigma_x_n", "est.sigma_y_n", "est.sigma_z_n"),
     "load_n": ("load.fx_n", "load.fy_n", "load.fz_n"),
 }
+#: Suffix of a key in SI -> suffix of a column, and the quantity.
+_UNITS: Final = (
+    ("_pa_s", "_bar_s", Quantity.PRESSURE),
+    ("_pa", "_bar", Quantity.PRESSURE),
+    ("_m", "_mm", Quantity.LENGTH),
+    ("measured_age_s", "meas.age_s", None),
+)
 #: First columns of every table of ticks.
 TIMES: Final = ("tick", "t_s", "robot_s", "unix_s")
 
@@ -37,12 +44,14 @@ class Column:
     Attributes:
         name: with its unit.
         slot: place in a record.
-        scale: from SI to the unit, of numbers and of arrays; None for integers.
+        quantity: whose unit the column has, None for a value as it is recorded.
+        whole: values are integers.
     """
 
     name: str
     slot: int
-    scale: Callable[[float], float] | None
+    quantity: Quantity | None = None
+    whole: bool = False
 
 
 def channel_columns(session: Session, channel: str) -> list[Column]:
@@ -56,41 +65,15 @@ def _columns(each: Field) -> Iterator[Column]:
     front += "." if front else ""
     key = each.path[-1]
     if each.kind == "array":
-        scale = _to_mm if key.endswith("_m") else _same
+        quantity = Quantity.LENGTH if key.endswith("_m") else None
         for name, slot in zip(_VECTORS[key], each.slots, strict=True):
-            yield Column(front + name, slot, scale)
+            yield Column(front + name, slot, quantity)
         return
     if key.endswith("_rad") and len(each.path) == 3:  # an axis; values of devices stay in rad
-        yield Column(front + key.removesuffix("_rad") + "_deg", each.slots[0], _to_deg)
+        yield Column(front + key.removesuffix("_rad") + "_deg", each.slots[0], Quantity.ANGLE)
         return
-    for end, new, scale in _UNITS:
+    for end, new, unit in _UNITS:
         if key.endswith(end):
-            yield Column(front + key.removesuffix(end) + new, each.slots[0], scale)
+            yield Column(front + key.removesuffix(end) + new, each.slots[0], unit)
             return
-    whole = each.kind in ("integer", "boolean")
-    yield Column(front + key, each.slots[0], None if whole else _same)
-
-
-def _same(value: float) -> float:
-    return value
-
-
-def _to_mm(value: float) -> float:
-    return value * 1e3
-
-
-def _to_deg(value: float) -> float:
-    return value / DEG
-
-
-def _to_bar(value: float) -> float:
-    return value / 1e5
-
-
-#: Suffix of a key in SI -> suffix of a column, and the conversion.
-_UNITS: Final = (
-    ("_pa_s", "_bar_s", _to_bar),
-    ("_pa", "_bar", _to_bar),
-    ("_m", "_mm", _to_mm),
-    ("measured_age_s", "meas.age_s", _same),
-)
+    yield Column(front + key, each.slots[0], whole=each.kind in ("integer", "boolean"))

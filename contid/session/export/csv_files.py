@@ -14,13 +14,13 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, TextIO
 
+from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.json_form import to_json
 from contid.session.export.columns import TIMES
-from contid.session.export.table import TickTable, zero_time_ns
+from contid.session.export.table import TickTable
 from contid.session.format.channels import EVENT, MEASURED, TICK_CHANNELS
-from contid.session.format.entries import Entry
-from contid.session.output import replacing
 from contid.session.read import Session, SessionError
+from contid.whole_file import replacing
 
 
 @contextmanager
@@ -50,8 +50,14 @@ def export_channels(session: Session, folder: Path) -> list[Path]:
         for writer, group, chosen in zip(ticks, groups, places, strict=True):
             writer.writerow([table.names[p].removeprefix(f"{group}.") for p in chosen])
         events.writerow(["t_s", "unix_s", "event", "tick", "details"])
+
+        def write_event(t_s: float, time_ns: int, event: RunEvent) -> None:
+            rest = to_json(event)
+            kind, tick = rest.pop("event"), rest.pop("tick", "")
+            events.writerow([t_s, f"{time_ns // 1000 / 1e6:.6f}", kind, tick, json.dumps(rest)])
+
         cells = _cells(table)
-        for block in table.blocks(_writing_events(session, events)):
+        for block in table.blocks(write_event):
             for row in block.tolist():
                 written = cells(row)
                 for writer, chosen in zip(ticks, places, strict=True):
@@ -100,15 +106,3 @@ def _cells(table: TickTable) -> Callable[[list[float]], list[str]]:
         return written
 
     return cells
-
-
-def _writing_events(session: Session, events: Any) -> Iterator[Entry]:
-    """The entries of a session; events are written when they pass."""
-    zero_ns = zero_time_ns(session)
-    for entry in session.entries():
-        if entry.event is not None:
-            rest = to_json(entry.event)
-            kind, tick = rest.pop("event"), rest.pop("tick", "")
-            t_s, unix_s = (entry.time_ns - zero_ns) / 1e9, f"{entry.time_ns // 1000 / 1e6:.6f}"
-            events.writerow([t_s, unix_s, kind, tick, json.dumps(rest)])
-        yield entry

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
 import contid
+from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.json_form import to_json
-from contid.session.export.table import TickTable, zero_time_ns
-from contid.session.format.entries import Entry
-from contid.session.output import replacing
+from contid.session.export.table import TickTable
 from contid.session.read import Session
+from contid.whole_file import replacing
 
 #: Group of the times of the ticks.
 TIME: Final = "time"
@@ -38,7 +37,11 @@ def export_hdf5(session: Session, path: Path) -> None:
             for name, whole, channel in zip(table.names, table.whole, table.channels, strict=True)
         ]
         events: list[tuple[float, str]] = []
-        for block in table.blocks(_keeping_events(session, events)):
+
+        def keep_event(t_s: float, time_ns: int, event: RunEvent) -> None:
+            events.append((t_s, json.dumps(to_json(event))))
+
+        for block in table.blocks(keep_event):
             for dataset, values in zip(columns, table.series(block).values(), strict=True):
                 dataset.resize((len(dataset) + len(values),))
                 dataset[-len(values) :] = values
@@ -50,12 +53,3 @@ def _new(file: Any, group: str, name: str, kind: str) -> Any:
     return file.create_dataset(
         f"{group}/{name}", (0,), kind, maxshape=(None,), chunks=(_CHUNK,), compression="gzip"
     )
-
-
-def _keeping_events(session: Session, events: list[tuple[float, str]]) -> Iterator[Entry]:
-    """The entries of a session; events are kept when they pass."""
-    zero_ns = zero_time_ns(session)
-    for entry in session.entries():
-        if entry.event is not None:
-            events.append(((entry.time_ns - zero_ns) / 1e9, json.dumps(to_json(entry.event))))
-        yield entry

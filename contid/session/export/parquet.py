@@ -6,8 +6,8 @@ from pathlib import Path
 
 import contid
 from contid.session.export.table import TickTable
-from contid.session.output import replacing
 from contid.session.read import Session
+from contid.whole_file import replacing
 
 
 def export_parquet(session: Session, path: Path) -> None:

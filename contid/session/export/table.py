@@ -6,12 +6,13 @@ measured axes and tips (``measured.left.x_mm``); what is absent is NaN.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from contid.control.engine.events.base import RunEvent
 from contid.control.engine.tick_layout import SKIPPED, TICK
 from contid.errors import MissingExtraError
 from contid.kinematics.array import Array
@@ -47,7 +48,7 @@ class TickTable:
             for column in channel_columns(session, channel):
                 self._columns.append(column)
                 names.append(f"{channel}.{column.name}")
-                whole.append(column.scale is None)
+                whole.append(column.whole)
                 channels.append(channel)
         for name in (name for robot in self._robots for name in robot.names):
             names.append(f"{MEASURED}.{name}")
@@ -55,16 +56,23 @@ class TickTable:
             channels.append(MEASURED)
         self.names, self.whole, self.channels = tuple(names), tuple(whole), tuple(channels)
 
-    def blocks(self, entries: Iterable[Entry] | None = None) -> Iterator[Array]:
+    def blocks(self, event: Callable[[float, int, RunEvent], None] | None = None) -> Iterator[Array]:
         """Rows in their order, some thousand at once, shape ``(ticks, len(names))``.
 
         Args:
-            entries: of the session, if something else reads them as well.
+            event: called with every event: its ``t_s``, its time of day [ns], and itself.
         """
-        zero_ns = zero_time_ns(self._session)
-        entries = self._session.entries() if entries is None else entries
-        ticks = (entry for entry in entries if entry.values is not None)
-        while block := list(islice(ticks, _BLOCK)):
+        zero_ns = _zero_time_ns(self._session)
+
+        def ticks() -> Iterator[Entry]:
+            for entry in self._session.entries():
+                if entry.event is None:
+                    yield entry
+                elif event is not None:
+                    event((entry.time_ns - zero_ns) / 1e9, entry.time_ns, entry.event)
+
+        entries = ticks()
+        while block := list(islice(entries, _BLOCK)):
             yield self._converted(block, zero_ns)
 
     def _converted(self, block: Sequence[Entry], zero_ns: int) -> Array:
@@ -76,10 +84,8 @@ class TickTable:
         out[:, 2] = (values[:, TICK] - values[:, SKIPPED]) / self._session.rate_hz
         out[:, 3] = np.array([entry.time_ns // 1000 for entry in block]) / 1e6
         for place, column in enumerate(self._columns, len(TIMES)):
-            out[:, place] = values[:, column.slot]
-            if column.scale is not None:
-                # Products and quotients, which arrays take as well.
-                out[:, place] = cast(Callable[[Array], Array], column.scale)(values[:, column.slot])
+            found = values[:, column.slot]
+            out[:, place] = found if column.quantity is None else column.quantity.from_si(found)
         out[:, len(TIMES) + len(self._columns) :] = measured_block(self._robots, records)
         return out
 
@@ -91,7 +97,7 @@ class TickTable:
         }
 
 
-def zero_time_ns(session: Session) -> int:
+def _zero_time_ns(session: Session) -> int:
     """The time of day of tick 0 [ns], where ``t_s`` begins."""
     for entry in session.entries():
         if entry.values is not None:

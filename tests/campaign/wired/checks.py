@@ -130,7 +130,9 @@ def _judge(tally: Tally, wires: Wires, recorded: Path, thrown: Sequence[Injected
     seen: Any = SimpleNamespace(case=SimpleNamespace(machine=machine), records=records, events=events)
     tally.check("position limits", list(motion_invariants.position(seen)))
     tally.check("velocity and acceleration limits", list(motion_invariants.rates(seen)))
-    tally.check("session complete", [*([] if session.clean else [session.cut]), *invariants.complete(seen)])
+    tally.check(
+        "session complete", [*([] if session.end.clean else [session.end.cut]), *invariants.complete(seen)]
+    )
     tally.check("no jump on arming", list(_no_jump(configs, records)))
     tally.check("session check", list(map(str, check_session(session))))
     by_tick = {record.tick: record.deadline_s for record in records}

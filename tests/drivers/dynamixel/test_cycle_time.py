@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from dynamixel_sdk import Protocol2PacketHandler
 
-from contid.robot_file.exchange_time import highest_rate_hz
+from contid.robot_file.tick_rate import highest_rate_hz
 from contid_drivers.dynamixel import cycle_time
 from contid_drivers.dynamixel.emulator import Servo
 from contid_drivers.dynamixel.emulator.replies import answers

@@ -127,4 +127,4 @@ def test_a_tendon_snaps_while_the_robot_runs(tmp_path: Path, configs: Path) -> N
     assert "every command is the same, bit for bit" in done(replayed)
     session = Session(tmp_path / "s.mcap")
     assert len(list(session.ticks())) > 50
-    assert session.clean, session.cut
+    assert session.end.clean, session.end.cut

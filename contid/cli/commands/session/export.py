@@ -102,8 +102,8 @@ def lerobot(folder: str, session_files: tuple[str, ...], task: str, fps: int | N
 
 
 def _note_cut(session: Session) -> None:
-    if session.cut:
-        click.echo(f"contid: {session.path}: {session.cut}; exported as far as it goes", err=True)
+    if session.end.cut:
+        click.echo(f"contid: {session.path}: {session.end.cut}; exported as far as it goes", err=True)
 
 
 def _export_rrd(session: Session, robot: str | None, path: Path) -> None:
@@ -118,8 +118,8 @@ def _export_rrd(session: Session, robot: str | None, path: Path) -> None:
 
 def _export_foxglove(session: Session, robot: str | None, path: Path) -> None:
     loaded = file_to_draw(session, robot)
-    from contid.session.output import replacing
     from contid.view.foxglove_export import write_foxglove
+    from contid.whole_file import replacing
 
     with replacing(path) as file:
         entries = ((entry.time_ns, entry.values, entry.event) for entry in session.entries())

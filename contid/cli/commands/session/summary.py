@@ -54,8 +54,8 @@ def check(session_file: str, as_json: bool) -> None:
     else:
         lines = [*map(str, found), "further violations are not listed"] if more else [*map(str, found)]
         click.echo("\n".join(lines) or "no rule of motion was broken")
-    if session.cut and not more:
-        click.echo(f"contid: {session.path}: {session.cut}; checked as far as it goes", err=True)
+    if session.end.cut and not more:
+        click.echo(f"contid: {session.path}: {session.end.cut}; checked as far as it goes", err=True)
     if found:
         sys.exit(1)
 

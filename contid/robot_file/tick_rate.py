@@ -1,33 +1,23 @@
-"""Check of the tick rate against the time of an exchange on the wire, where a driver can compute it."""
+"""Checks of the tick rate: against the time of an exchange on the wire, and against watchdogs."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Final, Protocol
-
-from pydantic import BaseModel
+from collections.abc import Iterable, Iterator
+from typing import Final
 
 from contid.hal import ExchangeTime, Finding, Paces, load_driver
+from contid.robot_file.document import BusWiring
 
 #: Share of a period an exchange may take; the rest is for the computation of the tick.
 SHARE: Final = 0.9
 #: Slower rates are written with decimals.
 _WHOLE_HZ: Final = 10.0
+#: Ticks refresh the watchdogs of devices: one lost tick must not trip them.
+_WATCHDOG_PERIODS: Final = 2.0
 
 
-class _PacedBus(Protocol):
-    @property
-    def name(self) -> str: ...
-    @property
-    def driver(self) -> str: ...
-    @property
-    def options(self) -> BaseModel: ...
-    @property
-    def axes(self) -> Sequence[tuple[str, BaseModel]]: ...
-
-
-def exchange_time(bus: _PacedBus) -> ExchangeTime | None:
+def exchange_time(bus: BusWiring) -> ExchangeTime | None:
     """Time of an exchange of a bus; None when its driver does not compute it, or without axes."""
     driver = load_driver(bus.driver)
     if not isinstance(driver, Paces) or not bus.axes:
@@ -41,7 +31,7 @@ def highest_rate_hz(time: ExchangeTime) -> float:
     return float(math.floor(rate_hz)) if rate_hz >= _WHOLE_HZ else math.floor(rate_hz * 100.0) / 100.0
 
 
-def rate_too_high(buses: Iterable[_PacedBus], rate_hz: float) -> Iterator[str]:
+def rate_too_high(buses: Iterable[BusWiring], rate_hz: float) -> Iterator[str]:
     """A message for every bus whose wire cannot carry a rate."""
     for bus in buses:
         time = exchange_time(bus)
@@ -65,3 +55,21 @@ def rate_finding(name: str, time: ExchangeTime, rate_hz: float) -> Finding:
     if least_ms > period_ms:
         return Finding(subject, False, message, remedy)
     return Finding(subject, True, f"{message}: not with plain reads and a slow adapter", remedy, warning=True)
+
+
+def watchdog_s(bus: BusWiring) -> float:
+    """Time after which the devices of a bus stop by themselves [s]; 0 without a ``watchdog_ms``."""
+    watchdog_ms = getattr(bus.options, "watchdog_ms", None)
+    return watchdog_ms / 1e3 if isinstance(watchdog_ms, int | float) else 0.0
+
+
+def watchdog_too_short(buses: Iterable[BusWiring], rate_hz: float) -> Iterator[str]:
+    """A message for every bus whose ``watchdog_ms`` is too short for a rate."""
+    for bus in buses:
+        longest_s = watchdog_s(bus)
+        if longest_s and longest_s * rate_hz < _WATCHDOG_PERIODS:
+            rate_min_hz = _WATCHDOG_PERIODS / longest_s
+            yield (
+                f"{rate_hz:g} Hz is too slow for the watchdog of bus {bus.name!r} (watchdog_ms "
+                f"{longest_s * 1e3:g}); allowed is at least {rate_min_hz:g} Hz, or a longer watchdog_ms"
+            )

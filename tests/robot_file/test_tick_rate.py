@@ -8,8 +8,8 @@ import pytest
 
 from contid.control.daemon.run_request import RunRequest, load
 from contid.errors import BadInputError, ContidError
-from contid.robot_file.exchange_time import exchange_time, rate_finding
 from contid.robot_file.load import parse_robot_file
+from contid.robot_file.tick_rate import exchange_time, rate_finding
 
 
 def finger(configs: Path, **values: object) -> str:
