@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contid.kinematics.array import Array
-from contid.kinematics.tendon.friction import play
+from contid.kinematics.tendon.friction import play_series
 from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection
 
 #: The dissipation is ``sqrt(|x|^2 + SMOOTH^2)``, so that it has derivatives [rad].
@@ -109,37 +109,41 @@ class BendRows(NamedTuple):
     Attributes:
         bends: ``(rows, 2 sections)`` [rad].
         elongation_m: of the tendons, ``(rows, tendons)``; below 0 they are slack.
-        by: derivatives of the bends, ``(rows, 2 sections, columns)``: by radius and angle of every tendon, by
-            offset of every tendon, by the logarithm of K, by rest bends, by the logarithms of F and of the
-            play, by twists, by the logarithm of the hardening.
+        by: derivatives of the bends by the parameters of each kind, ``(rows, 2 sections, parameters)``:
+            ``radius_m``, ``angle_rad`` and ``offset_m`` of every tendon, ``rest_rad``, ``twist_rad``, and the
+            logarithms ``log_stiffness``, ``log_friction``, ``log_play`` and ``log_hardening``.
     """
 
     bends: Array
     elongation_m: Array
-    by: Array
-
-
-class _State(NamedTuple):
-    """What a row leaves to the next: bends, arrived pulls, and the derivatives of both."""
-
-    bends: Array
-    arrived: Array
-    by: Array
-    arrived_by_play: Array
+    by: dict[str, Array]
 
 
 def series(elastic: Elastic, pull_m: Array) -> BendRows:
     """Bends of pulls ``(rows, tendons)`` [m]; the robot starts at its rest bends."""
     solver = _Rows(elastic)
-    state = solver.start(pull_m[0])
+    arrived, by_width = play_rows(pull_m, solver.r)
     rows, n = len(pull_m), len(elastic.rest_rad)
     bends, by = np.empty((rows, n)), np.empty((rows, n, solver.columns))
     elongation = np.empty_like(pull_m)
-    for row, pull in enumerate(pull_m):
-        state = solver.next(state, pull)
-        bends[row], by[row] = state.bends, state.by
-        elongation[row] = state.arrived + elastic.offset_m - solver.G @ state.bends
-    return BendRows(bends, elongation, by)
+    before, before_by = elastic.rest_rad, np.zeros((n, solver.columns))
+    before_by[:, solver.place["rest_rad"]] = np.eye(n)
+    for row, tight in enumerate(arrived + elastic.offset_m):
+        bends[row] = solver.minimum(before, tight)
+        elongation[row] = tight - solver.G @ bends[row]
+        by[row] = solver.derivative(before, before_by, bends[row], elongation[row], by_width[row])
+        before, before_by = bends[row], by[row]
+    return BendRows(bends, elongation, {name: by[:, :, place] for name, place in solver.place.items()})
+
+
+def play_rows(pull: Array, width: Array) -> tuple[Array, Array]:
+    """Pulls ``(rows, tendons)`` after play of a half width, and their derivatives by it."""
+    arrived, slopes = play_series(pull, width), np.empty_like(pull)
+    slope = np.zeros(pull.shape[1])
+    for row, moved in enumerate(np.sign(np.diff(arrived, axis=0, prepend=pull[:1]))):
+        slope = np.where(moved == 0.0, slope, -moved)
+        slopes[row] = slope
+    return arrived, slopes
 
 
 def _quarter(arms: Array) -> Array:
@@ -164,21 +168,17 @@ class _Rows:
         self.own = elastic.section[:, None] == np.arange(sections)
         self.pairs = np.repeat(np.eye(sections), 2, axis=0)
         self.blocks = self.pairs @ self.pairs.T
-        self.columns = 3 * tendons + 5 * sections + len(self.twisted) + 1
-
-    def start(self, pull: Array) -> _State:
-        sections = len(self.elastic.count)
-        by = np.zeros((2 * sections, self.columns))
-        places = np.arange(2 * sections)
-        by[places, 3 * len(pull) + sections + places] = 1.0
-        return _State(self.elastic.rest_rad, pull, by, np.zeros(len(pull)))
-
-    def next(self, before: _State, pull: Array) -> _State:
-        arrived = play(pull, before.arrived, self.r)
-        moved = np.sign(arrived - before.arrived)
-        by_play = np.where(moved == 0.0, before.arrived_by_play, -moved)
-        bends = self._minimum(before.bends, arrived + self.elastic.offset_m)
-        return _State(bends, arrived, self._derivative(before, bends, arrived, by_play), by_play)
+        sizes = {
+            **dict.fromkeys(("radius_m", "angle_rad", "offset_m"), tendons),
+            **dict.fromkeys(("log_stiffness", "log_friction", "log_play"), sections),
+            "rest_rad": 2 * sections,
+            "twist_rad": len(self.twisted),
+            "log_hardening": 1,
+        }
+        ends = np.cumsum([0, *sizes.values()]).tolist()
+        #: Columns of the derivatives by the parameters of each kind.
+        self.place = dict(zip(sizes, map(slice, ends[:-1], ends[1:]), strict=True))
+        self.columns: int = ends[-1]
 
     def _energy(self, bends: Array, last: Array, tight: Array) -> float:
         off = bends - self.elastic.rest_rad
@@ -196,7 +196,7 @@ class _Rows:
         hessian = np.diag(force) - force[:, None] * self.blocks * np.outer(unit, unit)
         return force * change, hessian
 
-    def _minimum(self, last: Array, tight: Array) -> Array:
+    def minimum(self, last: Array, tight: Array) -> Array:
         """Newton's method with halved steps; the energy is convex and its gradient piecewise smooth."""
         bends = last
         energy = self._energy(bends, last, tight)
@@ -220,35 +220,34 @@ class _Rows:
                 break
         return bends
 
-    def _derivative(self, before: _State, bends: Array, arrived: Array, by_play: Array) -> Array:
-        """Of the minimum, by all parameters: the gradient of the energy stays zero."""
-        elastic, G = self.elastic, self.G
-        e = arrived + elastic.offset_m - G @ bends
-        held = np.maximum(e, 0.0)
-        on: Array = np.where(e > 0.0, 1.0 + 2.0 * self.h * held, 0.0)
-        pull, active = held + self.h * held**2, G.T * on
-        slope, curve = self._friction(bends, before.bends)
-        sections, tendons = len(elastic.count), len(e)
-        change = np.empty((len(bends), self.columns))
-        place = 0
-        for by in (self.by_radius, self.by_angle):
-            change[:, place : place + tendons] = -by.T * pull + active * (by @ bends)
-            place += tendons
-        change[:, place : place + tendons] = -active
-        place += tendons
-        change[:, place : place + sections] = self.pairs * (self.K * (bends - elastic.rest_rad))[:, None]
-        place += sections
-        change[:, place : place + 2 * sections] = -np.diag(self.K)
-        place += 2 * sections
-        change[:, place : place + sections] = self.pairs * slope[:, None]
-        place += sections
-        change[:, place : place + sections] = -(active * (by_play * self.r)) @ self.own
-        place += sections
-        for which in self.twisted:
+    def derivative(
+        self, before: Array, before_by: Array, bends: Array, elongation: Array, by_width: Array
+    ) -> Array:
+        """Of the minimum, by all parameters: the gradient of the energy stays zero.
+
+        Args:
+            before: bends of the row before.
+            before_by: their derivatives.
+            bends: the minimum.
+            elongation: of the tendons there.
+            by_width: derivatives of the arrived pulls by the play of their tendon.
+        """
+        held = np.maximum(elongation, 0.0)
+        on: Array = np.where(elongation > 0.0, 1.0 + 2.0 * self.h * held, 0.0)
+        pull, active = held + self.h * held**2, self.G.T * on
+        slope, curve = self._friction(bends, before)
+        change, place = np.empty((len(bends), self.columns)), self.place
+        for name, by in (("radius_m", self.by_radius), ("angle_rad", self.by_angle)):
+            change[:, place[name]] = -by.T * pull + active * (by @ bends)
+        change[:, place["offset_m"]] = -active
+        change[:, place["log_stiffness"]] = self.pairs * (self.K * (bends - self.elastic.rest_rad))[:, None]
+        change[:, place["rest_rad"]] = -np.diag(self.K)
+        change[:, place["log_friction"]] = self.pairs * slope[:, None]
+        change[:, place["log_play"]] = -(active * (by_width * self.r)) @ self.own
+        for column, which in enumerate(self.twisted, place["twist_rad"].start):
             rotated: Array = np.where(which, self.by_angle, 0.0)
-            change[:, place] = -rotated.T @ pull + active @ (rotated @ bends)
-            place += 1
-        change[:, place] = -self.h * (held**2) @ G
-        hessian = active @ G + curve
+            change[:, column] = -rotated.T @ pull + active @ (rotated @ bends)
+        change[:, place["log_hardening"]] = (-self.h * (held**2) @ self.G)[:, None]
+        hessian = active @ self.G + curve
         hessian.flat[:: len(bends) + 1] += self.K
-        return np.asarray(np.linalg.solve(hessian, curve @ before.by - change), dtype=np.float64)
+        return np.asarray(np.linalg.solve(hessian, curve @ before_by - change), dtype=np.float64)

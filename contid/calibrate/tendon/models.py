@@ -14,10 +14,9 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 
 from contid.calibrate.tendon.chain import Mounting, tips
-from contid.calibrate.tendon.elastic import Elastic, pull_matrix, series
+from contid.calibrate.tendon.elastic import Elastic, play_rows, pull_matrix, series
 from contid.calibrate.tendon.parameters import Group, Parameters, group
 from contid.kinematics.array import Array
-from contid.kinematics.tendon.friction import play
 
 #: Standard deviations of what is expected of a robot before the data: mounting and manufacture.
 LENGTH_SPREAD_M: Final = 5e-3
@@ -168,7 +167,7 @@ class LinearBends:
         by: dict[str, Array] = {}
         if "log_play" in values:
             width = np.exp(values["log_play"])[section]
-            arrived, slopes = _play_rows(pull_m, width)
+            arrived, slopes = play_rows(pull_m, width)
             own = section[:, None] == np.arange(len(nominal.tendons))
             by["log_play"] = matrix @ ((slopes * width)[:, :, None] * own)
         else:
@@ -178,18 +177,6 @@ class LinearBends:
         by["rest_rad"] = np.broadcast_to(np.eye(size), (len(pull_m), size, size))
         tip, jacobian = _through_chain(nominal, self.parameters, values, bends, by)
         return Prediction(tip, jacobian, np.hstack((bends, arrived)))
-
-
-def _play_rows(pull: Array, width: Array) -> tuple[Array, Array]:
-    """Pulls after play, and their derivatives by its half width."""
-    arrived, slope = pull[0], np.zeros(pull.shape[1])
-    out, slopes = np.empty_like(pull), np.empty_like(pull)
-    for row, each in enumerate(pull):
-        after = play(each, arrived, width)
-        slope = np.where(after == arrived, slope, -np.sign(after - arrived))
-        arrived = after
-        out[row], slopes[row] = arrived, slope
-    return out, slopes
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,21 +233,5 @@ class ElasticBends:
         """The tips of pulls ``(rows, tendons)``; features are bends and tensions over stiffness [m]."""
         nominal, values = self.nominal, self.parameters.split(vector)
         found = series(self.elastic(vector), pull_m)
-        tendons, sections = len(nominal.tendon_names), len(nominal.section_names)
-        sizes = {
-            "radius_m": tendons,
-            "angle_rad": tendons,
-            "offset_m": tendons,
-            "log_stiffness": sections,
-            "rest_rad": 2 * sections,
-            "log_friction": sections,
-            "log_play": sections,
-            "twist_rad": len(nominal.passing_names),
-            "log_hardening": 1,
-        }
-        ends = np.cumsum([0, *sizes.values()])
-        by = {
-            name: found.by[:, :, low:high] for name, low, high in zip(sizes, ends[:-1], ends[1:], strict=True)
-        }
-        tip, jacobian = _through_chain(nominal, self.parameters, values, found.bends, by)
+        tip, jacobian = _through_chain(nominal, self.parameters, values, found.bends, found.by)
         return Prediction(tip, jacobian, np.hstack((found.bends, np.maximum(found.elongation_m, 0.0))))
