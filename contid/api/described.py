@@ -87,7 +87,7 @@ class DescribedRobots:
             return self.units.from_si(np.array(values, dtype=float), quantity)
 
         rest = robot.rest[: len(robot.axis_names)]  # without extra axes
-        rates = converted(robot.velocity_limit, robot.acceleration_limit, robot.jerk_limit)
+        rates = converted(*(each[0] for each in robot.rate_limits))  # the same for all axes of the model
         return AxisRanges(
             self.axes, converted(*robot.lower), converted(*robot.upper), converted(*rest), *rates.tolist()
         )

@@ -16,9 +16,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from contid.kinematics.array import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +35,7 @@ class CircleFit:
     rms: float
 
 
-def fit_circle(points: Floats) -> CircleFit:
+def fit_circle(points: Array) -> CircleFit:
     """Fit a circle to points of shape ``(n, 2)``, n >= 3.
 
     Raises:
@@ -52,7 +51,7 @@ def fit_circle(points: Floats) -> CircleFit:
     x, y = ((points - centre) / size).T
     squares = x * x + y * y
 
-    def distances(q: Floats) -> Floats:
+    def distances(q: Array) -> Array:
         a, angle, d = q
         length = math.sqrt(max(1.0 + 4.0 * a * d, 1e-12))
         p = a * squares + length * (math.cos(angle) * x + math.sin(angle) * y) + d
@@ -67,7 +66,7 @@ def fit_circle(points: Floats) -> CircleFit:
     )
 
 
-def _pratt(x: Floats, y: Floats, squares: Floats) -> Floats:
+def _pratt(x: Array, y: Array, squares: Array) -> Array:
     """Algebraic fit under Pratt's constraint, as (A, angle of (B, C), D)."""
     design = np.column_stack([squares, x, y, np.ones_like(x)])
     constraint = np.zeros((4, 4))

@@ -23,10 +23,11 @@ from typing import Final
 
 import numpy as np
 
-from contid.calibrate.circle import CircleFit, Floats, fit_circle
+from contid.calibrate.circle import CircleFit, fit_circle
 from contid.calibrate.line import fit_line
 from contid.calibrate.measured_table import Columns, MeasuredRow, read_measured
 from contid.errors import BadInputError, ContidError, Located
+from contid.kinematics.array import Array
 
 #: Below this commanded curvature [1/mm] the quotient k/k_d is mostly noise.
 MIN_CURVATURE_PER_MM: Final = 1e-3
@@ -173,7 +174,7 @@ def fit_curvature(postures: list[Posture]) -> CurvatureFit:
     )
 
 
-def _marker_variances(postures: list[Posture]) -> Floats:
+def _marker_variances(postures: list[Posture]) -> Array:
     """Variance of every epsilon due to marker noise, which is the same in all photographs."""
     degrees_of_freedom = sum(max(posture.markers - 3, 0) for posture in postures)  # a circle has 3 parameters
     squares_mm2 = sum(posture.markers * posture.circle.rms**2 for posture in postures if posture.markers > 3)

@@ -18,14 +18,14 @@ from typing import Final
 
 import numpy as np
 
-from contid.calibrate.circle import Floats
+from contid.kinematics.array import Array
 
 #: Smallest variance, relative to the values' squares: rounding.
 _ROUNDING: Final = 1e-24
 _HALVINGS: Final = 60
 
 
-def fit_line(x: Floats, y: Floats, variances: Floats) -> tuple[tuple[float, float], tuple[float, float]]:
+def fit_line(x: Array, y: Array, variances: Array) -> tuple[tuple[float, float], tuple[float, float]]:
     """Slope and intercept, and their standard errors; Student's t applies with n - 2 degrees of freedom.
 
     Args:
@@ -46,7 +46,7 @@ def fit_line(x: Floats, y: Floats, variances: Floats) -> tuple[tuple[float, floa
     return (float(line[0]), float(line[1])), (a_error, b_error)
 
 
-def _weighted(x: Floats, y: Floats, variances: Floats) -> tuple[Floats, Floats, float]:
+def _weighted(x: Array, y: Array, variances: Array) -> tuple[Array, Array, float]:
     """Line, its covariance for these variances, and the sum of the weighted squares of the residuals."""
     scale = 1.0 / np.sqrt(variances)
     rows = np.column_stack([x, np.ones_like(x)]) * scale[:, None]

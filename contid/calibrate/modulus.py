@@ -20,9 +20,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from contid.calibrate.circle import Floats
 from contid.calibrate.elongation_data import ElongationReading, elongations
 from contid.errors import ContidError
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.section import MPA_PER_PA, Section
 
 #: A polynomial of fourth order needs this many different pressures.
@@ -118,12 +118,12 @@ def fit(section: Section, number: int, readings: Sequence[ElongationReading]) ->
     return _with_gain(section, result, bent) if bent else result
 
 
-def axial_stress_pa(section: Section, average_bar: Floats) -> Floats:
+def axial_stress_pa(section: Section, average_bar: Array) -> Array:
     """Axial stress of a section with all chambers at one pressure [Pa] (numerator of eq. 18)."""
     return 3.0 * section.pair_force * average_bar / section.area / MPA_PER_PA
 
 
-def _fit(x: Floats, stress: Floats, strain: Floats) -> Floats:
+def _fit(x: Array, stress: Array, strain: Array) -> Array:
     """Least squares of the strains ``stress / E(x)``: weighted on the moduli first, then Gauss-Newton."""
     powers = np.vander(x, 5)
     weight = strain**2 / stress
@@ -142,7 +142,7 @@ def _fit(x: Floats, stress: Floats, strain: Floats) -> Floats:
     raise ContidError("the elongations do not fit any positive modulus; check units and signs")
 
 
-def growing_range(coefficients: Floats, up_to_bar: float) -> float:
+def growing_range(coefficients: Array, up_to_bar: float) -> float:
     """Smallest x below ``up_to_bar`` at which ``x / E(x)`` stops growing or E becomes negative [bar].
 
     Infinite when there is none.
@@ -159,9 +159,7 @@ def growing_range(coefficients: Floats, up_to_bar: float) -> float:
     return min(ends, default=math.inf)
 
 
-def _mean_modulus_rmse(
-    x: Floats, stress: Floats, strain: Floats, levels: Floats, coefficients: Floats
-) -> float:
+def _mean_modulus_rmse(x: Array, stress: Array, strain: Array, levels: Array, coefficients: Array) -> float:
     errors = []
     for level in levels:
         here = np.round(x, 3) == level
@@ -187,6 +185,6 @@ def _with_gain(section: Section, result: ModulusFit, bent: Sequence[ElongationRe
     return replace(result, bending_gain=gain, rmse_bend_deg=rmse_deg, bends=len(bent))
 
 
-def bending_deg(section: Section, pressures_bar: Floats) -> float:
+def bending_deg(section: Section, pressures_bar: Array) -> float:
     """Bending angle of the unloaded section [deg]."""
     return math.degrees(float(np.linalg.norm(section.inflated(pressures_bar).curvature)) * section.length)

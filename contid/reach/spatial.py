@@ -8,8 +8,8 @@ a fixed seed: the same file gives the same numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Set
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Final
 
@@ -37,18 +37,20 @@ class Volume:
     """The reachable set of one tip.
 
     Attributes:
-        voxels: reachable voxels by integer coordinates; the centre of voxel v is ``v * edge_m``.
+        answers: actuation with which the tip is at the centre of a reachable voxel [m or Pa], by its integer
+            coordinates; the centre of voxel v is ``v * edge_m``.
         edge_m: edge of a voxel [m].
         rim: number of voxels with a neighbour that is not reachable.
-        tested: number of inverse solutions computed.
-        answers: by voxel, the actuation with which the tip is at its centre [m or Pa].
     """
 
-    voxels: frozenset[Voxel]
+    answers: Mapping[Voxel, Actuation]
     edge_m: float
     rim: int
-    tested: int
-    answers: Mapping[Voxel, Actuation] = field(default_factory=dict)
+
+    @property
+    def voxels(self) -> Set[Voxel]:
+        """The reachable voxels."""
+        return self.answers.keys()
 
     @property
     def volume_m3(self) -> float:
@@ -116,28 +118,28 @@ def reachable_volume(
     seeds: dict[Voxel, Actuation] = {}
     for actuation, tip in zip(actuations, tips, strict=True):
         seeds.setdefault(_voxel(tip, edge_m), actuation)
-    reachable: dict[Voxel, bool] = {}
+    tested: set[Voxel] = set()
     answers: dict[Voxel, Actuation] = {}
     # A front at a time: its voxels are independent of each other.
     front = dict(sorted(seeds.items()))
     while front:
         centres = [frame.point_in_base((i * edge_m, j * edge_m, k * edge_m)) for i, j, k in front]
         found = inverse_many(model, Targets.of(centres), list(front.values())).rows
-        reachable.update(zip(front, found["converged"].tolist(), strict=True))
+        tested.update(front)
         if progress is not None:
-            progress(len(reachable))
+            progress(len(tested))
         following: dict[Voxel, Actuation] = {}
-        for voxel, actuation in zip(front, found["actuation"].tolist(), strict=True):
-            if reachable[voxel]:
+        rows = zip(front, found["converged"].tolist(), found["actuation"].tolist(), strict=True)
+        for voxel, converged, actuation in rows:
+            if converged:
                 answers[voxel] = tuple(actuation)
                 for step in neighbours:
                     neighbour = _next(voxel, step)
-                    if neighbour not in reachable:
+                    if neighbour not in tested:
                         following.setdefault(neighbour, tuple(actuation))
         front = following
-    inside = frozenset(voxel for voxel, yes in reachable.items() if yes)
-    rim = sum(any(_next(voxel, step) not in inside for step in neighbours) for voxel in inside)
-    return Volume(inside, edge_m, rim, len(reachable), answers)
+    rim = sum(any(_next(voxel, step) not in answers for step in neighbours) for voxel in answers)
+    return Volume(answers, edge_m, rim)
 
 
 def shared(volumes: Mapping[str, Volume]) -> dict[tuple[str, str], float]:

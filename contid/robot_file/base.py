@@ -31,6 +31,8 @@ Positive: TypeAlias = Annotated[float, Field(gt=0)]
 NonNegative: TypeAlias = Annotated[float, Field(ge=0)]
 #: A dimension of a robot [mm]. A smaller number was probably written in metres.
 Size: TypeAlias = Annotated[float, Field(ge=0.1, le=1e5)]
+#: An azimuth [deg]. In a far larger one the angles that are added to it are lost in rounding.
+Azimuth: TypeAlias = Annotated[float, Field(ge=-3600, le=3600)]
 #: A rate: outside these bounds the duration of a motion is lost in float64 rounding.
 Rate: TypeAlias = Annotated[float, Field(ge=1e-3, le=1e12)]
 

@@ -29,7 +29,9 @@ def allowed_names(names: Iterable[str], wrong: str = "") -> str:
     listed = names[:MAX_NAMES]
     near = difflib.get_close_matches(wrong[:MAX_CHARACTERS], listed, n=1, cutoff=0.5)
     others = f" and {len(names) - MAX_NAMES} others" if len(names) > MAX_NAMES else ""
-    return f"allowed: {', '.join(listed)}{others}" + (f"; did you mean {near[0]!r}?" if near else "")
+    # The same name with another type, such as '1' for 1, is no help.
+    hint = f"; did you mean {near[0]!r}?" if near and near[0] != wrong else ""
+    return f"allowed: {', '.join(listed) or 'none'}{others}{hint}"
 
 
 def explain(

@@ -15,7 +15,7 @@ from contid.robot_file.base import AxisDescription
 from contid.robot_file.chain import Chain, check_chain
 from contid.robot_file.checks import WiredAxis, check_name, check_robot
 from contid.robot_file.clearance import check_clearance
-from contid.robot_file.document import AnyRobot, BusDescription, BusWiring, RobotFile
+from contid.robot_file.document import MAX_RATE_HZ, AnyRobot, BusDescription, BusWiring, RobotFile
 from contid.robot_file.findings import allowed_names, explain, shown
 from contid.robot_file.model_plugins import ModelPluginError, load_plugin, plugin_names
 from contid.robot_file.positions import Data, Document, KeyPath
@@ -66,7 +66,7 @@ class Loader:
             return {}
         complete = {name: replace(bus, axes=tuple(self.axes[name])) for name, bus in wirings.items() if bus}
         rate_hz = data.get("rate_hz")
-        if isinstance(rate_hz, int | float) and rate_hz > 0:
+        if isinstance(rate_hz, int | float) and rate_hz is not True and 0.0 < rate_hz <= MAX_RATE_HZ:
             wrong = [*watchdog_too_short(complete.values(), rate_hz)]
             wrong += () if self.recorded else rate_too_high(complete.values(), rate_hz)
             self.findings += [self.document.at_value(("rate_hz",), f"rate_hz: {each}") for each in wrong]

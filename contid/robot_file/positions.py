@@ -122,7 +122,12 @@ def read_document(text: str, file: str) -> Document:
     try:
         reader.read(iter(yaml.parse(text, Loader=yaml.BaseLoader)))
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
+        mark, begin = error.problem_mark, error.context_mark
+        # A text without its closing quote, or a key without its colon, shows where another line begins.
+        if mark is None or (
+            isinstance(error, yaml.scanner.ScannerError) and begin and begin.line < mark.line
+        ):
+            mark = begin
         line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
         what = " ".join(part for part in (error.context, error.problem) if part)
         reader.findings.append(Located(file, line, column, f"not YAML: {what}"))
@@ -259,6 +264,8 @@ class _Reader:
                 self._value(next(events), events, (*path, "?"))
                 continue
             self._check_visible(event, ())
+            if event.value == "<<":
+                self._refuse(event, "merge keys (<<) are not allowed; write the keys out")
             here = (*path, event.value)
             if event.value in mapping:
                 line = self.document.keys[here][0]

@@ -162,32 +162,17 @@ class RobotDescription(Strict):
         return tuple((low + high) / 2.0 for low, high in zip(self.lower, self.upper, strict=True))
 
     @property
-    def velocity_limit(self) -> float:
-        """Maximum speed of an axis [m/s or Pa/s]."""
-        return self._rate("velocity", "_s")
-
-    @property
-    def acceleration_limit(self) -> float:
-        """Maximum acceleration of an axis [m/s^2 or Pa/s^2]."""
-        return self._rate("acceleration", "_s2")
-
-    @property
-    def jerk_limit(self) -> float:
-        """Maximum jerk of an axis [m/s^3 or Pa/s^3]."""
-        return self._rate("jerk", "_s3")
-
-    @property
     def rate_limits(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
         """Maximum velocity, acceleration and jerk of every axis, extra ones too [per s, s^2, s^3]."""
-        kinds = (("velocity", "_s"), ("acceleration", "_s2"), ("jerk", "_s3"))
+        kinds = (("velocity", "s"), ("acceleration", "s2"), ("jerk", "s3"))
         velocity, acceleration, jerk = (
-            tuple(self._rate(what, per, quantity) for quantity in self.quantities) for what, per in kinds
+            tuple(self._rate(f"{what}_{quantity.unit}_{per}", quantity) for quantity in self.quantities)
+            for what, per in kinds
         )
         return velocity, acceleration, jerk
 
-    def _rate(self, what: str, per: str, quantity: Quantity | None = None) -> float:
-        quantity = quantity or self.quantity
-        value: float | None = getattr(self.rates, f"{what}_{quantity.unit}{per}")
+    def _rate(self, key: str, quantity: Quantity) -> float:
+        value: float | None = getattr(self.rates, key)
         if value is None:
-            raise ValueError(f"rates.{what}_{quantity.unit}{per} is missing")
+            raise ValueError(f"rates.{key} is missing")
         return quantity.to_si(value)

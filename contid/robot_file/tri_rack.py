@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from contid.robot_file.base import NonNegative, Positive, Size, Strict
+from contid.robot_file.base import Azimuth, NonNegative, Positive, Size, Strict
 from contid.robot_file.sections import SectionLimits, SectionRobot
 from contid.units import MM_PER_M
 
@@ -26,7 +26,7 @@ class TriRackGeometry(Strict):
     """
 
     rack_radius_mm: Size
-    phi_deg: float = 180.0
+    phi_deg: Azimuth = 180.0
     convention: Literal["clockwise", "counterclockwise"] = "clockwise"
     platform_mm: tuple[NonNegative, ...] | None = None
     coupling: Literal["base_fixed", "tip_fixed", "printed"] = "base_fixed"

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from contid.robot_file.base import NonNegative, Positive, Size, Strict
+from contid.robot_file.base import Azimuth, NonNegative, Positive, Size, Strict
 from contid.robot_file.sections import SectionRobot
 
 _LAYOUTS = {"paper": (180.0, 60.0, -60.0), "ccw": (0.0, 120.0, 240.0)}
@@ -26,7 +26,7 @@ class TriTubeGeometry(Strict):
 
     radius_mm: Annotated[tuple[Size, ...], Field(min_length=1)]
     layout: Literal["paper", "ccw"] = "paper"
-    angles_deg: tuple[float, float, float] | None = None
+    angles_deg: tuple[Azimuth, Azimuth, Azimuth] | None = None
     rigid_mm: tuple[NonNegative, ...] | None = None
 
 

@@ -65,14 +65,15 @@ def check_device_rates(
     ``limited`` has the axes whose devices have a limit. Axes with a table (``mm_to_bar``) are not checked.
     """
     key = f"velocity_{robot.quantity.unit}_s"
-    if getattr(robot.rates, key) is None:
+    velocity: float | None = getattr(robot.rates, key)
+    if velocity is None:
         return
     shares = [sum(map(abs, row)) for row in robot.coupling or ()] or [1.0] * len(robot.axis_names)
     for name, share in zip(robot.axis_names, shares, strict=True):
         if name not in limited:
             continue
         axis, limit = limited[name]
-        rate = robot.velocity_limit * share
+        rate = robot.quantity.to_si(velocity) * share
         size, shown = BAR, "bar/s"
         if robot.quantity is Quantity.LENGTH:
             if axis.mm_per_rev is None:
@@ -82,7 +83,7 @@ def check_device_rates(
         if rate > limit.value * (1.0 + 1e-9):
             message = (
                 f"{limit.key} is {limit.value / size:.4g} {shown}, but rates.{key} "
-                f"{getattr(robot.rates, key):g} needs {rate / size:.4g}: the device would follow late"
+                f"{velocity:g} needs {rate / size:.4g}: the device would follow late"
             )
             yield document.at_value((*at, "axes", name, limit.key), message)
 

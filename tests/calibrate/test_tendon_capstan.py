@@ -50,9 +50,7 @@ def recording() -> tuple[Nominal, TendonRecording]:
             bends.append(plant.bends)
     tips = forward(geometry, np.array(bends)).tip_m + 1e-4 * random.normal(size=(len(rows), 3))
     names = tuple(f"servo_{k}_mm" for k in range(1, 7))
-    data = TendonRecording(
-        "emulated", np.linspace(0.0, 0.5 * len(rows), len(rows)), tuple(labels), names, np.array(rows), tips
-    )
+    data = TendonRecording("emulated", tuple(labels), names, np.array(rows), tips)
     angles = np.concatenate([section.angle_rad for section in sections])
     return Nominal((0.06, 0.05), 4e-3, angles, (3, 3)), data
 

@@ -72,9 +72,7 @@ def last(request: pytest.FixtureRequest) -> tuple[LinkRobot, Stage, Stage]:
     pull, labels = pulls(sheaths)
     tip = made.tips(pull) + NOISE_M * np.random.default_rng(1).normal(size=(len(pull), 3))
     names = tuple(f"servo_{i}_mm" for i in (5, 3, 1, 2, 4, 6))
-    data = TendonRecording(
-        "links", np.linspace(0.0, 0.5 * len(pull), len(pull)), tuple(labels), names, pull, tip
-    )
+    data = TendonRecording("links", tuple(labels), names, pull, tip)
     split = labels.index("run 12")
     training, angles = data.rows(0, split), ANGLES
     if not sheaths:

@@ -59,7 +59,7 @@ def test_volumes_are_in_readable_units(cm3: float, text: str) -> None:
 
 def test_the_legend_is_beside_the_plot(tmp_path: Path) -> None:
     """Below the panes: rows of pixels under the axes have the colour of the arm, and no pane covers them."""
-    volume = Volume(ball(12), 0.01, 10, 10)
+    volume = Volume(dict.fromkeys(ball(12), ()), 0.01, 10)
     report = ReachReport(volumes={"arm": volume}, volumes_cm3={"arm": volume.volume_m3 * 1e6})
     save_plot(report, tmp_path / "arm.png", "arm")
     pixels = np.asarray(Image.open(tmp_path / "arm.png").convert("RGB")).astype(int)

@@ -41,4 +41,4 @@ def test_both_fingers_reach_the_paths_of_the_paper(
         racks.append(seed)
     assert m_to_mm(max(map(max, racks))) == pytest.approx(longest_mm, abs=5e-3)
     steps = [abs(b - a) for one, two in itertools.pairwise(racks) for a, b in zip(one, two, strict=True)]
-    assert max(steps) * RATE_HZ < description.velocity_limit
+    assert max(steps) * RATE_HZ < description.rate_limits[0][0]

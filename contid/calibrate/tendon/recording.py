@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,7 +30,6 @@ class TendonRecording:
 
     Attributes:
         name: of the data, in messages.
-        time_s: of each row [s], shape ``(rows,)``.
         pattern: label of each row, without ``_hold``.
         servos: name of each column of ``pull_m``.
         pull_m: pull of each tendon [m], shape ``(rows, tendons)``.
@@ -38,14 +37,13 @@ class TendonRecording:
     """
 
     name: str
-    time_s: Array
     pattern: tuple[str, ...]
     servos: tuple[str, ...]
     pull_m: Array
     tip_m: Array
 
     def __len__(self) -> int:
-        return len(self.time_s)
+        return len(self.pattern)
 
     @property
     def runs(self) -> Array:
@@ -59,17 +57,12 @@ class TendonRecording:
     def rows(self, start: int, stop: int) -> TendonRecording:
         """The rows from ``start`` to before ``stop``."""
         part = slice(start, stop)
-        return TendonRecording(
-            self.name, self.time_s[part], self.pattern[part], self.servos, self.pull_m[part], self.tip_m[part]
-        )
+        return replace(self, pattern=self.pattern[part], pull_m=self.pull_m[part], tip_m=self.tip_m[part])
 
     def in_order(self, columns: Iterable[int]) -> TendonRecording:
         """The same rows with other columns of pulls."""
         order = list(columns)
-        servos = tuple(self.servos[i] for i in order)
-        return TendonRecording(
-            self.name, self.time_s, self.pattern, servos, self.pull_m[:, order], self.tip_m
-        )
+        return replace(self, servos=tuple(self.servos[i] for i in order), pull_m=self.pull_m[:, order])
 
     def followed_by(self, other: TendonRecording) -> TendonRecording:
         """Both, one after the other, of the same robot without a change between them.
@@ -82,7 +75,6 @@ class TendonRecording:
             raise BadInputError([Located(other.name, 1, 1, message)])
         return TendonRecording(
             f"{self.name} and {other.name}",
-            np.concatenate((self.time_s, other.time_s)),
             self.pattern + other.pattern,
             self.servos,
             np.concatenate((self.pull_m, other.pull_m)),
@@ -115,7 +107,6 @@ def read_recording(lines: Iterable[str], name: str) -> TendonRecording:
     rows = read_measured(text, name, columns, in_time)
     return TendonRecording(
         name,
-        np.array([row.numbers["timestamp"] for row in rows]),
         tuple(row.text["pattern_label"].removesuffix(_HOLD) for row in rows),
         servos,
         np.array([[row.numbers[servo] for servo in servos] for row in rows]) * 1e-3,

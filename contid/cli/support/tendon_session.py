@@ -57,7 +57,6 @@ def session_recording(path: Path, robot: str) -> TendonRecording:
     since = np.array(times) - times[0]
     return TendonRecording(
         str(path),
-        np.array(times),
         tuple(f"{each * PATTERN_S:g} s" for each in (since // PATTERN_S).astype(int)),
         session.layout.robots[place].axes,
         np.array(pulls),

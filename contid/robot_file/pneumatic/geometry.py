@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from contid.robot_file.base import Direction, NonNegative, Positive, Size, Strict
+from contid.robot_file.base import Azimuth, Direction, NonNegative, Positive, Size, Strict
 from contid.targets import Vec3
 
 
@@ -38,7 +38,7 @@ class SectionGeometry(Strict):
     chamber_radius_mm: Size
     chamber_placement_mm: Size
     pair_angle_deg: Annotated[float, Field(ge=0, lt=180)]
-    first_pair_deg: float = 0.0
+    first_pair_deg: Azimuth = 0.0
     modulus_pa: tuple[float, float, float, float, float]
     modulus_up_to_bar: Positive = 1.9
     bending_gain: Positive = 1.0

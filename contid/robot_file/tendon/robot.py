@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import ClassVar, Final, Literal
 
 from pydantic import model_validator
 
@@ -12,6 +12,9 @@ from contid.robot_file.tendon.sections import TendonRobotGeometry, TendonRobotLi
 from contid.robot_file.tendon.statics import TendonFriction, TendonResidual, TendonRodStatics, Tension
 from contid.targets import Actuation, Vec3
 from contid.units import MM_PER_M
+
+#: Least range of pulls on either side of the straight robot; no drive resolves less.
+_ROOM_MM: Final = 1e-3
 
 
 class TendonRobot(RobotDescription):
@@ -68,7 +71,7 @@ class TendonRobot(RobotDescription):
                 f"friction.play_mm has {len(play)} numbers; allowed: 1, {count} or {len(self.axis_names)}"
             )
         for low, high in self.limits.pull_mm:
-            if not low < 0.0 < high:
+            if not low <= -_ROOM_MM <= _ROOM_MM <= high:
                 raise ValueError(
                     f"limits.pull_mm [{low:g}, {high:g}] has no room on both sides of 0, the straight robot"
                 )

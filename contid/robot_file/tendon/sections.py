@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from contid.robot_file.base import Interval, NonNegative, Size, Strict
+from contid.robot_file.base import Azimuth, Interval, NonNegative, Size, Strict
 from contid.units import MM_PER_M
 
 #: The native kernel has scratch memory on the stack for this many sections.
@@ -26,7 +26,7 @@ class TendonSectionDescription(Strict):
 
     length_mm: Size
     radius_mm: Annotated[tuple[Size, ...], Field(min_length=1, max_length=MAX_TENDONS)]
-    angles_deg: Annotated[tuple[float, ...], Field(min_length=3, max_length=MAX_TENDONS)]
+    angles_deg: Annotated[tuple[Azimuth, ...], Field(min_length=3, max_length=MAX_TENDONS)]
     rigid_mm: NonNegative = 0.0
 
     @model_validator(mode="after")
