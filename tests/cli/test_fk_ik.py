@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 import io
 import json
+from pathlib import Path
 
 import pytest
+import yaml
 
 from tests.support.command import contid
 
@@ -62,6 +64,23 @@ def test_bare_rows_of_ik_are_read_by_fk_with_their_loads_and_further_axes() -> N
         for name, value in zip(columns.split(","), map(float, row.split(",")), strict=True):
             kept = tip if name in tip else answer
             assert float(kept[name]) == pytest.approx(value, abs=1e-3)
+
+
+@pytest.mark.parametrize("remark", ["", "# rows after a remark are read one by one\n"])
+def test_bare_rows_keep_further_axes_in_their_own_unit(remark: str, configs: Path, tmp_path: Path) -> None:
+    head, _, example = (configs / "finger.yaml").read_text().partition("# A wrist and a gripper")
+    lines = [line.removeprefix("# ") for line in example.splitlines()[1:] if line.startswith("#   ")]
+    document, added = yaml.safe_load(head), yaml.safe_load("\n".join(lines))
+    robot = document["robots"]["finger"]
+    robot["extra_deg"] = added["extra_deg"]
+    robot["rates"] |= added["rates"]
+    robot["axes"] |= added["axes"]
+    (tmp_path / "wrist.yaml").write_text(yaml.safe_dump(document))
+    given = f"x_mm,y_mm,wrist_deg,gripper_deg\n{remark}20,80,45,30\n"
+    solved = contid("ik", str(tmp_path / "wrist.yaml"), "--bare", stdin=given)
+    assert solved.returncode == 0, solved.stderr
+    (answer,) = rows(solved.stdout)
+    assert [float(answer[name]) for name in ("wrist_deg", "gripper_deg")] == pytest.approx([45.0, 30.0])
 
 
 def test_a_bare_row_out_of_reach_ends_it() -> None:

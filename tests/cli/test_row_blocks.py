@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from contid.cli.commands import fk, ik
-from contid.cli.support import row_blocks, rows
+from contid.cli.support import row_blocks
 from tests.support.command import contid
 
 LOAD = ",load.fx_n,load.fy_n,load.fz_n"
@@ -23,7 +23,7 @@ LOAD = ",load.fx_n,load.fy_n,load.fz_n"
 @pytest.fixture
 def one_by_one(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
     with monkeypatch.context() as patched:
-        patched.setattr(rows, "numbers", lambda layout, lines: None)
+        patched.setattr(row_blocks, "numbers", lambda layout, lines: None)
         yield patched
 
 
@@ -101,7 +101,7 @@ def test_the_output_is_that_of_single_rows(
     command, words, text = CASES[case]
     single = output(command, *words, stdin=text)
     one_by_one.undo()
-    monkeypatch.setattr(rows, "ROWS", 16)
+    monkeypatch.setattr(row_blocks, "ROWS", 16)
     assert output(command, *words, stdin=text) == single
     assert single[1].count("\n") > 2, single
 

@@ -1,4 +1,4 @@
-"""Rows of CSV in blocks: parsed, solved and printed together, with the same results as row by row.
+"""Rows of CSV or NDJSON in blocks, read together where they are plain, with the same result as row by row.
 
 A block is what has arrived: rows typed into a pipe are answered at once, a file in blocks of thousands.
 Whatever is unusual in a block (comments, quotes, mistakes) sends it through the reader of single rows.
@@ -8,40 +8,34 @@ from __future__ import annotations
 
 import codecs
 import io
-import math
 from collections.abc import Iterator, Sequence
-from typing import Final, Protocol, TextIO
+from typing import Final, NamedTuple, TextIO
 
 import numpy as np
 
+from contid.errors import BadInputError
 from contid.kinematics.array import Array
 from contid.lines import MAX_LINE
 from contid.trajectory.columns import ColumnLayout
-from contid.trajectory.rows import MAX_NUMBER
+from contid.trajectory.rows import MAX_NUMBER, RowReader, is_comment
 
 #: Rows solved together: while one block is solved, the one before is printed.
 ROWS: Final = 4096
 _BYTES: Final = 1 << 20
 
 
-class ManyRows(Protocol):
-    """A conversion of blocks."""
+class RowBlock(NamedTuple):
+    """Rows that are solved and printed together.
 
-    def header(self, layout: ColumnLayout) -> tuple[str, ...] | None:
-        """Columns of the result; None when rows with this layout are converted one by one."""
-        ...
+    Attributes:
+        places: numbers of their lines.
+        rows: SI numbers, shape ``(rows, columns)``.
+        mistake: in the line after them.
+    """
 
-    def solve(self, layout: ColumnLayout, rows: Array) -> object:
-        """The arithmetic, for rows of SI numbers; in a thread of its own.
-
-        Raises:
-            ValueError: a row the model does not take.
-        """
-        ...
-
-    def lines(self, solved: object) -> tuple[list[str], str]:
-        """Lines of CSV, and a message when the row after the last line ends the conversion."""
-        ...
+    places: Sequence[int]
+    rows: Array
+    mistake: BadInputError | None = None
 
 
 def line_blocks(source: TextIO) -> Iterator[tuple[int, list[str]]]:
@@ -65,6 +59,37 @@ def _numbered(number: int, lines: list[str]) -> Iterator[tuple[int, list[str]]]:
         yield number, lines
 
 
+def blocks_of(reader: RowReader, number: int, lines: Sequence[str]) -> Iterator[RowBlock]:
+    """The rows of lines, the first of which has this number, up to the first mistake."""
+    for first in range(0, len(lines), ROWS):
+        part = lines[first : first + ROWS]
+        rows = None if reader.is_json else numbers(reader.layout, part)
+        if rows is not None:
+            yield RowBlock(range(number + first, number + first + len(part)), rows)
+            continue
+        block = _one_by_one(reader, number + first, part)
+        if block.places or block.mistake:
+            yield block
+        if block.mistake is not None:
+            return
+
+
+def _one_by_one(reader: RowReader, number: int, lines: Sequence[str]) -> RowBlock:
+    places: list[int] = []
+    rows: list[list[float]] = []
+    mistake = None
+    for place, line in enumerate(lines, number):
+        if is_comment(line):
+            continue
+        try:
+            rows.append(reader.row(line, place))
+        except BadInputError as error:
+            mistake = error
+            break
+        places.append(place)
+    return RowBlock(places, np.reshape(rows, (len(rows), len(reader.columns))), mistake)
+
+
 def numbers(layout: ColumnLayout, lines: Sequence[str]) -> Array | None:
     """Lines as SI numbers ``(lines, columns)``; None unless every line is a plain row without a mistake."""
     columns = len(layout.names)
@@ -86,20 +111,6 @@ def numbers(layout: ColumnLayout, lines: Sequence[str]) -> Array | None:
         if robot.x_axis and any(robot.rotation(row) is None for row in rows.tolist()):
             return None
     return rows
-
-
-def vectors(rows: Array, columns: tuple[int, ...]) -> Array:
-    """Vectors ``(rows, 3)``; planar robots leave z at 0."""
-    found = np.zeros((len(rows), 3))
-    found[:, : len(columns)] = rows[:, columns]
-    return found
-
-
-def unit_vectors(given: Array) -> Array:
-    """Vectors with length 1, rounded as those of single rows are."""
-    lengths = np.array([math.hypot(*vector) for vector in given.tolist()])
-    found: Array = given / lengths[:, None]
-    return found
 
 
 def joined(values: Array) -> list[str]:

@@ -1,128 +1,164 @@
-"""Shared by ``fk``, ``ik`` and ``shape``: rows of CSV or NDJSON in, one result per row out, as they come."""
+"""Rows of CSV or NDJSON in and results out, as they come: for `fk` and `ik` in blocks, for `shape` singly."""
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import lru_cache
 from itertools import chain
-from typing import TextIO
+from typing import Any, Generic, TextIO, TypeAlias, TypeVar
 
 import click
+import numpy as np
 
-from contid.cli.support.row_blocks import ROWS, ManyRows, line_blocks, numbers
+from contid.cli.support.row_blocks import RowBlock, blocks_of, joined, line_blocks
 from contid.errors import BadInputError, Located
+from contid.kinematics.array import Array
 from contid.robot_file.load import LoadedFile
 from contid.targets import Target
+from contid.trajectory.columns import RobotColumns
 from contid.trajectory.rows import RowReader, is_comment, numbered_lines
 
-Cell = float | int | bool | str
-Convert = Callable[[Mapping[str, Target]], dict[str, Cell]]
+#: Columns of a result: numbers ``(rows, columns)``, or a tuple of other values for each row.
+CellBlock: TypeAlias = Array | Sequence[tuple[bool | int | str, ...]]
+Answers = TypeVar("Answers")
+
+
+class RobotRows(ABC, Generic[Answers]):
+    """What is done with the rows of one robot; ``columns`` are its places in a row of SI numbers."""
+
+    @abstractmethod
+    def names(self, columns: RobotColumns) -> list[str]:
+        """Columns of the result, without the robot's name in front."""
+
+    @abstractmethod
+    def solve(self, columns: RobotColumns, rows: Array) -> Answers:
+        """The arithmetic; in a thread, while the block before is printed.
+
+        Raises:
+            ValueError: a row the model does not take.
+        """
+
+    @abstractmethod
+    def cells(self, columns: RobotColumns, rows: Array, answers: Answers) -> list[CellBlock]:
+        """The columns of the result."""
+
+    def refused(self, answers: Answers) -> tuple[int, str] | None:
+        """The first row that ends the conversion, and why."""
+        return None
 
 
 def convert_rows(
-    loaded: LoadedFile, source: TextIO, convert: Convert, as_json: bool, many: ManyRows | None = None
+    loaded: LoadedFile, path: str | None, robots: Mapping[str, RobotRows[Any]], as_json: bool
 ) -> None:
-    """Read targets and print the result of ``convert`` for each row; ``t_s`` is passed through.
+    """Print a result for each row of a file, or of stdin for None; ``t_s`` is passed through.
 
     Args:
         loaded: the robot file.
-        source: of the rows.
-        convert: one row.
+        path: of the rows.
+        robots: what is done with the rows of each robot.
         as_json: objects instead of CSV.
-        many: blocks of rows, for CSV in and out; the same results as ``convert``.
 
     Raises:
         BadInputError: at the first wrong row; the results of the rows before it are printed.
     """
-    if as_json or many is None:
-        header: tuple[str, ...] | None = None
-        for cells in _results(loaded, source, convert):
-            if as_json:
-                click.echo(json.dumps(cells))
-                continue
-            if header is None:
-                header = tuple(cells)
-                click.echo(",".join(header))
-            click.echo(_line(cells))
-        return
-    blocks = _Blocks(loaded, _name(source), convert, many)
-    for number, lines in line_blocks(source):
-        blocks.take(number, lines)
-    blocks.end()
+    conversion: _Conversion | None = None
+    with open_rows(path) as source:
+        name = _name(source)
+        for number, lines in line_blocks(source):
+            begin = 0
+            if conversion is None:
+                begin = next((k for k, line in enumerate(lines) if not is_comment(line)), len(lines))
+                if begin == len(lines):
+                    continue
+                reader = RowReader(lines[begin], name, loaded.file.robots, number + begin)
+                conversion = _Conversion(loaded, reader, robots, as_json)
+                begin += not reader.is_json
+            conversion.take(number + begin, lines[begin:])
+    if conversion is None:
+        raise _no_rows(name)
 
 
-class _Blocks:
-    """Rows as they come: plain ones in blocks, the others one by one."""
+class _Conversion:
+    """Rows after their header, solved and printed in blocks."""
 
-    def __init__(self, loaded: LoadedFile, name: str, convert: Convert, many: ManyRows) -> None:
-        self._loaded, self._name, self._convert, self._many = loaded, name, convert, many
-        self._reader: RowReader | None = None
-        self._plain = self._printed = False
+    def __init__(
+        self, loaded: LoadedFile, reader: RowReader, robots: Mapping[str, RobotRows[Any]], as_json: bool
+    ) -> None:
+        self._reader, self._as_json = reader, as_json
+        self._robots = [(robots[columns.robot], columns) for columns in reader.layout.robots]
+        self._time = [] if reader.layout.time is None else [reader.layout.time]
+        self._names = ["t_s" for _ in self._time]
+        for robot, columns in self._robots:
+            prefix = "" if len(loaded.file.robots) == 1 else f"{columns.robot}."
+            self._names += [f"{prefix}{name}" for name in robot.names(columns)]
+        self._needs_header = not as_json
 
-    def take(self, number: int, lines: list[str]) -> None:
+    def take(self, number: int, lines: Sequence[str]) -> None:
         """Convert and print lines of which the first has this number."""
-        begin = 0
-        while self._reader is None and begin < len(lines):
-            if not is_comment(lines[begin]):
-                self._reader = RowReader(lines[begin], self._name, self._loaded.file.robots, number + begin)
-                self._plain = not self._reader.is_json and self._many.header(self._reader.layout) is not None
-                if self._reader.is_json:
-                    break
-            begin += 1
-        if self._reader is None or begin >= len(lines):
-            return
-        layout = self._reader.layout
         with ThreadPoolExecutor(1) as solver:
-            waiting: tuple[int, list[str], Future[object]] | None = None
-            for first in range(begin, len(lines), ROWS):
-                part = lines[first : first + ROWS]
-                rows = numbers(layout, part) if self._plain else None
-                now = None if rows is None else solver.submit(self._many.solve, layout, rows)
+            waiting: tuple[RowBlock, Future[list[Any]]] | None = None
+            for block in blocks_of(self._reader, number, lines):
+                now = block, solver.submit(self._solve, block.rows)
                 if waiting is not None:
                     self._print(*waiting)
-                waiting = None if now is None else (number + first, part, now)
-                if rows is None:
-                    self._one_by_one(number + first, part)
+                waiting = now
             if waiting is not None:
                 self._print(*waiting)
 
-    def end(self) -> None:
-        """After the last line.
+    def _solve(self, rows: Array) -> list[Any]:
+        """The answers of each robot."""
+        return [robot.solve(columns, rows) for robot, columns in self._robots] if len(rows) else []
 
-        Raises:
-            BadInputError: there was no header.
-        """
-        if self._reader is None:
-            raise _no_rows(self._name)
-
-    def _print(self, number: int, part: list[str], solved: Future[object]) -> None:
-        assert self._reader is not None
+    def _print(self, block: RowBlock, solved: Future[list[Any]]) -> None:
         try:
-            lines, message = self._many.lines(solved.result())
+            answers = solved.result()
         except ValueError:  # a row the model does not take: find it
-            self._one_by_one(number, part)
-            return
-        if lines and not self._printed:
-            click.echo(",".join(self._many.header(self._reader.layout) or ()))
-            self._printed = True
+            for place, row in zip(block.places, block.rows, strict=True):
+                with located_at(Located(self._reader.name, place, 1, "")):
+                    answers = self._solve(row[None])
+                self._print_rows([place], row[None], answers)
+        else:
+            if block.places:
+                self._print_rows(block.places, block.rows, answers)
+        if block.mistake is not None:
+            raise block.mistake
+
+    def _print_rows(self, places: Sequence[int], rows: Array, answers: Sequence[Any]) -> None:
+        end, message = len(rows), ""
+        parts: list[CellBlock] = [rows[:, self._time]] if self._time else []
+        for (robot, columns), found in zip(self._robots, answers, strict=True):
+            parts += robot.cells(columns, rows, found)
+            if (refused := robot.refused(found)) and refused[0] < end:
+                end, message = refused
+        lines = (self._objects(parts) if self._as_json else _csv(parts))[:end]
+        if lines and self._needs_header:
+            lines.insert(0, ",".join(self._names))
+            self._needs_header = False
         if lines:
             click.echo("\n".join(lines))
         if message:
-            raise BadInputError([Located(self._name, number + len(lines), 1, message)])
+            raise BadInputError([Located(self._reader.name, places[end], 1, message)])
 
-    def _one_by_one(self, number: int, lines: list[str]) -> None:
-        assert self._reader is not None
-        for place, time_s, targets in _rows_of(self._reader, self._name, enumerate(lines, number)):
-            with located_at(place):
-                cells = _timed(time_s, self._convert(targets))
-            if not self._printed:
-                click.echo(",".join(cells))
-                self._printed = True
-            click.echo(_line(cells))
+    def _objects(self, parts: Sequence[CellBlock]) -> list[str]:
+        rows = zip(*(part.tolist() if isinstance(part, np.ndarray) else part for part in parts), strict=True)
+        cells = (chain.from_iterable(row) for row in rows)
+        return [json.dumps(dict(zip(self._names, row, strict=True))) for row in cells]
+
+
+def _csv(parts: Sequence[CellBlock]) -> list[str]:
+    texts = [joined(part) if isinstance(part, np.ndarray) else list(map(_text, part)) for part in parts]
+    return list(map(",".join, zip(*texts, strict=True)))
+
+
+@lru_cache(maxsize=4096)
+def _text(cells: tuple[bool | int | str, ...]) -> str:
+    return ",".join(str(cell).lower() if isinstance(cell, bool) else str(cell) for cell in cells)
 
 
 def read_rows(
@@ -134,26 +170,15 @@ def read_rows(
         BadInputError: at the first wrong row.
     """
     name = _name(source)
-    lines = numbered_lines(source)
-    for number, line in lines:
-        if is_comment(line):
-            continue
-        reader = RowReader(line, name, loaded.file.robots, number)
-        yield from _rows_of(reader, name, chain([(number, line)], lines) if reader.is_json else lines)
-        return
-    raise _no_rows(name)
-
-
-def _rows_of(
-    reader: RowReader, name: str, lines: Iterable[tuple[int, str]]
-) -> Iterator[tuple[Located, float | None, Mapping[str, Target]]]:
-    for number, line in lines:
-        if is_comment(line):
-            continue
+    rows = ((number, line) for number, line in numbered_lines(source) if not is_comment(line))
+    header = next(rows, None)
+    if header is None:
+        raise _no_rows(name)
+    reader = RowReader(header[1], name, loaded.file.robots, header[0])
+    time = reader.layout.time
+    for number, line in chain([header], rows) if reader.is_json else rows:
         row = reader.row(line, number)
-        time = reader.layout.time
-        time_s = None if time is None else row[time]
-        yield Located(name, number, 1, ""), time_s, reader.layout.targets(row)
+        yield Located(name, number, 1, ""), None if time is None else row[time], reader.layout.targets(row)
 
 
 def _name(source: TextIO) -> str:
@@ -164,21 +189,6 @@ def _no_rows(name: str) -> BadInputError:
     return BadInputError([Located(name, 1, 1, "no rows: the first line is a header such as x_mm,y_mm")])
 
 
-def _results(loaded: LoadedFile, source: TextIO, convert: Convert) -> Iterator[dict[str, Cell]]:
-    for place, time_s, targets in read_rows(loaded, source):
-        with located_at(place):
-            cells = convert(targets)
-        yield _timed(time_s, cells)
-
-
-def _timed(time_s: float | None, cells: dict[str, Cell]) -> dict[str, Cell]:
-    return cells if time_s is None else {"t_s": time_s, **cells}
-
-
-def _line(cells: Mapping[str, Cell]) -> str:
-    return ",".join(_text(value) for value in cells.values())
-
-
 @contextmanager
 def located_at(place: Located) -> Iterator[None]:
     """Turn a ValueError into a finding of this row."""
@@ -186,17 +196,6 @@ def located_at(place: Located) -> Iterator[None]:
         yield
     except ValueError as error:
         raise BadInputError([replace(place, message=str(error))]) from error
-
-
-def column_prefix(loaded: LoadedFile, robot: str) -> str:
-    """``ROBOT.`` in front of column names; empty when the file has one robot."""
-    return "" if len(loaded.file.robots) == 1 else f"{robot}."
-
-
-def _text(value: Cell) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return repr(value) if isinstance(value, float) else str(value)
 
 
 def open_rows(path: str | None) -> TextIO:

@@ -1,233 +1,171 @@
-"""``contid ik`` and ``contid fk`` for blocks of rows, on the kernels for batches."""
+"""What `contid ik` and `contid fk` do with rows of one robot, on the kernels for batches."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import lru_cache
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from contid.cli.support.row_blocks import joined, unit_vectors, vectors
-from contid.cli.support.rows import column_prefix
+from contid.api.placed import PlacedRows
+from contid.api.units import Units
+from contid.cli.support.rows import CellBlock, RobotRows
 from contid.kinematics.array import Array
-from contid.kinematics.batch import Poses, Solutions, Targets, forward_many, inverse_many
+from contid.kinematics.batch import Poses, Targets, forward_many, inverse_many
 from contid.kinematics.frames import BaseFrame
-from contid.kinematics.model import Model
-from contid.robot_file.base import Quantity
-from contid.robot_file.load import LoadedFile
+from contid.kinematics.model import build_model
 from contid.robot_file.robot import RobotDescription
-from contid.targets import Actuation, Target
-from contid.trajectory.columns import ColumnLayout, RobotColumns
-from contid.units import BAR, MM_PER_M
+from contid.targets import Solution
+from contid.trajectory.columns import RobotColumns
+from contid.units import MM_PER_M, m_to_mm
+
+_FILE_UNITS: Final = Units()
 
 
-@dataclass(frozen=True, eq=False)
-class SolvedBlock:
-    """Rows of a block in SI and the answers of each robot."""
+class Answers(NamedTuple):
+    """Inverse kinematics of a block.
 
-    layout: ColumnLayout
-    rows: Array
-    answers: Mapping[str, Solutions]
+    Attributes:
+        actuation: shape ``(rows, axes)`` [m or Pa].
+        residual_m: shape ``(rows,)``.
+        reports: of each row whether it converged, its limits, and iterations.
+    """
+
+    actuation: Array
+    residual_m: Array
+    reports: Sequence[tuple[bool, str, int]]
 
 
-class InverseRows:
-    """Answers for rows of tips; each row starts from the answer of the one before."""
+class InverseRows(RobotRows[Answers]):
+    """Actuation for targets; each row starts from the answer of the one before, the first from rest.
 
-    def __init__(
-        self,
-        loaded: LoadedFile,
-        robots: Mapping[str, RobotDescription],
-        models: Mapping[str, Model],
-        seeds: dict[str, Actuation],
-        bare: bool,
-    ) -> None:
-        self._loaded, self._robots, self._models, self._bare = loaded, robots, models, bare
-        self._frames = {name: BaseFrame.of(robot.base) for name, robot in robots.items()}
-        self._seeds = seeds
+    Args:
+        name: of the robot.
+        robot: its description.
+        bare: only the columns that `contid fk` and `run` read; a row out of reach ends the conversion.
+    """
 
-    def header(self, layout: ColumnLayout) -> tuple[str, ...] | None:
-        """See `ManyRows`; rows of actuation go one by one."""
-        if any(columns.actuation for columns in layout.robots):
+    def __init__(self, name: str, robot: RobotDescription, bare: bool) -> None:
+        self._name, self._robot, self._bare = name, robot, bare
+        self._model = build_model(robot)
+        self._frame = BaseFrame.of(robot.base)
+        self._placed = PlacedRows(self._frame, robot.dimension)
+        self._seed = robot.rest[: len(robot.axis_names)]
+
+    def names(self, columns: RobotColumns) -> list[str]:
+        """See `RobotRows`."""
+        robot = self._robot
+        axes = [f"{axis}_{robot.quantity.unit}" for axis in robot.axis_names]
+        if not self._bare:
+            return [*axes, "residual_mm", "converged", "limited_by", "iterations"]
+        units = dict(zip(robot.all_axis_names, robot.quantities, strict=True))
+        axes += [f"{axis}_{units[axis].unit}" for axis, _ in columns.extra]
+        return axes + [f"load.f{axis}_n" for axis in "xyz" if "load" in robot.accepts]
+
+    def solve(self, columns: RobotColumns, rows: Array) -> Answers:
+        """See `RobotRows`."""
+        if columns.actuation or columns.x_axis:
+            return self._one_by_one(columns, rows)
+        placed, mids, directions, loads = self._placed, None, None, None
+        if columns.mid:
+            mids = placed.points_in_base(rows[:, columns.mid])
+        if columns.direction:
+            directions = placed.vectors_in_base(_unit_vectors(rows[:, columns.direction]))
+        if columns.load:
+            loads = placed.vectors_in_base(rows[:, columns.load])
+        targets = Targets(placed.points_in_base(rows[:, columns.tip]), directions, mids, loads)
+        found = inverse_many(self._model, targets, self._seed, chained=True)
+        table = found.rows
+        self._seed = tuple(table["actuation"][-1].tolist())
+        kinds = zip(*np.unique(table["limited_by"], return_index=True), strict=True)
+        limits = {int(bits): " ".join(found.limited_by(row)) for bits, row in kinds}
+        named = [limits[bits] for bits in table["limited_by"].tolist()]
+        reports = zip(table["converged"].tolist(), named, table["iterations"].tolist(), strict=True)
+        return Answers(table["actuation"], table["residual_m"], list(reports))
+
+    def _one_by_one(self, columns: RobotColumns, rows: Array) -> Answers:
+        """Answers for actuations and frames of the tip, which batches do not take."""
+        found: list[Solution] = []
+        for row in rows.tolist():
+            target = self._frame.target_in_base(columns.target(row))
+            found.append(self._model.inverse(target, self._seed))
+            self._seed = found[-1].actuation
+        return Answers(
+            np.array([each.actuation for each in found]),
+            np.array([each.residual_m for each in found]),
+            [(each.converged, " ".join(each.limited_by), each.iterations) for each in found],
+        )
+
+    def cells(self, columns: RobotColumns, rows: Array, answers: Answers) -> list[CellBlock]:
+        """See `RobotRows`."""
+        robot = self._robot
+        values = [_FILE_UNITS.from_si(answers.actuation, robot.quantity)]
+        if not self._bare:
+            return [np.column_stack([*values, answers.residual_m * MM_PER_M]), answers.reports]
+        quantities = dict(zip(robot.all_axis_names, robot.quantities, strict=True))
+        values += [_FILE_UNITS.from_si(rows[:, index], quantities[axis]) for axis, index in columns.extra]
+        if "load" in robot.accepts:
+            values.append(rows[:, columns.load] if columns.load else np.zeros((len(rows), 3)))
+        return [np.column_stack(values)]
+
+    def refused(self, answers: Answers) -> tuple[int, str] | None:
+        """See `RobotRows`; the first bare row out of reach."""
+        row = next((k for k, (converged, _, _) in enumerate(answers.reports) if not converged), None)
+        if not self._bare or row is None:
             return None
-        names = ["t_s"] if layout.time is not None else []
-        for columns in layout.robots:
-            robot, here = self._robots[columns.robot], column_prefix(self._loaded, columns.robot)
-            unit = robot.quantity.unit
-            names += [f"{here}{axis}_{unit}" for axis in robot.axis_names]
-            if self._bare:
-                units = dict(zip(robot.all_axis_names, robot.quantities, strict=True))
-                names += [f"{here}{axis}_{units[axis].unit}" for axis, _ in columns.extra]
-                names += [f"{here}load.f{axis}_n" for axis in "xyz" if "load" in robot.accepts]
-            else:
-                names += [
-                    f"{here}{name}" for name in ("residual_mm", "converged", "limited_by", "iterations")
-                ]
-        return tuple(names)
-
-    def solve(self, layout: ColumnLayout, rows: Array) -> SolvedBlock:
-        """See `ManyRows`."""
-        answers = {}
-        for columns in layout.robots:
-            name = columns.robot
-            targets = targets_in_base(self._frames[name], columns, rows)
-            found = inverse_many(self._models[name], targets, self._seeds[name], chained=True)
-            self._seeds[name] = tuple(found.rows["actuation"][-1].tolist())
-            answers[name] = found
-        return SolvedBlock(layout, rows, answers)
-
-    def lines(self, solved: object) -> tuple[list[str], str]:
-        """See `ManyRows`; a bare row out of reach ends the conversion."""
-        assert isinstance(solved, SolvedBlock)
-        layout, rows = solved.layout, solved.rows
-        parts = [] if layout.time is None else [joined(rows[:, [layout.time]])]
-        end, message = len(rows), ""
-        for columns in layout.robots:
-            robot, found = self._robots[columns.robot], solved.answers[columns.robot]
-            values = _edge(robot, found.rows["actuation"])
-            residuals = found.rows["residual_m"] * MM_PER_M
-            if not self._bare:
-                parts += [joined(np.column_stack([values, residuals])), _reports(found)]
-                continue
-            away = np.flatnonzero(~found.rows["converged"])
-            if len(away) and away[0] < end:
-                end, message = int(away[0]), _away(columns.robot, found, int(away[0]))
-            extra = _edge(robot, rows[:, [index for _, index in columns.extra]])
-            load = [vectors(rows, columns.load)] if "load" in robot.accepts else []
-            parts.append(joined(np.column_stack([values, extra, *load])))
-        return list(map(",".join, zip(*parts, strict=True)))[:end], message
+        limits = f", limited by {answers.reports[row][1]}" if answers.reports[row][1] else ""
+        away_mm = m_to_mm(float(answers.residual_m[row]))
+        return row, f"{self._name}: out of reach by {away_mm:.6g} mm{limits}"
 
 
-class ForwardRows:
-    """Tips for rows of actuation."""
+class ForwardRows(RobotRows[Poses]):
+    """Tips of actuations.
 
-    def __init__(
-        self,
-        loaded: LoadedFile,
-        robots: Mapping[str, RobotDescription],
-        models: Mapping[str, Model],
-        pose: bool,
-        frame: bool = False,
-    ) -> None:
-        self._loaded, self._robots, self._models = loaded, robots, models
-        self._pose, self._frame = pose, frame
-        self._frames = {name: BaseFrame.of(robot.base) for name, robot in robots.items()}
+    Args:
+        name: of the robot.
+        robot: its description.
+        pose: also the direction of the tip and the mid-point.
+        frame: also the direction and the x axis of the tip.
+    """
 
-    def header(self, layout: ColumnLayout) -> tuple[str, ...] | None:
-        """See `ManyRows`; rows of tips go one by one, to their mistake."""
-        if not all(columns.actuation for columns in layout.robots):
-            return None
-        names = ["t_s"] if layout.time is not None else []
-        for columns in layout.robots:
-            here, axes = column_prefix(self._loaded, columns.robot), self._axes(columns)
-            names += [f"{here}{axis}_mm" for axis in axes]
-            direction, mid = self._more(columns)
-            names += [f"{here}a{axis}" for axis in axes if direction]
-            names += [f"{here}b{axis}" for axis in axes if self._frame]
-            names += [f"{here}mid.{axis}_mm" for axis in axes if mid]
-        return tuple(names)
+    def __init__(self, name: str, robot: RobotDescription, pose: bool, frame: bool) -> None:
+        self._name, self._robot = name, robot
+        self._model = build_model(robot)
+        self._placed = PlacedRows(BaseFrame.of(robot.base), robot.dimension)
+        self._direction = pose or frame or "direction" in robot.accepts
+        self._mid = pose and "mid" in robot.accepts
+        self._frame = frame
 
-    def solve(self, layout: ColumnLayout, rows: Array) -> tuple[ColumnLayout, Array, Mapping[str, Poses]]:
-        """See `ManyRows`."""
-        found = {}
-        for columns in layout.robots:
-            frame, model = self._frames[columns.robot], self._models[columns.robot]
-            load = vectors_in_base(frame, vectors(rows, columns.load)) if columns.load else None
-            found[columns.robot] = forward_many(model, rows[:, columns.actuation], load)
-        return layout, rows, found
+    def names(self, columns: RobotColumns) -> list[str]:
+        """See `RobotRows`."""
+        printed = {"{}_mm": True, "a{}": self._direction, "b{}": self._frame, "mid.{}_mm": self._mid}
+        axes = "xyz"[: self._robot.dimension]
+        return [name.format(axis) for name, given in printed.items() if given for axis in axes]
 
-    def lines(self, solved: object) -> tuple[list[str], str]:
-        """See `ManyRows`."""
-        assert isinstance(solved, tuple)
-        layout, rows, found = solved
-        parts = [] if layout.time is None else [joined(rows[:, [layout.time]])]
-        for columns in layout.robots:
-            frame, poses = self._frames[columns.robot], found[columns.robot].rows
-            count = len(self._axes(columns))
-            direction, mid = self._more(columns)
-            values = [points_in_world(frame, poses["tip_m"])[:, :count] * MM_PER_M]
-            if direction:
-                values.append(_turned(frame, poses["direction"])[:, :count])
-            if self._frame:
-                values.append(_turned(frame, poses["rotation"][:, :, 0]))
-            if mid:
-                values.append(points_in_world(frame, poses["mid_m"])[:, :count] * MM_PER_M)
-            parts.append(joined(np.column_stack(values)))
-        return list(map(",".join, zip(*parts, strict=True))), ""
+    def solve(self, columns: RobotColumns, rows: Array) -> Poses:
+        """See `RobotRows`."""
+        if not columns.actuation:
+            axes = ", ".join(f"{axis}_{self._robot.quantity.unit}" for axis in self._robot.axis_names)
+            raise ValueError(f"fk needs the actuation of {self._name}: {axes}")
+        load = self._placed.vectors_in_base(rows[:, columns.load]) if columns.load else None
+        return forward_many(self._model, rows[:, columns.actuation], load)
 
-    def _axes(self, columns: RobotColumns) -> str:
-        return "xyz"[: self._models[columns.robot].dimension]
-
-    def _more(self, columns: RobotColumns) -> tuple[bool, bool]:
-        """Whether the direction and the mid-point are printed."""
-        accepts = self._robots[columns.robot].accepts
-        return self._pose or self._frame or "direction" in accepts, self._pose and "mid" in accepts
+    def cells(self, columns: RobotColumns, rows: Array, answers: Poses) -> list[CellBlock]:
+        """See `RobotRows`."""
+        placed, poses = self._placed, answers.rows
+        values = [_FILE_UNITS.from_si(placed.points_in_world(poses["tip_m"]))]
+        if self._direction:
+            values.append(placed.vectors_in_world(poses["direction"]))
+        if self._frame:
+            values.append(placed.vectors_in_world(poses["rotation"][:, :, 0]))
+        if self._mid:
+            values.append(_FILE_UNITS.from_si(placed.points_in_world(poses["mid_m"])))
+        return [np.column_stack(values)]
 
 
-def targets_in_base(frame: BaseFrame, columns: RobotColumns, rows: Array) -> Targets:
-    """Targets of a block as a model takes them; each sum in the order of `BaseFrame`."""
-    x, y, z = vectors(rows, columns.tip).T
-    a, b, c = frame.origin_in_world
-    tips = vectors_in_base(frame, np.column_stack([x - a, y - b, z - c]))
-    mids = load = direction = None
-    if columns.mid:
-        mids = vectors_in_base(frame, vectors(rows, columns.mid) - frame.origin_in_world)
-    if columns.direction:
-        direction = vectors_in_base(frame, unit_vectors(vectors(rows, columns.direction)))
-    if columns.load:
-        load = vectors_in_base(frame, vectors(rows, columns.load))
-    targets = Targets.of(tips, direction, mids, load)
-    if not columns.x_axis:
-        return targets
-    frames = np.empty((len(rows), 3, 3))
-    for k, row in enumerate(rows.tolist()):
-        turn = columns.rotation(row)
-        assert turn is not None  # the reader refuses such rows
-        in_base = frame.target_in_base(Target(rotation=turn)).rotation
-        frames[k] = np.reshape(in_base or turn, (3, 3))
-    return replace(targets, direction=None, rotation=frames)
-
-
-def vectors_in_base(frame: BaseFrame, given: Array) -> Array:
-    """`BaseFrame.vector_in_base` of every row."""
-    (x, y, z), r = given.T, frame.rotation
-    return np.column_stack([r[k] * x + r[3 + k] * y + r[6 + k] * z for k in range(3)])
-
-
-def points_in_world(frame: BaseFrame, given: Array) -> Array:
-    """`BaseFrame.point_in_world` of every row."""
-    moved: Array = _turned(frame, given) + frame.origin_in_world
-    return moved
-
-
-def _turned(frame: BaseFrame, given: Array) -> Array:
-    (x, y, z), r = given.T, frame.rotation
-    return np.column_stack([r[3 * k] * x + r[3 * k + 1] * y + r[3 * k + 2] * z for k in range(3)])
-
-
-def _edge(robot: RobotDescription, values: Array) -> Array:
-    """`Quantity.from_si` of every value."""
-    found: Array = values * MM_PER_M if robot.quantity is Quantity.LENGTH else values / BAR
+def _unit_vectors(given: Array) -> Array:
+    """Vectors ``(rows, d)`` with length 1, rounded as those of a run are."""
+    lengths = np.array([math.hypot(*vector) for vector in given.tolist()])
+    found: Array = given / lengths[:, None]
     return found
-
-
-def _reports(found: Solutions) -> list[str]:
-    """``converged,limited_by,iterations`` of every row."""
-    names = found.limit_names
-
-    @lru_cache(maxsize=4096)
-    def text(converged: bool, bits: int, iterations: int) -> str:
-        limits = " ".join(name for k, name in enumerate(names) if bits >> k & 1)
-        return f"{'true' if converged else 'false'},{limits},{iterations}"
-
-    rows = found.rows
-    return list(
-        map(text, rows["converged"].tolist(), rows["limited_by"].tolist(), rows["iterations"].tolist())
-    )
-
-
-def _away(name: str, found: Solutions, row: int) -> str:
-    """Why a bare row is refused."""
-    limited = found.limited_by(row)
-    limits = f", limited by {' '.join(limited)}" if limited else ""
-    return f"{name}: out of reach by {float(found.rows['residual_m'][row]) * MM_PER_M:.6g} mm{limits}"
