@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from contid.remote.client.client_protocol import CHUNK
-from contid.remote.protocol.connect import connect_at_once
+from contid.remote.protocol.connect import connect
 from contid.remote.protocol.wire import (
     PROTOCOL,
     Code,
@@ -64,7 +64,7 @@ class DaemonLink:
         deadline_s = time.monotonic() + CONNECT_TIMEOUT_S
         while True:
             try:
-                connected = connect_at_once(self._path)
+                connected = connect(self._path)
                 break
             except BlockingIOError:  # its backlog is full
                 if time.monotonic() > deadline_s:

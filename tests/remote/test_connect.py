@@ -15,7 +15,7 @@ import pytest
 
 from contid.client import Client
 from contid.remote.protocol import socket_path
-from contid.remote.protocol.connect import connect, connect_at_once
+from contid.remote.protocol.connect import connect
 from contid.remote.protocol.socket_path import find
 from contid.remote.protocol.wire import NoDaemonError
 
@@ -59,7 +59,7 @@ def test_a_full_backlog_is_waited_for(own_folder: Path) -> None:
         waiting = []
         with suppress(BlockingIOError):
             while True:
-                waiting.append(connect_at_once(path))
+                waiting.append(connect(path))
         assert waiting
         with pytest.raises(BlockingIOError):
             connect(path, 0.05)

@@ -13,7 +13,8 @@ from typing import Any, cast
 
 import pytest
 
-from contid.remote.server.connection import Connection, Subscription
+from contid.remote.server.connection import Connection
+from contid.remote.server.query_handler import Subscription
 from contid.remote.server.request_handler import RequestHandler
 from contid.remote.server.turns import Turns
 

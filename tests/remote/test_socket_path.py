@@ -7,6 +7,7 @@ import grp
 import os
 import socket
 import stat
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -19,7 +20,7 @@ from contid.remote.protocol.wire import NoDaemonError
 
 def test_a_socket_is_private_and_a_second_daemon_is_refused(own_folder: Path) -> None:
     path = own_folder / "s"
-    with Endpoint(path):
+    with closing(Endpoint(path)):
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
         with pytest.raises(SocketError, match="another daemon listens"):
             Endpoint(path)
@@ -32,7 +33,7 @@ def test_a_stale_socket_is_removed_and_another_file_is_not(own_folder: Path) -> 
     with socket.socket(socket.AF_UNIX) as left:
         left.bind(str(path))
     assert path.exists()
-    with Endpoint(path):
+    with closing(Endpoint(path)):
         assert is_listening(path)
     path.write_text("a file")
     with pytest.raises(SocketError, match="is not a socket"):
@@ -70,14 +71,14 @@ def test_the_only_daemon_is_found_and_several_are_listed(
     monkeypatch.setattr(socket_path, "SERVICES", own_folder / "services")
     with pytest.raises(NoDaemonError, match="no daemon runs"):
         find(None)
-    with Endpoint(default_path("configs/hand.yaml"), default=True) as hand:
+    with closing(Endpoint(default_path("configs/hand.yaml"), default=True)) as hand:
         assert find(None) == hand.path == own_folder / "contid" / "hand.sock"
-        with Endpoint(default_path("arm.emulated.yaml"), default=True) as arm:
+        with closing(Endpoint(default_path("arm.emulated.yaml"), default=True)) as arm:
             with pytest.raises(NoDaemonError, match="2 daemons run") as several:
                 find(None)
             assert f"--socket {arm.path}" in str(several.value)
     socket_path.SERVICES.mkdir()
-    with Endpoint(socket_path.SERVICES / "hand.sock") as service:
+    with closing(Endpoint(socket_path.SERVICES / "hand.sock")) as service:
         assert find(None) == service.path
 
 
@@ -93,7 +94,7 @@ def test_without_a_runtime_folder_the_socket_is_in_a_folder_of_this_user(
 def test_only_a_named_group_is_admitted(own_folder: Path) -> None:
     group = grp.getgrgid(os.getegid()).gr_name
     for name, mode in ((None, 0o600), (group, 0o660)):
-        with Endpoint(own_folder / "s", group=name) as endpoint:
+        with closing(Endpoint(own_folder / "s", group=name)) as endpoint:
             assert stat.S_IMODE(endpoint.path.stat().st_mode) == mode
             assert endpoint.path.stat().st_gid == os.getegid()
     with pytest.raises(SocketError, match="no such group"):
@@ -109,5 +110,5 @@ def test_a_folder_that_stays_locked_is_named(own_folder: Path, monkeypatch: pyte
             Endpoint(own_folder / "s")
     finally:
         os.close(locked)
-    with Endpoint(own_folder / "s"):
+    with closing(Endpoint(own_folder / "s")):
         pass

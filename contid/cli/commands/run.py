@@ -148,42 +148,39 @@ def command(
         from contid.view.observer import ViewerObserver
 
         observers.append(ViewerObserver(view_target))
-    commands, endpoint = [], None
-    if not virtual:
-        from contid.remote.protocol.socket_path import Endpoint, default_path
-        from contid.remote.server.server import SocketServer
-        from contid.session.recordings import Recordings
+    commands = []
+    with contextlib.ExitStack() as stack:
+        if not virtual:
+            from contid.remote.protocol.socket_path import Endpoint, default_path
+            from contid.remote.server.server import SocketServer
+            from contid.session.recordings import Recordings
 
-        path = default_path(robot_file) if socket is None else Path(socket)
-        endpoint = Endpoint(path, default=socket is None, group=socket_group, watch_group=watch_group)
-        ordered = Recordings(Path(recordings).absolute(), options, recording)
-        observers.append(ordered)
-        commands.append(SocketServer(endpoint, ordered))
-    request = RunRequest(
-        robot_file=robot_file,
-        mock=mock or virtual,
-        trajectory=trajectory,
-        rate_hz=rate,
-        on_end=OnEnd(on_end),
-        unreachable=Unreachable(unreachable),
-        virtual=virtual,
-        stretch=stretch,
-        armed=not disarmed,
-        log=None if log is None else Path(log),
-        observers=observers,
-        commands=commands,
-        log_level=logging.DEBUG if verbose else logging.WARNING if quiet else logging.INFO,
-    )
-    try:
-        with contextlib.ExitStack() as stack:
-            if endpoint is not None and (panel or panel_open):
+            path = default_path(robot_file) if socket is None else Path(socket)
+            endpoint = Endpoint(path, default=socket is None, group=socket_group, watch_group=watch_group)
+            stack.callback(endpoint.close)
+            ordered = Recordings(Path(recordings).absolute(), options, recording)
+            observers.append(ordered)
+            commands.append(SocketServer(endpoint, ordered))
+            if panel or panel_open:
                 from contid.panel.subprocess import PanelSubprocess
 
-                stack.enter_context(PanelSubprocess(endpoint.path, opens=panel_open))
-            report = run(request, spawned)
-    finally:
-        if endpoint is not None:
-            endpoint.close()
+                stack.enter_context(PanelSubprocess(path, opens=panel_open))
+        request = RunRequest(
+            robot_file=robot_file,
+            mock=mock or virtual,
+            trajectory=trajectory,
+            rate_hz=rate,
+            on_end=OnEnd(on_end),
+            unreachable=Unreachable(unreachable),
+            virtual=virtual,
+            stretch=stretch,
+            armed=not disarmed,
+            log=None if log is None else Path(log),
+            observers=observers,
+            commands=commands,
+            log_level=logging.DEBUG if verbose else logging.WARNING if quiet else logging.INFO,
+        )
+        report = run(request, spawned)
     if recording is not None and recording.lost and report.exit_code == 0:
         report.ending, report.exit_code = f"{report.ending}, but the recording is incomplete", 1
     finish(report, as_json)

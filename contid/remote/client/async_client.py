@@ -13,7 +13,7 @@ from typing import Final, Self
 from contid.remote.client.client_protocol import Request
 from contid.remote.client.procedures import Procedures
 from contid.remote.client.wires import AsyncQueuedWire, AsyncSocketWire
-from contid.remote.protocol.connect import connect_at_once
+from contid.remote.protocol.connect import connect
 from contid.remote.protocol.wire import ConnectionLostError, Fields, RemoteError
 
 #: Period of attempts to connect while the backlog of the daemon is full.
@@ -46,19 +46,17 @@ class AsyncClient(Procedures):
         deadline_s = time.monotonic() + self._protocol.timeout_s
         while True:
             try:
-                return connect_at_once(path)
+                return connect(path)
             except BlockingIOError:
                 if time.monotonic() > deadline_s:
                     raise
             await asyncio.sleep(CONNECT_PERIOD_S)
 
     async def _exchange(self, request: Request) -> Fields:
-        if self._lost is not None or self._wire is None:
-            raise self._lost or ConnectionLostError("not connected; use `async with`")
         future: asyncio.Future[Fields] = asyncio.get_running_loop().create_future()
         self._waiting[request.number] = request, future
         try:
-            await self._wire.send(request)
+            await self._post(request)
             async with asyncio.timeout(request.timeout_s):
                 return await future
         except TimeoutError:
@@ -84,21 +82,21 @@ class AsyncClient(Procedures):
 
     async def _read(self, wire: AsyncSocketWire | AsyncQueuedWire) -> None:
         """Take in lines until the connection ends."""
-        message = "the daemon closed the connection"
         try:
             while chunk := await wire.receive():
                 if self._protocol.receive(chunk):
                     self._noticed.set()
                 for request, future in self._waiting.values():
                     self._resolve(request, future)
+            lost: ConnectionLostError | RemoteError = self._protocol.lost("the daemon closed the connection")
         except RemoteError as error:
-            self._lost = error
+            lost = error
         except OSError as error:
-            message = f"the connection ended ({error})"
-        self._lost = self._lost or self._protocol.lost(message)
+            lost = self._protocol.lost(f"the connection ended ({error})")
+        self._lost = lost
         for _, future in self._waiting.values():
             if not future.done():
-                future.set_exception(self._lost)
+                future.set_exception(lost)
         self._noticed.set()
 
     def _resolve(self, request: Request, future: asyncio.Future[Fields]) -> None:

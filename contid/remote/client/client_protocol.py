@@ -146,15 +146,6 @@ class ClientProtocol:
             raise RemoteError(Code.FAULT if faults else Code.STOPPED, message, faults)
         return True
 
-    def check_open(self, move: int) -> None:
-        """Refuse to wait for a move that was stopped.
-
-        Raises:
-            RemoteError: with the reason.
-        """
-        if move in self._ended:
-            self.arrived(move)
-
     def lost(self, message: str) -> ConnectionLostError:
         """The error of a connection that ended; the daemon's own reason comes first."""
         return ConnectionLostError(f"{self.close_reason or message}; robots that this client moved hold")

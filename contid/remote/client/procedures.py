@@ -97,7 +97,7 @@ class Procedures(Orders):
         """
         while move not in self._protocol.started:
             await self._listen()
-            self._protocol.check_open(move)
+            self._protocol.arrived(move)  # raises when it was stopped
         return self._protocol.started[move]
 
     async def _send_all(

@@ -18,37 +18,22 @@ from contid.remote.protocol.peer_credentials import peer_of
 from contid.remote.protocol.wire import NoDaemonError
 
 
-def connect(path: Path, timeout_s: float) -> socket.socket:
-    """A blocking connection; waits at most ``timeout_s`` while the backlog is full.
+def connect(path: Path, timeout_s: float | None = None) -> socket.socket:
+    """A connection; a blocking one, which waits while the backlog is full, where a time is given.
 
     Raises:
-        OSError: nothing listens there; BlockingIOError when the backlog stayed full.
+        OSError: nothing listens there; BlockingIOError when the backlog is, or stayed full.
         NoDaemonError: another user listens there.
     """
     connected = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        # With this option the call waits for room; after `settimeout` a full backlog fails at once (EAGAIN).
-        whole_s, rest_s = divmod(max(timeout_s, 0.001), 1.0)
-        limit = struct.pack("@ll", int(whole_s), int(rest_s * 1e6))
-        connected.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)
-        connected.connect(str(path))
-        check_listener(path, connected)
-    except BaseException:
-        connected.close()
-        raise
-    return connected
-
-
-def connect_at_once(path: Path) -> socket.socket:
-    """A non-blocking connection.
-
-    Raises:
-        BlockingIOError: the backlog is full.
-        OSError, NoDaemonError: as `connect`.
-    """
-    connected = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    try:
-        connected.setblocking(False)
+        if timeout_s is None:
+            connected.setblocking(False)
+        else:
+            # With this option the call waits for room; after `settimeout` a full backlog fails at once.
+            whole_s, rest_s = divmod(max(timeout_s, 0.001), 1.0)
+            limit = struct.pack("@ll", int(whole_s), int(rest_s * 1e6))
+            connected.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)
         connected.connect(str(path))
         check_listener(path, connected)
     except BaseException:

@@ -7,7 +7,6 @@ of another (``--watch-group``) may read and stop. The mode of the socket file en
 from __future__ import annotations
 
 import enum
-import grp
 import os
 import socket
 import struct
@@ -63,11 +62,3 @@ def role_of(peer: PeerCredentials, group: int | None, watch_group: int | None = 
     if peer.uid in (os.geteuid(), 0) or (group is not None and group in peer.groups):
         return ClientRole.ALL
     return ClientRole.WATCH if watch_group is not None and watch_group in peer.groups else None
-
-
-def group_id(name: str) -> int | None:
-    """The number of a group, None when it does not exist."""
-    try:
-        return grp.getgrnam(name).gr_gid
-    except KeyError:
-        return None

@@ -8,19 +8,18 @@ listen in ``/run/contid``, which systemd creates; clients search there as well.
 from __future__ import annotations
 
 import fcntl
+import grp
 import os
 import socket
 import stat
 import time
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 from contid.errors import ContidError
-from contid.remote.protocol.connect import connect_at_once
+from contid.remote.protocol.connect import connect
 from contid.remote.protocol.folders import default_directory
-from contid.remote.protocol.peer_credentials import group_id
 from contid.remote.protocol.wire import NoDaemonError
 
 #: Where ``service/contid@.service`` puts its sockets.
@@ -68,15 +67,19 @@ def private_directory() -> Path:
 def running() -> list[Path]:
     """Sockets of running daemons that a client may trust: those of this user, then those of services."""
     folders = [folder for folder in (default_directory(), SERVICES) if os.access(folder, os.R_OK | os.X_OK)]
-    return [path for folder in folders for path in sorted(folder.glob("*.sock")) if _is_daemon(path)]
+    paths = [path for folder in folders for path in sorted(folder.glob("*.sock"))]
+    return [path for path in paths if is_listening(path, trusted=True)]
 
 
-def _is_daemon(path: Path) -> bool:
+def is_listening(path: Path, trusted: bool = False) -> bool:
+    """True when a process listens at a socket; with ``trusted`` only one that a client may use."""
     try:
-        connect_at_once(path).close()
+        connect(path).close()
     except BlockingIOError:  # it listens, with a full backlog
         return True
-    except (OSError, NoDaemonError):
+    except NoDaemonError:  # of another user
+        return not trusted
+    except OSError:
         return False
     return True
 
@@ -133,29 +136,17 @@ def _foreign(folder: Path) -> bool:
     return found.st_uid != os.geteuid() or not stat.S_ISDIR(found.st_mode)
 
 
-def is_listening(path: Path) -> bool:
-    """True when a process listens at a socket."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
-        probe.settimeout(1.0)
-        try:
-            probe.connect(str(path))
-        except (TimeoutError, BlockingIOError):  # it listens, with a full backlog
-            return True
-        except OSError:
-            return False
-    return True
-
-
 def _group(option: str, name: str | None) -> int | None:
     """The number of a group, None without a name.
 
     Raises:
         SocketError: there is no such group.
     """
-    number = None if name is None else group_id(name)
-    if name is not None and number is None:
-        raise SocketError(f"{option} {name}: no such group; `sudo groupadd --system {name}` creates it")
-    return number
+    try:
+        return None if name is None else grp.getgrnam(name).gr_gid
+    except KeyError:
+        what = f"{option} {name}: no such group; `sudo groupadd --system {name}` creates it"
+        raise SocketError(what) from None
 
 
 class Endpoint:
@@ -242,13 +233,3 @@ class Endpoint:
         with suppress(OSError):
             if self.path.lstat().st_ino == self._inode:
                 self.path.unlink()
-
-    def __enter__(self) -> Self:
-        """Close on leaving."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """See `close`."""
-        self.close()

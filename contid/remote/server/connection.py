@@ -12,9 +12,8 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any, Final
 
 from contid.lines import MAX_LINE
@@ -23,6 +22,7 @@ from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import Code, Fields, RemoteError, decode, encode
 from contid.remote.server.line_receiver import LineReceiver
 from contid.remote.server.outbox import Outbox
+from contid.remote.server.query_handler import Subscription
 from contid.remote.server.request_handler import RequestHandler
 from contid.remote.server.turns import Turns
 
@@ -39,37 +39,6 @@ PROMPT: Final = frozenset({"hello", "ping", "hold", "stop"})
 PROMPT_BYTES: Final = 1024
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(slots=True)
-class Subscription:
-    """The telemetry that a client subscribed to.
-
-    Attributes:
-        rate_hz: frames per second, 0 for none.
-        robots: names.
-        fields: of `contid.remote.server.robot_fields.FIELDS`.
-        events: send states, faults and refusals as they happen.
-        next_s: due time of the next frame.
-        tick: of the last frame.
-    """
-
-    rate_hz: float
-    robots: tuple[str, ...]
-    fields: tuple[str, ...]
-    events: bool
-    next_s: float = 0.0
-    tick: int = -1
-
-    def due(self, at_s: float, tick_s: float) -> bool:
-        """True when a record of this time is sent: from half a tick early, so that each tick can be had."""
-        return self.rate_hz > 0.0 and at_s >= self.next_s - 0.5 * tick_s
-
-    def sent(self, now_s: float, tick: int) -> None:
-        """Note a frame; the next one is due a period after this one was, a late one makes no burst."""
-        period_s = 1.0 / self.rate_hz
-        self.next_s = (self.next_s if now_s - self.next_s < period_s else now_s) + period_s
-        self.tick = tick
 
 
 class Connection:
@@ -98,7 +67,8 @@ class Connection:
         self.role = role
         self.outbox = Outbox()
         self.subscription: Subscription | None = None
-        self.receiver = LineReceiver(self._estop_arrived)
+        # An emergency stop is obeyed before its turn; its request follows in its order and gets the response.
+        self.receiver = LineReceiver(lambda line: handler.stops.estop_before_turn(self, line))
         self._handler = handler
         self._turns = turns
         self._pending = asyncio.Semaphore(MAX_PENDING)
@@ -135,24 +105,12 @@ class Connection:
         if self.outbox.overflowed:
             self.disconnect("responses are not read")
 
-    def subscribe(self, rate_hz: float, robots: Sequence[str], fields: Sequence[str], events: bool) -> None:
-        """Send telemetry from now on."""
-        self.subscription = Subscription(rate_hz, tuple(robots), tuple(fields), events)
-
-    def unsubscribe(self) -> None:
-        """Send no more telemetry and events."""
-        self.subscription = None
-
     # -- inside ------------------------------------------------------------------------------------------
 
     @property
     def _transport(self) -> asyncio.Transport:
         assert self.receiver.transport is not None
         return self.receiver.transport
-
-    def _estop_arrived(self, line: bytes) -> None:
-        """Obey an emergency stop before its turn; its request follows in its order and gets the response."""
-        self._handler.stops.estop_before_turn(self, line)
 
     async def _read(self) -> None:
         while (line := await self.receiver.line()) is not None:

@@ -4,31 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
-from contid.control.engine.staleness import Staleness, staleness_of
+from contid.control.engine.staleness import staleness_of
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
-
-
-@dataclass(frozen=True, slots=True)
-class BusHealth:
-    """The data of one bus.
-
-    Attributes:
-        tier: of its oldest axis.
-        age_s: of that axis's data; infinite before the first valid sample.
-        silent: axes that the newest exchange did not read.
-    """
-
-    tier: Staleness
-    age_s: float
-    silent: tuple[str, ...]
+from contid.remote.protocol.wire import Fields
+from contid.remote.server.robot_fields import milliseconds
 
 
 def bus_health(
     layout: RecordLayout, record: TickRecord, axes_of: Mapping[str, Sequence[str]], now_s: float
-) -> dict[str, BusHealth]:
-    """The health of every bus.
+) -> dict[str, Fields]:
+    """By bus the age of the data of its oldest axis, the tier of that age, and its silent axes.
+
+    The age is None before the first valid sample of every axis; an axis is silent that the newest exchange
+    did not read.
 
     Args:
         layout: of the record.
@@ -46,6 +35,9 @@ def bus_health(
         read = {axis: samples[axis] for axis in axes if axis in samples}
         ages = (math.inf if math.isnan(s.value) else now_s - s.time_s for s in read.values())
         age_s = max(ages, default=math.inf)
-        silent = tuple(axis for axis, sample in read.items() if sample.valid != 1.0)
-        health[bus] = BusHealth(staleness_of(age_s, 1.0 / layout.rate_hz), max(age_s, 0.0), silent)
+        health[bus] = {
+            "tier": staleness_of(age_s, 1.0 / layout.rate_hz).value,
+            "age_ms": milliseconds(max(age_s, 0.0)),
+            "silent": [axis for axis, sample in read.items() if sample.valid != 1.0],
+        }
     return health

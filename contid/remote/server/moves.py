@@ -7,6 +7,7 @@ trajectory is collected, checked as a whole like a file, and then played by the 
 from __future__ import annotations
 
 import asyncio
+import itertools
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -44,7 +45,7 @@ class Moves:
         self._view = view
         self._pending = pending
         self._preconditions = Preconditions(control, view)
-        self._numbers = 0
+        self._numbers = itertools.count(1)
         self._gotos = Gotos(control, view, pending)
         self._stream: RowMove | None = None
 
@@ -71,7 +72,7 @@ class Moves:
             raise RemoteError(Code.UNREACHABLE, "; ".join(unreachable.values()))
         if self._stream is not None and self._stream.client == client:
             self.abort(self._stream, "another move began")
-        move = Move(self._number(), client, notify)
+        move = Move(next(self._numbers), client, notify)
         return await self._gotos.begin(move, targets, until_force_n=until_force_n)
 
     # -- streams -----------------------------------------------------------------------------------------
@@ -85,7 +86,7 @@ class Moves:
         self._preconditions.armed(reader.robots)
         self.abort_streams("another move began")
         credit = Credit(reader.timed, self._control.rate_hz, asyncio.get_running_loop().time())
-        move = RowMove(self._number(), client, notify, reader=reader, credit=credit)
+        move = RowMove(next(self._numbers), client, notify, reader=reader, credit=credit)
         self._stream = move
         if not reader.timed:
             await self._pending.confirmed(self._pending.send([Begin(), Resume(reader.robots)]))
@@ -154,8 +155,7 @@ class Moves:
             # They moved while it was checked: which answers a robot reaches depends on where it stands.
             trajectory = await asyncio.to_thread(check, move.reader, move.timed_rows, stands)
         self._not_stopped(move)
-        self._control.send_bulk(Play(trajectory, move.waits))
-        await self._pending.confirmed(self._pending.mark_bulk(self._control.send_bulk), BULK_TIMEOUT_S)
+        await self._pending.confirmed(self._pending.send_bulk(Play(trajectory, move.waits)), BULK_TIMEOUT_S)
         self._not_stopped(move)
         move.playing = True
         result: Fields = {"move": move.number, "duration_s": trajectory.end_s - trajectory.start_s}
@@ -247,10 +247,6 @@ class Moves:
             )
 
     # -- helpers -----------------------------------------------------------------------------------------
-
-    def _number(self) -> int:
-        self._numbers += 1
-        return self._numbers
 
     def _open_stream(self, client: int, number: int) -> RowMove:
         move = self._stream

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.orders import MarkReached, OrderRefused
 from contid.control.engine.messages import Mark, Message
@@ -45,19 +46,8 @@ class OrderResult:
 class PendingOrders:
     """Orders that are not yet confirmed."""
 
-    def __init__(
-        self,
-        send: Callable[[Message], None],
-        refresh: Callable[[], None],
-        newest_tick: Callable[[], int | None],
-    ) -> None:
-        """``send`` sends one order, ``refresh`` fetches events, which come to `notice`.
-
-        ``newest_tick`` returns the number of the newest record, None before the first.
-        """
-        self._send = send
-        self._refresh = refresh
-        self._newest_tick = newest_tick
+    def __init__(self, control: RunControl) -> None:
+        self._control = control
         self._polls = 0
         self._timer: asyncio.TimerHandle | None = None
         self._number = 0
@@ -67,16 +57,15 @@ class PendingOrders:
     def send(self, orders: Sequence[Message]) -> asyncio.Future[OrderResult]:
         """Send orders at once; returns the future of their result."""
         number = self._number = self._number + 2
-        self._send(Mark(number - 1))
-        for order in orders:
-            self._send(order)
-        self._send(Mark(number))
+        for message in (Mark(number - 1), *orders, Mark(number)):
+            self._control.send(message)
         return self._expect(number)
 
-    def mark_bulk(self, send_bulk: Callable[[Message], None]) -> asyncio.Future[OrderResult]:
-        """The future of the bulk order that was sent before."""
+    def send_bulk(self, order: Message) -> asyncio.Future[OrderResult]:
+        """Send a bulk order; returns the future of its result."""
         number = self._number = self._number + 2
-        send_bulk(Mark(number))
+        self._control.send_bulk(order)
+        self._control.send_bulk(Mark(number))
         return self._expect(number)
 
     def _expect(self, number: int) -> asyncio.Future[OrderResult]:
@@ -91,7 +80,7 @@ class PendingOrders:
     def _poll(self) -> None:
         self._timer = None
         self._polls -= 1
-        self._refresh()
+        self._control.refresh()
         if self._waiting and self._polls > 0:
             self._timer = asyncio.get_running_loop().call_later(POLL_S, self._poll)
 
@@ -115,8 +104,8 @@ class PendingOrders:
         return result
 
     def _recorded(self, tick: int) -> bool:
-        newest = self._newest_tick()
-        return newest is not None and newest >= tick
+        newest = self._control.newest()
+        return newest is not None and newest.tick >= tick
 
     def notice(self, event: RunEvent) -> None:
         """Take in an event of the ring."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, Final, Protocol, TypeAlias
 
 from contid import __version__
@@ -28,24 +29,48 @@ WARNINGS: Final = 20
 MAX_RATE_HZ: Final = 200.0
 
 
+@dataclass(slots=True)
+class Subscription:
+    """The telemetry that a client subscribed to.
+
+    Attributes:
+        rate_hz: frames per second, 0 for none.
+        robots: names.
+        fields: of `contid.remote.server.robot_fields.FIELDS`.
+        events: send states, faults and refusals as they happen.
+        next_s: due time of the next frame.
+        tick: of the last frame.
+    """
+
+    rate_hz: float
+    robots: tuple[str, ...]
+    fields: tuple[str, ...]
+    events: bool
+    next_s: float = 0.0
+    tick: int = -1
+
+    def due(self, at_s: float, tick_s: float) -> bool:
+        """True when a record of this time is sent: from half a tick early, so that each tick can be had."""
+        return self.rate_hz > 0.0 and at_s >= self.next_s - 0.5 * tick_s
+
+    def sent(self, now_s: float, tick: int) -> None:
+        """Note a frame; the next one is due a period after this one was, a late one makes no burst."""
+        period_s = 1.0 / self.rate_hz
+        self.next_s = (self.next_s if now_s - self.next_s < period_s else now_s) + period_s
+        self.tick = tick
+
+
 class Caller(Protocol):
-    """The client that sent a request."""
+    """The client that sent a request; see `contid.remote.server.connection.Connection`."""
 
     number: int
     name: str
     by: str
     role: ClientRole
+    subscription: Subscription | None
 
     def notify(self, fields: Mapping[str, Any]) -> None:
         """Send a notice."""
-        ...
-
-    def subscribe(self, rate_hz: float, robots: Sequence[str], fields: Sequence[str], events: bool) -> None:
-        """Send telemetry from now on."""
-        ...
-
-    def unsubscribe(self) -> None:
-        """Send no more telemetry and events."""
         ...
 
 
@@ -58,7 +83,6 @@ class QueryHandler:
 
     Attributes:
         verbs: by name.
-        recordings: of the run, if it keeps any.
     """
 
     def __init__(
@@ -69,6 +93,7 @@ class QueryHandler:
         trackers: Trackers,
         clients: Callable[[], int],
         lateness: LatenessHistogram,
+        recordings: RunRecordings | None,
     ) -> None:
         """Read from all of these; ``clients`` counts the connected clients."""
         self._lateness = lateness
@@ -77,7 +102,7 @@ class QueryHandler:
         self._lease = lease
         self._trackers = trackers
         self._clients = clients
-        self.recordings: RunRecordings | None = None
+        self._recordings = recordings
         self._began_s = time.monotonic()
         self._realtime: bool | None = None
         self._warnings: deque[Fields] = deque(maxlen=WARNINGS)
@@ -131,14 +156,14 @@ class QueryHandler:
             "waiting": self._control.waiting or None,
             "warnings": list(self._warnings),
             "lease": self._lease.as_fields(now_s),
-            "recordings": [] if self.recordings is None else self.recordings.as_fields(),
+            "recordings": [] if self._recordings is None else self._recordings.as_fields(),
             "trackers": self._trackers.as_fields(now_s),
             "lateness_us": {
                 "p50": round(lateness[len(lateness) // 2] * 1e6, 1) if lateness else None,
                 "max": round(lateness[-1] * 1e6, 1) if lateness else None,
             },
             "lateness_classes": self._lateness.as_fields(),
-            **self._view.status(self._control.newest()),
+            **self._view.status(self._control.newest(), now_s),
         }
 
     async def _describe(self, caller: Caller, request: RequestFields) -> Fields:
@@ -155,12 +180,12 @@ class QueryHandler:
         if unknown:
             message = f"no field {unknown[0]!r}; there are {', '.join(FIELDS)}"
             raise RemoteError(Code.BAD_REQUEST, message)
-        caller.subscribe(rate_hz, robots, fields, events)
+        caller.subscription = Subscription(rate_hz, robots, fields, events)
         return {"rate_hz": rate_hz, "robots": list(robots), "fields": list(fields), "events": events}
 
     async def _unsubscribe(self, caller: Caller, request: RequestFields) -> Fields:
         request.end()
-        caller.unsubscribe()
+        caller.subscription = None
         return {}
 
 

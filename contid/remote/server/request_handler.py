@@ -23,11 +23,7 @@ from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
 from contid.remote.server.frame_encoder import FrameEncoder
 from contid.remote.server.lateness_histogram import LatenessHistogram
-from contid.remote.server.lease import (
-    Lease,
-    LeaseHolder,
-    client_label,
-)
+from contid.remote.server.lease import Lease, LeaseHolder, client_label
 from contid.remote.server.motion_orders import MotionOrders
 from contid.remote.server.moves import Moves
 from contid.remote.server.pending_orders import PendingOrders
@@ -72,7 +68,7 @@ class RequestHandler:
         self._counted_s = 0.0
         self.view = TelemetryView(control.loaded, control.rate_hz, control.refresh)
         self.frames = FrameEncoder(self.view.field)
-        self.pending = PendingOrders(control.send, control.refresh, self._newest_tick)
+        self.pending = PendingOrders(control)
         self.moves = Moves(control, self.view, self.pending)
         self.trackers = Trackers(control, self.view)
         self.lease = Lease(time.monotonic(), control.input_active)
@@ -80,8 +76,9 @@ class RequestHandler:
         self.stops = StopOrders(run)
         self._motions = MotionOrders(run)
         self._lateness = LatenessHistogram(control)
-        self.queries = QueryHandler(control, self.view, self.lease, self.trackers, clients, self._lateness)
-        self.queries.recordings = recordings
+        self.queries = QueryHandler(
+            control, self.view, self.lease, self.trackers, clients, self._lateness, recordings
+        )
         self._verbs: dict[str, Verb] = {
             **self.queries.verbs,
             **self.stops.verbs,
@@ -204,7 +201,3 @@ class RequestHandler:
 
     async def _measure(self, caller: Caller, request: RequestFields) -> Fields:
         return self.trackers.measure(caller.number, caller.name, request)
-
-    def _newest_tick(self) -> int | None:
-        record = self._control.newest()
-        return None if record is None else record.tick

@@ -37,7 +37,7 @@ def field_of(config: RobotConfig, record: RobotRecord, field: str) -> Any:
         case "fault":
             return record.fault
         case "tip_mm":
-            return tip_mm(config, record)
+            return _tip_mm(config, record, measured_actuation(config, record) or commanded(record))
         case "command_tip_mm":
             return _tip_mm(config, record, commanded(record))
         case "target_mm":
@@ -66,11 +66,6 @@ def field_of(config: RobotConfig, record: RobotRecord, field: str) -> Any:
     return [finite(getattr(axis, field)) for axis in record.axes]
 
 
-def tip_mm(config: RobotConfig, record: RobotRecord) -> list[float] | None:
-    """The model's tip in the world frame [mm], with the known load."""
-    return _tip_mm(config, record, measured_actuation(config, record) or commanded(record))
-
-
 def commanded(record: RobotRecord) -> tuple[float, ...] | None:
     """The commanded actuation [m or Pa]; None before the first."""
     return all_finite(axis.command for axis in record.axes)
@@ -79,6 +74,7 @@ def commanded(record: RobotRecord) -> tuple[float, ...] | None:
 def _tip_mm(
     config: RobotConfig, record: RobotRecord, actuation: tuple[float, ...] | None
 ) -> list[float] | None:
+    """The model's tip in the world frame [mm], with the known load."""
     tip = None if actuation is None else tip_in_world(config, actuation, record.load_n)
     return None if tip is None else _mm(tip)
 

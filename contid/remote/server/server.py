@@ -39,9 +39,9 @@ FRAMES_S: Final = 1e-3
 CLOSE_TIMEOUT_S: Final = 1.0
 #: Kinds of events that subscribers receive.
 EVENTS: Final = (
-    *(ModeChanged, FaultLatched, OrderRefused, BusChanged, StalenessChanged),
-    *(TicksSkipped, SourceEnded, StopBegan),
-)
+    BusChanged, FaultLatched, ModeChanged, OrderRefused, SourceEnded, StalenessChanged, StopBegan,
+    TicksSkipped,
+)  # fmt: skip
 
 
 class SocketServer:
@@ -169,12 +169,9 @@ class SocketServer:
                 continue
             subscription.sent(now_s, record.tick)
             line = frames.line(record, subscription.robots, subscription.fields)
-            connection.outbox.put_frame(self._with_drops(connection, line))
+            if dropped := connection.outbox.dropped:
+                line = line[:-2] + b',"dropped":%d}\n' % dropped
+            connection.outbox.put_frame(line)
             if time.monotonic() - turn_s > FRAMES_S:
                 await asyncio.sleep(0)
                 turn_s = time.monotonic()
-
-    @staticmethod
-    def _with_drops(connection: Connection, line: bytes) -> bytes:
-        dropped = connection.outbox.dropped
-        return line[:-2] + b',"dropped":%d}\n' % dropped if dropped else line

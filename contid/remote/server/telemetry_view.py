@@ -5,7 +5,6 @@ Edge units with the unit in the key; positions in the world frame.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -22,7 +21,7 @@ from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
 from contid.remote.server.health import bus_health
 from contid.remote.server.robot_fields import (
     PER_AXIS,
-    all_finite,
+    commanded,
     field_of,
     finite,
     limit_names,
@@ -119,19 +118,16 @@ class TelemetryView:
 
     def silent(self, robots: Sequence[str] | None, record: TickRecord | None) -> dict[str, list[str]]:
         """By robot, the axes whose devices did not answer in the newest tick: no order reaches them."""
-        out: dict[str, list[str]] = {}
-        for name in self._names(robots) if record is not None else ():
-            assert record is not None
-            samples = zip(self.configs[name].axis_names, self._of(name, record).axes, strict=True)
-            if axes := [axis for axis, sample in samples if sample.valid != 1.0]:
-                out[name] = axes
-        return out
+        silent: dict[str, list[str]] = {}
+        if record is not None:
+            for name in self._names(robots):
+                samples = zip(self.configs[name].axis_names, self._of(name, record).axes, strict=True)
+                silent[name] = [axis for axis, sample in samples if sample.valid != 1.0]
+        return {name: axes for name, axes in silent.items() if axes}
 
     def command(self, robot: str, record: TickRecord | None) -> tuple[float, ...] | None:
         """The last commanded actuation [m or Pa], None before the first."""
-        if record is None:
-            return None
-        return all_finite(axis.command for axis in self._of(robot, record).axes)
+        return None if record is None else commanded(self._of(robot, record))
 
     # -- responses ---------------------------------------------------------------------------------------
 
@@ -168,12 +164,11 @@ class TelemetryView:
             }
         return {"name": self._loaded.file.name, "file": str(self._loaded.path.absolute()), "robots": robots}
 
-    def status(self, record: TickRecord | None, now_s: float | None = None) -> Fields:
-        """Buses and robots now."""
-        now_s = time.monotonic() if now_s is None else now_s
+    def status(self, record: TickRecord | None, now_s: float) -> Fields:
+        """Buses and robots at a time, on the clock of the record."""
         if record is None:
             return {"tick": None, "buses": {}, "robots": {name: {"state": "OFF"} for name in self.configs}}
-        health = bus_health(self.layout, record, self._axes_of, now_s)
+        buses = bus_health(self.layout, record, self._axes_of, now_s)
         return {
             "tick": record.tick,
             "tick_age_ms": milliseconds(now_s - record.deadline_s),
@@ -183,13 +178,7 @@ class TelemetryView:
             "work_ms": milliseconds(record.work_s),
             "source_s": finite(record.source_s),
             "buses": {
-                name: {
-                    "driver": self._loaded.buses[name].driver,
-                    "tier": bus.tier.value,
-                    "age_ms": milliseconds(bus.age_s),
-                    "silent": list(bus.silent),
-                }
-                for name, bus in health.items()
+                name: {"driver": self._loaded.buses[name].driver, **health} for name, health in buses.items()
             },
             "robots": {name: self._robot(name, record) for name in self.configs},
         }
