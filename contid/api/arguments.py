@@ -30,10 +30,7 @@ def as_rows(what: str, values: ArrayLike, columns: Sequence[str]) -> tuple[Array
     Raises:
         ArgumentError: not numbers, another last dimension, or not finite.
     """
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{what}: an array of numbers is needed, {expected(columns)} ({error})") from None
+    array = _floats(what, values, expected(columns))
     if array.ndim == 0 or array.shape[-1] != len(columns):
         raise ArgumentError(f"{what} has shape {array.shape}; {expected(columns)}")
     rows = array.reshape(-1, len(columns))
@@ -87,10 +84,7 @@ def as_rotations(what: str, values: ArrayLike, shape: Shape) -> Array:
     Raises:
         ArgumentError: another shape, not finite, or columns that are not orthonormal.
     """
-    try:
-        given = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{what}: an array of numbers is needed ({error})") from None
+    given = _floats(what, values, "expected: (3, 3) or (N, 3, 3)")
     if given.shape[-2:] != (3, 3) or given.shape[:-2] not in (shape, ()):
         raise ArgumentError(
             f"{what} has shape {given.shape}; allowed: {(*shape, 3, 3)}, or (3, 3) for all rows"
@@ -110,13 +104,17 @@ def as_values(what: str, values: ArrayLike, shape: Shape) -> Array:
     Raises:
         ArgumentError: not numbers, or another shape.
     """
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{what}: numbers are needed, expected shape {shape} ({error})") from None
+    array = _floats(what, values, f"expected shape: {shape}")
     if array.shape != shape:
         raise ArgumentError(f"{what} has shape {array.shape}; expected {shape}, one per row")
     return array.reshape(-1)
+
+
+def _floats(what: str, values: ArrayLike, shape: str) -> Array:
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{what}: an array of numbers is needed, {shape} ({error})") from None
 
 
 def expected(columns: Sequence[str]) -> str:

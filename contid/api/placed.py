@@ -15,8 +15,9 @@ class PlacedRows:
     """The base frame of a robot applied to arrays ``(N, d)`` [m]; d is 2 for planar robots, else 3."""
 
     def __init__(self, frame: BaseFrame, dimension: int) -> None:
-        #: Rotation matrix from the base to the world, row by row.
+        #: From the base to the world; row by row for sums in the order of `BaseFrame`.
         self._r = frame.rotation
+        self._matrix = np.array(frame.rotation).reshape(3, 3)
         self._origin = frame.origin_in_world
         self.dimension = dimension
 
@@ -43,20 +44,17 @@ class PlacedRows:
 
     def columns_in_world(self, matrices: Array) -> Array:
         """Matrices ``(..., 3, n)`` whose columns are vectors of the base frame, in the world."""
-        matrix = np.array(self._r).reshape(3, 3)
-        turned: Array = matrix @ matrices
+        turned: Array = self._matrix @ matrices
         return turned
 
     def columns_in_base(self, matrices: Array) -> Array:
         """Matrices ``(..., 3, n)`` whose columns are vectors of the world, in the base frame."""
-        matrix = np.array(self._r).reshape(3, 3)
-        turned: Array = matrix.T @ matrices
+        turned: Array = self._matrix.T @ matrices
         return turned
 
     def tensors_in_world(self, tensors: Array) -> Array:
         """Tensors ``(..., 3, 3)`` of the base frame, such as compliances, in the world: ``R T R^T``."""
-        matrix = np.array(self._r).reshape(3, 3)
-        turned: Array = matrix @ tensors @ matrix.T
+        turned: Array = self._matrix @ tensors @ self._matrix.T
         return turned
 
     def _columns(self, rows: Array) -> tuple[Array, Array, Array]:
@@ -65,24 +63,9 @@ class PlacedRows:
 
     def _to_base(self, x: Array, y: Array, z: Array) -> Array:
         r = self._r
-        # The sums of BaseFrame.vector_in_base in their order.
-        return np.stack(
-            [
-                r[0] * x + r[3] * y + r[6] * z,
-                r[1] * x + r[4] * y + r[7] * z,
-                r[2] * x + r[5] * y + r[8] * z,
-            ],
-            axis=1,
-        )
+        return np.stack([r[k] * x + r[3 + k] * y + r[6 + k] * z for k in range(3)], axis=1)
 
     def _to_world(self, rows: Array) -> Array:
         r = self._r
         x, y, z = rows[..., 0], rows[..., 1], rows[..., 2]
-        return np.stack(
-            [
-                r[0] * x + r[1] * y + r[2] * z,
-                r[3] * x + r[4] * y + r[5] * z,
-                r[6] * x + r[7] * y + r[8] * z,
-            ],
-            axis=-1,
-        )
+        return np.stack([r[k] * x + r[k + 1] * y + r[k + 2] * z for k in (0, 3, 6)], axis=-1)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contid.api.arguments import ArgumentError, as_rows, as_values
+from contid.api.arguments import ArgumentError, Shape, as_rows, as_values
 from contid.api.described import DescribedRobots
 from contid.api.placed import PlacedRows
 from contid.api.plot import draw_backbones, draw_points, new_axes
@@ -19,10 +19,10 @@ from contid.api.records import Records, records, renamed
 from contid.api.row_arguments import RowArguments
 from contid.api.workspace import Workspace, planar_workspace, spatial_workspace
 from contid.kinematics.array import Array
-from contid.kinematics.batch import Targets, forward_many, inverse_many
+from contid.kinematics.batch import Poses, Targets, forward_many, inverse_many
+from contid.kinematics.batch.rows import POSE
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Compliant, Model, UnderWrenches, build_model
-from contid.targets import Vec3
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,16 +79,8 @@ class Robot(DescribedRobots):
             ArgumentError: wrong shape, not finite, or a load on a model without.
         """
         rows, shape = self._rows.actuations(actuation)
-        poses = forward_many(self._model, rows, self._rows.loads(load, shape)).rows
-        placed, units = self._placed, self.units
-        return records(
-            shape,
-            tip=units.from_si(placed.points_in_world(poses["tip_m"])),
-            direction=placed.vectors_in_world(poses["direction"]),
-            mid=units.from_si(placed.points_in_world(poses["mid_m"])),
-            rotation=placed.columns_in_world(poses["rotation"]),
-            stable=poses["stable"],
-        )
+        poses = forward_many(self._model, rows, self._rows.loads(load, shape))
+        return self._pose_records(poses, shape)
 
     def fk_under(
         self, actuation: ArrayLike, *, tip: ArrayLike | None = None, mid: ArrayLike | None = None
@@ -113,22 +105,23 @@ class Robot(DescribedRobots):
             kind = self.description.model
             raise ArgumentError(f"fk_under: model {kind} of {self.name} does not bend under wrenches")
         wrenches = [self._rows.wrenches(what, given, shape) for what, given in (("tip", tip), ("mid", mid))]
-        poses = [
-            model.forward_under(tuple(row), tuple(at), tuple(on))
-            for row, at, on in zip(rows.tolist(), *wrenches, strict=True)
-        ]
-        placed, units = self._placed, self.units
+        poses = np.zeros(len(rows), POSE)
+        for number, (row, *under) in enumerate(zip(rows.tolist(), *wrenches, strict=True)):
+            pose = model.forward_under(tuple(row), *map(tuple, under))
+            rotation = np.reshape(pose.rotation, (3, 3))
+            poses[number] = (pose.tip_m, rotation, pose.direction, pose.mid_m, pose.stable)
+        return self._pose_records(Poses(poses), shape)
 
-        def column(values: list[Vec3] | list[tuple[float, ...]]) -> Array:
-            return np.reshape(values, (len(rows), -1))
-
+    def _pose_records(self, poses: Poses, shape: Shape) -> Records:
+        """What `fk` returns."""
+        placed, units, rows = self._placed, self.units, poses.rows
         return records(
             shape,
-            tip=units.from_si(placed.points_in_world(column([pose.tip_m for pose in poses]))),
-            direction=placed.vectors_in_world(column([pose.direction for pose in poses])),
-            mid=units.from_si(placed.points_in_world(column([pose.mid_m for pose in poses]))),
-            rotation=placed.columns_in_world(column([pose.rotation for pose in poses]).reshape(-1, 3, 3)),
-            stable=np.array([pose.stable for pose in poses], dtype=bool),
+            tip=units.from_si(placed.points_in_world(rows["tip_m"])),
+            direction=placed.vectors_in_world(rows["direction"]),
+            mid=units.from_si(placed.points_in_world(rows["mid_m"])),
+            rotation=placed.columns_in_world(rows["rotation"]),
+            stable=rows["stable"],
         )
 
     def ik(

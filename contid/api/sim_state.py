@@ -63,25 +63,25 @@ class SimState:
         return self.robots[robot]
 
 
+@dataclass(frozen=True, slots=True)
 class StateReader:
     """Turns the values of a tick's record into a `SimState`."""
 
-    def __init__(self, layout: RecordLayout, configs: Sequence[RobotConfig], units: Units) -> None:
-        self._layout = layout
-        self._configs = configs
-        self._units = units
+    layout: RecordLayout
+    configs: Sequence[RobotConfig]
+    units: Units
 
     def read(self, values: Sequence[float], refused: Mapping[str, str]) -> SimState:
         """The state after the tick of a record; ``refused`` has the reasons by robot."""
-        record = self._layout.decode(tuple(values))
+        record = self.layout.decode(tuple(values))
         robots = {
             config.name: self._robot(config, robot, refused.get(config.name, ""))
-            for config, robot in zip(self._configs, record.robots, strict=True)
+            for config, robot in zip(self.configs, record.robots, strict=True)
         }
-        return SimState(record.tick, record.tick / self._layout.rate_hz, robots)
+        return SimState(record.tick, record.tick / self.layout.rate_hz, robots)
 
     def _robot(self, config: RobotConfig, record: RobotRecord, refused: str) -> SimRobot:
-        units = self._units
+        units = self.units
         measured = config.transmission.to_actuation(tuple(axis.value for axis in record.axes))
         tip = None
         if all(map(math.isfinite, measured)):
@@ -100,4 +100,4 @@ class StateReader:
     def _edge(self, config: RobotConfig, values: Sequence[float]) -> Array:
         """Values of all axes, each in its unit."""
         pairs = zip(values, config.quantities, strict=True)
-        return np.array([float(self._units.from_si(np.array(value), each)) for value, each in pairs])
+        return np.array([float(self.units.from_si(np.array(value), each)) for value, each in pairs])

@@ -101,15 +101,14 @@ class Sim:
             ArgumentError: the target has a wrong shape, name or value.
             ContidError: the simulation is closed.
         """
-        if self._closed:
-            raise ContidError("this simulation is closed; make a new one")
+        self._check_open()
         if ticks < 1:
             raise ArgumentError(f"ticks={ticks}: at least 1")
         if u is not None:
             targets = self._commands.targets(u)
             wrong = {} if self._preflight is None else self._preflight.row(targets)
             self._refused = {name: why for name, why in self._refused.items() if name not in targets} | wrong
-            self._process.engine.obey(msg.Rows({**targets, **dict.fromkeys(wrong)}), self._process.tick)
+            self._obey(msg.Rows({**targets, **dict.fromkeys(wrong)}))
         for _ in range(ticks):
             self._run_tick()
         self.state = self._states.read(self._values, self._refused)
@@ -170,9 +169,12 @@ class Sim:
                 raise ContidError(f"the simulated robots were not armed within {ARMING_TIMEOUT_S:g} s")
         return self._states.read(self._values, self._refused)
 
-    def _obey(self, message: msg.Message) -> None:
+    def _check_open(self) -> None:
         if self._closed:
             raise ContidError("this simulation is closed; make a new one")
+
+    def _obey(self, message: msg.Message) -> None:
+        self._check_open()
         self._process.engine.obey(message, self._process.tick)
 
     def _run_tick(self) -> None:

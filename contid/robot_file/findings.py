@@ -6,16 +6,17 @@ import difflib
 import functools
 import json
 from collections.abc import Iterable, Iterator
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from contid.errors import MAX_FINDINGS, Located
+from contid.errors import MAX_FINDINGS, BadInputError, Located, first_findings
 from contid.robot_file.positions import Data, Document, KeyPath, step_into
 from contid.robot_file.renamed import RENAMED_KEYS
 
 Schema: TypeAlias = dict[str, Any]
+_Kind = TypeVar("_Kind", bound=BaseModel)
 
 #: Allowed names that a message lists, and among which it looks for the nearest.
 MAX_NAMES: Final = 50
@@ -32,6 +33,20 @@ def allowed_names(names: Iterable[str], wrong: str = "") -> str:
     # The same name with another type, such as '1' for 1, is no help.
     hint = f"; did you mean {near[0]!r}?" if near and near[0] != wrong else ""
     return f"allowed: {', '.join(listed) or 'none'}{others}{hint}"
+
+
+def validated(document: Document, kind: type[_Kind]) -> _Kind:
+    """A whole document as an object of a class.
+
+    Raises:
+        BadInputError: with every finding.
+    """
+    if not isinstance(document.data, dict):
+        raise BadInputError([document.at_value((), f"is a mapping; {allowed_names(kind.model_fields)}")])
+    try:
+        return kind.model_validate(document.data)
+    except ValidationError as error:
+        raise BadInputError(first_findings(explain(error, document, (), kind))) from None
 
 
 def explain(

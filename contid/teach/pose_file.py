@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from contid.errors import BadInputError, ContidError, first_findings
 from contid.robot_file.base import Strict
-from contid.robot_file.findings import allowed_names, explain
+from contid.robot_file.findings import allowed_names, validated
 from contid.robot_file.positions import Document, KeyPath, read_document, read_text
 
 #: An hour; a longer time was probably written in milliseconds.
@@ -108,9 +108,13 @@ class PoseFile:
         """
         found = self.contents.poses.get(name)
         if found is None:
-            names = allowed_names(self.contents.poses, name) if self.contents.poses else "it has none"
-            raise ContidError(f"{self.path}: no pose {name!r}; {names}")
+            raise ContidError(f"{self.path}: {self.no_pose(name)}")
         return found
+
+    def no_pose(self, name: str) -> str:
+        """The message about a name that no pose has."""
+        names = allowed_names(self.contents.poses, name) if self.contents.poses else "the file has no poses"
+        return f"no pose {name!r}; {names}"
 
     def located_steps(self) -> Iterator[tuple[KeyPath, SequenceStep]]:
         """Every step of the sequence with its path, steps of loops once."""
@@ -137,29 +141,14 @@ def read_pose_file(path: Path) -> PoseFile:
 def parse_pose_file(text: str, path: Path) -> PoseFile:
     """Check the text of a pose file; raises as `read_pose_file`."""
     document = read_document(text, str(path))
-    if not isinstance(document.data, dict):
-        message = f"a pose file is a mapping; {allowed_names(PoseFileContents.model_fields)}"
-        raise BadInputError([document.at_value((), message)])
-    try:
-        contents = PoseFileContents.model_validate(document.data)
-    except ValidationError as error:
-        findings = explain(error, document, (), PoseFileContents)
-        raise BadInputError(first_findings(findings)) from error
-    file = PoseFile(path, contents, document)
-    findings = [
-        document.at_value((*at, "pose"), f"no pose {step.pose!r}; {_names(contents, step.pose)}")
-        for at, step in file.located_steps()
-        if step.pose is not None and step.pose not in contents.poses
-    ]
-    findings += [
-        document.at_value((*at, "trajectory"), f"no file {path.parent / step.trajectory}")
-        for at, step in file.located_steps()
-        if step.trajectory is not None and not (path.parent / step.trajectory).is_file()
-    ]
+    file = PoseFile(path, validated(document, PoseFileContents), document)
+    findings = []
+    for at, step in file.located_steps():
+        if step.pose is not None and step.pose not in file.contents.poses:
+            findings.append(document.at_value((*at, "pose"), file.no_pose(step.pose)))
+        if step.trajectory is not None and not (path.parent / step.trajectory).is_file():
+            message = f"no file {path.parent / step.trajectory}"
+            findings.append(document.at_value((*at, "trajectory"), message))
     if findings:
         raise BadInputError(first_findings(findings))
     return file
-
-
-def _names(contents: PoseFileContents, wrong: str) -> str:
-    return allowed_names(contents.poses, wrong) if contents.poses else "the file has no poses"

@@ -26,17 +26,6 @@ def default_pose_file(robot_file: Path) -> Path:
     return common if common.exists() and not own.exists() else own
 
 
-def check_pose_name(name: str) -> None:
-    """Refuse a name that would need quotes in a shell.
-
-    Raises:
-        ContidError: with what is allowed.
-    """
-    if not re.match(NAME_PATTERN, name):
-        message = f"{name[:40]!r} is no name of a pose; allowed: up to 64 letters, digits, _, - and ."
-        raise ContidError(message)
-
-
 def provenance(robot_file: Path, how: str) -> str:
     """When, by which version, how and for which robot file something was saved."""
     return (
@@ -64,7 +53,9 @@ def save_pose(path: Path, name: str, target: Mapping[str, float], saved: str, ro
     from ruamel.yaml import YAML
     from ruamel.yaml.comments import CommentedMap
 
-    check_pose_name(name)
+    if not re.match(NAME_PATTERN, name):
+        message = f"{name[:40]!r} is no name of a pose; allowed: up to 64 letters, digits, _, - and ."
+        raise ContidError(message)
     yaml = YAML()
     yaml.preserve_quotes = True
     yaml.width = 4096

@@ -13,7 +13,7 @@ import numpy as np
 
 from contid.errors import ContidError
 from contid.teach.pose_file import read_pose_file
-from contid.teach.pose_store import check_pose_name, provenance, save_pose
+from contid.teach.pose_store import provenance, save_pose
 from contid.teach.present_pose import present_pose
 from contid.teach.recording import RecordedLimits, taught_motion, trajectory_csv
 from contid.teleop.described_robot import DescribedRobot
@@ -79,7 +79,7 @@ class Teacher:
             self._samples.append(self._newest)
             if len(self._samples) >= MAX_SAMPLES:
                 self._report("the recording is full; it ends here")
-                self.end_recording()
+                self._end_recording()
 
     def press(self, key: str) -> None:
         """Take in a key."""
@@ -94,7 +94,7 @@ class Teacher:
             self._samples = []
             self._report("recording; r ends it")
         elif key == "r":
-            self.end_recording()
+            self._end_recording()
         elif key in ("q", "escape"):
             self.done = True
         elif key not in ("enter", "space"):
@@ -103,7 +103,7 @@ class Teacher:
     def close(self) -> None:
         """Keep a recording that was not ended."""
         if self._samples is not None:
-            self.end_recording()
+            self._end_recording()
 
     def _answer(self, key: str) -> None:
         if key == "enter":
@@ -131,7 +131,7 @@ class Teacher:
         shown = ", ".join(f"{column} {value:.2f}" for column, value in target.items())
         self._report(f"{'replaced' if replaced else 'saved'} {name}: {shown}")
 
-    def end_recording(self) -> None:
+    def _end_recording(self) -> None:
         """Smooth the recorded motion and write it beside the pose file."""
         samples, self._samples = self._samples or [], None
         limits = RecordedLimits(
@@ -160,5 +160,4 @@ class Teacher:
         number = 1
         while f"{stem}{number}" in taken or self._file.with_name(f"{stem}{number}.csv").exists():
             number += 1
-        check_pose_name(f"{stem}{number}")
         return f"{stem}{number}"

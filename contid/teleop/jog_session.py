@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from contid.client import Client, Code, RemoteError, ServoState
 from contid.errors import ContidError
+from contid.remote.client.servo import Controller
 from contid.robot_file.findings import allowed_names
 from contid.teleop.described_robot import DescribedRobot, columns_of
 from contid.teleop.jogger import Jogger
@@ -225,8 +226,28 @@ class JogSession:
         if not start or any(value is None for value in start):
             self._waiting.clear()
             raise RemoteError(Code.NOT_ARMED, f"{self.robot.robot} is {state['state']} and was never armed")
-        controller = JogController(self, self._jogger(list(start)))
-        self._client.servo(self._rate_hz, controller)
+        self._client.servo(self._rate_hz, self._controller(self._jogger(list(start))))
+
+    def _controller(self, jogger: Jogger) -> Controller:
+        """The controller of one stream: set-points of a jogger until nothing was pressed for a while."""
+        columns, pressed_s = self.columns, time.monotonic()
+
+        def set_point(state: ServoState) -> dict[str, float] | None:
+            nonlocal pressed_s
+            if state.refused:
+                jogger.refuse()
+                self.refused(state.refused)
+            elif state.step > 0:  # before that none was sent
+                jogger.accept()
+            goes_on = self.step(jogger, state)
+            now_s = time.monotonic()
+            if self.engaged(jogger):
+                pressed_s = now_s
+            if not goes_on or now_s - pressed_s > IDLE_S:
+                return None
+            return dict(zip(columns, jogger.advance(now_s), strict=True))
+
+        return set_point
 
     def engaged(self, jogger: Jogger | None) -> bool:
         """The operator moves the robot now; None: while no stream goes on."""
@@ -271,28 +292,3 @@ class JogSession:
     def refused(self, message: str) -> None:
         """Report a refused set-point."""
         self._log(f"refused: {message}")
-
-
-class JogController:
-    """The controller of one stream: set-points of a jogger until nothing was pressed for a while."""
-
-    def __init__(self, session: JogSession, jogger: Jogger) -> None:
-        self._session = session
-        self._jogger = jogger
-        self._columns = session.columns
-        self._pressed_s = time.monotonic()
-
-    def __call__(self, state: ServoState) -> dict[str, float] | None:
-        """The next set-point; None ends the stream."""
-        if state.refused:
-            self._jogger.refuse()
-            self._session.refused(state.refused)
-        elif state.step > 0:  # before that none was sent
-            self._jogger.accept()
-        goes_on = self._session.step(self._jogger, state)
-        now_s = time.monotonic()
-        if self._session.engaged(self._jogger):
-            self._pressed_s = now_s
-        if not goes_on or now_s - self._pressed_s > IDLE_S:
-            return None
-        return dict(zip(self._columns, self._jogger.advance(now_s), strict=True))

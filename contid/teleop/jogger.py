@@ -30,7 +30,6 @@ class Jogger:
     Attributes:
         reference: the present set-point.
         speed: chosen speed.
-        hold_s: how long one press moves.
     """
 
     def __init__(
@@ -52,21 +51,16 @@ class Jogger:
         self._minimum, self._maximum = minimum, maximum
         self.speed = min(speed, max_speed)
         self._max_speed = max_speed
-        self.hold_s = hold_s
+        self._hold_s = hold_s
         self._rates = [0.0] * len(self.reference)
         self._until_s = [float("-inf")] * len(self.reference)
         self._now_s: float | None = None
-
-    @property
-    def step(self) -> float:
-        """What one press moves."""
-        return self.speed * self.hold_s
 
     def press(self, index: int, share: float, now_s: float) -> None:
         """Move a column from now on with a share of the speed, -1 to 1; an opposite press turns at once."""
         self.advance(now_s)
         self._rates[index] = min(max(share, -1.0), 1.0)
-        self._until_s[index] = now_s + self.hold_s
+        self._until_s[index] = now_s + self._hold_s
 
     def release(self) -> None:
         """Stand still from now on."""

@@ -19,12 +19,11 @@ from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from contid.errors import BadInputError, first_findings
 from contid.kinematics.array import Array
 from contid.robot_file.base import Placement, Positive, Strict
-from contid.robot_file.findings import allowed_names, explain
+from contid.robot_file.findings import validated
 from contid.robot_file.positions import read_document, read_text
 from contid.track.camera import Camera
 from contid.units import MM_PER_M
@@ -143,10 +142,4 @@ _Kind = TypeVar("_Kind", bound=Strict)
 
 
 def _read(path: Path, kind: type[_Kind]) -> _Kind:
-    document = read_document(read_text(path), str(path))
-    if not isinstance(document.data, dict):
-        raise BadInputError([document.at_value((), f"is a mapping; {allowed_names(kind.model_fields)}")])
-    try:
-        return kind.model_validate(document.data)
-    except ValidationError as error:
-        raise BadInputError(first_findings(explain(error, document, (), kind))) from None
+    return validated(read_document(read_text(path), str(path)), kind)

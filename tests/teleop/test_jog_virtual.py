@@ -66,7 +66,7 @@ def test_random_keys_stay_within_the_limits_and_nothing_moves_after_the_release(
                 for _ in range(chooser.randint(1, 3)):
                     tick()
             releases += 1
-            while now_s - pressed_s < jogger.hold_s + 2.0 / RATE_HZ:
+            while now_s - pressed_s < 0.15 + 2.0 / RATE_HZ:
                 tick()
             reference = list(jogger.reference)
             for _ in range(round(SETTLE_S * RATE_HZ)):  # the limiter brakes
@@ -86,7 +86,6 @@ def test_one_press_is_one_step_however_late_the_program_is() -> None:
         for count in range(1, round(2.0 / period_s)):
             jogger.advance(10.0 + count * period_s)
         assert jogger.reference == [pytest.approx(53.0)]
-        assert jogger.step == pytest.approx(3.0)
     # A press before the first one is over goes on without a gap and without a sum.
     jogger = Jogger([50.0], None, None, speed=20.0, max_speed=60.0, hold_s=0.15)
     for time_s in (0.0, 0.1, 0.2):

@@ -91,22 +91,11 @@ def _arduino_steps(port: str, connection: str) -> list[list[str]]:
 
 def _bossac_steps(port: str, connection: str, binary: Path) -> list[list[str]]:
     # Opening either port at 1200 baud erases the flash and starts the boot loader.
-    native = "true" if connection == "native" else "false"
+    name, native = Path(port).resolve().name, "true" if connection == "native" else "false"
     return [
         ["stty", "-F", port, "1200"],
         ["sleep", "1"],
-        [
-            "bossac",
-            f"--port={Path(port).resolve().name}",
-            "-U",
-            native,
-            "-e",
-            "-w",
-            "-v",
-            "-b",
-            str(binary),
-            "-R",
-        ],
+        ["bossac", f"--port={name}", "-U", native, "-e", "-w", "-v", "-b", str(binary), "-R"],
     ]
 
 

@@ -57,12 +57,12 @@ def command(robot_file: str, axes: tuple[str, ...], dry_run: bool, parked: bool)
         return
     if not dry_run and not os.access(path.resolve().parent, os.W_OK):
         raise ContidError(f"{path}: its folder is read-only; copy the file and home the copy, or --dry-run")
-    none = True
+    homed = 0
     with interruptible(), StopServer(robot_file, "homing"):
         for found in _home(buses, axes):
-            none = False
             _keep(loaded, path, found, dry_run)
-    if none:
+            homed += 1
+    if not homed:
         raise ContidError(f"{robot_file}: no axis has `homing:` (docs/devices/dynamixel.md, Zero and turns)")
     if not dry_run:
         load_robot_file(path)
@@ -102,17 +102,14 @@ def _home(buses: Sequence[WiredBus], axes: Sequence[str]) -> Iterator[Homed]:
     report = functools.partial(click.echo, err=True)
     chosen: list[tuple[bool, WiredBus, Homes, list[str]]] = []
     for bus in buses:
-        homing = {axis.name: getattr(axis.options, "homing", None) is not None for axis in bus.axes}
-        only = [name for name, has in homing.items() if (name in axes if axes else has)]
+        homing = {axis.name: getattr(axis.options, "homing", None) for axis in bus.axes}
+        only = [name for name, how in homing.items() if (name in axes if axes else how is not None)]
         if only:
             homes = bus.capable(Homes, "home")  # type: ignore[type-abstract]  # a runtime protocol
-            together = {
-                axis.name
-                for axis in bus.axes
-                if getattr(getattr(axis.options, "homing", None), "together", False)
-            }
-            chosen += [(homing[name], bus, homes, [name]) for name in only if name not in together]
-            if tendons := [name for name in only if name in together]:
+            tendons = [name for name in only if getattr(homing[name], "together", False)]
+            alone = [name for name in only if name not in tendons]
+            chosen += [(homing[name] is not None, bus, homes, [name]) for name in alone]
+            if tendons:
                 chosen.append((True, bus, homes, tendons))
     # Axes without homing come first: their driver refuses them before anything moves.
     for _, bus, homes, names in sorted(chosen, key=lambda each: each[0]):

@@ -78,18 +78,15 @@ def _ports(template: Template, given: tuple[str, ...]) -> dict[str, str]:
         if not equals or "/" in bus:
             bus, port = buses[0], text
             if len(buses) > 1:
-                raise click.BadParameter(
-                    f"{template.name} has the buses {', '.join(buses)}: give BUS=PORT for each.",
-                    param_hint="'--port'",
+                raise _bad(
+                    "port", f"{template.name} has the buses {', '.join(buses)}: give BUS=PORT for each."
                 )
         if bus not in template.ports:
-            raise click.BadParameter(
-                f"{template.name} has no bus {bus!r}; it has {', '.join(buses)}.", param_hint="'--port'"
-            )
+            raise _bad("port", f"{template.name} has no bus {bus!r}; it has {', '.join(buses)}.")
         if bus in found:
-            raise click.BadParameter(f"bus {bus} is given twice.", param_hint="'--port'")
+            raise _bad("port", f"bus {bus} is given twice.")
         if not port:
-            raise click.BadParameter(f"{text!r} names no port.", param_hint="'--port'")
+            raise _bad("port", f"{text!r} names no port.")
         found[bus] = port
     return found
 
@@ -98,18 +95,18 @@ def _ids(template: Template, text: str) -> dict[str, int]:
     """The numbers of ``--ids`` by axis."""
     axes = list(template.ids)
     if not axes:
-        raise click.BadParameter(f"the axes of {template.name} have channels, not ids.", param_hint="'--ids'")
+        raise _bad("ids", f"the axes of {template.name} have channels, not ids.")
     parts = text.split(",")
     if len(parts) != len(axes):
-        raise click.BadParameter(
-            f"{len(parts)} given, {len(axes)} needed: {', '.join(axes)}.", param_hint="'--ids'"
-        )
+        raise _bad("ids", f"{len(parts)} given, {len(axes)} needed: {', '.join(axes)}.")
     try:
         return {axis: int(part) for axis, part in zip(axes, parts, strict=True)}
     except ValueError:
-        raise click.BadParameter(
-            f"{text!r}: whole numbers separated by commas.", param_hint="'--ids'"
-        ) from None
+        raise _bad("ids", f"{text!r}: whole numbers separated by commas.") from None
+
+
+def _bad(option: str, message: str) -> click.BadParameter:
+    return click.BadParameter(message, param_hint=f"'--{option}'")
 
 
 def _ask_ports(template: Template, given: Mapping[str, str]) -> dict[str, str]:

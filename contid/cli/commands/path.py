@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
@@ -120,34 +120,23 @@ def command(
     ):
         raise click.UsageError("a spatial path needs --height (z in the world, mm)")
 
-    def with_shape(
-        shape: Shape,
-        size_mm: float,
-        height_mm: float,
-        dz_mm: float,
-        lean: float | None,
-        roll: float | None = None,
-    ) -> ShapePath:
-        return ShapePath(
-            shape,
-            (center[0], center[1]),
-            size_mm,
-            height_mm=height_mm,
-            dz_mm=dz_mm,
-            turns=turns,
-            ratio=ratio,
-            angle_deg=angle,
-            lean_deg=lean,
-            roll_deg=roll,
-            period_s=period,
-            laps=laps,
-            rate_hz=rate,
-        )
-
     rise = dz if dz is not None else 10.0 if kind is Shape.BOX and height is not None else 0.0
-    size_mm = size if size is not None else 2.0 * (radius or 0.0)
-    path = with_shape(kind, size_mm, height or 0.0, rise, lean, roll)
-    mid = _mid(mid_text, with_shape) if mid_text is not None else None
+    path = ShapePath(
+        kind,
+        (center[0], center[1]),
+        size if size is not None else 2.0 * (radius or 0.0),
+        height_mm=height or 0.0,
+        dz_mm=rise,
+        turns=turns,
+        ratio=ratio,
+        angle_deg=angle,
+        lean_deg=lean,
+        roll_deg=roll,
+        period_s=period,
+        laps=laps,
+        rate_hz=rate,
+    )
+    mid = _mid(mid_text, path) if mid_text is not None else None
     if not fastest or robot_file is None:
         write_path(sys.stdout, path, targets, mid)
         return
@@ -212,8 +201,8 @@ def _swing(
     write_rows(sys.stdout, swing.columns(), swing.rows())
 
 
-def _mid(text: str, with_shape: Callable[..., ShapePath]) -> ShapePath | tuple[float, float, float]:
-    """The value of ``--mid``: a fixed point, or a shape of its own."""
+def _mid(text: str, path: ShapePath) -> ShapePath | tuple[float, float, float]:
+    """The value of ``--mid``: a fixed point, or a shape of its own about the centre of the path."""
     from contid.trajectory.shapes import Shape
 
     name, *numbers = text.split(":")
@@ -226,5 +215,6 @@ def _mid(text: str, with_shape: Callable[..., ShapePath]) -> ShapePath | tuple[f
         size_mm, height_mm = POSITIVE(numbers[0]), NUMBER(numbers[1])
     except click.BadParameter as error:
         raise click.BadParameter(error.message, param_hint="'--mid'") from None
-    path: ShapePath = with_shape(Shape(name), size_mm, height_mm, 0.0, None)
-    return path
+    return replace(
+        path, shape=Shape(name), size_mm=size_mm, height_mm=height_mm, dz_mm=0.0, lean_deg=None, roll_deg=None
+    )

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from contid.cli.support.figure import FIGURE
+from contid.cli.support.files import FIGURE
 from contid.cli.support.numbers import POSITIVE
 from contid.cli.support.robot_names import robot_names
 
 if TYPE_CHECKING:
+    from contid.reach.report import ReachReport
     from contid.robot_file.robot import RobotDescription
 
 
@@ -129,10 +130,9 @@ def _quality(
         click.echo(f"drawn: {plot}", err=True)
 
 
-def _print(report: object) -> None:
-    from contid.reach.report import PAPER_OVERLAP_CM2, PAPER_TWO_LINK_CM2, ReachReport, with_unit
+def _print(report: ReachReport) -> None:
+    from contid.reach.report import PAPER_OVERLAP_CM2, PAPER_TWO_LINK_CM2, with_unit
 
-    assert isinstance(report, ReachReport)
     for name, area in report.areas_cm2.items():
         click.echo(f"{name}: {area:.4f} cm2")
     for name, volume in report.volumes.items():

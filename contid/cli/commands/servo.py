@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
@@ -50,6 +51,16 @@ def command(context: click.Context, port: str | None, baud: int, driver: str) ->
     context.obj = ServoPortOptions(loaded, port, baud)
 
 
+def _on_device(name: str) -> Callable[[Callable[..., None]], click.Command]:
+    """The command ``contid servo NAME DEVICE``; the function gets the port, the id, and what it declares."""
+
+    def decorate(function: Callable[..., None]) -> click.Command:
+        given = click.argument("device", type=int)(click.pass_obj(function))
+        return command.command(name)(given)
+
+    return decorate
+
+
 @command.command("setup")
 @click.argument("robot_file", shell_complete=robot_names)
 @click.pass_obj
@@ -73,40 +84,32 @@ def _ask(request: str) -> None:
     click.prompt(f"{request}, then press Enter", default="", show_default=False, prompt_suffix=" ")
 
 
-@command.command("set-id")
-@click.argument("device", type=int)
+@_on_device("set-id")
 @click.argument("new", type=int)
-@click.pass_obj
 def set_id(servo_port: ServoPortOptions, device: int, new: int) -> None:
     """Change the id DEVICE to NEW."""
     servo_port.driver.set_id(*servo_port.port_and_baud, device, new)
     click.echo(f"id {device} is id {new} now")
 
 
-@command.command("set-baud")
-@click.argument("device", type=int)
+@_on_device("set-baud")
 @click.argument("new", type=int)
-@click.pass_obj
 def set_baud(servo_port: ServoPortOptions, device: int, new: int) -> None:
     """Change the baud rate of id DEVICE to NEW."""
     servo_port.driver.set_baud(*servo_port.port_and_baud, device, new)
     click.echo(f"id {device} has {new} baud now")
 
 
-@command.command("blink")
-@click.argument("device", type=int)
+@_on_device("blink")
 @click.option("--times", default=8, show_default=True)
-@click.pass_obj
 def blink(servo_port: ServoPortOptions, device: int, times: int) -> None:
     """Let the LED of id DEVICE blink, to find it."""
     servo_port.driver.blink(*servo_port.port_and_baud, device, times)
 
 
-@command.command("read")
-@click.argument("device", type=int)
+@_on_device("read")
 @click.argument("registers", nargs=-1)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object per register.")
-@click.pass_obj
 def read(servo_port: ServoPortOptions, device: int, registers: tuple[str, ...], as_json: bool) -> None:
     """Print REGISTERS of id DEVICE by name or address, every one by default."""
     for each in servo_port.driver.read_registers(*servo_port.port_and_baud, device, registers):
@@ -116,30 +119,24 @@ def read(servo_port: ServoPortOptions, device: int, registers: tuple[str, ...], 
             click.echo(f"{each.address:4}  {each.name:28} {each.value:11}  {each.unit}".rstrip())
 
 
-@command.command("write")
-@click.argument("device", type=int)
+@_on_device("write")
 @click.argument("register")
 @click.argument("value", type=int)
-@click.pass_obj
 def write(servo_port: ServoPortOptions, device: int, register: str, value: int) -> None:
     """Set REGISTER (name or address) of id DEVICE to VALUE; goals and torque are refused."""
     after = servo_port.driver.write_register(*servo_port.port_and_baud, device, register, value)
     click.echo(f"{register} is {after} now")
 
 
-@command.command("reboot")
-@click.argument("device", type=int)
-@click.pass_obj
+@_on_device("reboot")
 def reboot(servo_port: ServoPortOptions, device: int) -> None:
     """Restart id DEVICE: torque off, hardware errors cleared, turn count lost."""
     servo_port.driver.reboot(*servo_port.port_and_baud, device)
     click.echo(f"id {device} restarted; its torque is off and its turn count gone")
 
 
-@command.command("reset")
-@click.argument("device", type=int)
+@_on_device("reset")
 @click.confirmation_option(prompt="Factory values for every setting but id and baud rate?")
-@click.pass_obj
 def reset(servo_port: ServoPortOptions, device: int) -> None:
     """Give id DEVICE its factory settings; id and baud rate stay."""
     servo_port.driver.factory_reset(*servo_port.port_and_baud, device)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 import click
 
-from contid.cli.support.figure import FIGURE
+from contid.cli.support.files import CHANGED_FILE, FIGURE
 from contid.errors import ContidError
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def calibration(name: str) -> Callable[[Callable[..., None]], click.Command]:
         )
         @click.option(
             "--write",
-            type=click.Path(exists=True, dir_okay=False, path_type=Path),
+            type=CHANGED_FILE,
             help="Robot file to take the dimensions from and to write the fit into.",
         )
         @click.option("--robot", help="Which robot, where the file has several.")

@@ -1,11 +1,14 @@
-"""Types of options that are files."""
+"""Types of options and arguments that are files."""
 
 from __future__ import annotations
 
 import os
-from typing import Any
+from pathlib import Path
+from typing import Any, Final
 
 import click
+
+_FIGURES: Final = (".png", ".svg", ".pdf")
 
 
 class NewFile(click.Path):
@@ -20,5 +23,21 @@ class NewFile(click.Path):
         return super().convert(value, param, ctx)
 
 
+class NewFigure(NewFile):
+    """A figure to write; its ending is checked before any work."""
+
+    def convert(
+        self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
+    ) -> Any:
+        """The path; an unknown ending is a usage error."""
+        path = super().convert(value, param, ctx)
+        if path.suffix.lower() not in _FIGURES:
+            self.fail(f"{str(path)!r} must end in {', '.join(_FIGURES)}.", param, ctx)
+        return path
+
+
+FIGURE: Final = NewFigure(dir_okay=False, path_type=Path)
+#: A robot file that is changed.
+CHANGED_FILE: Final = click.Path(exists=True, dir_okay=False, path_type=Path)
 #: A recording that is read.
-SESSION = click.argument("session_file", type=click.Path(exists=True, dir_okay=False))
+SESSION: Final = click.argument("session_file", type=click.Path(exists=True, dir_okay=False))

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from contid.client import Client, ConnectionLostError, NoDaemonError
 from contid.remote.protocol.wire import Fields
+from contid.teleop.described_robot import unit_of
 
 BAR: Final = 24
 _TIER_STYLE: Final = {"fresh": "green", "late": "yellow", "stale": "yellow", "old": "red", "lost": "bold red"}
@@ -99,7 +100,7 @@ def _axes(robot: Fields) -> Table:
     table.add_column("")
     table.add_column("notes")
     for name, axis in robot["axes"].items():
-        unit = next(key.removeprefix("min_") for key in axis if key.startswith("min_"))
+        unit = unit_of(axis)
         measured, low, high = axis[f"measured_{unit}"], axis[f"min_{unit}"], axis[f"max_{unit}"]
         notes = [] if axis["valid"] else ["silent"]
         notes += axis["limits"]

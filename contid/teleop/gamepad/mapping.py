@@ -2,38 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
-from contid.errors import BadInputError, ContidError, Located, first_findings
+from contid.errors import BadInputError, Located, first_findings
 from contid.robot_file.base import Strict
-from contid.robot_file.findings import allowed_names, explain
-from contid.robot_file.positions import Document, KeyPath, read_document
+from contid.robot_file.findings import allowed_names, validated
+from contid.robot_file.positions import Document, KeyPath, read_document, read_text
 from contid.teleop.gamepad.device import Capabilities
 from contid.teleop.gamepad.events import ABSOLUTE, BUTTONS, EV_ABS, EV_REL, RELATIVE
 
 INPUTS: Final = {**ABSOLUTE, **RELATIVE}
 
 
-def _is_button(value: str) -> str:
-    if value not in BUTTONS:
-        raise ValueError(f"{value!r} is no button; {allowed_names(BUTTONS, value)}")
-    return value
+def _one_of(names: Mapping[str, int], what: str) -> AfterValidator:
+    def check(value: str) -> str:
+        if value not in names:
+            raise ValueError(f"{value!r} is no {what}; {allowed_names(names, value)}")
+        return value
+
+    return AfterValidator(check)
 
 
-def _is_input(value: str) -> str:
-    if value not in INPUTS:
-        raise ValueError(f"{value!r} is no axis of a device; {allowed_names(INPUTS, value)}")
-    return value
-
-
-ButtonName = Annotated[str, AfterValidator(_is_button)]
-InputName = Annotated[str, AfterValidator(_is_input)]
+ButtonName = Annotated[str, _one_of(BUTTONS, "button")]
+InputName = Annotated[str, _one_of(INPUTS, "axis of a device")]
 DeadBand = Annotated[float, Field(ge=0.01, le=0.9)]
 
 
@@ -179,21 +176,8 @@ def read_mapping(path: Path, has: Capabilities) -> BoundMapping:
         ContidError: the file cannot be read.
         BadInputError: mistakes, or the device has not what the file names; with their places.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ContidError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise BadInputError([Located(str(path), 1, 1, "is not UTF-8 text; save it as UTF-8")]) from error
-    document = read_document(text, str(path))
-    if not isinstance(document.data, dict):
-        raise BadInputError(
-            [document.at_value((), f"is a mapping; {allowed_names(MappingFile.model_fields)}")]
-        )
-    try:
-        file = MappingFile.model_validate(document.data)
-    except ValidationError as error:
-        raise BadInputError(first_findings(explain(error, document, (), MappingFile))) from None
+    document = read_document(read_text(path), str(path))
+    file = validated(document, MappingFile)
     return _Binder(file, document, has).bind()
 
 

@@ -7,17 +7,14 @@ from pathlib import Path
 
 import click
 
+from contid.cli.support.files import CHANGED_FILE
 from contid.cli.support.numbers import NumberRange
 from contid.cli.support.progress import counting
 
 
 @click.command()
 @click.argument("session_files", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
-@click.option(
-    "--write",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Robot file that gets the current.",
-)
+@click.option("--write", type=CHANGED_FILE, help="Robot file that gets the current.")
 @click.option("--robot", help="Name of the finger; needed where there are several.")
 @click.option(
     "--margin-percent",

@@ -7,21 +7,17 @@ from pathlib import Path
 
 import click
 
-from contid.cli.support.files import SESSION
-from contid.cli.support.numbers import NUMBER
+from contid.cli.support.files import CHANGED_FILE, SESSION
+from contid.cli.support.numbers import POSITIVE
 from contid.cli.support.progress import counting
 
 
 @click.command()
 @SESSION
-@click.option(
-    "--write",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Robot file that gets the calibration.",
-)
+@click.option("--write", type=CHANGED_FILE, help="Robot file that gets the calibration.")
 @click.option("--robot", help="Name of the arm; needed where there are several.")
 @click.option(
-    "--noise-mm", type=NUMBER, default=0.3, show_default=True, help="Standard deviation of a measured tip."
+    "--noise-mm", type=POSITIVE, default=0.3, show_default=True, help="Standard deviation of a measured tip."
 )
 def command(session_file: str, write: Path | None, robot: str | None, noise_mm: float) -> None:
     """Identify the error of an arm's model in SESSION_FILE: rests at many pressures without load.
@@ -36,8 +32,6 @@ def command(session_file: str, write: Path | None, robot: str | None, noise_mm: 
     from contid.sense.written import calibration_keys
     from contid.session.read import Session
 
-    if not noise_mm > 0.0:
-        raise click.BadParameter(f"{noise_mm:g}; allowed: above 0", param_hint="--noise-mm")
     with counting("ticks read") as count:
         session = Session(Path(session_file), count)
         name, arm = rod_of(session.robot_file(), robot)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -71,31 +72,26 @@ def _operator(file: Path | None) -> FleetOperator:
 @json_option
 def status(watch: bool, rate: float, file: Path | None, as_json: bool) -> None:
     """Show the robots of every node; exit code 4 while a node does not answer, 3 while one is in FAULT."""
-    from rich.console import Console
     from rich.live import Live
 
     from contid.cli.support.render_fleet import render_nodes
 
-    with _operator(file) as operator:
-        console = Console()
-        if not watch:
+    live = Live(auto_refresh=False)
+    with _operator(file) as operator, live if watch else nullcontext():
+        while True:
+            begin_s = time.monotonic()
             answers = operator.ask_all("status", {})
             if as_json:
                 click.echo(json.dumps({"nodes": answers.by_node, "missing": answers.missing}))
+            elif watch:
+                live.update(render_nodes(answers), refresh=True)
             else:
-                console.print(render_nodes(answers))
+                live.console.print(render_nodes(answers))
                 if answers.unlinked:
                     click.echo(f"{answers.unlinked} of the endpoints of the file: no link", err=True)
-            sys.exit(_code(answers))
-        with Live(console=console, auto_refresh=False) as live:
-            while True:
-                begin_s = time.monotonic()
-                answers = operator.ask_all("status", {})
-                if as_json:
-                    click.echo(json.dumps({"nodes": answers.by_node, "missing": answers.missing}))
-                else:
-                    live.update(render_nodes(answers), refresh=True)
-                time.sleep(max(begin_s + 1.0 / rate - time.monotonic(), 0.0))
+            if not watch:
+                sys.exit(_code(answers))
+            time.sleep(max(begin_s + 1.0 / rate - time.monotonic(), 0.0))
 
 
 def _code(answers: Answers) -> int:

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from contid.cli.support.files import SESSION
-from contid.cli.support.numbers import NUMBER
+from contid.cli.support.numbers import POSITIVE
 from contid.cli.support.progress import counting
 
 
@@ -23,7 +23,7 @@ from contid.cli.support.progress import counting
 )
 @click.option("--robot", help="Name of the arm; needed where there are several.")
 @click.option(
-    "--noise-mm", type=NUMBER, default=0.3, show_default=True, help="Standard deviation of a measured tip."
+    "--noise-mm", type=POSITIVE, default=0.3, show_default=True, help="Standard deviation of a measured tip."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per rest.")
 def command(session_file: str, unloaded: str, robot: str | None, noise_mm: float, as_json: bool) -> None:
@@ -35,8 +35,6 @@ def command(session_file: str, unloaded: str, robot: str | None, noise_mm: float
     from contid.sense.session_loads import rod_of, session_calibration, session_loads
     from contid.session.read import Session
 
-    if not noise_mm > 0.0:
-        raise click.BadParameter(f"{noise_mm:g}; allowed: above 0", param_hint="--noise-mm")
     noise_m = noise_mm / 1e3
     with counting("ticks read") as count:
         reference = Session(Path(unloaded), count)
