@@ -37,9 +37,6 @@ def read_common_trajectory(path: Path) -> Mapping[str, NodeRows]:
         raise ContidError(f"{path}: cannot read it: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ContidError(f"{path}: not UTF-8 text") from error
-    except BadInputError as error:
-        lines = [Located(str(path), each.line, each.column, each.message) for each in error.findings]
-        raise BadInputError(lines) from None
     if not rows:
         raise ContidError(f"{path}: the trajectory has no rows")
     time_at = columns.index(TIME)

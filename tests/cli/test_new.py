@@ -13,7 +13,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from contid.cli.support import new_file
 from contid.cli.support.new_file import shipped_templates
+from contid.errors import ContidError
 from contid.robot_file.load import load_robot_file
 from tests.support.command import contid_in
 
@@ -83,6 +85,20 @@ def test_mistakes_write_nothing(words: str, message: str, tmp_path: Path) -> Non
     assert message in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["there.yaml"]
     assert (tmp_path / "there.yaml").read_text() == "mine\n"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs root to become another user")
+def test_a_folder_without_the_right_to_write_is_named_by_the_file(tmp_path: Path) -> None:
+    template, path = new_file.read_template("finger"), tmp_path / "mine.yaml"
+    for folder in (tmp_path, *tmp_path.parents[:2]):
+        folder.chmod(0o755)
+    os.seteuid(54321)
+    try:
+        with pytest.raises(ContidError, match=f"{path}: cannot be written: Permission denied"):
+            new_file.write_copy(template, path, {}, {})
+    finally:
+        os.seteuid(0)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_terminal_is_asked_for_port_and_ids(tmp_path: Path) -> None:

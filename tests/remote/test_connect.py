@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -16,7 +16,7 @@ import pytest
 from contid.client import Client
 from contid.remote.protocol import socket_path
 from contid.remote.protocol.connect import connect
-from contid.remote.protocol.socket_path import find
+from contid.remote.protocol.socket_path import Endpoint, find
 from contid.remote.protocol.wire import NoDaemonError
 
 STRANGER = 54321
@@ -104,3 +104,15 @@ def test_a_service_in_a_folder_of_its_own_is_used(own_folder: Path) -> None:
     os.chown(service, STRANGER, STRANGER)
     with stranger(service / "s"), Client(service / "s") as client:
         assert client.hello == {}
+
+
+@needs_root
+def test_a_user_without_rights_is_told_how_to_get_them(own_folder: Path) -> None:
+    own_folder.chmod(0o755)
+    with closing(Endpoint(own_folder / "s")):
+        os.seteuid(STRANGER)
+        try:
+            with pytest.raises(NoDaemonError, match="this user may not connect; join the group"):
+                Client(own_folder / "s")
+        finally:
+            os.seteuid(0)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 
 from contid.errors import ContidError
@@ -11,11 +14,30 @@ from contid.remote.client.move_arguments import columns_and_rows, point
 def test_text_becomes_points_and_rows() -> None:
     assert point(["left", "x_mm=40", "y_mm=75"]) == {"left.x_mm": 40.0, "left.y_mm": 75.0}
     assert point(["x_mm=4e1"]) == {"x_mm": 40.0}
-    for wrong in (["x_mm=far"], ["left"], ["x_mm=1", "y_mm"]):
-        with pytest.raises(ContidError):
+    for wrong, message in (
+        (["x_mm=far"], "a finite number is expected"),
+        (["x_mm=nan"], "a finite number is expected"),
+        (["left"], "no COLUMN=VALUE"),
+        (["x_mm=1", "y_mm"], "a finite number is expected"),
+        (["left", "x_mm=1", "x_mm=2"], "x_mm is given twice"),
+    ):
+        with pytest.raises(ContidError, match=message):
             point(wrong)
     columns, rows = columns_and_rows(["# a circle\n", "t_s,x_mm\n", "0,1\n", "\n", "1,2\n"])
     assert (columns, list(rows)) == (["t_s", "x_mm"], [[0.0, 1.0], [1.0, 2.0]])
-    columns, rows = columns_and_rows(["x_mm\n", "one\n"])
-    with pytest.raises(ContidError, match="trajectory:2"):
-        list(rows)
+
+
+@pytest.mark.parametrize(
+    ("row", "place"),
+    [
+        ("0,one", "2:3: y_mm: 'one'"),
+        ("0, nan", "2:3: y_mm: 'nan'"),
+        ("inf,0", "2:1: x_mm"),
+        ("1", "2:1: the row"),
+    ],
+)
+def test_a_mistake_in_rows_is_named_with_file_line_and_column(row: str, place: str, tmp_path: Path) -> None:
+    path = tmp_path / "rows.csv"
+    path.write_text(f"x_mm,y_mm\n{row}\n")
+    with path.open() as file, pytest.raises(ContidError, match=re.escape(f"{path}:{place}")):
+        list(columns_and_rows(file)[1])

@@ -146,6 +146,13 @@ def test_the_commands_talk_to_the_daemon() -> None:
         wrong = contid("move", "x_mm=500", "y_mm=75")
         assert wrong.returncode == 2
         assert "out of reach" in wrong.stderr
+        refused = contid("move", "--trajectory", "-", stdin="x_mm,y_mm\n50,75\n500,75\n")
+        assert refused.returncode == 2
+        assert re.match("contid: refused: rows:2: .* is out of reach", refused.stderr), refused.stderr
+        (running.folder / "utf16.csv").write_text("x_mm,y_mm\n50,75\n", encoding="utf-16")
+        garbled = contid("move", "--trajectory", str(running.folder / "utf16.csv"))
+        assert garbled.returncode == 2
+        assert "is this UTF-8 text?" in garbled.stderr
         assert contid("hold").stdout == "f0: HOLD\n"
         assert contid("estop", "f0").stdout == "f0: OFF\n"
         assert contid("resume", "--json").returncode == 0

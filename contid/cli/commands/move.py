@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
+from contid.cli.support.files import ROWS_FILE
 from contid.cli.support.numbers import NumberRange
 from contid.cli.support.orders import json_option, send, socket_option
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("message", nargs=-1, metavar="[ROBOT] COLUMN=VALUE...")
-@click.option("--trajectory", type=click.File(), help="CSV rows to follow instead of a point; - for stdin.")
+@click.option("--trajectory", type=ROWS_FILE, help="CSV rows to follow instead of a point; - for stdin.")
 @click.option("--pose", help="Go to this named pose instead of a point.")
 @click.option(
     "--poses",

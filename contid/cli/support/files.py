@@ -39,5 +39,7 @@ class NewFigure(NewFile):
 FIGURE: Final = NewFigure(dir_okay=False, path_type=Path)
 #: A robot file that is changed.
 CHANGED_FILE: Final = click.Path(exists=True, dir_okay=False, path_type=Path)
+#: Rows that a client sends; what is not UTF-8 is refused with the name of its column.
+ROWS_FILE: Final = click.File(encoding="utf-8", errors="replace")
 #: A recording that is read.
 SESSION: Final = click.argument("session_file", type=click.Path(exists=True, dir_okay=False))

@@ -109,7 +109,10 @@ def write_copy(
         robot, _, name = axis.partition(".")
         values["robots", robot, "axes", name, "id"] = str(number)
     text = _replaced(template.text, values)
-    handle, beside = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=".yaml", dir=path.parent)
+    try:
+        handle, beside = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=".yaml", dir=path.parent)
+    except OSError as error:
+        raise ContidError(f"{path}: cannot be written: {error.strerror}") from error
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             file.write(text)
@@ -123,6 +126,8 @@ def write_copy(
         os.link(beside, path)  # fails when another program has made the file in the meantime
     except FileExistsError as error:
         raise ContidError(f"{path}: exists already; nothing was written") from error
+    except OSError as error:
+        raise ContidError(f"{path}: cannot be written: {error.strerror}") from error
     finally:
         Path(beside).unlink(missing_ok=True)
     return load_robot_file(path)

@@ -25,7 +25,7 @@ PERSISTENCE_S: Final = 10.0
 RETRY_S: Final = 0.02
 
 socket_option = click.option(
-    "--socket", type=click.Path(), help="Socket of the daemon; default: the only one that runs."
+    "--socket", type=click.Path(readable=False), help="Socket of the daemon; default: the only one that runs."
 )
 file_option = click.option(
     "--file",
@@ -92,7 +92,8 @@ def send(
             devices = ", ".join(silent[name])
             click.echo(f"{name}: {devices} did not answer and may have missed the order: {UNCONFIRMED}")
     if refused:
-        raise ContidError("refused: " + "; ".join(refused.values()))
+        messages = refused.values() if isinstance(refused, dict) else refused  # by robot, or of rows
+        raise ContidError("refused: " + "; ".join(messages))
 
 
 def _response(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
+import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 from contid.errors import BadInputError, ContidError, Located
 
@@ -12,7 +13,7 @@ def point(arguments: Sequence[str]) -> dict[str, float]:
     """A target from ``[ROBOT] COLUMN=VALUE ...``.
 
     Raises:
-        ContidError: an argument has neither form, or a value is not a number.
+        ContidError: an argument has neither form, a value is not a finite number, or a column comes twice.
     """
     robot = ""
     target: dict[str, float] = {}
@@ -21,10 +22,12 @@ def point(arguments: Sequence[str]) -> dict[str, float]:
         if not equals and position == 0:
             robot = f"{argument}."
             continue
+        if f"{robot}{column}" in target:
+            raise ContidError(f"{argument!r}: {column} is given twice")
         try:
-            target[f"{robot}{column}"] = float(value)
+            target[f"{robot}{column}"] = _finite(value)
         except ValueError:
-            message = f"{argument!r}: COLUMN=VALUE with a number is expected, such as x_mm=40"
+            message = f"{argument!r}: COLUMN=VALUE with a finite number is expected, such as x_mm=40"
             raise ContidError(message) from None
     if not target:
         raise ContidError("no COLUMN=VALUE; for example x_mm=40 y_mm=75")
@@ -36,8 +39,9 @@ def columns_and_rows(file: Iterable[str]) -> tuple[list[str], Iterator[list[floa
 
     Raises:
         ContidError: there is no header.
-        BadInputError: from the iterator, for a cell that is not a number.
+        BadInputError: from the iterator, for a cell that is not a finite number, with its place.
     """
+    name = str(getattr(file, "name", "trajectory")).strip("<>")  # <stdin>
     lines = (
         (number, line.strip())
         for number, line in enumerate(file, 1)
@@ -45,21 +49,30 @@ def columns_and_rows(file: Iterable[str]) -> tuple[list[str], Iterator[list[floa
     )
     first = next(lines, None)
     if first is None:
-        raise ContidError("the trajectory is empty: a header and at least one row are needed")
-    columns = [name.strip().strip('"') for name in first[1].removeprefix("\ufeff").split(",")]
-    return columns, itertools.starmap(lambda number, line: _row(number, line, columns), lines)
+        raise ContidError(f"{name}: empty: a header and at least one row are needed")
+    columns = [column.strip().strip('"') for column in first[1].removeprefix("\ufeff").split(",")]
+    return columns, (_row(Located(name, number, 1, ""), line, columns) for number, line in lines)
 
 
-def _row(number: int, line: str, columns: Sequence[str]) -> list[float]:
+def _row(place: Located, line: str, columns: Sequence[str]) -> list[float]:
     cells = line.split(",")
     if len(cells) != len(columns):
         message = f"the row has {len(cells)} values, the header {len(columns)} columns"
-        raise BadInputError([Located("trajectory", number, 1, message)])
-    row = []
+        raise BadInputError([replace(place, message=message)])
+    row: list[float] = []
     for name, cell in zip(columns, cells, strict=True):
         try:
-            row.append(float(cell))
+            row.append(_finite(cell))
         except ValueError:
-            message = f"{name}: {cell.strip()[:40]!r} is not a number"
-            raise BadInputError([Located("trajectory", number, 1, message)]) from None
+            column = sum(len(before) + 1 for before in cells[: len(row)]) + 1
+            message = f"{name}: {cell.strip()[:40]!r} is not a finite number"
+            raise BadInputError([replace(place, column=column, message=message)]) from None
     return row
+
+
+def _finite(text: str) -> float:
+    """The number of a text; a ValueError for infinity and NaN too, which JSON lacks."""
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError
+    return number

@@ -94,6 +94,9 @@ class Orders(ABC):
             if isinstance(error, BlockingIOError):
                 message = f"{self.path}: the daemon has not accepted the connection in time; it is overloaded"
                 raise NoDaemonError(message) from error
+            if isinstance(error, PermissionError):
+                remedy = "join the group of its --socket-group or --watch-group"
+                raise NoDaemonError(f"{self.path}: this user may not connect; {remedy}") from error
             reason = error.strerror or error
             raise NoDaemonError(f"{self.path}: no daemon listens there ({reason})") from error
         except BaseException:

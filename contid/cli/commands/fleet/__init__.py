@@ -16,6 +16,7 @@ from contid.cli.commands.fleet.common_run import replay
 from contid.cli.commands.fleet.feed import command as feed
 from contid.cli.commands.fleet.ros import command as ros
 from contid.cli.commands.fleet.routing import acl, log_to_stderr, route
+from contid.cli.support.files import ROWS_FILE
 from contid.cli.support.numbers import NumberRange
 from contid.cli.support.orders import file_option, json_option
 
@@ -145,7 +146,7 @@ estop = _stop("estop", "Relax or vent the robots of the fleet at once.")
 @command.command("move")
 @click.argument("node")
 @click.argument("message", nargs=-1, metavar="[ROBOT] COLUMN=VALUE...")
-@click.option("--trajectory", type=click.File(), help="CSV rows to follow instead of a point; - for stdin.")
+@click.option("--trajectory", type=ROWS_FILE, help="CSV rows to follow instead of a point; - for stdin.")
 @click.option("--takeover", is_flag=True, help="Take the lease from its holder; the robots hold.")
 @click.option("--lease", type=NumberRange(0.1, 5.0), default=1.0, show_default=True, help="Seconds.")
 @file_option
