@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 
@@ -20,6 +23,22 @@ from tests.support.waiting import until
 pytestmark = pytest.mark.realtime
 
 SILENT = "faults:\n  - {at_s: 2.0, for_s: 1.0, kind: silent, axis: f0.left}\n"
+
+
+@contextmanager
+def restarted(running: Running) -> Iterator[None]:
+    """The daemon again, at the same socket, after its end; it does not arm."""
+    again = subprocess.Popen(
+        command("run", str(running.folder / "fingers.yaml"), "--socket", str(running.socket), "--disarmed"),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        yield
+    finally:
+        again.terminate()
+        again.wait()
 
 
 def test_stop_by_click_without_the_lease(it: OpenPage, running: Running) -> None:
@@ -59,6 +78,32 @@ def test_a_stop_that_nothing_confirms_is_reported(it: OpenPage, served: PanelPro
     it.problems.clear()  # the failed requests
 
 
+def test_a_stop_that_a_hanging_panel_does_not_confirm_is_reported(it: OpenPage, served: PanelProcess) -> None:
+    served.process.send_signal(signal.SIGSTOP)
+    try:
+        it.page.locator("#stop").click()
+        it.page.wait_for_selector("#alarm:not([hidden])", timeout=10_000)
+    finally:
+        served.process.send_signal(signal.SIGCONT)
+    it.page.wait_for_selector("#alarm", state="hidden")  # it goes on, and confirms
+    it.state("f0", "OFF")
+
+
+def test_the_alarm_is_seen_on_a_phone(browser: Browser, served: PanelProcess) -> None:
+    with opened(browser, served, viewport={"width": 390, "height": 800}) as it:
+        it.state("f0", "HOLD")
+        it.page.mouse.wheel(0, 500)
+        served.process.kill()
+        it.page.locator("#stop").click()
+        it.page.wait_for_selector("#alarm:not([hidden])")
+        shown = """(alarm) => {
+            const { left, top, bottom } = alarm.getBoundingClientRect();
+            return [top + 2, bottom - 2].every((y) => document.elementFromPoint(left + 20, y) === alarm);
+        }"""
+        assert it.page.locator("#alarm").evaluate(shown)
+        it.problems.clear()  # the failed requests
+
+
 def test_a_fault_is_explained_and_cleared(browser: Browser) -> None:
     with daemon(options=SILENT) as running, panel(running) as served, opened(browser, served) as it:
         it.state("f0", "FAULT")
@@ -92,13 +137,7 @@ def test_the_daemon_is_killed_and_restarted(it: OpenPage, running: Running) -> N
     it.page.wait_for_selector("#link[data-state=waiting]")
     it.state("f0", "LOST")
     assert "never resumed" in it.text("#view-note")
-    again = subprocess.Popen(
-        command("run", str(running.folder / "fingers.yaml"), "--socket", str(running.socket), "--disarmed"),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
+    with restarted(running):
         it.state("f0", "READY")
         it.page.wait_for_selector("#lease[data-mine=false]")
         it.page.wait_for_timeout(1000)
@@ -106,6 +145,24 @@ def test_the_daemon_is_killed_and_restarted(it: OpenPage, running: Running) -> N
             assert states(client) == {"READY"}
         it.page.locator("#stop").click()
         it.state("f0", "OFF")
-    finally:
-        again.terminate()
-        again.wait()
+
+
+def test_a_robot_file_that_changed_is_reported_until_a_restart(it: OpenPage, running: Running) -> None:
+    file = running.folder / "fingers.yaml"
+    file.write_text(file.read_text().replace("length_mm: [0, 100]", "length_mm: [0, 90]"))
+    it.page.reload()
+    it.page.locator("#view-note").get_by_text("has changed since the daemon read it").wait_for()
+    running.process.kill()
+    running.process.wait()
+    with restarted(running):
+        it.state("f0", "READY")
+        it.page.wait_for_selector("#view-note", state="hidden")
+
+
+def test_the_reports_at_the_end_of_a_run_are_no_events_of_the_page(it: OpenPage, running: Running) -> None:
+    """They are for programs: the page shows what a person should know."""
+    running.process.send_signal(signal.SIGTERM)
+    it.page.wait_for_selector("#link[data-state=waiting]")
+    it.page.wait_for_timeout(500)
+    shown = it.page.locator("#events li b").all_inner_texts()
+    assert not {"report", "f0 robot", "waited"} & {*shown}, shown

@@ -46,6 +46,15 @@ export function toast(text, kind = "info") {
   leaving.set(item, setTimeout(() => item.remove(), kind === "error" ? 9000 : 4000));
 }
 
+/** Do what may be refused; the refusal is shown. */
+export async function attempt(work) {
+  try {
+    await work();
+  } catch (error) {
+    toast(error.message, "error");
+  }
+}
+
 /** Ask before an order that undoes what another person did. */
 export function confirmed(text, yes) {
   const dialog = byId("confirm");

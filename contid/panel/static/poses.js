@@ -1,6 +1,6 @@
 // Named poses of the robots: go there, and save where they are.
 
-import { byId, confirmed, h, setHidden, setText, shown, toast } from "./dom.js";
+import { attempt, byId, confirmed, h, setHidden, setText, shown, toast } from "./dom.js";
 
 const NAME = "[A-Za-z0-9][A-Za-z0-9_.\\-]{0,63}";
 
@@ -48,25 +48,21 @@ export class PosesCard {
     }
   }
 
-  async goes(name) {
-    try {
+  goes(name) {
+    return attempt(async () => {
       await this.link.order("pose", { name });
       toast(`On the way to ${name}.`);
-    } catch (error) {
-      toast(error.message, "error");
-    }
+    });
   }
 
   async saves() {
     const name = this.name.value;
     const replace = this.names.has(name);
     if (replace && !(await confirmed(`There is a pose ${name} already. It is replaced by where the robots are now.`, "Replace"))) return;
-    try {
+    await attempt(async () => {
       const { messages } = await this.link.order("save_pose", { name, replace, robots: this.robots.value ? [this.robots.value] : null });
       this.name.value = "";
       toast([`Saved ${name}.`, ...messages].join("\n"));
-    } catch (error) {
-      toast(error.message, "error");
-    }
+    });
   }
 }

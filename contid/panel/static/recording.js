@@ -1,6 +1,6 @@
 // Recordings: begin one, end it, and what is being recorded. The daemon chooses the file.
 
-import { byId, h, setHidden, setText, shown, toast } from "./dom.js";
+import { attempt, byId, h, setHidden, setText, shown, toast } from "./dom.js";
 
 const base = (path) => path.split("/").at(-1);
 
@@ -29,14 +29,12 @@ export class RecordingCard {
     this.button.disabled = true;
   }
 
-  async press() {
+  press() {
     const end = this.current !== null;
     this.button.disabled = true; // until the next status
-    try {
+    return attempt(async () => {
       const { file, done } = await this.link.order("record", { end });
       toast(!end ? `Recording ${base(file)}.` : done ? `${base(file)} is complete.` : `${base(file)} has ended and is being compacted.`);
-    } catch (error) {
-      toast(error.message, "error");
-    }
+    });
   }
 }

@@ -1,7 +1,7 @@
 // One card per robot: state, fault with its remedy, orders, and sliders for tip and axes.
 
 import { COLORS } from "./plots.js";
-import { byId, confirmed, h, setHidden, setText, shown, toast } from "./dom.js";
+import { attempt, byId, confirmed, h, setHidden, setText, shown, toast } from "./dom.js";
 
 const ARMED = new Set(["HOLD", "RUN", "APPROACH"]);
 const JOG_END_MS = 350;
@@ -112,13 +112,11 @@ export class RobotCard {
     this.jog.to(this.name, this.tipColumns, this.tip.map((slider) => slider.number));
   }
 
-  async order(verb) {
-    try {
+  order(verb) {
+    return attempt(async () => {
       const result = await this.link.order(verb, { robots: [this.name] });
       if (result.refused) toast(Object.values(result.refused).join("; "), "error");
-    } catch (error) {
-      toast(error.message, "error");
-    }
+    });
   }
 
   async resumes() {

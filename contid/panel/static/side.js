@@ -1,10 +1,9 @@
 // The lease, the buses, the events, and the trajectory: what is beside the robots.
 
-import { byId, confirmed, h, setHidden, setText, shown, toast } from "./dom.js";
+import { attempt, byId, confirmed, h, setHidden, setText, shown, toast } from "./dom.js";
 import { request } from "./link.js";
 
 const MAX_EVENTS = 60;
-const SILENT = new Set(["tick", "mark", "limit-named", "pace", "robot-report", "bus-answered", "order"]);
 
 export class LeaseControl {
   constructor(link) {
@@ -16,16 +15,14 @@ export class LeaseControl {
     byId("lease").append(this.text, this.button);
   }
 
-  async press() {
-    try {
+  press() {
+    return attempt(async () => {
       if (!this.takes) await this.link.order("release");
       else if (this.holder === null) await this.link.order("acquire");
       else if (await confirmed(`${this.holder} moves the robots. They hold when you take over.`, "Take over")) {
         await this.link.order("acquire", { takeover: true });
       }
-    } catch (error) {
-      toast(error.message, "error");
-    }
+    });
   }
 
   show(lease, readOnly) {
@@ -68,7 +65,7 @@ export class Events {
 
   /** Waits until it is shown. */
   add(event) {
-    if (!SILENT.has(event.kind)) this.waiting.push([event, new Date()]);
+    this.waiting.push([event, new Date()]);
     if (this.waiting.length > MAX_EVENTS) this.waiting.shift();
   }
 
@@ -125,12 +122,10 @@ export class TrajectoryCard {
     this.play.title = this.check !== null && !this.link.mine ? "take control first" : "";
   }
 
-  async plays() {
-    try {
+  plays() {
+    return attempt(async () => {
       await this.link.order("play", { check: this.check });
       toast("The robots go to the first row, then the trajectory plays.");
-    } catch (error) {
-      toast(error.message, "error");
-    }
+    });
   }
 }

@@ -2,26 +2,31 @@
 
 import { byId, setHidden, setText, toast } from "./dom.js";
 
+const CONFIRM_MS = 1500; // a panel that hangs neither confirms nor refuses
 const FAILED = "STOP WAS NOT CONFIRMED. Use the emergency switch of the robot, or `contid estop` in a terminal.";
 
 export function installStop(link) {
   const button = byId("stop");
   const alarm = byId("alarm");
+  const warn = (text) => {
+    setText(alarm, text);
+    setHidden(alarm, !text);
+  };
+  let unconfirmed = null; // since the first press
   const stop = async () => {
     try {
       const stopping = link.stop(); // before anything is drawn
       button.classList.add("pressed");
       setTimeout(() => button.classList.remove("pressed"), 600);
+      unconfirmed ??= setTimeout(() => warn(FAILED), CONFIRM_MS);
       const result = await stopping;
-      setHidden(alarm, true);
+      clearTimeout(unconfirmed);
+      unconfirmed = null;
       const silent = Object.keys(result.silent ?? {});
-      if (silent.length) {
-        setText(alarm, `${silent.join(", ")}: devices did not answer and may have missed the stop; look at the robot.`);
-        setHidden(alarm, false);
-      } else toast("All robots were stopped.");
+      warn(silent.length ? `${silent.join(", ")}: devices did not answer and may have missed the stop; look at the robot.` : "");
+      if (!silent.length) toast("All robots were stopped.");
     } catch {
-      setText(alarm, FAILED);
-      setHidden(alarm, false);
+      warn(FAILED);
     }
   };
   // On press, not on release: a click is complete only when the button comes up again.

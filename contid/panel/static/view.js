@@ -45,7 +45,7 @@ export class View {
 
   describe(drawing, problem) {
     this.drawing = this.renderer ? drawing : null;
-    if (problem) this.problem = `The robots are not drawn: ${problem}`;
+    if (this.renderer) this.problem = problem && `The robots are not drawn: ${problem}`;
     this.robots.clear();
     if (!this.drawing) return;
     this.size = Math.hypot(...sub(drawing.bounds[1], drawing.bounds[0]));
@@ -109,7 +109,7 @@ export class View {
         robot.trail.shift();
         robot.still = 0;
       }
-      const strips = message.bodies.robots[name]?.strips ?? [];
+      const strips = message.bodies.robots[name] ?? [];
       if (!this.moved(robot.strips, strips) && robot.trail.length === robot.trailed) continue;
       robot.strips = strips;
       robot.trailed = robot.trail.length;
