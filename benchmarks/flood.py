@@ -13,7 +13,6 @@ and the tick that obeyed, that one included.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import random
 import signal
@@ -28,8 +27,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+from benchmarks import bare_loop
 from contid.client import Client
-from contid.control.process.realtime import disable_gc, request_real_time, sleep_until
 from contid.errors import ContidError
 from contid.session.read import Session
 
@@ -119,18 +118,6 @@ CLIENTS: Final[dict[str, Callable[[str], None] | None]] = {
 }
 
 
-def bare_loop(seconds: float) -> None:
-    """Print how late a loop that does nothing wakes up [s]."""
-    request_real_time()
-    disable_gc()
-    late: list[float] = []
-    base, tick = time.monotonic() + 0.01, 0
-    while tick < seconds * RATE_HZ:
-        late.append(sleep_until(base + tick / RATE_HZ) - base - tick / RATE_HZ)
-        tick += 1 + int(late[-1] * RATE_HZ)
-    print(json.dumps(late))
-
-
 @dataclass
 class Seen:
     """Of one kind of client, over all rounds: lateness [s] of ticks and of the bare loop, stops."""
@@ -160,14 +147,13 @@ def run(kind: str, seconds: float, folder: Path, seen: Seen) -> None:
     session.unlink(missing_ok=True)
     own = ("contid", "run", "hand", "--mock", "--trajectory", str(table), "--on-end", "hold", "--json")
     quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
-    bare_command = ("benchmarks.flood", "--bare", str(seconds))
     with child(*own, "--socket", str(path), "--record", str(session), **quiet) as daemon:
         await_there(path, {"RUN"})
         begin_s = time.monotonic()
-        with child(*bare_command, stdout=subprocess.PIPE) as bare, Client(path, name="person") as person:
+        with bare_loop.started(seconds, RATE_HZ) as bare, Client(path, name="person") as person:
             stops = harass(kind, path, person, begin_s + seconds, seen)
             end_s = time.monotonic()
-            seen.bare += json.loads(bare.communicate(timeout=30)[0])
+            seen.bare += bare_loop.read(bare)
         daemon.send_signal(signal.SIGINT)
         daemon.communicate(timeout=60)
     take(Session(session), begin_s, end_s, stops, seen)
@@ -262,11 +248,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=4)
     parser.add_argument("--seconds", type=float, default=8.0, help="of each kind in each round")
     parser.add_argument("--client", nargs=2, help=argparse.SUPPRESS)
-    parser.add_argument("--bare", type=float, help=argparse.SUPPRESS)
     asked = parser.parse_args()
-    if asked.bare is not None:
-        bare_loop(asked.bare)
-        return
     if asked.client is not None:
         work = CLIENTS[asked.client[0]]
         assert work is not None

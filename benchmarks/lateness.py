@@ -1,10 +1,9 @@
 """Lateness of the tick while the daemon is paused on purpose, with a bare timer loop as baseline.
 
 The daemon runs in this process, exactly as `contid run` runs it, with one more source of commands that blocks
-it for 15 ms four times a second. The bare loop is another process that only sleeps to the same deadlines
-under the same scheduling: the difference to it is due to contid.
+it for 15 ms four times a second, beside `benchmarks.bare_loop`.
 
-    python benchmarks/lateness.py [--seconds 30] [--rate 200] [--robot hand] [--no-pause]
+    python -m benchmarks.lateness [--seconds 30] [--rate 200] [--robot hand] [--no-pause]
 """
 
 from __future__ import annotations
@@ -12,11 +11,11 @@ from __future__ import annotations
 import argparse
 import asyncio
 import io
-import json
 import subprocess
 import sys
 import time
 
+from benchmarks import bare_loop
 from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.daemon import Daemon
 from contid.control.daemon.interfaces import RunControl
@@ -24,7 +23,6 @@ from contid.control.daemon.run_request import RunOptions
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.messages import Finish
 from contid.control.engine.wiring import driven_robots
-from contid.control.process.realtime import disable_gc, request_real_time, sleep_until
 from contid.control.tick.statistics import Lateness
 from contid.robot_file.load import load_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
@@ -32,20 +30,6 @@ from contid.trajectory.read import read_trajectory
 
 PAUSE_S = 0.015
 PAUSES_PER_S = 4.0
-
-
-def bare_loop(seconds: float, rate_hz: float) -> None:
-    """Print the lateness of a loop that does nothing."""
-    request_real_time()
-    disable_gc()
-    lateness, skipped, tick = Lateness(), 0, 0
-    base = time.monotonic() + 0.01
-    while tick < seconds * rate_hz:
-        late = sleep_until(base + tick / rate_hz) - base - tick / rate_hz
-        lateness.add(late)
-        skipped += int(late * rate_hz)
-        tick += 1 + int(late * rate_hz)
-    print(json.dumps({**lateness.as_dict(), "skipped": skipped}))
 
 
 class Pauses:
@@ -72,11 +56,7 @@ def main() -> None:
     options.add_argument("--rate", type=float, default=200.0)
     options.add_argument("--robot", default="hand")
     options.add_argument("--no-pause", action="store_true")
-    options.add_argument("--bare", action="store_true", help=argparse.SUPPRESS)
     chosen = options.parse_args()
-    if chosen.bare:
-        bare_loop(chosen.seconds, chosen.rate)
-        return
     child = ControlChild()
     loaded = with_mock(load_robot_file(find_robot_file(chosen.robot)))
     path = [sys.executable, "-m", "contid", "path", "circle", "--center", "50,70", "--radius", "20"]
@@ -85,18 +65,16 @@ def main() -> None:
     trajectory = read_trajectory(io.StringIO(made.stdout), "circle", driven_robots(loaded))
     pauses = Pauses(chosen.seconds, 0.0 if chosen.no_pause else PAUSE_S)
     run = RunOptions(rate_hz=chosen.rate, on_end=OnEnd.STOP, commands=[pauses])
-    bare = subprocess.Popen(
-        [sys.executable, __file__, "--bare", "--seconds", str(chosen.seconds), "--rate", str(chosen.rate)],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    bare = bare_loop.started(chosen.seconds, chosen.rate)
     report = asyncio.run(Daemon(loaded, trajectory, run, child).run())
-    bare_figures = json.loads(bare.communicate()[0])
+    bare_late_s, bare_lateness = bare_loop.read(bare), Lateness()
+    for late_s in bare_late_s:
+        bare_lateness.add(late_s)
     print(f"{chosen.robot} at {chosen.rate:g} Hz for {chosen.seconds:g} s, {pauses.count} pauses of 15 ms")
     print(f"{'':14}{'p50':>8}{'p99':>8}{'p99.9':>8}{'max':>9}  skipped   [us]")
     for name, figures, skipped in (
         ("control tick", report.lateness, report.skipped),
-        ("bare loop", bare_figures, bare_figures["skipped"]),
+        ("bare loop", bare_lateness.as_dict(), bare_loop.skipped(bare_late_s, chosen.rate)),
     ):
         cells = [figures[key] for key in ("p50_us", "p99_us", "p99_9_us", "max_us")]
         print(f"{name:14}{cells[0]:8.0f}{cells[1]:8.0f}{cells[2]:8.0f}{cells[3]:9.0f}{skipped:9d}")

@@ -23,6 +23,7 @@ import psutil
 from benchmarks.session_replay import circle
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events.base import RunEvent
+from contid.control.engine.tick_layout import DEADLINE, LATENESS, TICK
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import driven_robots, record_layout
 from contid.control.process import ring
@@ -82,7 +83,7 @@ def main() -> int:
             if rest_s > 0.0:
                 time.sleep(rest_s)
             record = kept.records[tick % len(kept.records)]
-            record[0], record[2], record[3] = tick, deadline_s, time.monotonic() - deadline_s
+            record[TICK], record[DEADLINE], record[LATENESS] = tick, deadline_s, time.monotonic() - deadline_s
             writer.write(record)
             if tick % (total // 10) == total // 10 - 1:
                 memory.append(recorder.memory_full_info().uss)

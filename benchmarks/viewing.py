@@ -18,7 +18,6 @@ import argparse
 import asyncio
 import ctypes
 import io
-import json
 import os
 import resource
 import signal
@@ -35,14 +34,15 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+from benchmarks import bare_loop
 from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.daemon import Daemon
 from contid.control.daemon.interfaces import RunControl, RunObserver
 from contid.control.daemon.run_request import RunOptions
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.messages import Finish, Message
+from contid.control.engine.tick_layout import LATENESS
 from contid.control.engine.wiring import driven_robots
-from contid.control.process.realtime import disable_gc, request_real_time, sleep_until
 from contid.control.process.ring_reader import RingReader
 from contid.control.process.setup import RunSetup
 from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
@@ -55,7 +55,6 @@ from contid.view.view_target import Kind, ViewTarget
 CASES = ("no viewer", "file", "page", "page, not idle", "stopped")
 PR_CAPBSET_DROP, CAP_SYS_NICE = 24, 23
 PAGE_PORT = 9090
-LATENESS = 3
 LOOK_S = 0.02
 
 
@@ -161,20 +160,6 @@ def withhold_real_time() -> None:
     resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
 
 
-def bare_loop(seconds: float, rate_hz: float) -> None:
-    """Print the lateness of every turn of a loop that does nothing."""
-    request_real_time()
-    disable_gc()
-    late_s, skipped, tick = [], 0, 0
-    base = time.monotonic() + 0.01
-    while tick < seconds * rate_hz:
-        late = sleep_until(base + tick / rate_hz) - base - tick / rate_hz
-        late_s.append(late)
-        skipped += int(late * rate_hz)
-        tick += 1 + int(late * rate_hz)
-    print(json.dumps({"late_s": late_s, "skipped": skipped}))
-
-
 def one(
     case: str, loaded: LoadedFile, trajectory: Trajectory, rate: float, seconds: float, to: Figures
 ) -> None:
@@ -188,17 +173,13 @@ def one(
         eye = Eye(viewing, where, case, seconds)
         observers: list[RunObserver] = [eye] if viewing is None else [viewing, eye]
         run = RunOptions(rate_hz=rate, on_end=OnEnd.STOP, commands=[eye], observers=observers)
-        bare = subprocess.Popen(
-            [sys.executable, __file__, "--bare", "--seconds", str(seconds), "--rate", str(rate)],
-            stdout=subprocess.PIPE,
-            text=True,
-        )
+        bare = bare_loop.started(seconds, rate)
         report = asyncio.run(Daemon(loaded, trajectory, run, ControlChild()).run())
-        bare_result = json.loads(bare.communicate()[0])
+        bare_s = bare_loop.read(bare)
     to.late_s += eye.late_s
     to.skipped += report.skipped
-    to.bare_s += bare_result["late_s"]
-    to.bare_skipped += bare_result["skipped"]
+    to.bare_s += bare_s
+    to.bare_skipped += bare_loop.skipped(bare_s, rate)
     to.start_s += [] if eye.start_s is None else [eye.start_s]
     to.share += [] if eye.share is None else [eye.share]
 
@@ -211,11 +192,7 @@ def main() -> None:
     options.add_argument("--robot", default="hand")
     options.add_argument("--case", action="append", choices=CASES, help="only this one; can be repeated")
     options.add_argument("--ordinary", action="store_true", help="without real-time priority")
-    options.add_argument("--bare", action="store_true", help=argparse.SUPPRESS)
     chosen = options.parse_args()
-    if chosen.bare:
-        bare_loop(chosen.seconds, chosen.rate)
-        return
     if chosen.ordinary:
         withhold_real_time()
     cases = chosen.case or CASES

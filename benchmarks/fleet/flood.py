@@ -23,9 +23,9 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any, Final
 
+from benchmarks import bare_loop
 from benchmarks.on_sigterm import leave_on_sigterm
 from contid.client import Client
-from contid.control.process.realtime import disable_gc, request_real_time, sleep_until
 from contid.fleet.fleet_file import OperatorFile
 from contid.fleet.operator import FleetOperator
 from contid.remote.server.lateness_histogram import BOUNDS_US
@@ -48,20 +48,6 @@ class Seen:
     bare: list[int] = field(default_factory=lambda: [0] * (len(BOUNDS_US) + 1))
     skipped: int = 0
     requests: int = 0
-
-
-def bare_loop(seconds: float, out: Connection) -> None:
-    """Send how often a loop that does nothing is how late."""
-    request_real_time()
-    disable_gc()
-    counts = [0] * (len(BOUNDS_US) + 1)
-    begin_s, tick = time.monotonic() + 0.01, 0
-    while tick * PERIOD_S < seconds:
-        due_s = begin_s + tick * PERIOD_S
-        late_s = sleep_until(due_s) - due_s
-        counts[bisect_left(BOUNDS_US, late_s * 1e6)] += 1
-        tick += 1 + int(late_s / PERIOD_S)
-    out.send(counts)
 
 
 def flood(endpoint: str, seconds: float, out: Connection) -> None:
@@ -106,17 +92,15 @@ def around(kind: str, node: Running, seconds: float, seen: Seen) -> Iterator[Non
 
 def measure(client: Client, seconds: float, seen: Seen) -> None:
     """Lateness of the ticks of some seconds, and of the bare loop meanwhile."""
-    near, far = multiprocessing.get_context("spawn").Pipe(False)
-    bare = multiprocessing.get_context("spawn").Process(target=bare_loop, args=(seconds, far))
     before = client.status()
-    bare.start()
+    bare = bare_loop.started(seconds, 1.0 / PERIOD_S)
     time.sleep(seconds)
     after = client.status()
     old, new = (each["lateness_classes"]["counts"] for each in (before, after))
     seen.ticks = [total + b - a for total, a, b in zip(seen.ticks, old, new, strict=True)]
-    seen.bare = [total + count for total, count in zip(seen.bare, near.recv(), strict=True)]
+    for late_s in bare_loop.read(bare):
+        seen.bare[bisect_left(BOUNDS_US, late_s * 1e6)] += 1
     seen.skipped += after["skipped"] - before["skipped"]
-    bare.join()
 
 
 def percentile(counts: list[int], share: float) -> str:

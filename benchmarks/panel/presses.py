@@ -21,12 +21,10 @@ from typing import Final, TypeAlias
 
 from benchmarks.stop_times import obeyed_after
 from contid.client import Client
-from contid.control.engine.tick_layout import DEADLINE
+from contid.control.engine.tick_layout import DEADLINE, LATENESS
 from contid.errors import ContidError
 from contid.session.read import Session
 
-#: Index of the lateness in the values of a record.
-LATENESS: Final = 3
 CHROMIUM: Final = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 #: A loaded machine opens a page slowly; only a hang fails.
 TIMEOUT_MS: Final = 300_000.0
