@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeAlias
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,18 +76,21 @@ class InverseNetwork:
         """Read a saved network.
 
         Raises:
-            NetworkFileError: not such a file; the message lists the missing keys.
+            NetworkFileError: not such a file, or not a whole one; the message lists the missing keys.
         """
         try:
-            with np.load(path, allow_pickle=False) as stored:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
                 missing = [key for key in _KEYS if key not in stored]
                 if missing:
                     what = ", ".join(missing)
                     raise NetworkFileError(f"{path}: no network saved by contid, {what} missing")
                 parameters, hidden, centre, scale, trained = (stored[key] for key in _KEYS)
-        except (OSError, ValueError) as error:
+            found = cls(Network(3, int(hidden), 6, True, parameters), centre, scale, float(trained))
+            found.lengths(centre)  # sizes that do not fit each other
+        # What NumPy raises for a file that is cut off, empty, or one array.
+        except (OSError, ValueError, EOFError, TypeError, BadZipFile) as error:
             raise NetworkFileError(f"{path}: no network saved by contid ({error})") from error
-        return cls(Network(3, int(hidden), 6, True, parameters), centre, scale, float(trained))
+        return found
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,6 @@ the NumPy twin of contid's solver, in one process.
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections.abc import Iterator
 from typing import Final
@@ -198,8 +197,10 @@ def _bends(r: Array) -> Array:
     return theta * np.array([math.cos(phi), math.sin(phi)])
 
 
-def main() -> None:
-    """Compare both methods on random reachable poses of `tendon3`."""
+@click.command()
+@click.argument("count", metavar="[POSES]", default=200, type=click.IntRange(1))
+def main(count: int) -> None:
+    """Compare both methods on POSES random reachable poses of `tendon3`."""
     import os
 
     from contid.kinematics.model import build_model
@@ -208,7 +209,6 @@ def main() -> None:
     from contid.robot_file.tendon.robot import TendonRobot
     from contid.targets import Target
 
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     (robot,) = load_named("tendon3").file.robots.values()
     assert isinstance(robot, TendonRobot)
     kernel = build_model(robot)

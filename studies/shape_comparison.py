@@ -16,7 +16,6 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from contid.kinematics.arc.biarc import biarc
-from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.sections import forward
 from contid.kinematics.arc.solve import vec3
@@ -24,6 +23,7 @@ from contid.kinematics.array import Array
 from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
 from contid.kinematics.ph.model import arc_direction
 from studies import singh
+from studies.comparison import cbha
 
 #: Six lengths from: tip, direction, true lengths (for methods with a known length), previous lengths.
 ShapeStep: TypeAlias = Callable[[Array, Array, Array, Array], Array]
@@ -87,7 +87,7 @@ def shape_methods() -> list[ShapeMethod]:
     middle = 0.5 * (np.array(singh.LOWER_M) + np.array(singh.UPPER_M))
     prepared = ShapeInverse(tube_sections(), split_of(middle))
     where = "native" if prepared.compiled else "NumPy"
-    bounded = build_solver(Feasible(_SECTIONS, (0.100, 0.090), (0.150, 0.140)))
+    bounded = build_solver(cbha())
 
     def unknown(tip: Array, direction: Array, true: Array, before: Array) -> Array:
         return np.array(prepared.solve(vec3(tip), vec3(direction)).lengths_m)

@@ -15,7 +15,7 @@ import numpy as np
 
 from contid.kinematics.cosserat.engine import NumpyEngine, build_engine
 from contid.kinematics.cosserat.equilibrium import newton
-from studies.shi_experiments import STANDARD_GRAVITY, arm, setup
+from studies.shi_experiments import GRAVITY_M_S2, arm, setup
 
 MODES = {"one segment, tip": (0,), "mid + tip": (0, 1), "tip + direction": (0, 1)}
 #: One answer out of this many is checked.
@@ -44,7 +44,7 @@ def cold_starts(mode: str, grams: float, targets: int, seed: int = 7) -> Cold:
     whole = setup(arm(MODES[mode]))
     engine, spec = build_engine(whole), NumpyEngine(whole)
     n = whole.rod.pressures
-    force = (0.0, 0.0, grams * 1e-3 * STANDARD_GRAVITY)
+    force = (0.0, 0.0, grams * 1e-3 * GRAVITY_M_S2)
     start = (0.5,) * n
     times: list[float] = []
     failures = checked = wrong = 0

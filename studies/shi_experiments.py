@@ -23,7 +23,8 @@ from contid.targets import Vec3
 from studies.shi import Ends, forward
 from studies.shi_paths import Run
 
-STANDARD_GRAVITY = 9.81
+#: Of the masses on the tip, as the paper rounds it [m/s^2].
+GRAVITY_M_S2 = 9.81
 #: Table I: modulus polynomials of the two segments.
 MODULI_PA = ((1641.0, -13630.0, 43460.0, -65410.0, 76130.0), (8727.0, -44680.0, 96630.0, -107400.0, 90000.0))
 
@@ -132,7 +133,7 @@ def _scaled(b: tuple[float, ...], factor: float) -> tuple[float, float, float, f
 
 
 def _force(run: Run) -> Array:
-    return np.array([0.0, 0.0, run.grams * 1e-3 * STANDARD_GRAVITY])
+    return np.array([0.0, 0.0, run.grams * 1e-3 * GRAVITY_M_S2])
 
 
 def _vec3(row: Array) -> Vec3:

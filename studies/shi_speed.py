@@ -10,7 +10,7 @@ import numpy as np
 
 from contid.kinematics.cosserat.engine import build_engine
 from studies.shi import inverse, unknowns
-from studies.shi_experiments import STANDARD_GRAVITY, arm, setup
+from studies.shi_experiments import GRAVITY_M_S2, arm, setup
 from studies.shi_paths import Run, ellipse, spiral, square
 
 
@@ -78,7 +78,7 @@ def measure(run: Run, paper_points: int, laps: int = 5) -> Speed:
     time: its milliseconds would otherwise include other programs' time slices.
     """
     engine = build_engine(setup(arm(run.segments)))
-    force = (0.0, 0.0, run.grams * 1e-3 * STANDARD_GRAVITY)
+    force = (0.0, 0.0, run.grams * 1e-3 * GRAVITY_M_S2)
     tips = [tuple(row) for row in run.tip.tolist()]
     mids = [None] * len(tips) if run.mid is None else [tuple(row) for row in run.mid.tolist()]
     directions = run.direction
@@ -121,7 +121,7 @@ def paper_solves(run: Run, by_the_paper: bool) -> Iterator[tuple[float, bool]]:
     with, so that a solution exists (a frame with another roll has none).
     """
     rod = arm(run.segments)
-    force = np.array([0.0, 0.0, run.grams * 1e-3 * STANDARD_GRAVITY])
+    force = np.array([0.0, 0.0, run.grams * 1e-3 * GRAVITY_M_S2])
     engine = build_engine(setup(rod))
     seed: tuple[float, ...] = (0.75,) * (3 * len(run.segments))
     state = None

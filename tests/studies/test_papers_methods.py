@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 
 import numpy as np
@@ -166,3 +167,18 @@ def test_a_file_that_is_no_network_is_refused(tmp_path):
     (tmp_path / "text.npz").write_text("hello")
     with pytest.raises(NetworkFileError, match=r"text\.npz"):
         InverseNetwork.load(tmp_path / "text.npz")
+
+
+def test_a_damaged_network_is_refused(tmp_path):
+    whole, damaged = tmp_path / "whole.npz", tmp_path / "damaged.npz"
+    train(Recipe(hidden=2, levels=2, iterations=1)).save(whole)
+    with np.load(whole) as stored:
+        keys = dict(stored)
+    array = io.BytesIO()
+    np.save(array, keys["centre_m"])
+    short = io.BytesIO()
+    np.savez(short, **{**keys, "parameters": keys["parameters"][:-1]})
+    for data in (whole.read_bytes()[:-50], b"", array.getvalue(), short.getvalue()):
+        damaged.write_bytes(data)
+        with pytest.raises(NetworkFileError, match=r"damaged\.npz: no network saved by contid"):
+            InverseNetwork.load(damaged)
