@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from typing import Final
 
 #: At most this many findings of one file are listed.
@@ -97,6 +98,17 @@ class MissingExtraError(ContidError, ImportError):
 
     def __init__(self, what: str, package: str, extra: str) -> None:
         super().__init__(f"{what} needs {package}: pip install 'contid[{extra}]'")
+
+
+def require_extra(what: str, *packages: str) -> None:
+    """Refuse to go on without packages of an extra, named as they are imported.
+
+    Raises:
+        MissingExtraError: with the remedy.
+    """
+    missing = [package for package in packages if find_spec(package) is None]
+    if missing:
+        raise MissingExtraError(what, ", ".join(missing), EXTRAS[missing[0]])
 
 
 def missing_extra(error: ImportError, what: str) -> ContidError | None:

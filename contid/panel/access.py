@@ -13,11 +13,12 @@ import re
 import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Final
 
 #: Names of this machine that cannot be bound to another address by a name server.
 LOOPBACK_NAMES: Final = frozenset({"127.0.0.1", "localhost", "[::1]"})
-#: Random bytes of a token.
+#: Random bytes of a token: it cannot be guessed.
 TOKEN_BYTES: Final = 24
 #: The WebSocket's subprotocol, and the prefix of the one that carries the token.
 SUBPROTOCOL: Final = "contid.panel"
@@ -35,11 +36,6 @@ class AccessError(Exception):
     def __init__(self, status: int, message: str) -> None:
         self.status = status
         super().__init__(message)
-
-
-def new_token() -> str:
-    """A token that cannot be guessed."""
-    return secrets.token_urlsafe(TOKEN_BYTES)
 
 
 def is_loopback(host: str) -> bool:
@@ -64,7 +60,7 @@ class Access:
 
     names: frozenset[str] = LOOPBACK_NAMES
     secure: bool = False
-    token: str = field(default_factory=new_token, repr=False)
+    token: str = field(default_factory=partial(secrets.token_urlsafe, TOKEN_BYTES), repr=False)
 
     def check_host(self, headers: Mapping[str, str]) -> None:
         """Refuse another ``Host``. Any port: an SSH tunnel may have another one at its near end.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import io
 import secrets
-from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Final
 
@@ -43,12 +42,11 @@ class CheckedTrajectory:
 
 
 class Checks:
-    """The checked trajectories of a panel, one check at a time."""
+    """The checked trajectories of a panel."""
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
-        self._kept: OrderedDict[str, CheckedTrajectory] = OrderedDict()
-        self._one = asyncio.Lock()
+        self._kept: dict[str, CheckedTrajectory] = {}
 
     def get(self, key: str) -> CheckedTrajectory:
         """A checked trajectory.
@@ -67,18 +65,17 @@ class Checks:
         geometry = self._hub.geometry
         if geometry is None:
             return {"ok": False, "findings": ["the robot file is not available here; use `contid move`"]}
-        async with self._one:
-            try:
-                # In a thread: a stop must not wait for the check of a large file.
-                checked = await asyncio.to_thread(self._checked, geometry, text, name)
-            except BadInputError as error:
-                return {"ok": False, "findings": [str(found) for found in error.findings[:MAX_FINDINGS]]}
-            except ContidError as error:
-                return {"ok": False, "findings": [str(error)]}
+        try:
+            # In a thread: a stop must not wait for the check of a large file.
+            checked = await asyncio.to_thread(self._checked, geometry, text, name)
+        except BadInputError as error:
+            return {"ok": False, "findings": [str(found) for found in error.findings[:MAX_FINDINGS]]}
+        except ContidError as error:
+            return {"ok": False, "findings": [str(error)]}
         key = secrets.token_hex(8)
         self._kept[key] = checked
-        while len(self._kept) > MAX_CHECKS:
-            self._kept.popitem(last=False)
+        if len(self._kept) > MAX_CHECKS:
+            del self._kept[next(iter(self._kept))]
         return {"ok": True, "check": key, **checked.summary}
 
     def _checked(self, geometry: PanelGeometry, text: str, name: str) -> CheckedTrajectory:
@@ -87,11 +84,10 @@ class Checks:
             raise ContidError(f"{name}: {len(trajectory)} rows; a client may send {MAX_ROWS}")
         geometry.preflight(self._hub.commands()).trajectory(trajectory, name)
         columns, rows = columns_and_rows(io.StringIO(text))
-        duration_s = trajectory.end_s - trajectory.start_s
         summary = {
             "name": name,
             "rows": len(trajectory),
-            "duration_s": duration_s,
+            "duration_s": trajectory.end_s - trajectory.start_s,
             "paths": _paths(geometry, trajectory),
         }
         return CheckedTrajectory(columns, list(rows), summary)

@@ -21,11 +21,10 @@ from contid.robot_file.tri_rack import TriRack
 from contid.targets import Actuation
 from contid.trajectory.columns import column_groups
 from contid.units import MM_PER_M
+from contid.view.body_plan import SLENDERNESS
 from contid.view.robot_scene import Array, RobotDrawing, RobotScene
 from contid.view.scene import Scene, build_scene
 
-#: Radius of a body whose file has none, as a fraction of its length.
-SLENDERNESS: Final = 0.035
 #: Random actuations whose tips show the reach of a spatial arm; always the same ones.
 REACH_TIPS: Final = 500
 #: Decimals of coordinates [mm].
@@ -82,7 +81,6 @@ class PanelGeometry:
         several, workspace = len(descriptions) > 1, self.scene.workspace()
         return {
             "planar": self.scene.planar,
-            "cell_mm": self.scene.cell_mm,
             "floor": [_line(line) for line in self.scene.floor()],
             "bounds": _line(np.array([workspace.min(axis=0), workspace.max(axis=0)])),
             "obstacles": [obstacle_shape(each, workspace) for each in self.scene.obstacles.values()],
@@ -103,7 +101,6 @@ class PanelGeometry:
             "length_mm": robot.length_mm,
             "radius_mm": _radius_mm(description) or robot.length_mm * SLENDERNESS,
             "up": list(robot.up),
-            "base": _line(np.vstack([robot.base[0:1]])),
             "reach": _line(reach),
             "reach_is_outline": robot.outline is not None,
             "bounds": _line(np.vstack([reach.min(axis=0), reach.max(axis=0)])),
@@ -127,13 +124,8 @@ class PanelGeometry:
     def bodies(self, measured: Mapping[str, Sequence[float] | None]) -> Fields:
         """Lines of every robot at measured axes (in the unit of the robot), and the ropes between them."""
         drawings = [self._drawing(robot, measured.get(robot.config.name)) for robot in self.scene.robots]
-        found: Fields = {
-            robot.config.name: None
-            if drawing is None
-            else {
-                "strips": [_line(strip) for strip in drawing.strips],
-                "frame": [_line(drawing.frames[-1][:1])[0], *drawing.frames[-1][1:].round(4).tolist()],
-            }
+        found = {
+            robot.config.name: [] if drawing is None else [_line(strip) for strip in drawing.strips]
             for robot, drawing in zip(self.scene.robots, drawings, strict=True)
         }
         ropes = [line for rope in self.scene.ropes if (line := rope.line(drawings)) is not None]

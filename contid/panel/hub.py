@@ -19,6 +19,7 @@ from contid.panel.geometry import PanelGeometry
 from contid.panel.mailbox import Mailbox
 from contid.remote.protocol.wire import ConnectionLostError, Fields, NoDaemonError, RemoteError
 from contid.targets import Actuation
+from contid.view.event_line import FOR_PROGRAMS
 
 log = logging.getLogger(__name__)
 
@@ -105,11 +106,7 @@ class Hub:
                         status = tasks.create_task(self._read_status(client))
                         await self._read_telemetry(client)
                         status.cancel()
-            except _LOST as error:
-                self._lost(str(error))
-            except ExceptionGroup as errors:
-                if errors.split(_LOST)[1] is not None:
-                    raise
+            except* _LOST as errors:
                 self._lost(str(errors.exceptions[0]))
             await asyncio.sleep(RECONNECT_PERIOD_S)
 
@@ -139,10 +136,10 @@ class Hub:
         async for frame in frames:
             if not self._mailboxes:
                 break
-            if frame["event"] == "event":
-                self.send("event", event={key: value for key, value in frame.items() if key != "event"})
-            else:
+            if frame["event"] == "telemetry":
                 self._frame(frame)
+            elif frame["kind"] not in FOR_PROGRAMS:
+                self.send("event", event={key: value for key, value in frame.items() if key != "event"})
         with suppress(*_LOST):
             await frames.aclose()
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
 #: Messages other than frames that may wait; a page that does not read them is closed.
 MAX_WAITING: Final = 256
@@ -49,7 +48,3 @@ class Mailbox:
                 return text
             self._ready.clear()
             await self._ready.wait()
-
-
-#: A message of the panel to a page.
-PageMessage = Mapping[str, Any]

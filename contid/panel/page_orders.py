@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
+from functools import partial
 from typing import Final, TypeAlias
 
 from contid.client import AsyncClient
@@ -19,6 +20,8 @@ CREDIT_PAUSE_S: Final = 0.03
 CREDIT_ATTEMPTS: Final = 40
 
 Order: TypeAlias = Callable[[RequestFields], Awaitable[Fields]]
+#: What one request makes of the connection of the page.
+Send: TypeAlias = Callable[[AsyncClient], Awaitable[Fields]]
 
 
 class PageOrders:
@@ -35,70 +38,47 @@ class PageOrders:
         self._move: tuple[int, tuple[str, ...]] | None = None
         self._jogging = asyncio.Lock()
         self.orders: dict[str, Order] = {
-            "estop": self._estop, "stop": self._stop, "hold": self._hold, "resume": self._resume,
-            "clear_fault": self._clear_fault, "recover": self._recover, "acquire": self._acquire,
-            "release": self._release, "goto": self._goto, "jog": self._jog, "jog_end": self._jog_end,
-            "play": self._play, "pose": self._pose, "save_pose": self._save_pose, "record": self._record,
-            "beat": self._beat,
-        }  # fmt: skip
+            "estop": self._estop,
+            "stop": _to_robots(client.stop, AsyncClient.stop),
+            "hold": _to_robots(client.stop, AsyncClient.hold),
+            # The page asks the person before it sends this after a stop of another client.
+            "resume": _to_robots(client.request, partial(AsyncClient.resume, wait=False, after_stop=True)),
+            "clear_fault": _to_robots(client.request, AsyncClient.clear_fault),
+            "recover": _to_robots(client.request, partial(AsyncClient.recover, after_stop=True)),
+            "acquire": self._acquire,
+            "release": self._plain("release"),
+            "beat": self._plain("ping"),  # a heartbeat of the page keeps its lease
+            "goto": self._goto,
+            "jog": self._jog,
+            "jog_end": self._jog_end,
+            "play": self._play,
+            "pose": self._pose,
+            "save_pose": self._save_pose,
+            "record": self._record,
+        }
 
     async def _estop(self, request: RequestFields) -> Fields:
         # Every robot, whatever else the message contains.
         return await self._client.stop(lambda client: client.estop())
-
-    async def _stop(self, request: RequestFields) -> Fields:
-        robots = _robots(request)
-        return await self._client.stop(lambda client: client.stop(robots))
-
-    async def _hold(self, request: RequestFields) -> Fields:
-        robots = _robots(request)
-        return await self._client.stop(lambda client: client.hold(robots))
-
-    async def _resume(self, request: RequestFields) -> Fields:
-        robots = _robots(request)
-        # The page asks the person before it sends this after a stop of another client.
-        return await self._client.request(lambda client: client.resume(robots, wait=False, after_stop=True))
-
-    async def _clear_fault(self, request: RequestFields) -> Fields:
-        robots = _robots(request)
-        return await self._client.request(lambda client: client.clear_fault(robots))
-
-    async def _recover(self, request: RequestFields) -> Fields:
-        robots = _robots(request)
-        return await self._client.request(lambda client: client.recover(robots, after_stop=True))
 
     async def _acquire(self, request: RequestFields) -> Fields:
         takeover = request.flag("takeover")
         request.end()
         return await self._client.request(lambda client: client.acquire(LEASE_TIMEOUT_S, takeover=takeover))
 
-    async def _release(self, request: RequestFields) -> Fields:
-        request.end()
+    def _plain(self, verb: str) -> Order:
+        """A request of the socket without fields."""
 
-        async def release(client: AsyncClient) -> Fields:
-            return {"released": await client.release()}
+        async def order(request: RequestFields) -> Fields:
+            request.end()
+            return await self._client.request(lambda client: client.request(verb))
 
-        return await self._client.request(release)
-
-    async def _beat(self, request: RequestFields) -> Fields:
-        """A heartbeat of the page keeps its lease."""
-        request.end()
-
-        async def ping(client: AsyncClient) -> Fields:
-            await client.ping()
-            return {}
-
-        return await self._client.request(ping)
+        return order
 
     async def _goto(self, request: RequestFields) -> Fields:
-        target = request.mapping("target")
+        target = request.mapping("target") or {}
         request.end()
-
-        async def goto(client: AsyncClient) -> Fields:
-            await _require_lease(client)
-            return {"move": await client.move(target or {}, wait=False)}
-
-        return await self._moving(goto)
+        return await self._go(target)
 
     async def _jog(self, request: RequestFields) -> Fields:
         """Follow a row; a first row, or one of other columns, begins a stream."""
@@ -148,8 +128,7 @@ class PageOrders:
 
         async def play(client: AsyncClient) -> Fields:
             await _require_lease(client)
-            refused = await client.stream(checked.columns, checked.rows, wait=False)
-            return {"refused": refused}
+            return {"refused": await client.stream(checked.columns, checked.rows, wait=False)}
 
         return await self._moving(play)
 
@@ -157,17 +136,20 @@ class PageOrders:
         """Go to a named pose."""
         target = self._poses.target(request.text("name", ""))
         request.end()
+        return {**await self._go(target), "target": dict(target)}
 
-        async def goto(client: AsyncClient) -> Fields:
+    async def _go(self, target: Mapping[str, float]) -> Fields:
+        async def go(client: AsyncClient) -> Fields:
             await _require_lease(client)
-            return {"move": await client.move(target, wait=False), "target": dict(target)}
+            return {"move": await client.move(target, wait=False)}
 
-        return await self._moving(goto)
+        return await self._moving(go)
 
     async def _save_pose(self, request: RequestFields) -> Fields:
         """Save where robots are under a name."""
         name, replace = request.text("name", ""), request.flag("replace")
-        robots = _robots(request)
+        robots = request.names("robots")
+        request.end()
 
         async def save(client: AsyncClient) -> Fields:
             await _require_lease(client)
@@ -181,7 +163,7 @@ class PageOrders:
         request.end()
         return await self._client.request(lambda client: client.record(end=end))
 
-    async def _moving(self, send: Callable[[AsyncClient], Awaitable[Fields]]) -> Fields:
+    async def _moving(self, send: Send) -> Fields:
         """A request that moves; a stream does not survive its connection."""
         try:
             return await self._client.request(send)
@@ -200,7 +182,15 @@ async def _require_lease(client: AsyncClient) -> None:
         raise RemoteError(Code.LEASE_HELD, "this page does not hold the lease; take it first")
 
 
-def _robots(request: RequestFields) -> list[str] | None:
-    robots = request.names("robots")
-    request.end()
-    return None if robots is None else list(robots)
+def _to_robots(
+    make: Callable[[Send], Awaitable[Fields]],
+    order: Callable[[AsyncClient, tuple[str, ...] | None], Awaitable[Fields]],
+) -> Order:
+    """An order to the robots that the page names, or to all; ``make`` makes the request."""
+
+    async def to_robots(request: RequestFields) -> Fields:
+        robots = request.names("robots")
+        request.end()
+        return await make(lambda client: order(client, robots))
+
+    return to_robots

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 from contid.errors import BadInputError, ContidError
 from contid.panel.hub import Hub
@@ -25,8 +26,6 @@ MAX_BYTES: Final = 1 << 20
 MAX_POSES: Final = 200
 
 _ABSENT: Final = -1
-#: What a read file depends on: the daemon's description, path, time of the change, size.
-_Version: TypeAlias = tuple[int, Path, int, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +47,8 @@ class PanelPoses:
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
         self._shown = ShownPoses()
-        self._version: _Version | None = None
+        #: What the read file depended on: the daemon's description, path, time of the change, size.
+        self._version: tuple[Fields, Path, int, int] | None = None
         self._writing = asyncio.Lock()
 
     async def watch(self) -> None:
@@ -112,34 +112,38 @@ class PanelPoses:
         path = default_pose_file(Path(str(described["file"])))
         try:
             found = path.stat()
-            version: _Version = (id(described), path, found.st_mtime_ns, found.st_size)
+            changed_ns, size = found.st_mtime_ns, found.st_size
         except OSError:
-            version = (id(described), path, 0, _ABSENT)
+            changed_ns, size = 0, _ABSENT
+        version = (described, path, changed_ns, size)
         if version == self._version:
             return
         # In a thread: a stop must not wait for the file.
-        self._shown = await asyncio.to_thread(_read, path, version[3], described)
+        self._shown = await asyncio.to_thread(_read, path, size, described)
         self._version = version
         self._hub.send("poses", lasting=True, **self._shown.message)
 
 
 def _read(path: Path, size: int, described: Mapping[str, Any]) -> ShownPoses:
     """The poses of a file; one that cannot be read has a problem."""
+    shown: Fields = {"file": path.name, "problem": "", "poses": []}
+    if size == _ABSENT:
+        return ShownPoses({}, shown)
     try:
         if size > MAX_BYTES:
             raise ContidError(f"{path}: {size} bytes; the panel reads {MAX_BYTES}")
-        file = read_pose_file(path) if size != _ABSENT else None
+        file = read_pose_file(path)
     except (ContidError, OSError) as error:
-        return ShownPoses({}, {"file": path.name, "problem": str(error), "poses": []})
-    poses: list[Fields] = []
+        return ShownPoses({}, {**shown, "problem": str(error)})
     targets = {}
-    for name, pose in [*(file.contents.poses if file is not None else {}).items()][:MAX_POSES]:
-        assert file is not None
+    for name, pose in islice(file.contents.poses.items(), MAX_POSES):
         problem = _problem(file, name, described)
         if not problem:
             targets[name] = dict(pose.target)
-        poses.append({"name": name, "target": dict(pose.target), "saved": pose.saved, "problem": problem})
-    return ShownPoses(targets, {"file": path.name, "problem": "", "poses": poses})
+        shown["poses"].append(
+            {"name": name, "target": dict(pose.target), "saved": pose.saved, "problem": problem}
+        )
+    return ShownPoses(targets, shown)
 
 
 def _problem(file: PoseFile, name: str, described: Mapping[str, Any]) -> str:

@@ -6,6 +6,7 @@ import asyncio
 import socket
 import ssl
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -142,21 +143,21 @@ def _listen(settings: PanelSettings) -> socket.socket:
     Raises:
         PanelError: the address cannot be used.
     """
-    ports = (DEFAULT_PORT, 0) if settings.port is None else (settings.port,)
-    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
-    for port in ports:
-        listener = socket.socket(family, socket.SOCK_STREAM)
-        try:
-            # An old connection in TIME_WAIT does not block the port; a listener still does.
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            listener.bind((settings.host, port))
-            listener.listen(128)
-        except OSError as error:
-            listener.close()
-            reason = error.strerror or str(error)
-            if port == ports[-1]:
-                raise PanelError(f"{settings.host}:{port}: {reason}") from None
-        else:
-            listener.setblocking(False)
-            return listener
-    raise AssertionError("unreachable")
+    if settings.port is None:
+        with suppress(PanelError):
+            return _bound(settings.host, DEFAULT_PORT)
+    return _bound(settings.host, settings.port or 0)
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    listener = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)
+    try:
+        # An old connection in TIME_WAIT does not block the port; a listener still does.
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host, port))
+        listener.listen(128)
+        listener.setblocking(False)
+    except OSError as error:
+        listener.close()
+        raise PanelError(f"{host}:{port}: {error.strerror or error}") from None
+    return listener

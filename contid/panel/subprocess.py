@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 from pathlib import Path
-from types import TracebackType
 from typing import Final, Self
 
 from contid.child_module import module_command
@@ -31,9 +30,7 @@ class PanelSubprocess:
         """End it on leaving."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """End it: it watches this end of its stdin."""
         assert self._process.stdin is not None
         self._process.stdin.close()

@@ -18,14 +18,13 @@ from contid.robot_file.sections import SectionRobot
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.robot_file.tri_tube import TriTube
 from contid.units import MM_PER_M
+from contid.view.tendon_lines import DISCS, RIM
 
 #: Radius of a body whose file has none, as a fraction of its length.
 SLENDERNESS: Final = 0.035
 #: Cylinders along a section of a tube or rack, and ribs of a bellows.
 PIECES: Final = 8
 RIBS: Final = 7
-#: Discs along a section of a tendon robot; its tendons are straight between them.
-DISCS: Final = 5
 #: Rods across a finger, from rack to rack.
 LINKS: Final = 14
 #: Neighbouring cylinders overlap by this share of their radius, so that a bent tube has no wedges.
@@ -139,7 +138,7 @@ def _pneumatic(robot: Cosserat) -> Iterator[BodyPart]:
 
 def _tendon(robot: TendonRobot) -> Iterator[BodyPart]:
     """A rod with discs; the tendons themselves are drawn as lines."""
-    rim = 1.2 * max(max(section.radius_mm) for section in robot.geometry.sections)
+    rim = RIM * max(max(section.radius_mm) for section in robot.geometry.sections)
     for section in range(len(robot.geometry.sections)):
         yield from _tube(section, PIECES, _ON_LINE, 0.18 * rim, section % 2)
         for k in range(1, DISCS + 1):

@@ -19,28 +19,30 @@ from contid.control.engine.events.robots import (
 )
 from contid.control.engine.events.run import LogWritten, NoteWritten, RunFailed
 
-#: Levels of Rerun by kind; the others are INFO.
-_LEVELS: Final = {kind.KIND: "ERROR" for kind in (FaultLatched, RunFailed)} | {
-    kind.KIND: "WARN"
-    for kind in (
-        OrderRefused, ContactBegan, BusChanged, BusStalled, DeviceFaultChanged,
-        TicksSkipped, ViewerPaused,
-    )
-}  # fmt: skip
-_LOG_LEVELS: Final = {"warning": "WARN", "error": "ERROR", "critical": "CRITICAL"}
-#: Events for programs, too many for a log.
-_PROGRAMS: Final = (
-    BusAnswered, LimitNamed, MarkReached, OrderGiven, PaceReported, RobotReported,
-    TicksWaited, NoteWritten,
+_WARNINGS: Final = (
+    OrderRefused, ContactBegan, BusChanged, BusStalled, DeviceFaultChanged, TicksSkipped, ViewerPaused,
 )  # fmt: skip
-_SILENT: Final = frozenset(kind.KIND for kind in _PROGRAMS)
+#: Levels of Rerun by kind; the others are INFO.
+_LEVELS: Final = {
+    **{kind.KIND: "WARN" for kind in _WARNINGS},
+    **{kind.KIND: "ERROR" for kind in (FaultLatched, RunFailed)},
+}
+_LOG_LEVELS: Final = {"warning": "WARN", "error": "ERROR", "critical": "CRITICAL"}
+#: Kinds of events for programs, too many for a log.
+FOR_PROGRAMS: Final = frozenset(
+    kind.KIND
+    for kind in (
+        BusAnswered, LimitNamed, MarkReached, NoteWritten, OrderGiven, PaceReported, RobotReported,
+        TicksWaited,
+    )
+)  # fmt: skip
 
 
 def event_line(event: RunEvent) -> tuple[str, str] | None:
     """Level and text (robot, what happened, further fields) of an event; None for those for programs."""
     fields = {name: value for name, value in to_json(event).items() if value != "" and name != "tick"}
     kind = fields.pop("event")
-    if kind in _SILENT:
+    if kind in FOR_PROGRAMS:
         return None
     level = _LOG_LEVELS.get(event.level) if isinstance(event, LogWritten) else _LEVELS.get(kind)
     if isinstance(event, ModeChanged):

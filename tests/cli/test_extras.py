@@ -81,6 +81,8 @@ def test_the_base_install_runs_robots(line: str, hidden: Path) -> None:
     ("line", "extra"),
     [
         ("contid run finger --mock --view serve", "view"),
+        ("contid run finger --mock --panel", "panel"),
+        ("contid fleet init ca --fleet lab", "fleet"),
         (f"{CIRCLE} | contid run hand --virtual --record c.mcap && contid view c.mcap", "view"),
         ("contid reach hand", "plots"),
         (f"{CIRCLE} --fastest", "retime"),

@@ -18,8 +18,6 @@ import httpx
 import psutil
 import pytest
 
-from contid.errors import ContidError
-from contid.panel import extra
 from contid.panel.server import PanelError, PanelSettings
 from tests.support.daemons import Running, armed_daemon, command
 from tests.support.panels import PanelProcess, page, panel
@@ -130,12 +128,6 @@ def test_only_loopback_needs_no_flags(host: str) -> None:
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.1.2.3", "::1", "localhost"])
 def test_loopback_needs_no_flags(host: str) -> None:
     PanelSettings(Path("s"), host=host).check()
-
-
-def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(extra, "find_spec", lambda name: None)
-    with pytest.raises(ContidError, match=r"pip install 'contid\[panel\]'"):
-        extra.require_extra()
 
 
 @pytest.fixture

@@ -44,9 +44,6 @@ def command(
     The printed URL contains a secret token: a browser that has it can move the robots. From another machine
     use a tunnel: `ssh -L 8421:127.0.0.1:8421 HOST`, then open the URL there.
     """
-    from contid.panel.extra import require_extra
-
-    require_extra()
     from contid.panel.server import PanelSettings, serve
     from contid.remote.protocol.socket_path import find, is_listening
     from contid.remote.protocol.wire import NoDaemonError

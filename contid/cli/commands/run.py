@@ -12,6 +12,7 @@ import click
 from contid.cli.support.files import NewFile
 from contid.cli.support.numbers import NUMBER
 from contid.cli.support.robot_names import robot_names
+from contid.errors import require_extra
 
 if TYPE_CHECKING:
     from contid.control.daemon.interfaces import RunObserver
@@ -188,11 +189,9 @@ def command(
 
 def _check_panel(virtual: bool) -> None:
     """Refuse a panel that cannot be, before the run starts."""
-    from contid.panel.extra import require_extra
-
     if virtual:
         raise click.UsageError("--panel needs a daemon in real time; --virtual has no socket")
-    require_extra()
+    require_extra("the panel", "starlette", "uvicorn", "websockets")
 
 
 def _view_target(text: str) -> ViewTarget | None:
