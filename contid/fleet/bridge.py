@@ -13,24 +13,21 @@ import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from contid.errors import ContidError
-from contid.fleet.access_rules import access_rules
-from contid.fleet.certificates import MACHINE
 from contid.fleet.feed_watch import FeedWatch
 from contid.fleet.fleet_file import MachineFile
-from contid.fleet.keys import Keys, Origin, is_node_name
+from contid.fleet.keys import Keys, is_node_name
 from contid.fleet.metrics_server import MetricsServer
 from contid.fleet.metrics_text import MetricsText, bridge_text, nodes_text
 from contid.fleet.net import FleetError, NetSession, NetSettings, in_loop
 from contid.fleet.node import Node
+from contid.fleet.sessions import Sessions
 from contid.remote.protocol.socket_path import running
 
 log = logging.getLogger(__name__)
 
-#: A token may come after the first request of its session: zenoh orders declarations and queries apart.
-TOKEN_TIMEOUT_S: Final = 1.0
 #: Period of the search for further daemons, when the file names none.
 SEARCH_PERIOD_S: Final = 1.0
 #: Period of the look whether the feed of an operator has stopped.
@@ -41,40 +38,9 @@ RIVALS_TIMEOUT_S: Final = 0.5
 ROUTER_TIMEOUT_S: Final = 1.0
 
 
-class Sessions:
-    """Tokens of the sessions of operators."""
-
-    def __init__(self) -> None:
-        self._tokens: set[Origin] = set()
-        self._changed = asyncio.Condition()
-
-    async def change(self, origin: Origin, alive: bool) -> None:
-        """Note a token that appeared or disappeared."""
-        async with self._changed:
-            (self._tokens.add if alive else self._tokens.discard)(origin)
-            self._changed.notify_all()
-
-    async def present(self, origin: Origin, wait: bool) -> bool:
-        """True for a session with a token; with ``wait`` it may still come."""
-        if origin in self._tokens or not wait:
-            return origin in self._tokens
-        try:
-            async with asyncio.timeout(TOKEN_TIMEOUT_S), self._changed:
-                await self._changed.wait_for(lambda: origin in self._tokens)
-        except TimeoutError:
-            return False
-        return True
-
-
-def rules_of(machine: MachineFile) -> dict[str, Any]:
-    """The access rules of a bridge."""
-    router = None if machine.router is None else MACHINE + machine.router
-    return access_rules(machine.fleet, machine.operators, router)
-
-
 def network(machine: MachineFile) -> NetSettings:
     """How a machine is linked: operators connect to it, or it connects to a router."""
-    access = None if machine.tls is None else rules_of(machine)
+    access = None if machine.tls is None else machine.access_rules()
     if not machine.connect:
         return NetSettings(machine.listen, tls=machine.tls, access=access)
     return NetSettings(
@@ -175,8 +141,7 @@ class FleetBridge:
     def _begin(self) -> None:
         for name, path in self._sockets().items():
             if name not in self._nodes:
-                present = self._sessions.present
-                node = Node(name, path, self._machine, self._net, self._keys, present, self._feed)
+                node = Node(name, path, self._machine, self._net, self._keys, self._sessions, self._feed)
                 self._nodes[name] = node
                 self._running[name] = asyncio.create_task(node.run())
 
@@ -210,9 +175,7 @@ class FleetBridge:
         origin = self._keys.origin(key)
         if origin is None:
             return
-        task = asyncio.ensure_future(self._sessions.change(origin, alive))
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        self._sessions.change(origin, alive)
         if not alive:
             for node in self._nodes.values():
                 node.session_ended(origin)

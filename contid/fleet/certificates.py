@@ -7,16 +7,15 @@ operator can have. Only certificates of machines may be used to listen. Private 
 from __future__ import annotations
 
 import datetime
-import ipaddress
 import os
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from contid.errors import ContidError, MissingExtraError
-from contid.fleet.endpoints import is_host_name
-from contid.fleet.keys import is_name
+from contid.errors import ContidError, require_extra
+from contid.fleet.endpoints import ip_address, is_host_name
+from contid.fleet.keys import NAME_RULE, is_name
 
 if TYPE_CHECKING:
     from cryptography import x509
@@ -33,36 +32,20 @@ CA_KEY: Final = "ca.key"
 MACHINE: Final = "machine:"
 
 
-def require_cryptography() -> None:
-    """Refuse to go on without the package.
-
-    Raises:
-        MissingExtraError: with the remedy.
-    """
-    if find_spec("cryptography") is None:
-        raise MissingExtraError("certificates of a fleet", "cryptography", "fleet")
-
-
 def make_ca(folder: Path, fleet: str, days: float = CA_DAYS) -> Path:
     """Write ``ca.pem`` and ``ca.key`` of a new CA; returns the first.
 
     Raises:
         ContidError: there is one already, or the folder cannot be written.
     """
-    require_cryptography()
-    from cryptography import x509
+    require_extra("certificates of a fleet", "cryptography")
     from cryptography.hazmat.primitives.asymmetric import ec
 
-    _check_name(fleet)
-    _free(folder / CA_CERTIFICATE, folder / CA_KEY)
+    path = folder / CA_CERTIFICATE
+    _check_new(fleet, path)
     key = ec.generate_private_key(ec.SECP256R1())
-    name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, f"contid fleet {fleet}")])
-    builder = (
-        _builder(name, name, key.public_key(), key.public_key(), days)
-        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-        .add_extension(_usage(ca=True), critical=True)
-    )
-    return _write(folder / CA_CERTIFICATE, folder / CA_KEY, builder, key, key)
+    builder = _builder(f"contid fleet {fleet}", key, days)
+    return _write(path, builder, key, key)
 
 
 def make_certificate(
@@ -80,28 +63,22 @@ def make_certificate(
     Raises:
         ContidError: the CA cannot be read, a file is there already, or a name is wrong.
     """
-    require_cryptography()
+    require_extra("certificates of a fleet", "cryptography")
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.x509.oid import ExtendedKeyUsageOID
 
-    _check_name(name)
-    _free(folder / f"{name}.pem", folder / f"{name}.key")
+    path = folder / f"{name}.pem"
+    _check_new(name, path)
     issuer, issuer_key = _read_ca(ca)
     key = ec.generate_private_key(ec.SECP256R1())
-    common_name = f"{MACHINE}{name}" if hosts else name
-    subject = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, common_name)])
+    builder = _builder(f"{MACHINE}{name}" if hosts else name, key, days, (issuer.subject, issuer_key))
     uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
-    builder = (
-        _builder(subject, issuer.subject, key.public_key(), issuer_key.public_key(), days)
-        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-        .add_extension(_usage(ca=False), critical=True)
-    )
     if hosts:
         uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
         builder = builder.add_extension(x509.SubjectAlternativeName(list(map(_host, hosts))), critical=False)
     builder = builder.add_extension(x509.ExtendedKeyUsage(uses), critical=False)
-    return _write(folder / f"{name}.pem", folder / f"{name}.key", builder, key, issuer_key)
+    return _write(path, builder, key, issuer_key)
 
 
 def check_validity(path: Path) -> None:
@@ -122,46 +99,30 @@ def check_validity(path: Path) -> None:
         raise ContidError(f"{path}: expired at {end:%Y-%m-%d %H:%M} UTC; `contid fleet cert` makes a new one")
 
 
-def _check_name(name: str) -> None:
+def _check_new(name: str, path: Path) -> None:
+    """Refuse a wrong name, and to replace a certificate or its key."""
     if not is_name(name):
-        raise ContidError(f"{name!r} is no name: 1 to 40 of a-z, 0-9, dot, dash and underscore")
-
-
-def _free(*paths: Path) -> None:
-    """Refuse to replace files."""
-    for path in paths:
-        if path.exists():
-            raise ContidError(f"{path}: exists; it is not replaced, remove it or give another folder")
+        raise ContidError(f"{name!r} is no name: {NAME_RULE}")
+    for each in (path, path.with_suffix(".key")):
+        if each.exists():
+            raise ContidError(f"{each}: exists; it is not replaced, remove it or give another folder")
 
 
 def _builder(
-    subject: x509.Name,
-    issuer: x509.Name,
-    key: ec.EllipticCurvePublicKey,
-    issuer_key: ec.EllipticCurvePublicKey,
+    common_name: str,
+    key: ec.EllipticCurvePrivateKey,
     days: float,
+    issuer: tuple[x509.Name, ec.EllipticCurvePrivateKey] | None = None,
 ) -> x509.CertificateBuilder:
+    """A certificate of a key, signed by an issuer; without one, a CA that is its own."""
     from cryptography import x509
 
     now = datetime.datetime.now(datetime.UTC)
     end = now + datetime.timedelta(days=days)
-    return (
-        x509.CertificateBuilder()
-        .subject_name(subject)
-        .issuer_name(issuer)
-        .public_key(key)
-        .serial_number(x509.random_serial_number())
-        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key), critical=False)
-        .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(issuer_key), critical=False)
-        .not_valid_before(min(now, end) - EARLIER)
-        .not_valid_after(end)
-    )
-
-
-def _usage(ca: bool) -> x509.KeyUsage:
-    from cryptography import x509
-
-    return x509.KeyUsage(
+    subject = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, common_name)])
+    ca = issuer is None
+    issuer_name, issuer_key = issuer or (subject, key)
+    usage = x509.KeyUsage(
         digital_signature=not ca,
         key_cert_sign=ca,
         crl_sign=ca,
@@ -172,15 +133,28 @@ def _usage(ca: bool) -> x509.KeyUsage:
         encipher_only=False,
         decipher_only=False,
     )
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer_name)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
+        .add_extension(
+            x509.AuthorityKeyIdentifier.from_issuer_public_key(issuer_key.public_key()), critical=False
+        )
+        .add_extension(x509.BasicConstraints(ca=ca, path_length=0 if ca else None), critical=True)
+        .add_extension(usage, critical=True)
+        .not_valid_before(min(now, end) - EARLIER)
+        .not_valid_after(end)
+    )
 
 
 def _host(host: str) -> x509.GeneralName:
     from cryptography import x509
 
-    try:
-        return x509.IPAddress(ipaddress.ip_address(host))
-    except ValueError:
-        pass
+    if (address := ip_address(host)) is not None:
+        return x509.IPAddress(address)
     if not is_host_name(host):
         raise ContidError(f"{host!r}: an IP address or a host name is expected")
     return x509.DNSName(host)
@@ -204,7 +178,6 @@ def _read_ca(folder: Path) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey
 
 def _write(
     path: Path,
-    key_path: Path,
     builder: x509.CertificateBuilder,
     key: ec.EllipticCurvePrivateKey,
     issuer_key: ec.EllipticCurvePrivateKey,
@@ -218,7 +191,7 @@ def _write(
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # No other user may read it between its creation and a chmod either.
-        descriptor = os.open(key_path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        descriptor = os.open(path.with_suffix(".key"), os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "wb") as file:
             file.write(pem)
         path.write_bytes(certificate.public_bytes(serialization.Encoding.PEM))

@@ -9,14 +9,14 @@ before it is used.
 
 from __future__ import annotations
 
-import queue
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
 from contid.fleet.net import FleetError
-from contid.fleet.operator import FleetOperator, response_of
+from contid.fleet.operator import FleetOperator
+from contid.fleet.rights import CLOCK
 from contid.remote.protocol.wire import Fields
 
 #: Round trips of one measurement, and the longest wait for one of them.
@@ -40,12 +40,10 @@ class ClockOffset:
     Attributes:
         offset_s: of the node's CLOCK_MONOTONIC from the own one.
         bound_s: largest error.
-        wall_minus_monotonic_s: on the machine of the node.
     """
 
     offset_s: float
     bound_s: float
-    wall_minus_monotonic_s: float = 0.0
 
     def there(self, here_s: float) -> float:
         """A time of this machine, by the clock of the node."""
@@ -86,29 +84,12 @@ def clock_fields() -> Fields:
     return {"monotonic_ns": time.monotonic_ns(), "wall_ns": time.time_ns()}
 
 
-def offset_of(trips: Iterable[RoundTrip], wall_minus_monotonic_s: float = 0.0) -> ClockOffset:
+def offset_of(trips: Iterable[RoundTrip]) -> ClockOffset:
     """The offset by the shortest of the round trips, of which there is one at least."""
     best = min(trips, key=lambda trip: trip.received_s - trip.sent_s)
     middle_s = 0.5 * (best.sent_s + best.received_s)
     bound_s = 0.5 * (best.received_s - best.sent_s)
-    return ClockOffset(best.node_s - middle_s, bound_s, wall_minus_monotonic_s)
-
-
-def _answer(operator: FleetOperator, node: str) -> tuple[float, bytes] | None:
-    """When the answer of a node's clock came, and its payload; None if it does not come."""
-    answers: queue.SimpleQueue[tuple[float, bytes] | None] = queue.SimpleQueue()
-    operator.net.ask(
-        operator.key(node, "clock"),
-        b"",
-        TRIP_TIMEOUT_S,
-        lambda _, payload: answers.put((time.monotonic(), payload)),
-        lambda: answers.put(None),
-        urgent=True,
-    )
-    try:
-        return answers.get(timeout=2.0 * TRIP_TIMEOUT_S)
-    except queue.Empty:
-        return None
+    return ClockOffset(best.node_s - middle_s, bound_s)
 
 
 def measure_offset(operator: FleetOperator, node: str, count: int = ROUND_TRIPS) -> ClockOffset:
@@ -118,19 +99,15 @@ def measure_offset(operator: FleetOperator, node: str, count: int = ROUND_TRIPS)
         FleetError: it does not answer, or not with its clock.
     """
     trips: list[RoundTrip] = []
-    wall_s = 0.0
     for _ in range(count):
         sent_s = time.monotonic()
-        answer = _answer(operator, node)
+        answer = operator.timed_ask(node, CLOCK, {}, TRIP_TIMEOUT_S, urgent=True)
         if answer is None:
             continue
-        received_s, payload = answer
-        response = response_of(payload)
+        received_s, response = answer
         if not response.get("ok"):
             raise FleetError(f"{node}: clock: {response['error']['message']}")
-        clocks = response["result"]
-        trips.append(RoundTrip(sent_s, clocks["monotonic_ns"] * 1e-9, received_s))
-        wall_s = (clocks["wall_ns"] - clocks["monotonic_ns"]) * 1e-9
+        trips.append(RoundTrip(sent_s, response["result"]["monotonic_ns"] * 1e-9, received_s))
     if not trips:
         raise FleetError(f"{node}: no answer to the question for its clock")
-    return offset_of(trips, wall_s)
+    return offset_of(trips)

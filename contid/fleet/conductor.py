@@ -23,7 +23,7 @@ from contid.fleet.fleet_address import FleetAddress
 from contid.fleet.net import FleetError
 from contid.fleet.operator import FleetOperator
 from contid.fleet.run_report import FleetRunReport, NodeStart, OnOne
-from contid.remote.protocol.wire import Fields, RemoteError
+from contid.remote.protocol.wire import Fields
 
 #: How far ahead a start lies: a time, and a multiple of the largest bound of a clock.
 LEAD_S: Final = 0.5
@@ -246,7 +246,7 @@ class _Conductor:
             try:
                 begun[name] = await client.started(move)
                 await client.wait(move)
-            except (ContidError, RemoteError) as error:
+            except ContidError as error:
                 errors[name] = str(error)
                 if on_one is OnOne.HOLD_ALL:
                     await asyncio.gather(

@@ -24,8 +24,8 @@ def is_host_name(text: str) -> bool:
     return _HOST_NAME.fullmatch(text) is not None
 
 
-def check_endpoint(endpoint: str, listening: bool) -> None:
-    """Refuse an endpoint that is reachable from other machines without TLS, or at every address.
+def check_endpoint(endpoint: str, listening: bool) -> str:
+    """The endpoint; refuses one that is reachable from other machines without TLS, or at every address.
 
     Raises:
         ValueError: with the reason.
@@ -42,23 +42,31 @@ def check_endpoint(endpoint: str, listening: bool) -> None:
             raise ValueError(
                 f"{endpoint!r}: an absolute path is expected: unixsock-stream//run/user/1000/fleet"
             )
-        return
+        return endpoint
     host, colon, port = address.rpartition(":")
     if not colon or not _PORT.fullmatch(port) or not 0 < int(port) < 65536:
         raise ValueError(f"{endpoint!r}: a host and a port are expected, as in {name}/192.168.1.10:7447")
-    found = _address(host)
+    found = ip_address(host)
     if found is None and (listening or not is_host_name(host)):
         raise ValueError(f"{endpoint!r}: an IP address is expected, as in {name}/192.168.1.10:{port}")
     if found is not None and found.is_unspecified:
         raise ValueError(f"{endpoint!r}: that is every address of the machine; give one of them")
-    if name == "tcp" and (found is None or not found.is_loopback):
+    if name == "tcp" and not is_loopback(host):
         raise ValueError(
             f"{endpoint!r} leaves this machine without TLS; use tls/{address}, tcp/127.0.0.1:{port} "
             "or a Unix socket"
         )
+    return endpoint
 
 
-def _address(host: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+def is_loopback(host: str) -> bool:
+    """True for an address that only this machine reaches; a name is none."""
+    address = ip_address(host)
+    return address is not None and address.is_loopback
+
+
+def ip_address(host: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """The address of a host, of IPv6 also in brackets; None for a name."""
     bare = host[1:-1] if host.startswith("[") and host.endswith("]") else host
     try:
         return ipaddress.ip_address(bare)

@@ -27,17 +27,15 @@ class FleetAddress:
     Args:
         operator: the session.
         node: name of the node.
-        lease_s: of the lease that a move takes when it is free.
 
     Attributes:
         name: ``fleet:FLEET/NODE``.
     """
 
-    def __init__(self, operator: FleetOperator, node: str, lease_s: float | None = None) -> None:
+    def __init__(self, operator: FleetOperator, node: str) -> None:
         self.name = f"{SCHEME}{operator.keys.fleet}/{node}"
         self._operator = operator
         self._node = node
-        self._lease_s = lease_s
 
     def open(self, deliver: Callable[[bytes], None]) -> FleetWire:
         """See `contid.remote.client.wires.Address.open`.
@@ -46,7 +44,7 @@ class FleetAddress:
             FleetError: no such node, or two of this name.
         """
         await_node(self._operator, self._node)
-        return FleetWire(self._operator, self._node, deliver, self._lease_s)
+        return FleetWire(self._operator, self._node, deliver)
 
 
 class OperatorAddress:

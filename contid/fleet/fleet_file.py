@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Final, Self, TypeVar
+from typing import Annotated, Any, Final, Self
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from contid.errors import BadInputError, ContidError, first_findings
-from contid.fleet.certificates import check_validity
+from contid.fleet.access_rules import access_rules
+from contid.fleet.certificates import MACHINE, check_validity
 from contid.fleet.endpoints import check_endpoint, protocol
-from contid.fleet.keys import is_name, is_node_name
+from contid.fleet.keys import NAME_RULE, is_name, is_node_name
 from contid.fleet.rights import Right
 from contid.robot_file.base import Strict
 from contid.robot_file.findings import explain
@@ -20,37 +22,24 @@ from contid.robot_file.positions import read_document
 
 #: Where the commands of an operator look for its file.
 OPERATOR_FILES: Final = (Path("fleet.yaml"), Path("~/.config/contid/fleet.yaml"))
-RULE: Final = "1 to 40 of a-z, 0-9, dot, dash and underscore"
-
-_File = TypeVar("_File", bound="FleetFile")
 
 
 def _name(value: str) -> str:
     if not is_name(value):
-        raise ValueError(f"{value!r} is no name of a fleet: {RULE}")
+        raise ValueError(f"{value!r} is no name of a fleet: {NAME_RULE}")
     return value
 
 
 def _node_name(value: str) -> str:
     if not is_node_name(value):
-        raise ValueError(f"{value!r} is no name of a node: {RULE}, and not `who`")
-    return value
-
-
-def _listen(value: str) -> str:
-    check_endpoint(value, listening=True)
-    return value
-
-
-def _connect(value: str) -> str:
-    check_endpoint(value, listening=False)
+        raise ValueError(f"{value!r} is no name of a node: {NAME_RULE}, and not `who`")
     return value
 
 
 Name = Annotated[str, AfterValidator(_name)]
 NodeName = Annotated[str, AfterValidator(_node_name)]
-Listen = Annotated[str, AfterValidator(_listen)]
-Connect = Annotated[str, AfterValidator(_connect)]
+Listen = Annotated[str, AfterValidator(partial(check_endpoint, listening=True))]
+Connect = Annotated[str, AfterValidator(partial(check_endpoint, listening=False))]
 
 
 class Tls(Strict):
@@ -82,7 +71,7 @@ class FeedFile(Strict):
 
 
 class FleetFile(Strict):
-    """What both files have."""
+    """What the files of machines, operators and routers have."""
 
     fleet: Name
     connect: list[Connect] = Field(default_factory=list, max_length=64)
@@ -97,6 +86,32 @@ class FleetFile(Strict):
         if self.tls is None and any(protocol(each) == "tls" for each in self.endpoints()):
             raise ValueError("a tls/ endpoint needs tls: {ca: ..., certificate: ..., key: ...}")
         return self
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Read a file.
+
+        Raises:
+            ContidError: with every mistake and its place.
+        """
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+            raise ContidError(f"{path}: cannot read it: {reason}") from error
+        document = read_document(text, str(path))
+        try:
+            loaded = cls.model_validate_json(json.dumps(document.data), strict=True)
+        except ValidationError as error:
+            raise BadInputError(first_findings(explain(error, document, (), cls))) from None
+        if loaded.tls is None:
+            return loaded
+        # Paths of a file are relative to its folder.
+        tls = loaded.tls.model_copy(
+            update={name: path.parent / value for name, value in loaded.tls.model_dump().items()}
+        )
+        tls.check()
+        return loaded.model_copy(update={"tls": tls})
 
 
 def check_names(
@@ -145,6 +160,11 @@ class MachineFile(FleetFile):
         """Every endpoint of the file."""
         return [*self.listen, *self.connect]
 
+    def access_rules(self) -> dict[str, Any]:
+        """The access rules of the bridge."""
+        router = None if self.router is None else MACHINE + self.router
+        return access_rules(self.fleet, self.operators, router)
+
     @model_validator(mode="after")
     def _is_reachable(self) -> Self:
         feed = self.hold_without_feed
@@ -180,15 +200,6 @@ class OperatorFile(FleetFile):
         return self
 
 
-def load_machine_file(path: Path) -> MachineFile:
-    """Read the file of a machine.
-
-    Raises:
-        ContidError: with every mistake and its place.
-    """
-    return load_file(path, MachineFile)
-
-
 def load_operator_file(path: Path | None) -> OperatorFile:
     """Read the file of an operator; None for the first of `OPERATOR_FILES` that exists.
 
@@ -201,30 +212,4 @@ def load_operator_file(path: Path | None) -> OperatorFile:
             listed = " or ".join(map(str, OPERATOR_FILES))
             raise ContidError(f"no file of an operator: {listed}; give --file FILE (docs/fleet.md)")
         path = found[0]
-    return load_file(path, OperatorFile)
-
-
-def load_file(path: Path, kind: type[_File]) -> _File:
-    """Read one of the files of a fleet.
-
-    Raises:
-        ContidError: with every mistake and its place.
-    """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise ContidError(f"{path}: cannot read it: {reason}") from error
-    document = read_document(text, str(path))
-    try:
-        loaded = kind.model_validate_json(json.dumps(document.data), strict=True)
-    except ValidationError as error:
-        raise BadInputError(first_findings(explain(error, document, (), kind))) from None
-    if loaded.tls is None:
-        return loaded
-    # Paths of a file are relative to its folder.
-    tls = loaded.tls.model_copy(
-        update={name: path.parent / value for name, value in loaded.tls.model_dump().items()}
-    )
-    tls.check()
-    return loaded.model_copy(update={"tls": tls})
+    return OperatorFile.load(path)

@@ -40,7 +40,6 @@ class FleetWire:
         operator: the session.
         node: name of the node.
         deliver: gets lines, and b"" when the connection has ended.
-        lease_s: of the lease that an order takes when it is free; None for `LEASE_S`.
         owns: `close` ends the session.
     """
 
@@ -49,13 +48,11 @@ class FleetWire:
         operator: FleetOperator,
         node: str,
         deliver: Callable[[bytes], None],
-        lease_s: float | None = None,
         owns: bool = False,
     ) -> None:
         self._operator = operator
         self._node = node
         self._deliver = deliver
-        self._lease_s = LEASE_S if lease_s is None else lease_s
         self._owns = owns
         self._client: int | None = None
         self._ended = self._closed = False
@@ -101,7 +98,7 @@ class FleetWire:
     def _acquire(self, request: Request, refusal: Fields) -> None:
         """Take a free lease, and order again."""
         after_stop = bool(request.fields.get("after_stop"))
-        fields = {"timeout_s": self._lease_s, "unless_stopped": not after_stop}
+        fields = {"timeout_s": LEASE_S, "unless_stopped": not after_stop}
 
         def ordered(response: Fields) -> None:
             if request.verb != KEEPING or not response.get("ok"):

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from contid.fleet.keys import Keys, Order, Origin
-from contid.fleet.rights import FEED, READS, STOPS, Right, needed
+from contid.fleet.rights import FEED, NEEDED, READS, STOPS, Right
 from contid.lines import MAX_LINE
 from contid.remote.protocol.wire import Code, Fields, RemoteError, decode
 
@@ -43,7 +43,7 @@ def checked(
         )
     if order.node is None and order.verb not in STOPS | READS | {FEED}:
         raise RemoteError(WILDCARD, f"{order.verb}: a request to every node may only stop or read")
-    rights = needed(order.verb)
+    rights = NEEDED.get(order.verb)
     if rights is None:
         raise RemoteError(Code.UNKNOWN_VERB, f"{order.verb!r} is no request by network")
     if rights and not rights & {*operators.get(order.origin.operator, ())}:

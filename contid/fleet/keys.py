@@ -13,6 +13,7 @@ from typing import Final
 ROOT: Final = "contid"
 #: Names of fleets, nodes, operators and sessions: no wildcard and no separator of Zenoh.
 NAME: Final = r"[a-z0-9._-]{1,40}"
+NAME_RULE: Final = "1 to 40 of a-z, 0-9, dot, dash and underscore"
 _NAME: Final = re.compile(NAME)
 #: Chunks beside the nodes of a fleet.
 RESERVED: Final = frozenset({"who"})

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import ipaddress
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from typing import Final
 
 from contid.errors import ContidError
+from contid.fleet.endpoints import is_loopback
 from contid.fleet.metrics_text import CONTENT_TYPE
 
 #: Bytes of a request, and the time in which it must come.
@@ -24,18 +24,13 @@ def metrics_address(text: str) -> tuple[str, int]:
     Raises:
         ContidError: it is no loopback address with a port: there is no TLS.
     """
-    host, colon, port = text.rpartition(":")
-    bare = host[1:-1] if host.startswith("[") and host.endswith("]") else host
-    try:
-        loopback = ipaddress.ip_address(bare).is_loopback
-    except ValueError:
-        loopback = False
-    if not colon or not loopback or not port.isdecimal() or not 0 < int(port) < 65536:
+    host, _, port = text.rpartition(":")
+    if not is_loopback(host) or not port.isdecimal() or not 0 < int(port) < 65536:
         raise ContidError(
             f"{text!r}: a loopback address and a port are expected, such as 127.0.0.1:9464; the page has no "
             "TLS, so other machines read it through one that does (a collector on this machine, SSH)"
         )
-    return bare, int(port)
+    return host.strip("[]"), int(port)
 
 
 class MetricsServer:
@@ -85,11 +80,8 @@ class MetricsServer:
     async def _answer(self, head: bytes) -> tuple[str, bytes]:
         """Status and body."""
         first, *fields = head.decode("latin-1").split("\r\n")
-        hosts = [
-            value.strip()
-            for name, _, value in (each.partition(":") for each in fields)
-            if name.lower() == "host"
-        ]
+        headers = (each.partition(":") for each in fields)
+        hosts = [value.strip() for name, _, value in headers if name.lower() == "host"]
         if not all(map(_is_own, hosts)):  # a web page that leads its own name to this machine
             return "421 Misdirected Request", b"asked for another host\n"
         method, _, rest = first.partition(" ")
@@ -102,8 +94,5 @@ class MetricsServer:
 
 def _is_own(host: str) -> bool:
     """True for a loopback address or ``localhost``, with or without a port."""
-    name = host.rpartition("]")[0].lstrip("[") if host.startswith("[") else host.partition(":")[0]
-    try:
-        return name == "localhost" or ipaddress.ip_address(name).is_loopback
-    except ValueError:
-        return False
+    name = host if host.endswith("]") else host.rpartition(":")[0] or host
+    return name == "localhost" or is_loopback(name)

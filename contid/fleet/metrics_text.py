@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import accumulate
-from typing import Any, Final, Protocol, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from contid.control.tick.supervisor import Mode
 from contid.fleet.clocks import NotedOffset
+from contid.fleet.node import Node
 from contid.remote.protocol.wire import Fields
 
 CONTENT_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
@@ -43,19 +43,15 @@ class MetricsText:
 def nodes_text(metrics: MetricsText, statuses: Mapping[str, Fields | None]) -> None:
     """Add what daemons report about themselves; None for a node that did not answer."""
     up = {name: status for name, status in statuses.items() if status is not None}
-
-    def each(values: Mapping[str, float]) -> list[Sample]:
-        return [("", {"node": name}, value) for name, value in values.items()]
-
     metrics.family(
         "contid_up", "gauge", "1 when the daemon answered.",
-        each({name: float(status is not None) for name, status in statuses.items()}),
+        _by_node({name: float(status is not None) for name, status in statuses.items()}),
     )  # fmt: skip
     running = {name: status for name, status in up.items() if status.get("tick") is not None}
     cycles = {name: status["tick"] + 1 - status["skipped"] for name, status in running.items()}
-    metrics.family("contid_ticks_total", "counter", "Ticks of the control loop.", each(cycles))
+    metrics.family("contid_ticks_total", "counter", "Ticks of the control loop.", _by_node(cycles))
     skipped = {name: status["skipped"] for name, status in running.items()}
-    metrics.family("contid_ticks_skipped_total", "counter", "Ticks that never started.", each(skipped))
+    metrics.family("contid_ticks_skipped_total", "counter", "Ticks that never started.", _by_node(skipped))
     metrics.family(
         "contid_tick_lateness_seconds", "histogram", "How late ticks started.",
         [sample for name, status in running.items() for sample in _histogram(name, status)],
@@ -95,20 +91,10 @@ def nodes_text(metrics: MetricsText, statuses: Mapping[str, Fields | None]) -> N
         ],
     )  # fmt: skip
     clients = {name: status["clients"] for name, status in up.items()}
-    metrics.family("contid_clients", "gauge", "Clients connected to the socket.", each(clients))
+    metrics.family("contid_clients", "gauge", "Clients connected to the socket.", _by_node(clients))
 
 
-class BridgeCounts(Protocol):
-    """What a bridge counts of a node (`contid.fleet.node.Node`)."""
-
-    counts: Counter[tuple[str, str]]
-    published: int
-    dropped: int
-    round_trip_s: float | None
-    noted: NotedOffset | None
-
-
-def bridge_text(metrics: MetricsText, nodes: Mapping[str, BridgeCounts]) -> None:
+def bridge_text(metrics: MetricsText, nodes: Mapping[str, Node]) -> None:
     """Add what the bridge counts itself."""
     metrics.family(
         "contid_fleet_requests_total", "counter", "Requests of operators by verb and result.",
@@ -120,19 +106,15 @@ def bridge_text(metrics: MetricsText, nodes: Mapping[str, BridgeCounts]) -> None
     )  # fmt: skip
     metrics.family(
         "contid_fleet_telemetry_total", "counter", "Frames of telemetry that were published.",
-        [("", {"node": name}, node.published) for name, node in nodes.items()],
+        _by_node({name: node.published for name, node in nodes.items()}),
     )  # fmt: skip
     metrics.family(
         "contid_fleet_telemetry_dropped_total", "counter", "Frames that the bridge read too late.",
-        [("", {"node": name}, node.dropped) for name, node in nodes.items()],
+        _by_node({name: node.dropped for name, node in nodes.items()}),
     )  # fmt: skip
     metrics.family(
         "contid_fleet_round_trip_seconds", "gauge", "Time of the last answer of a daemon.",
-        [
-            ("", {"node": name}, node.round_trip_s)
-            for name, node in nodes.items()
-            if node.round_trip_s is not None
-        ],
+        _by_node({name: node.round_trip_s for name, node in nodes.items()}),
     )  # fmt: skip
     noted = {name: node.noted for name, node in nodes.items() if node.noted is not None}
 
@@ -156,6 +138,11 @@ def bridge_text(metrics: MetricsText, nodes: Mapping[str, BridgeCounts]) -> None
         "contid_fleet_clock_age_seconds", "gauge", "Time since that offset was noted.",
         clock(lambda each: now_s - each.noted_s),
     )  # fmt: skip
+
+
+def _by_node(values: Mapping[str, float | None]) -> list[Sample]:
+    """A sample per node that has a value."""
+    return [("", {"node": name}, value) for name, value in values.items() if value is not None]
 
 
 def _histogram(name: str, status: Fields) -> list[Sample]:

@@ -14,9 +14,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Literal
 
-from contid.errors import ContidError
+from contid.errors import ContidError, require_extra
 from contid.fleet.endpoints import PROTOCOLS, protocol
-from contid.fleet.extra import require_extra
 
 if TYPE_CHECKING:
     import zenoh
@@ -169,7 +168,7 @@ class NetSession:
     """
 
     def __init__(self, settings: NetSettings) -> None:
-        require_extra()
+        require_extra("the fleet", "zenoh")
         # Zenoh reads its threads, and programs by its example a whole configuration, from these.
         for name in [name for name in os.environ if name.startswith("ZENOH_")]:
             del os.environ[name]

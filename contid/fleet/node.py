@@ -7,7 +7,6 @@ import logging
 import re
 import time
 from collections import Counter
-from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -22,6 +21,7 @@ from contid.fleet.keys import Keys, Order, Origin
 from contid.fleet.net import Declared, NetSession, Question, in_loop
 from contid.fleet.operator_link import OperatorLink
 from contid.fleet.rights import CLOCK, FEED, NOTE, READS, STOPS
+from contid.fleet.sessions import Sessions
 from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, encode
 
 log = logging.getLogger(__name__)
@@ -52,7 +52,7 @@ class Node:
         machine: rights of the operators.
         net: the session on the network.
         keys: of the fleet.
-        present: waits for the token of a session, False when it does not come.
+        sessions: of operators.
         feed: that the machine needs, if it does.
 
     Attributes:
@@ -71,7 +71,7 @@ class Node:
         machine: MachineFile,
         net: NetSession,
         keys: Keys,
-        present: Callable[[Origin, bool], Awaitable[bool]],
+        sessions: Sessions,
         feed: FeedWatch | None = None,
     ) -> None:
         self.name = name
@@ -84,7 +84,7 @@ class Node:
         self._machine = machine
         self._net = net
         self._keys = keys
-        self._present = present
+        self._sessions = sessions
         self._feed = feed
         self._links: dict[Origin, OperatorLink] = {}
         self._watch: DaemonLink | None = None
@@ -190,13 +190,8 @@ class Node:
     def _close_idle(self) -> None:
         before_s = time.monotonic() - IDLE_S
         for origin, link in tuple(self._links.items()):
-            if link.used_s < before_s:
-                task = asyncio.ensure_future(self._close_absent(origin))
-                self._keep(task)
-
-    async def _close_absent(self, origin: Origin) -> None:
-        if not await self._present(origin, False):
-            self.session_ended(origin)
+            if link.used_s < before_s and not self._sessions.present(origin):
+                self.session_ended(origin)
 
     # -- requests ----------------------------------------------------------------------------------------
 
@@ -227,9 +222,7 @@ class Node:
         return {"after_s": feed.after_s}
 
     def _start(self, question: Question) -> None:
-        self._keep(asyncio.ensure_future(self._answer(question)))
-
-    def _keep(self, task: asyncio.Task[None]) -> None:
+        task = asyncio.ensure_future(self._answer(question))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
@@ -266,7 +259,7 @@ class Node:
             if self._watch is not None and not self._watch.same_protocol:
                 theirs = self._watch.hello.get("protocol")
                 return refusal(Code.PROTOCOL, f"the daemon has protocol {theirs}: it only stops by network")
-            if not await self._present(origin, True):
+            if not await self._sessions.appears(origin):
                 return refusal(Code.REFUSED, "this session has no token; it may only stop and read")
         link = self._link(origin)
         if link is None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import queue
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any, Final, Self
 
 from contid.fleet.fleet_file import OperatorFile
@@ -57,9 +57,9 @@ class FleetOperator:
         self.keys = Keys(file.fleet)
         self.net = NetSession(NetSettings(connect=file.connect, tls=file.tls))
         self.origin = Origin(file.operator, self.net.name)
-        self._tokens: dict[str, bool] = {}
+        self._tokens: set[str] = set()
         self._leaving: list[tuple[str, Callable[[], None]]] = []
-        self._token = self.net.token(self.keys.who(*self._who()))
+        self._token = self.net.token(self.keys.who(self.origin.operator, self.origin.session))
         self.net.watch_tokens(self.keys.alive("*", "*"), self._note_token)
 
     def close(self) -> None:
@@ -70,36 +70,36 @@ class FleetOperator:
         """Close on leaving."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close."""
         self.close()
 
     def nodes(self) -> dict[str, int]:
         """Nodes that have a token, with the number of bridges that have one: more than one is a mistake."""
-        counts: dict[str, int] = {}
-        for key, alive in tuple(self._tokens.items()):
-            found = self.keys.alive_node(key)
-            if alive and found is not None:
-                counts[found[0]] = counts.get(found[0], 0) + 1
-        return counts
+        return Counter(map(self.keys.node, tuple(self._tokens)))
 
     def tokens(self, node: str) -> set[str]:
         """Keys of the tokens of a node that were reported, one per bridge."""
-        found = ((key, self.keys.alive_node(key)) for key, alive in tuple(self._tokens.items()) if alive)
-        return {key for key, place in found if place is not None and place[0] == node}
+        return {key for key in tuple(self._tokens) if self.keys.node(key) == node}
 
     def ask(self, node: str, verb: str, fields: Mapping[str, Any], timeout_s: float) -> Fields | None:
         """The whole response of one node, None without one in time."""
-        answers: queue.SimpleQueue[Fields | None] = queue.SimpleQueue()
+        answer = self.timed_ask(node, verb, fields, timeout_s)
+        return None if answer is None else answer[1]
+
+    def timed_ask(
+        self, node: str, verb: str, fields: Mapping[str, Any], timeout_s: float, urgent: bool = False
+    ) -> tuple[float, Fields] | None:
+        """As `ask`, with the time on the monotonic clock at which the response came [s]."""
+        answers: queue.SimpleQueue[tuple[float, Fields] | None] = queue.SimpleQueue()
         self.net.ask(
-            self.keys.do(node, *self._who(), verb),
+            self.key(node, verb),
             encode(fields)[:-1],
             timeout_s,
-            lambda _, payload: answers.put(response_of(payload)),
+            lambda _, payload: answers.put((time.monotonic(), response_of(payload))),
             lambda: answers.put(None),
-            wait=verb != "rows",
+            urgent=urgent,
+            wait=not urgent,
         )
         try:
             return answers.get(timeout=timeout_s + ANSWER_TIMEOUT_S)
@@ -126,6 +126,10 @@ class FleetOperator:
         begin_s = time.monotonic()
         arrived: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
         found: dict[str, Fields] = {}
+
+        def put(key: str, payload: bytes) -> None:
+            arrived.put((key, payload))
+
         required = {*nodes} or {*(self._file.expected if expected is None else expected)}
         took_s, next_s = 0.0, begin_s
         surveyed, surveying = threading.Event(), False
@@ -146,8 +150,8 @@ class FleetOperator:
             if now_s >= next_s:
                 next_s = now_s + REPEAT_S
                 for each in sorted({*nodes} - confirmed) if nodes else ("*",):
-                    key = self.keys.do(each, *self._who(), verb)
-                    self.net.ask(key, encode(fields)[:-1], timeout_s, _put(arrived), urgent=True)
+                    key, payload = self.key(each, verb), encode(fields)[:-1]
+                    self.net.ask(key, payload, timeout_s, put, urgent=True)
             try:
                 key, payload = arrived.get(timeout=max(min(next_s, begin_s + timeout_s) - now_s, 0.001))
             except queue.Empty:
@@ -163,7 +167,7 @@ class FleetOperator:
 
     def key(self, node: str, verb: str) -> str:
         """The key of a request of this session."""
-        return self.keys.do(node, *self._who(), verb)
+        return self.keys.do(node, self.origin.operator, self.origin.session, verb)
 
     def on_leave(self, node: str, left: Callable[[], None]) -> Callable[[], None]:
         """Call ``left``, from any thread, when a node has no token any more; returns what ends that."""
@@ -180,20 +184,15 @@ class FleetOperator:
         """Number of endpoints without a link."""
         return max(len(self._file.connect) - self.net.peers(), 0)
 
-    def _who(self) -> tuple[str, str]:
-        return self.origin.operator, self.origin.session
-
     def _note_token(self, key: str, alive: bool) -> None:
-        self._tokens[key] = alive
-        found = self.keys.alive_node(key)
-        if not alive and found is not None and not self.nodes().get(found[0]):
+        if self.keys.alive_node(key) is None:
+            return
+        (self._tokens.add if alive else self._tokens.discard)(key)
+        gone = self.keys.node(key)
+        if not self.tokens(gone):
             for node, left in tuple(self._leaving):
-                if node == found[0]:
+                if node == gone:
                     left()
-
-
-def _put(arrived: queue.SimpleQueue[tuple[str, bytes]]) -> Callable[[str, bytes], None]:
-    return lambda key, payload: arrived.put((key, payload))
 
 
 def response_of(payload: bytes) -> Fields:

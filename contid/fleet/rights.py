@@ -7,6 +7,7 @@ of a daemon.
 from __future__ import annotations
 
 import enum
+from collections.abc import Mapping
 from typing import Final
 
 
@@ -25,14 +26,6 @@ STOPS: Final = frozenset({"hold", "stop", "estop"})
 READS: Final = frozenset({"status", "describe"})
 #: The conductor of a run relates the clock of a node to its own.
 NOTE: Final = "note"
-#: The right that a verb needs.
-VERBS: Final = {
-    **dict.fromkeys(READS, Right.WATCH),
-    **dict.fromkeys(("ping", "subscribe", "unsubscribe"), Right.WATCH),
-    "measure": Right.MEASURE,
-    **dict.fromkeys(("acquire", "release", "move", "rows", "end", "start", NOTE, "grip"), Right.MOVE),
-    **dict.fromkeys(("resume", "recover", "clear_fault"), Right.ARM),
-}
 #: Verbs that need the lease: at the daemon some take a free one by themselves. An order that waited in a
 #: bridge that stood still must not do that.
 LEASED: Final = frozenset({"move", "grip", "resume", "recover", "clear_fault"})
@@ -42,24 +35,18 @@ GREETING: Final = "hello"
 CLOCK: Final = "clock"
 #: Answered there as well: the operator whose feed a machine needs is present. It may go to every node.
 FEED: Final = "feed"
-#: Verbs for which any right suffices.
-UNRESTRICTED: Final = frozenset({GREETING, CLOCK, FEED})
-#: Verbs of the lease itself.
-LEASE: Final = frozenset({"acquire", "release"})
-
-
-def needed(verb: str) -> frozenset[Right] | None:
-    """Rights of which one suffices; empty for a stop, None for a verb that no right allows."""
-    if verb in STOPS:
-        return frozenset()
-    if verb in UNRESTRICTED:
-        return frozenset(Right)
-    if verb in LEASE:
-        return frozenset({Right.MOVE, Right.ARM})
-    return frozenset({VERBS[verb]}) if verb in VERBS else None
+#: Rights of which a verb needs one; none for a stop. Verbs that are not listed are no requests by network.
+NEEDED: Final[Mapping[str, frozenset[Right]]] = {
+    **dict.fromkeys(STOPS, frozenset()),
+    **dict.fromkeys((GREETING, CLOCK, FEED), frozenset(Right)),
+    **dict.fromkeys((*READS, "ping", "subscribe", "unsubscribe"), frozenset({Right.WATCH})),
+    "measure": frozenset({Right.MEASURE}),
+    **dict.fromkeys(("acquire", "release"), frozenset({Right.MOVE, Right.ARM})),
+    **dict.fromkeys(("move", "rows", "end", "start", NOTE, "grip"), frozenset({Right.MOVE})),
+    **dict.fromkeys(("resume", "recover", "clear_fault"), frozenset({Right.ARM})),
+}
 
 
 def allowed_verbs(rights: frozenset[Right]) -> tuple[str, ...]:
     """Verbs that rights allow, stops included, sorted."""
-    verbs = {verb for verb in (*VERBS, *UNRESTRICTED) if (needed(verb) or frozenset()) & rights}
-    return tuple(sorted(verbs | STOPS))
+    return tuple(sorted(verb for verb, needed in NEEDED.items() if not needed or needed & rights))

@@ -10,14 +10,13 @@ import logging
 import os
 import signal
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, Self
 
 from pydantic import Field, model_validator
 
 from contid.fleet.access_rules import router_rules
 from contid.fleet.certificates import MACHINE
-from contid.fleet.fleet_file import FleetFile, Listen, Name, NodeName, check_names, load_file
+from contid.fleet.fleet_file import FleetFile, Listen, Name, NodeName, check_names
 from contid.fleet.keys import Keys
 from contid.fleet.net import NetSession, NetSettings
 from contid.fleet.rights import Right
@@ -44,6 +43,11 @@ class RouterFile(FleetFile):
         """Every endpoint of the file."""
         return self.listen
 
+    def access_rules(self) -> dict[str, Any]:
+        """The access rules of the router: machines are named by the common names of their certificates."""
+        machines = {f"{MACHINE}{name}": nodes for name, nodes in self.machines.items()}
+        return router_rules(self.fleet, self.operators, machines)
+
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
         if self.connect:
@@ -57,21 +61,6 @@ class RouterFile(FleetFile):
         return self
 
 
-def load_router_file(path: Path) -> RouterFile:
-    """Read the file of a router.
-
-    Raises:
-        ContidError: with every mistake and its place.
-    """
-    return load_file(path, RouterFile)
-
-
-def rules_of(file: RouterFile) -> dict[str, Any]:
-    """The access rules of a router: machines are named by the common names of their certificates."""
-    machines = {f"{MACHINE}{name}": nodes for name, nodes in file.machines.items()}
-    return router_rules(file.fleet, file.operators, machines)
-
-
 def route(file: RouterFile, ready: Callable[[], None]) -> None:
     """Route until SIGINT or SIGTERM; ``ready`` is called when machines and operators can connect.
 
@@ -82,7 +71,7 @@ def route(file: RouterFile, ready: Callable[[], None]) -> None:
     # Blocked before Zenoh starts its threads: one of them could take the signal, and this one would sleep on.
     ends = {signal.SIGINT, signal.SIGTERM}
     signal.pthread_sigmask(signal.SIG_BLOCK, ends)
-    access = rules_of(file) if file.tls is not None else None
+    access = None if file.tls is None else file.access_rules()
     net = NetSession(NetSettings(file.listen, tls=file.tls, access=access, mode="router"))
     try:
         keys = Keys(file.fleet)

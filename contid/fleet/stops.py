@@ -6,7 +6,7 @@ Best effort: the network, a bridge or a machine may be down. It is never the onl
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 from contid.fleet.operator import ANSWER_TIMEOUT_S, FleetOperator
 from contid.remote.protocol.wire import Fields
@@ -60,24 +60,9 @@ class StopReport:
 
     def as_fields(self) -> Fields:
         """For ``--json``."""
-        return {
-            "ok": self.complete,
-            "verb": self.verb,
-            "confirmed": {
-                name: {
-                    "tick": each.tick,
-                    "robots": dict(each.robots),
-                    "silent": dict(each.silent),
-                    "refused": dict(each.refused),
-                }
-                for name, each in self.confirmed.items()
-            },
-            "refused": dict(self.refused),
-            "missing": list(self.missing),
-            "doubled": list(self.doubled),
-            "unlinked": self.unlinked,
-            "took_ms": round(self.took_s * 1e3, 1),
-        }
+        fields = {"ok": self.complete, **asdict(self), "took_ms": round(self.took_s * 1e3, 1)}
+        del fields["took_s"]
+        return fields
 
 
 def stop_fleet(

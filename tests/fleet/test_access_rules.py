@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from contid.fleet.access_rules import access_rules, router_rules
 from contid.fleet.keys import NAME, Keys
-from contid.fleet.rights import STOPS, VERBS, Right, needed
+from contid.fleet.rights import NEEDED, Right
 from tests.support.command import contid
 
 KEYS = Keys("lab")
-VERBS_AND_OTHERS = sorted({*VERBS, *STOPS, "hello", "subscribe"})
+VERBS = sorted(NEEDED)
 names = st.from_regex(NAME, fullmatch=True)
 operators = st.dictionaries(names, st.lists(st.sampled_from(Right), unique=True), max_size=5)
 machines = st.dictionaries(names.map("machine:{}".format), st.lists(names, max_size=3), max_size=3)
@@ -42,7 +42,7 @@ def allows(rules: dict[str, Any], subject: str, flow: str, message: str, key: st
     machines=machines | st.none(),
     node=chunks,
     session=chunks,
-    verb=st.sampled_from(VERBS_AND_OTHERS),
+    verb=st.sampled_from(VERBS),
 )
 def test_an_operator_asks_in_its_own_name_and_within_its_rights(
     operators: dict[str, list[Right]],
@@ -56,7 +56,7 @@ def test_an_operator_asks_in_its_own_name_and_within_its_rights(
     for subject, rights in operators.items():
         for name in [*operators, "stranger-of-all", "*"]:
             key = KEYS.do(node, name, session, verb)
-            need = needed(verb)
+            need = NEEDED[verb]
             expected = name == subject and need is not None and (not need or bool(need & {*rights}))
             assert allows(rules, subject, "ingress", "query", key) == expected
 
@@ -84,7 +84,7 @@ def test_tokens_and_notices_are_those_of_the_operator(
         assert not allows(rules, subject, "ingress", "query", Keys("other").do(node, subject, "s", "estop"))
 
 
-@given(operators=operators, machines=machines, node=names, verb=st.sampled_from(VERBS_AND_OTHERS))
+@given(operators=operators, machines=machines, node=names, verb=st.sampled_from(VERBS))
 def test_a_machine_is_its_own_nodes_and_asks_nothing(
     operators: dict[str, list[Right]], machines: dict[str, list[str]], node: str, verb: str
 ) -> None:
@@ -110,14 +110,14 @@ def test_a_machine_is_its_own_nodes_and_asks_nothing(
         assert not allows(rules, subject, "ingress", "liveliness_token", KEYS.alive("*", "b"))
 
 
-@given(operators=operators, node=chunks, verb=st.sampled_from(VERBS_AND_OTHERS))
+@given(operators=operators, node=chunks, verb=st.sampled_from(VERBS))
 def test_behind_a_router_only_the_router_has_rights_and_no_more_than_its_operators(
     operators: dict[str, list[Right]], node: str, verb: str
 ) -> None:
     rules = access_rules("lab", operators, "machine:hub")
     assert [each["cert_common_names"] for each in rules["subjects"]] == [["machine:hub"]]
     for name in [*operators, "stranger-of-all", "*"]:
-        need = needed(verb)
+        need = NEEDED[verb]
         rights = {*operators.get(name, ())}
         expected = name in operators and need is not None and (not need or bool(need & rights))
         assert allows(rules, "machine:hub", "ingress", "query", KEYS.do(node, name, "s", verb)) == expected

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -42,4 +40,3 @@ def test_the_offset_of_a_node_of_this_machine_is_nothing(lab: Fleet) -> None:
         until(lambda: "hand1" in operator.nodes(), "the node has a token")
         offset = measure_offset(operator, "hand1")
     assert abs(offset.offset_s) <= offset.bound_s
-    assert offset.wall_minus_monotonic_s == pytest.approx(time.time() - time.monotonic(), abs=0.1)

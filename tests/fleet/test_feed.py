@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from contid.errors import ContidError
 from contid.fleet.feed_watch import FeedWatch
-from contid.fleet.fleet_file import load_machine_file
+from contid.fleet.fleet_file import MachineFile
 from contid.fleet.operator import FleetOperator
 from tests.support.daemons import command, daemon, states
 from tests.support.fingers import circle_csv
@@ -100,4 +100,4 @@ def test_without_need_a_feed_is_refused() -> None:
 def test_a_wrong_feed_is_refused(tmp_path: Path, feed: dict[str, object], message: str) -> None:
     path = machine_file(tmp_path, "tcp/127.0.0.1:7447", {"hand1": tmp_path / "s"}, hold_without_feed=feed)
     with pytest.raises(ContidError, match=message):
-        load_machine_file(path)
+        MachineFile.load(path)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from contid.errors import ContidError
-from contid.fleet.fleet_file import load_machine_file, load_operator_file
+from contid.fleet.fleet_file import MachineFile, load_operator_file
 
 LOCAL = "fleet: lab\nlisten: [tcp/127.0.0.1:7447]\n"
 
@@ -16,7 +16,7 @@ def refusal(tmp_path: Path, text: str) -> str:
     path = tmp_path / "machine.yaml"
     path.write_text(text)
     with pytest.raises(ContidError) as error:
-        load_machine_file(path)
+        MachineFile.load(path)
     return str(error.value)
 
 
@@ -42,9 +42,9 @@ def test_a_mistake_is_named_with_its_line(tmp_path: Path, text: str, place: str,
 def test_without_tls_rights_beyond_watching_need_a_decision(tmp_path: Path) -> None:
     path = tmp_path / "machine.yaml"
     path.write_text(LOCAL + "operators: {anna: [watch]}\n")
-    assert load_machine_file(path).operators["anna"] == ["watch"]
+    assert MachineFile.load(path).operators["anna"] == ["watch"]
     path.write_text(LOCAL + "operators: {anna: [move]}\ntrust_local_users: true\n")
-    assert load_machine_file(path).operators["anna"] == ["move"]
+    assert MachineFile.load(path).operators["anna"] == ["move"]
 
 
 def test_an_operator_needs_an_endpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,11 +18,11 @@ import pytest
 
 from contid.errors import BadInputError
 from contid.fleet.certificates import make_ca, make_certificate
-from contid.fleet.fleet_file import OperatorFile, load_machine_file
+from contid.fleet.fleet_file import MachineFile, OperatorFile
 from contid.fleet.keys import Keys
 from contid.fleet.net import LINK_LEASE_S, NetSession, NetSettings
 from contid.fleet.operator import FleetOperator
-from contid.fleet.router import load_router_file
+from contid.fleet.router import RouterFile
 from contid.fleet.stops import stop_fleet
 from tests.support.command import contid
 from tests.support.daemons import Running, armed, command, daemon, states
@@ -263,7 +263,7 @@ def test_a_wrong_file_of_a_router_is_refused(change: dict[str, Any], message: st
     machines = change.pop("machines", {"pc1": ["hand1"]})
     path = router_file(tmp_path, "tcp/127.0.0.1:7447", machines, **change)
     with pytest.raises(BadInputError, match=message):
-        load_router_file(path)
+        RouterFile.load(path)
 
 
 @pytest.mark.parametrize(
@@ -283,4 +283,4 @@ def test_a_wrong_file_of_a_router_is_refused(change: dict[str, Any], message: st
 def test_a_machine_behind_a_router_names_it(change: dict[str, Any], message: str, tmp_path: Path) -> None:
     path = machine_file(tmp_path, "tcp/127.0.0.1:7447", {}, **change)
     with pytest.raises(BadInputError, match=message):
-        load_machine_file(path)
+        MachineFile.load(path)

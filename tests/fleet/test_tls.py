@@ -15,7 +15,7 @@ import pytest
 
 from contid.errors import ContidError
 from contid.fleet.certificates import make_ca, make_certificate
-from contid.fleet.fleet_file import Tls, load_machine_file
+from contid.fleet.fleet_file import MachineFile, Tls
 from contid.fleet.keys import is_name
 from contid.fleet.net import NetSession, NetSettings, configuration
 from contid.fleet.operator import FleetOperator
@@ -154,13 +154,13 @@ def test_private_keys_are_private(certificates: Path, tmp_path: Path) -> None:
     section = {**tls(certificates, "pc1"), "key": str(tmp_path / "pc1.key")}
     path = machine_file(tmp_path, "tls/127.0.0.1:7447", {}, tls=section)
     with pytest.raises(ContidError, match="chmod 600"):
-        load_machine_file(path)
+        MachineFile.load(path)
 
 
 def test_the_owner_of_an_expired_certificate_reads_when(certificates: Path, tmp_path: Path) -> None:
     path = machine_file(tmp_path, "tls/127.0.0.1:7447", {}, tls=tls(certificates, "late"))
     with pytest.raises(ContidError, match="expired at"):
-        load_machine_file(path)
+        MachineFile.load(path)
 
 
 def test_a_machine_cannot_have_the_name_of_an_operator(certificates: Path, tmp_path: Path) -> None:
@@ -191,7 +191,7 @@ def test_tls_and_other_endpoints_are_not_mixed(certificates: Path, tmp_path: Pat
     listen = ["tls/127.0.0.1:7447", "tcp/127.0.0.1:7448"]
     path = machine_file(tmp_path, listen[0], {}, listen=listen, tls=tls(certificates, "pc1"))
     with pytest.raises(ContidError, match="not mixed"):
-        load_machine_file(path)
+        MachineFile.load(path)
 
 
 def test_openssl_accepts_the_certificates(certificates: Path) -> None:

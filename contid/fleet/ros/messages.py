@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
 
-from contid.errors import ContidError
-from contid.fleet.extra import require_ros
+from contid.errors import ContidError, require_extra
 from contid.fleet.ros.keys import ros_name
 from contid.remote.protocol.wire import Fields
 from contid.units import BAR, MM_PER_M, mm_to_m
@@ -25,9 +24,6 @@ DIAGNOSTICS: Final = "diagnostic_msgs/msg/DiagnosticArray"
 WORLD: Final = "world"
 #: Levels of diagnostic_msgs/DiagnosticStatus.
 OK, WARN, ERROR = 0, 1, 2
-#: Units of axes in `describe`, in SI: lengths are joint positions, pressures are not.
-_METRES: Final = {"mm": 1.0 / MM_PER_M}
-_PASCAL: Final = {"bar": BAR}
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +42,7 @@ def type_store() -> Any:
     Raises:
         MissingExtraError: rosbags is not installed.
     """
-    require_ros()
+    require_extra("messages of ROS 2", "rosbags")
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_JAZZY)
@@ -110,29 +106,29 @@ class NodeMessages:
         yield _message("/diagnostics", DIAGNOSTICS, array)
 
     def _axes(self, robot: str, described: Fields, fields: Fields, time_ns: int) -> Iterator[RosMessage]:
-        """Joint states of axes with a length, else a pressure per axis; nothing before the first sample."""
+        """Joint states of lengths, or a message per pressure, which is no joint; none before a sample."""
         import numpy as np
 
         measured = fields.get("measured")
         if measured is None:
             return
-        unit, axes = described["unit"], [*described["axes"]]
+        axes = [*described["axes"]]
         base = f"{self._base}/{ros_name(robot)}"
-        if unit in _METRES:
+        if described["unit"] == "mm":
             none = np.zeros(0)
             state = _new(
                 JOINT_STATE,
                 header=_header("", time_ns),
                 name=[f"{ros_name(robot)}_{ros_name(axis)}" for axis in axes],
-                position=np.array(measured, dtype=np.float64) * _METRES[unit],
+                position=np.array(measured, dtype=np.float64) / MM_PER_M,
                 velocity=none,
                 effort=none,
             )
             yield _message(f"{base}/joint_states", JOINT_STATE, state)
-        elif unit in _PASCAL:
+        elif described["unit"] == "bar":
             for axis, value in zip(axes, measured, strict=True):
                 frame = f"{ros_name(robot)}_{ros_name(axis)}"
-                header, pascal = _header(frame, time_ns), float(value) * _PASCAL[unit]
+                header, pascal = _header(frame, time_ns), float(value) * BAR
                 pressure = _new(PRESSURE, header=header, fluid_pressure=pascal, variance=0.0)
                 yield _message(f"{base}/{ros_name(axis)}/pressure", PRESSURE, pressure)
 

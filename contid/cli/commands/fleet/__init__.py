@@ -43,12 +43,12 @@ def serve(machine: Path, metrics: str | None, verbose: bool) -> None:
     and the robots hold.
     """
     from contid.fleet.bridge import serve as serve_bridge
-    from contid.fleet.fleet_file import load_machine_file
+    from contid.fleet.fleet_file import MachineFile
     from contid.fleet.metrics_server import metrics_address
 
     address = None if metrics is None else metrics_address(metrics)
     log_to_stderr(verbose)
-    file = load_machine_file(machine)
+    file = MachineFile.load(machine)
 
     def ready() -> None:
         where = ", ".join(file.endpoints())

@@ -26,11 +26,11 @@ def route(router: Path, verbose: bool) -> None:
     Machines and operators connect to it, so that machines listen nowhere. Each operator asks in its own name
     only, and each machine answers for its own nodes only.
     """
-    from contid.fleet.router import load_router_file
+    from contid.fleet.router import RouterFile
     from contid.fleet.router import route as pass_on
 
     log_to_stderr(verbose)
-    file = load_router_file(router)
+    file = RouterFile.load(router)
 
     def ready() -> None:
         where = ", ".join(file.endpoints())
@@ -44,12 +44,8 @@ def route(router: Path, verbose: bool) -> None:
 @click.option("--router", is_flag=True, help="FILE is that of a router.")
 def acl(file: Path, router: bool) -> None:
     """Print the access rules of Zenoh that `fleet serve` (or `fleet route`) uses for FILE, as JSON."""
-    from contid.fleet.bridge import rules_of as rules_of_machine
-    from contid.fleet.fleet_file import load_machine_file
-    from contid.fleet.router import load_router_file, rules_of
+    from contid.fleet.fleet_file import MachineFile
+    from contid.fleet.router import RouterFile
 
-    if router:
-        rules = rules_of(load_router_file(file))
-    else:
-        rules = rules_of_machine(load_machine_file(file))
+    rules = (RouterFile.load(file) if router else MachineFile.load(file)).access_rules()
     click.echo(json.dumps({"access_control": rules}, indent=2))
