@@ -7,15 +7,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.robot import RobotDescription
-from contid.targets import Actuation
 from contid.view.body_plan import body_plan, section_shares
-from contid.view.robot_scene import RobotDrawing, RobotScene
+from contid.view.robot_scene import Array, RobotDrawing, RobotScene
 
-Array = NDArray[np.float64]
 _TINY: Final = 1e-12
 
 
@@ -55,11 +52,11 @@ class SolidBody:
     def __len__(self) -> int:
         return len(self.radii)
 
-    def place(self, drawings: Sequence[RobotDrawing], actuations: Sequence[Actuation]) -> Cylinders:
-        """The cylinders of drawings, each with the actuation [m or Pa] it was drawn for."""
+    def place(self, drawings: Sequence[RobotDrawing]) -> Cylinders:
+        """The cylinders of drawings."""
         lines = np.stack([_backbone(drawing) for drawing in drawings])
         x, y, z = transported(lines, self._across, self._along)
-        shares = np.stack([self._shares(*each) for each in zip(drawings, actuations, strict=True)])
+        shares = np.stack([self._shares(drawing) for drawing in drawings])
         section = np.minimum(self._stations.astype(int), shares.shape[1] - 2)
         within = self._stations - section
         at = shares[:, section] + within * (shares[:, section + 1] - shares[:, section])
@@ -69,8 +66,8 @@ class SolidBody:
             ends = ends + _interpolated(axes, place) * offset[None, :, :, None]
         return between(ends[:, :, 0], ends[:, :, 1])
 
-    def _shares(self, drawing: RobotDrawing, actuation: Actuation) -> Array:
-        shares = np.array(section_shares(self._robot, actuation))
+    def _shares(self, drawing: RobotDrawing) -> Array:
+        shares = np.array(section_shares(self._robot, drawing.actuation))
         if isinstance(self._robot, Cosserat) and drawing.sections == len(shares) - 1 == 2:
             # Its sections stretch; the drawing is cut at the end of the first one.
             first = len(drawing.strips[0])

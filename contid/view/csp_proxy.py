@@ -36,16 +36,13 @@ _DATA_PATHS: Final = "/rerun."
 _OWN_HEADERS: Final = frozenset(
     ("connection", "keep-alive", "set-cookie", "content-security-policy", "access-control-allow-origin")
 )
+#: A browser may run and draw the page, and fetch data from this server only.
+POLICY: Final = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval'; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; worker-src 'self' blob:; "
+    "connect-src 'self'; form-action 'none'; frame-ancestors 'none'"
+)
 _FORWARDED: Final = ("accept", "content-type", "content-length", "te", "x-grpc-web", "x-user-agent", "range")
-
-
-def policy() -> str:
-    """The policy: a browser may run and draw the page, and fetch data from this server only."""
-    return (
-        "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval'; "
-        "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; worker-src 'self' blob:; "
-        "connect-src 'self'; form-action 'none'; frame-ancestors 'none'"
-    )
 
 
 class _RefusedError(Exception):
@@ -205,7 +202,7 @@ class CspProxy:
         kept = [line for line in lines if line.partition(":")[0].strip().lower() not in _OWN_HEADERS]
         kept += [
             "Connection: close",
-            f"Content-Security-Policy: {policy()}",
+            f"Content-Security-Policy: {POLICY}",
             "Referrer-Policy: no-referrer",
             "X-Content-Type-Options: nosniff",
         ]

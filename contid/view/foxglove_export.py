@@ -14,15 +14,14 @@ import foxglove
 import numpy as np
 from foxglove import messages as fox
 from foxglove.channels import FrameTransformsChannel, JointStatesChannel, LogChannel, SceneUpdateChannel
-from scipy.spatial.transform import Rotation
 
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.tick_layout import RecordLayout, RobotRecord, TickRecord
 from contid.robot_file.load import LoadedFile
 from contid.targets import Actuation, load_or_zero
 from contid.units import MM_PER_M
-from contid.view.body import SolidBody
-from contid.view.colours import PLATE, of_robot
+from contid.view.body import SolidBody, quaternion_of
+from contid.view.colours import PLATE, ROPE, TARGET, Colour, of_robot
 from contid.view.event_line import event_line
 from contid.view.frames import FRAMES_HZ
 from contid.view.robot_scene import Array, RobotDrawing, RobotScene
@@ -30,11 +29,8 @@ from contid.view.scene import Scene, build_scene
 
 WORLD: Final = "world"
 #: Thickness of tendons and of the commanded line, and the size of a target, as fractions of the length.
-THIN, TARGET = 0.008, 0.04
-COMMANDED: Final = (0.9, 0.9, 0.9)
-TARGETED: Final = (1.0, 0.27, 0.35)
-ROPE: Final = (0.84, 0.69, 0.49)
-Colour = tuple[float, ...]
+THIN, TARGET_SIZE = 0.008, 0.04
+COMMANDED: Final[Colour] = (230, 230, 230)
 #: Time of day [ns], and the values of a record or an event.
 TimedEntry = tuple[int, Sequence[float] | None, RunEvent | None]
 
@@ -104,7 +100,7 @@ class _Writer:
             load = load_or_zero(each.load_n)
             sampled, command = _measured(robot, each), tuple(axis.command for axis in each.axes)
             measured, commanded = robot.drawing(sampled, load), robot.drawing(command, load)
-            body, present = (measured, sampled) if measured is not None else (commanded, command)
+            body = measured or commanded
             drawings.append(body)
             frames.append(_transform(stamp, robot.config.name, robot.base))
             if body is not None:
@@ -121,7 +117,7 @@ class _Writer:
                     frame_id=WORLD,
                     id=robot.config.name,
                     lines=lines,
-                    cylinders=_body(self._scene.bodies[number], body, present, number),
+                    cylinders=_body(self._scene.bodies[number], body, number),
                     spheres=_target(robot, each),
                 )
             )
@@ -147,14 +143,12 @@ def _outside(robot: RobotScene, drawing: RobotDrawing | None) -> list[fox.LinePr
     return [_line(part, COMMANDED, THIN * robot.length_mm) for part in drawing.strips[drawing.sections :]]
 
 
-def _body(
-    body: SolidBody, drawing: RobotDrawing | None, actuation: Actuation, number: int
-) -> list[fox.CylinderPrimitive]:
+def _body(body: SolidBody, drawing: RobotDrawing | None, number: int) -> list[fox.CylinderPrimitive]:
     """The solid body, as in the viewer."""
     if drawing is None:
         return []
-    placed = body.place([drawing], [actuation])
-    inks = [_ink(tuple(part / 255 for part in colour)) for colour in (*of_robot(number), PLATE)]
+    placed = body.place([drawing])
+    inks = [_ink(colour) for colour in (*of_robot(number), PLATE)]
     centres = (placed.centres[0] / MM_PER_M).tolist()
     lengths, radii = (placed.lengths[0] / MM_PER_M).tolist(), (body.radii / MM_PER_M).tolist()
     found = []
@@ -173,9 +167,9 @@ def _target(robot: RobotScene, record: RobotRecord) -> list[fox.SpherePrimitive]
     if not all(map(math.isfinite, record.tip_m)):
         return []
     x, y, z = record.tip_m
-    edge = TARGET * robot.length_mm / MM_PER_M
+    edge = TARGET_SIZE * robot.length_mm / MM_PER_M
     pose = fox.Pose(position=fox.Vector3(x=x, y=y, z=z), orientation=fox.Quaternion(w=1.0))
-    return [fox.SpherePrimitive(pose=pose, size=fox.Vector3(x=edge, y=edge, z=edge), color=_ink(TARGETED))]
+    return [fox.SpherePrimitive(pose=pose, size=fox.Vector3(x=edge, y=edge, z=edge), color=_ink(TARGET))]
 
 
 def _line(points_mm: Array, colour: Colour, thickness_mm: float) -> fox.LinePrimitive:
@@ -207,7 +201,7 @@ def quaternion(frame: Array) -> tuple[float, float, float, float]:
     A mirrored robot has a left-handed frame, which no rotation gives: its z points the other way here.
     """
     x, y = frame[1], frame[2]
-    i, j, k, w = Rotation.from_matrix(np.column_stack([x, y, np.cross(x, y)])).as_quat().tolist()
+    i, j, k, w = quaternion_of(np.column_stack([x, y, np.cross(x, y)]))
     return i, j, k, w
 
 
@@ -216,4 +210,5 @@ def _stamp(time_ns: int) -> fox.Timestamp:
 
 
 def _ink(colour: Colour) -> fox.Color:
-    return fox.Color(r=colour[0], g=colour[1], b=colour[2], a=1.0)
+    r, g, b = (part / 255 for part in colour)
+    return fox.Color(r=r, g=g, b=b, a=1.0)

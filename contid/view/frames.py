@@ -10,12 +10,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from contid.control.engine.tick_layout import RecordLayout, TickRecord
+from contid.control.engine.tick_layout import LATENESS, TICK, WORK, RecordLayout, TickRecord
 
 FRAMES_HZ: Final = 30.0
 #: Frames of a file are written together: a batch costs little more than one frame.
 BATCH: Final = 30
-_LATENESS, _WORK = 3, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,15 +64,15 @@ class Decimator:
 
     def add(self, values: Sequence[float]) -> None:
         """Add a record; the frame before it is complete when its interval is."""
-        interval = int(values[0] * self._per_tick)
+        interval = int(values[TICK] * self._per_tick)
         if interval != self._interval or self._curves:
             self._complete(drawn=interval != self._interval)
             self._interval = interval
             if len(self._frames) >= self._batch:
                 self._flush()
         self._values = values
-        self._lateness_s = max(self._lateness_s, values[_LATENESS])
-        self._work_s = max(self._work_s, values[_WORK])
+        self._lateness_s = max(self._lateness_s, values[LATENESS])
+        self._work_s = max(self._work_s, values[WORK])
 
     def finish(self) -> None:
         """Write what is left, the frame of the incomplete interval included."""

@@ -146,17 +146,7 @@ def _bar_view(name: str, rows: Sequence[BarRows]) -> rrb.Spatial2DView:
 def _space(scene: Scene) -> rrb.Spatial3DView:
     entities, trails = [paths.FLOOR], {}
     for robot in scene.robots:
-        parts = [
-            "base",
-            "body",
-            "backbone",
-            "measured",
-            "tracked",
-            "tracked_tip",
-            "frames",
-            "target",
-            "trail",
-        ]
+        parts = [*paths.PARTS]
         parts += ["reach"] if robot.outline is not None else []
         parts += ["compliance"] if isinstance(robot.config.model, Compliant) else []
         parts += ["load"] if robot.config.sensing is not None else []

@@ -15,8 +15,14 @@ TIME: Final = "time"
 TICK: Final = "tick"
 
 
+#: Parts of every robot in space; some also have reach, rope, compliance and load.
+PARTS: Final = (
+    "base", "body", "backbone", "measured", "tracked", "tracked_tip", "frames", "target", "trail",
+)  # fmt: skip
+
+
 def body(robot: str, part: str) -> str:
-    """In space: body, backbone, measured, frames, base, target, trail, reach, rope, compliance, load."""
+    """A part of a robot in space: one of `PARTS`, or a further one."""
     return f"robots/{robot}/{part}"
 
 

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
-from contid.targets import Actuation
 from contid.view import paths
 from contid.view.body import SolidBody
 from contid.view.colours import PLATE, Colour
@@ -26,32 +25,22 @@ class RerunBody:
     ) -> None:
         self._stream, self._body = stream, body
         self._entity = paths.body(robot, "body")
-        self._visible = True  # the layout shows the entity even if its first row is empty
         shades = np.array([*colours, PLATE])[body.shades]
         solid = rr.components.FillMode.Solid
         look = rr.Cylinders3D.from_fields(radii=body.radii, colors=shades.astype(np.uint8), fill_mode=solid)
         stream.static(self._entity, look)
 
-    def write(
-        self,
-        ticks: Sequence[int],
-        drawings: Sequence[RobotDrawing | None],
-        actuations: Sequence[Actuation],
-    ) -> None:
+    def write(self, ticks: Sequence[int], drawings: Sequence[RobotDrawing | None]) -> None:
         """The body at every tick, or none where the robot is unknown."""
         known = [drawing is not None for drawing in drawings]
-        keep = []
-        for k, is_known in enumerate(known):
-            if is_known or self._visible:
-                keep.append(k)
-            self._visible = is_known
+        keep = self._stream.changes(self._entity, known)
         if not keep:
             return
-        shown = [(drawing, q) for drawing, q in zip(drawings, actuations, strict=True) if drawing is not None]
+        shown = [drawing for drawing in drawings if drawing is not None]
         count = len(self._body)
         centres, quaternions, lengths = np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0)
         if shown:
-            placed = self._body.place([drawing for drawing, _ in shown], [q for _, q in shown])
+            placed = self._body.place(shown)
             centres, lengths = placed.centres.reshape(-1, 3), placed.lengths.ravel()
             quaternions = placed.quaternions.reshape(-1, 4)
         columns = rr.Cylinders3D.columns(

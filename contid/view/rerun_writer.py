@@ -16,30 +16,14 @@ from contid.control.tick.config import RobotConfig
 from contid.kinematics.model import Compliant
 from contid.targets import load_or_zero
 from contid.units import MM_PER_M
-from contid.view import paths
+from contid.view import colours, paths
 from contid.view.banner import Banner
-from contid.view.colours import (
-    AXES,
-    CURVES,
-    EDGES,
-    FLOOR,
-    MEASURED,
-    REACH,
-    ROPE,
-    TARGET,
-    TRACKED,
-    TRAIL,
-    Colour,
-    of_axis,
-    of_robot,
-)
 from contid.view.event_line import event_line
 from contid.view.frames import Frame
 from contid.view.measured_shape import measured_shape
 from contid.view.rerun_bars import RerunBars, bar_rows
 from contid.view.rerun_bodies import RerunBody
-from contid.view.rerun_rows import RerunRows, Strip
-from contid.view.rerun_stream import RerunStream
+from contid.view.rerun_stream import RerunStream, Strip
 from contid.view.robot_scene import ARROW, Array, RobotDrawing, RobotScene
 from contid.view.scene import Scene
 from contid.view.shapes.compliance import RerunCompliance
@@ -58,7 +42,7 @@ class RerunWriter:
         self._scene = scene
         several = len(scene.robots) > 1
         self._bodies = [
-            RerunBody(stream, robot.config.name, body, of_robot(index))
+            RerunBody(stream, robot.config.name, body, colours.of_robot(index))
             for index, (robot, body) in enumerate(zip(scene.robots, scene.bodies, strict=True))
         ]
         self._compliances = [
@@ -74,41 +58,39 @@ class RerunWriter:
         self._bars = [RerunBars(stream, rows, several) for rows in bar_rows(scene.robots)]
         self._banner = Banner([robot.config.name for robot in scene.robots])
         self._tick = 0
-        shown = [paths.body(rope.guard.name, "rope") for rope in scene.ropes]
-        for robot in scene.robots:
-            shown += [paths.body(robot.config.name, part) for part in ("tracked", "tracked_tip")]
-        self._rows = RerunRows(stream, shown)
         self._log_static()
         self._show_banner(0)
 
     def _log_static(self) -> None:
         """Write what never changes: base frames, outlines, names and colours of the curves."""
-        floor = rr.LineStrips3D(self._scene.floor(), colors=[FLOOR], radii=rr.Radius.ui_points(0.5))
+        floor = rr.LineStrips3D(self._scene.floor(), colors=[colours.FLOOR], radii=rr.Radius.ui_points(0.5))
         self._stream.static(paths.FLOOR, floor)
         draw_obstacles(self._stream, self._scene.obstacles, self._scene.workspace())
         for index, robot in enumerate(self._scene.robots):
             name = robot.config.name
             origins, vectors = _arrows([robot.base], 2 * ARROW * robot.length_mm)
             self._stream.static(
-                paths.body(name, "base"), rr.Arrows3D(origins=origins, vectors=vectors, colors=AXES)
+                paths.body(name, "base"), rr.Arrows3D(origins=origins, vectors=vectors, colors=colours.AXES)
             )
             if robot.outline is not None:
-                outline = rr.LineStrips3D([robot.outline], colors=[REACH], radii=rr.Radius.ui_points(1.0))
+                outline = rr.LineStrips3D(
+                    [robot.outline], colors=[colours.REACH], radii=rr.Radius.ui_points(1.0)
+                )
                 self._stream.static(paths.body(name, "reach"), outline)
             for group, axes in robot.groups.items():
                 names = robot.config.axis_names[axes]
                 count = len(names)
-                inks = [of_axis(axes.start + k) for k in range(count)]
+                inks = [colours.of_axis(axes.start + k) for k in range(count)]
                 curves = rr.SeriesLines(names=names, colors=inks, widths=[2.0] * count)
                 self._stream.static(paths.plot(name, f"{group}command"), curves)
                 names = tuple(f"{axis} measured" for axis in names)
-                curves = rr.SeriesLines(names=names, colors=[MEASURED] * count, widths=[0.75] * count)
+                curves = rr.SeriesLines(names=names, colors=[colours.MEASURED] * count, widths=[0.75] * count)
                 self._stream.static(paths.plot(name, f"{group}measured"), curves)
-            errors = rr.SeriesLines(names=f"{name} commanded", colors=of_robot(index)[0])
+            errors = rr.SeriesLines(names=f"{name} commanded", colors=colours.of_robot(index)[0])
             self._stream.static(paths.plot(name, "tip_error"), errors)
-            errors = rr.SeriesLines(names=f"{name} measured", colors=MEASURED, widths=0.75)
+            errors = rr.SeriesLines(names=f"{name} measured", colors=colours.MEASURED, widths=0.75)
             self._stream.static(paths.plot(name, "tip_error_measured"), errors)
-        self._stream.static(paths.TIMING, rr.SeriesLines(names=paths.TIMES, colors=CURVES[:2]))
+        self._stream.static(paths.TIMING, rr.SeriesLines(names=paths.TIMES, colors=colours.CURVES[:2]))
 
     def write(self, frames: Sequence[Frame]) -> None:
         """Add frames, oldest first."""
@@ -117,7 +99,7 @@ class RerunWriter:
         self._tick = frames[-1].record.tick
         ticks = [frame.record.tick for frame in frames]
         timing = [[frame.lateness_s * US_PER_S, frame.work_s * US_PER_S] for frame in frames]
-        self._rows.scalars(paths.TIMING, ticks, timing)
+        self._stream.scalars(paths.TIMING, ticks, timing)
         drawn = [frame for frame in frames if frame.drawn]
         drawn_ticks = [frame.record.tick for frame in drawn]
         drawings = []
@@ -128,7 +110,7 @@ class RerunWriter:
                 drawings.append(self._space(index, robot, drawn_ticks, records))
         for rope in self._scene.ropes if drawn else ():
             lines = [rope.line(each) for each in zip(*drawings, strict=True)]
-            self._rows.lines(paths.body(rope.guard.name, "rope"), drawn_ticks, lines, ROPE)
+            self._stream.lines(paths.body(rope.guard.name, "rope"), drawn_ticks, lines, colours.ROPE)
 
     def event(self, event: RunEvent) -> None:
         """Add an event of the ring, unless it is for programs only."""
@@ -150,14 +132,14 @@ class RerunWriter:
         for what, rows in (("command", commands), ("measured", samples)):
             for group, axes in robot.groups.items():
                 values = rows[:, axes] * [each.per_si for each in config.quantities[axes]]
-                self._rows.scalars(paths.plot(config.name, group + what), ticks, values)
+                self._stream.scalars(paths.plot(config.name, group + what), ticks, values)
         errors = [[record.tip_error_m * MM_PER_M] for record in records]
-        self._rows.scalars(paths.plot(config.name, "tip_error"), ticks, errors)
+        self._stream.scalars(paths.plot(config.name, "tip_error"), ticks, errors)
         errors = [
             [measured_tip_error_m(config, each) * MM_PER_M if math.isfinite(each.tip_error_m) else math.nan]
             for each in records
         ]
-        self._rows.scalars(paths.plot(config.name, "tip_error_measured"), ticks, errors)
+        self._stream.scalars(paths.plot(config.name, "tip_error_measured"), ticks, errors)
 
     def _space(
         self, index: int, robot: RobotScene, ticks: Sequence[int], records: Sequence[RobotRecord]
@@ -176,20 +158,15 @@ class RerunWriter:
         if (compliance := self._compliances[index]) is not None:
             tips = [_NO_POINT[0] if drawing is None else drawing.tip for drawing in commanded]
             compliance.write(ticks, [tuple(q) for q in commands.tolist()], loads, tips)
-        self._body(robot, "backbone", ticks, commanded, of_robot(index), 2.5)
-        self._body(robot, "measured", ticks, measured, (MEASURED, MEASURED), 1.0)
+        self._body(robot, "backbone", ticks, commanded, colours.of_robot(index), 2.5)
+        self._body(robot, "measured", ticks, measured, (colours.MEASURED, colours.MEASURED), 1.0)
         drawings = [a or b for a, b in zip(commanded, measured, strict=True)]
-        present = [
-            tuple(q) if a is not None else tuple(p)
-            for a, q, p in zip(measured, samples.tolist(), commands.tolist(), strict=True)
-        ]
-        bodies = [a or b for a, b in zip(measured, commanded, strict=True)]
-        self._bodies[index].write(ticks, bodies, present)
+        self._bodies[index].write(ticks, [a or b for a, b in zip(measured, commanded, strict=True)])
         self._frames(robot, ticks, drawings)
         targets = [np.array([record.tip_m]) * MM_PER_M for record in records]
-        self._rows.points(paths.body(config.name, "target"), ticks, targets, TARGET, 7.0)
+        self._stream.points(paths.body(config.name, "target"), ticks, targets, colours.TARGET, 7.0)
         tips = [_NO_POINT if drawing is None else drawing.tip[None] for drawing in measured]
-        self._rows.points(paths.body(config.name, "trail"), ticks, tips, TRAIL, 1.0)
+        self._stream.points(paths.body(config.name, "trail"), ticks, tips, colours.TRAIL, 1.0)
         if (arrow := self._loads[index]) is not None:
             arrow.write(ticks, records, tips)
         self._tracked(robot, ticks, records, measured)
@@ -204,12 +181,12 @@ class RerunWriter:
     ) -> None:
         """The tip that a tracker measured, and the curve to it; ``measured`` is drawn from the samples."""
         config = robot.config
-        lengths = [None if drawing is None else robot.backbone_mm(drawing) for drawing in measured]
+        lengths = [None if drawing is None else drawing.backbone_mm for drawing in measured]
         shapes = [measured_shape(config, record, mm) for record, mm in zip(records, lengths, strict=True)]
         tips = [_NO_POINT if shape is None else shape.tip for shape in shapes]
-        self._rows.points(paths.body(config.name, "tracked_tip"), ticks, tips, TRACKED, 4.0)
+        self._stream.points(paths.body(config.name, "tracked_tip"), ticks, tips, colours.TRACKED, 4.0)
         lines = [None if shape is None else shape.line for shape in shapes]
-        self._rows.lines(paths.body(config.name, "tracked"), ticks, lines, TRACKED)
+        self._stream.lines(paths.body(config.name, "tracked"), ticks, lines, colours.TRACKED)
 
     def _body(
         self,
@@ -217,7 +194,7 @@ class RerunWriter:
         part: str,
         ticks: Sequence[int],
         drawings: Sequence[RobotDrawing | None],
-        colours: tuple[Colour, Colour],
+        inks: tuple[colours.Colour, colours.Colour],
         radius: float,
     ) -> None:
         """A robot in every frame: sections in its colours, tendons thin; nothing where it is unknown.
@@ -230,11 +207,11 @@ class RerunWriter:
             lines = [] if drawing is None else drawing.strips[: sections if robot.planar else None]
             strips.append(
                 [
-                    (line, colours[k % 2], radius) if k < sections else (line, EDGES, 0.5 * radius)
+                    (line, inks[k % 2], radius) if k < sections else (line, colours.EDGES, 0.5 * radius)
                     for k, line in enumerate(lines)
                 ]
             )
-        self._rows.strips(paths.body(robot.config.name, part), ticks, strips)
+        self._stream.strips(paths.body(robot.config.name, part), ticks, strips)
 
     def _frames(
         self, robot: RobotScene, ticks: Sequence[int], drawings: Sequence[RobotDrawing | None]
@@ -247,7 +224,7 @@ class RerunWriter:
         frames = [frame for _, drawing in shown for frame in drawing.frames[:count]]
         origins, vectors = _arrows(frames, ARROW * robot.length_mm)
         columns = rr.Arrows3D.columns(
-            origins=origins, vectors=vectors, colors=[*AXES] * len(frames)
+            origins=origins, vectors=vectors, colors=[*colours.AXES] * len(frames)
         ).partition([3 * count] * len(shown))
         self._stream.send(paths.body(robot.config.name, "frames"), [tick for tick, _ in shown], columns)
 

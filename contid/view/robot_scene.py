@@ -41,12 +41,14 @@ class RobotDrawing:
     """One robot at one actuation.
 
     Attributes:
+        actuation: [m or Pa].
         strips: sections of the backbone from base to tip, then the edges of the body or the tendons and
             discs around it, each (n, 3) [mm].
         frames: origin and three axes of length 1 as rows, (4, 3), of the mid-point (if any) and the tip.
         sections: how many of the strips are of the backbone.
     """
 
+    actuation: Actuation
     strips: list[Array]
     frames: list[Array]
     sections: int
@@ -56,6 +58,11 @@ class RobotDrawing:
         """Tip of the backbone [mm]."""
         tip: Array = self.frames[-1][0]
         return tip
+
+    @property
+    def backbone_mm(self) -> float:
+        """Length of the backbone [mm]."""
+        return sum(map(_length, self.strips[: self.sections]))
 
 
 class RobotScene:
@@ -128,11 +135,7 @@ class RobotScene:
             else tendon_lines(self._tendons, np.array(actuation[: len(self._tendons.axis_names)]))
         )
         strips = [self._world(part) for part in (*sections, *around)]
-        return RobotDrawing(strips, frames, len(sections))
-
-    def backbone_mm(self, drawing: RobotDrawing) -> float:
-        """Length of the backbone [mm]."""
-        return sum(map(_length, drawing.strips[: drawing.sections]))
+        return RobotDrawing(actuation, strips, frames, len(sections))
 
     def _edges(self, line: Array) -> Sequence[Array]:
         """Left and right edge of a planar body."""

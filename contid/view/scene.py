@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -67,7 +67,7 @@ class Scene:
     bodies: Sequence[SolidBody]
     ropes: Sequence[RopeDrawing]
     cell_mm: float
-    obstacles: Mapping[str, ObstacleDescription] = field(default_factory=dict)
+    obstacles: Mapping[str, ObstacleDescription]
 
     @property
     def planar(self) -> bool:

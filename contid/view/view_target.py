@@ -6,11 +6,10 @@ import enum
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from contid.errors import EXTRAS, ContidError, MissingExtraError
+from contid.errors import ContidError, require_extra
 
 if TYPE_CHECKING:
     from contid.robot_file.load import LoadedFile
@@ -72,8 +71,7 @@ def check(target: ViewTarget, environment: Mapping[str, str] = os.environ) -> No
         NoDisplayError: a window without a display.
         ViewError: the folder does not exist, or the file does.
     """
-    if find_spec("rerun") is None:
-        raise MissingExtraError("--view", "rerun", EXTRAS["rerun"])
+    require_extra("--view", "rerun")
     if target.kind is Kind.SPAWN and not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY")):
         raise NoDisplayError(
             "no display for the viewer's window (neither DISPLAY nor WAYLAND_DISPLAY is set); "

@@ -31,7 +31,7 @@ def placed(name: str, *shares: float) -> tuple[RobotScene, SolidBody, Cylinders,
     actuation = tuple((np.array(model.lower) + at * (np.array(model.upper) - np.array(model.lower))).tolist())
     drawing = robot.drawing(actuation)
     assert drawing is not None
-    return robot, body, body.place([drawing, drawing], [actuation, actuation]), actuation
+    return robot, body, body.place([drawing, drawing]), actuation
 
 
 @pytest.mark.parametrize("name", ROBOTS)

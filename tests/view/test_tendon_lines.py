@@ -43,4 +43,4 @@ def test_the_scene_of_a_tendon_robot_has_them_and_its_backbone_is_as_long_as_bef
     drawing = scene.drawing((0.004, -0.002, -0.002) * 3)
     assert drawing is not None
     assert len(drawing.strips) - drawing.sections == 9 + 3 * DISCS + 1
-    assert scene.backbone_mm(drawing) == pytest.approx(315.0, abs=0.1)
+    assert drawing.backbone_mm == pytest.approx(315.0, abs=0.1)

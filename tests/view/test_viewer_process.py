@@ -21,7 +21,7 @@ from contid.control.process.ring import create
 from contid.control.process.ring_reader import RingReader
 from contid.control.process.ring_writer import RingWriter
 from contid.robot_file.load import load_robot_file
-from contid.view.csp_proxy import CspProxy, policy
+from contid.view.csp_proxy import POLICY, CspProxy
 from contid.view.rerun_program import rerun_program
 from contid.view.view_target import Kind, ViewerJob, ViewTarget
 from contid.view.viewer_process import Viewer
@@ -137,7 +137,7 @@ def test_the_served_page_is_on_loopback_and_under_a_policy(
         rules = answer.headers["Content-Security-Policy"]
     port = int(re.findall(r":(\d+)/", url)[0])
     assert int(re.findall(r"%3A(\d+)%2Fproxy", url)[0]) == port  # the data come through the same server
-    assert rules == policy()
+    assert rules == POLICY
     assert "https" not in rules
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=30)
