@@ -19,7 +19,6 @@ from contid.panel.geometry import PanelGeometry
 from contid.panel.mailbox import Mailbox
 from contid.remote.protocol.wire import ConnectionLostError, Fields, NoDaemonError, RemoteError
 from contid.targets import Actuation
-from contid.view.event_line import FOR_PROGRAMS
 
 log = logging.getLogger(__name__)
 
@@ -97,6 +96,7 @@ class Hub:
 
     async def run(self) -> None:
         """Read while pages are open; connect again when the connection ends."""
+        reported = ""
         while True:
             await self._watched.wait()
             try:
@@ -108,6 +108,12 @@ class Hub:
                         status.cancel()
             except* _LOST as errors:
                 self._lost(str(errors.exceptions[0]))
+            except* Exception as errors:  # such as of a model that contid does not have
+                reason = repr(errors.exceptions[0])
+                if reason != reported:
+                    log.error("panel: it connects again after an error", exc_info=errors)
+                reported = reason
+                self._lost(f"an error of the panel: {reason}")
             await asyncio.sleep(RECONNECT_PERIOD_S)
 
     async def _connected(self, client: AsyncClient) -> None:
@@ -138,7 +144,7 @@ class Hub:
                 break
             if frame["event"] == "telemetry":
                 self._frame(frame)
-            elif frame["kind"] not in FOR_PROGRAMS:
+            else:
                 self.send("event", event={key: value for key, value in frame.items() if key != "event"})
         with suppress(*_LOST):
             await frames.aclose()

@@ -29,7 +29,7 @@ _LEVELS: Final = {
 }
 _LOG_LEVELS: Final = {"warning": "WARN", "error": "ERROR", "critical": "CRITICAL"}
 #: Kinds of events for programs, too many for a log.
-FOR_PROGRAMS: Final = frozenset(
+_SILENT: Final = frozenset(
     kind.KIND
     for kind in (
         BusAnswered, LimitNamed, MarkReached, NoteWritten, OrderGiven, PaceReported, RobotReported,
@@ -42,7 +42,7 @@ def event_line(event: RunEvent) -> tuple[str, str] | None:
     """Level and text (robot, what happened, further fields) of an event; None for those for programs."""
     fields = {name: value for name, value in to_json(event).items() if value != "" and name != "tick"}
     kind = fields.pop("event")
-    if kind in FOR_PROGRAMS:
+    if kind in _SILENT:
         return None
     level = _LOG_LEVELS.get(event.level) if isinstance(event, LogWritten) else _LEVELS.get(kind)
     if isinstance(event, ModeChanged):

@@ -157,12 +157,3 @@ def test_a_robot_file_that_changed_is_reported_until_a_restart(it: OpenPage, run
     with restarted(running):
         it.state("f0", "READY")
         it.page.wait_for_selector("#view-note", state="hidden")
-
-
-def test_the_reports_at_the_end_of_a_run_are_no_events_of_the_page(it: OpenPage, running: Running) -> None:
-    """They are for programs: the page shows what a person should know."""
-    running.process.send_signal(signal.SIGTERM)
-    it.page.wait_for_selector("#link[data-state=waiting]")
-    it.page.wait_for_timeout(500)
-    shown = it.page.locator("#events li b").all_inner_texts()
-    assert not {"report", "f0 robot", "waited"} & {*shown}, shown

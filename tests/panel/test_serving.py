@@ -18,6 +18,9 @@ import httpx
 import psutil
 import pytest
 
+from contid.panel.geometry import PanelGeometry
+from contid.panel.hub import Hub
+from contid.panel.mailbox import Mailbox
 from contid.panel.server import PanelError, PanelSettings
 from tests.support.daemons import Running, armed_daemon, command
 from tests.support.panels import PanelProcess, page, panel
@@ -134,6 +137,39 @@ def test_loopback_needs_no_flags(host: str) -> None:
 def running() -> Iterator[Running]:
     with armed_daemon() as started:
         yield started
+
+
+def test_an_error_while_drawing_is_reported_and_the_panel_goes_on(
+    running: Running, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A model that contid does not have may raise anything; the pages must not just stand still."""
+
+    def fails(*_: object) -> None:
+        raise RuntimeError("no such shape")
+
+    async def watched() -> list[str]:
+        hub, mailbox, seen = Hub(running.socket), Mailbox(), []
+        hub.join(mailbox)
+        with monkeypatch.context() as broken:
+            broken.setattr(PanelGeometry, "bodies", fails)
+            reading = asyncio.create_task(hub.run())
+            seen.append(await _message(mailbox, "an error of the panel"))
+        seen.append(await _message(mailbox, '"kind":"frame"'))
+        reading.cancel()
+        await asyncio.gather(reading, return_exceptions=True)
+        return seen
+
+    error, _ = asyncio.run(watched())
+    assert '"connected":false' in error
+    assert "no such shape" in caplog.text
+
+
+async def _message(mailbox: Mailbox, part: str) -> str:
+    """The next message that has this part."""
+    async with asyncio.timeout(20.0):
+        while part not in (text := await mailbox.take() or ""):
+            pass
+    return text
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl for a certificate")

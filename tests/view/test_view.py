@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -130,3 +132,9 @@ def test_a_recorded_session_keeps_every_tick_in_its_curves(tmp_path: Path) -> No
     there = entities(rrd)
     assert there["plots/timing"] == ticks + 1  # and the names of the curves
     assert there["robots/left/backbone"] <= ticks * 30 / 200 + 2
+
+
+def test_the_export_for_foxglove_needs_no_scipy() -> None:
+    """It is not in the extra of the export."""
+    code = "import sys; sys.modules['scipy'] = None; import contid.view.foxglove_export"
+    subprocess.run([sys.executable, "-c", code], check=True)
