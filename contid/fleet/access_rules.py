@@ -90,7 +90,7 @@ def _operator(keys: Keys, name: str, rights: frozenset[Right]) -> Iterator[dict[
     yield rule("is looked for", EGRESS, ["declare_liveliness_subscriber"], [keys.who("*", "*"), alive])
     yield rule("looks for nodes", INGRESS, ["declare_liveliness_subscriber", "liveliness_query"], [alive])
     yield rule("sees nodes", EGRESS, ["liveliness_token"], [alive])
-    published = [keys.notices_of("*", name)]
+    published = [keys.notices("*", name)]
     if Right.WATCH in rights:
         published += [keys.telemetry("*"), keys.event("*")]
     yield rule("subscribes", INGRESS, ["declare_subscriber"], published)
@@ -110,7 +110,7 @@ def _machine(keys: Keys, name: str, nodes: Sequence[str]) -> Iterator[dict[str, 
     rule, alive = partial(_rule, name), keys.alive("*", "*")
     asked = [keys.do(node, "*", "*", "*") for node in nodes]
     published = [
-        key for node in nodes for key in (keys.telemetry(node), keys.event(node), keys.notices_of(node, "*"))
+        key for node in nodes for key in (keys.telemetry(node), keys.event(node), keys.notices(node, "*"))
     ]
     looked_for = [keys.who("*", "*"), alive]
     looks = ["declare_liveliness_subscriber", "liveliness_query"]
@@ -124,5 +124,5 @@ def _machine(keys: Keys, name: str, nodes: Sequence[str]) -> Iterator[dict[str, 
     yield rule("is looked for", EGRESS, looks, [alive])
     yield rule("looks", INGRESS, looks, looked_for)
     yield rule("sees", EGRESS, ["liveliness_token"], looked_for)
-    received = [keys.telemetry("*"), keys.event("*"), keys.notices_of("*", "*")]
+    received = [keys.telemetry("*"), keys.event("*"), keys.notices("*", "*")]
     yield rule("is subscribed to", EGRESS, ["declare_subscriber"], received)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
@@ -24,20 +24,16 @@ from contid.robot_file.positions import read_document
 OPERATOR_FILES: Final = (Path("fleet.yaml"), Path("~/.config/contid/fleet.yaml"))
 
 
-def _name(value: str) -> str:
-    if not is_name(value):
-        raise ValueError(f"{value!r} is no name of a fleet: {NAME_RULE}")
+def _checked(value: str, valid: Callable[[str], bool], what: str) -> str:
+    if not valid(value):
+        raise ValueError(f"{value!r} is no name of {what}")
     return value
 
 
-def _node_name(value: str) -> str:
-    if not is_node_name(value):
-        raise ValueError(f"{value!r} is no name of a node: {NAME_RULE}, and not `who`")
-    return value
-
-
-Name = Annotated[str, AfterValidator(_name)]
-NodeName = Annotated[str, AfterValidator(_node_name)]
+Name = Annotated[str, AfterValidator(partial(_checked, valid=is_name, what=f"a fleet: {NAME_RULE}"))]
+NodeName = Annotated[
+    str, AfterValidator(partial(_checked, valid=is_node_name, what=f"a node: {NAME_RULE}, and not `who`"))
+]
 Listen = Annotated[str, AfterValidator(partial(check_endpoint, listening=True))]
 Connect = Annotated[str, AfterValidator(partial(check_endpoint, listening=False))]
 

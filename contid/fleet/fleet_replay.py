@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,7 +47,7 @@ class FleetReplay:
         return all(each.divergence is None and not each.stopped for each in self.replayed.values())
 
 
-def replay_folder(folder: Path, progress: Callable[[str], object] = lambda step: None) -> FleetReplay:
+def replay_folder(folder: Path) -> FleetReplay:
     """Replay every session of a folder.
 
     Raises:
@@ -55,46 +56,37 @@ def replay_folder(folder: Path, progress: Callable[[str], object] = lambda step:
     paths = sorted(folder.glob("*.mcap")) if folder.is_dir() else []
     if not paths:
         raise ContidError(f"{folder}: no session (*.mcap) is there")
-    replayed, starts = {}, _Starts()
+    replayed = {}
+    begun: dict[str, dict[str, tuple[float, float]]] = defaultdict(dict)
     for path in paths:
-        progress(str(path))
         session = Session(path)
         replayed[path] = replay(session, session.robot_file())
-        starts.add(Session(path))
-    return FleetReplay(replayed, starts.by_experiment())
+        for note, late_s in _starts(Session(path)):
+            begun[note.experiment][note.node] = late_s, note.bound_s
+    starts = {}
+    for experiment, nodes in begun.items():
+        if len(nodes) > 1:
+            bounds = sorted(bound_s for _, bound_s in nodes.values())
+            late = {node: late_s for node, (late_s, _) in nodes.items()}
+            starts[experiment] = CommonStart(late, sum(bounds[-2:]))
+    return FleetReplay(replayed, starts)
+
+
+def _starts(session: Session) -> Iterator[tuple[NoteWritten, float]]:
+    """How late trajectories began that were ordered for a time [s], each with the note of its experiment."""
+    events = list(session.events())
+    clocks = clock_notes(str(session.path), events)
+    note: NoteWritten | None = None
+    for event in events:
+        if isinstance(event, NoteWritten):
+            note = event
+        elif isinstance(event, OrderGiven) and event.order.get("order") == "go" and note is not None:
+            began_s, at_s = float(event.order["began_s"]), float(event.order["at_s"])
+            # The time ordered is one for all on the conductor's clock, with the offset of that moment.
+            yield note, clocks[note.conductor].conductor_s(began_s) - (at_s - note.offset_s)
 
 
 def divergence_text(divergence: Divergence) -> str:
     """The first value that differs, in a line."""
     values = f"{divergence.recorded:g} recorded, {divergence.replayed:g} replayed {divergence.unit}"
     return f"tick {divergence.tick}: {divergence.where} {divergence.what}: {values}"
-
-
-class _Starts:
-    """Begins of trajectories that were ordered for a time, after the note of their experiment."""
-
-    def __init__(self) -> None:
-        self._late: dict[str, dict[str, tuple[float, float]]] = {}
-
-    def add(self, session: Session) -> None:
-        """Take in a session."""
-        events = list(session.events())
-        clocks = clock_notes(str(session.path), events)
-        note: NoteWritten | None = None
-        for event in events:
-            if isinstance(event, NoteWritten):
-                note = event
-            elif isinstance(event, OrderGiven) and event.order.get("order") == "go" and note is not None:
-                began_s, at_s = float(event.order["began_s"]), float(event.order["at_s"])
-                # The time ordered is one for all on the conductor's clock, with the offset of that moment.
-                late_s = clocks[note.conductor].conductor_s(began_s) - (at_s - note.offset_s)
-                self._late.setdefault(note.experiment, {})[note.node] = (late_s, note.bound_s)
-
-    def by_experiment(self) -> dict[str, CommonStart]:
-        """Of experiments with two nodes at least."""
-        out = {}
-        for name, nodes in self._late.items():
-            if len(nodes) > 1:
-                bounds = sorted(bound_s for _, bound_s in nodes.values())
-                out[name] = CommonStart({node: late for node, (late, _) in nodes.items()}, sum(bounds[-2:]))
-        return out

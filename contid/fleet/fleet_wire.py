@@ -59,7 +59,7 @@ class FleetWire:
         self._lock = threading.Lock()
         self._stream: _Pipeline | None = None
         self._ended_moves: set[int] = set()
-        key = operator.keys.notices(node, operator.origin)
+        key = operator.keys.notices(node, operator.origin.operator, operator.origin.session)
         self._notices = operator.net.subscribe(key, lambda _, line: self._notice(line))
         self._leaving = operator.on_leave(node, lambda: self._end(f"{node}: its bridge or daemon is gone"))
 

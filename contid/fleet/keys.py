@@ -70,13 +70,9 @@ class Keys:
         """Events of a node, as the lines of the socket."""
         return f"{ROOT}/{self.fleet}/{node}/event"
 
-    def notices(self, node: str, origin: Origin) -> str:
+    def notices(self, node: str, operator: str, session: str = "*") -> str:
         """Notices of the local connection of a session: moves that ended, a lease that was lost."""
-        return f"{ROOT}/{self.fleet}/{node}/notices/{origin.operator}/{origin.session}"
-
-    def notices_of(self, node: str, operator: str) -> str:
-        """Notices of every session of an operator."""
-        return f"{ROOT}/{self.fleet}/{node}/notices/{operator}/*"
+        return f"{ROOT}/{self.fleet}/{node}/notices/{operator}/{session}"
 
     def do(self, node: str, operator: str, session: str, verb: str) -> str:
         """A request; each part may be ``*``."""

@@ -282,7 +282,7 @@ class Node:
         if origin not in self._links:
             if len(self._links) >= MAX_SESSIONS:
                 return None
-            key = self._keys.notices(self.name, origin)
+            key = self._keys.notices(self.name, origin.operator, origin.session)
             self._links[origin] = OperatorLink(
                 self._path, origin, lambda line, urgent: self._net.put(key, line, urgent)
             )

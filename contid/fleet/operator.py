@@ -7,8 +7,9 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from contid.fleet.fleet_file import OperatorFile
 from contid.fleet.keys import Keys, Origin
@@ -40,7 +41,7 @@ class Answers:
     took_s: float
 
 
-class FleetOperator:
+class FleetOperator(AbstractContextManager["FleetOperator"]):
     """A session of an operator. Use it with ``with``.
 
     Attributes:
@@ -65,10 +66,6 @@ class FleetOperator:
     def close(self) -> None:
         """End the session; robots that it moved hold."""
         self.net.close()
-
-    def __enter__(self) -> Self:
-        """Close on leaving."""
-        return self
 
     def __exit__(self, *error: object) -> None:
         """Close."""

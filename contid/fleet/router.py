@@ -75,13 +75,13 @@ def route(file: RouterFile, ready: Callable[[], None]) -> None:
     net = NetSession(NetSettings(file.listen, tls=file.tls, access=access, mode="router"))
     try:
         keys = Keys(file.fleet)
-        net.watch_tokens(keys.alive("*", "*"), lambda key, alive: _note(keys, key, alive))
+
+        def note(key: str, alive: bool) -> None:
+            node, bridge = keys.alive_node(key) or ("", "")
+            log.info("node %s %s (bridge %s)", node, "is there" if alive else "is gone", bridge)
+
+        net.watch_tokens(keys.alive("*", "*"), note)
         ready()
         signal.sigwait(ends)
     finally:
         net.close()
-
-
-def _note(keys: Keys, key: str, alive: bool) -> None:
-    node, bridge = keys.alive_node(key) or ("", "")
-    log.info("node %s %s (bridge %s)", node, "is there" if alive else "is gone", bridge)

@@ -12,6 +12,7 @@ import numpy as np
 from contid.control.engine.wiring import chain_guards, clearance_guard, driven_robots
 from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.errors import ContidError
+from contid.kinematics.array import Array
 from contid.panel.obstacles import obstacle_shape
 from contid.remote.protocol.wire import Fields
 from contid.robot_file.cosserat import Cosserat
@@ -22,8 +23,8 @@ from contid.targets import Actuation
 from contid.trajectory.columns import column_groups
 from contid.units import MM_PER_M
 from contid.view.body_plan import SLENDERNESS
-from contid.view.robot_scene import Array, RobotDrawing, RobotScene
-from contid.view.scene import Scene, build_scene
+from contid.view.robot_scene import RobotDrawing, RobotScene
+from contid.view.scene import Scene, build_scene, rope_line
 
 #: Random actuations whose tips show the reach of a spatial arm; always the same ones.
 REACH_TIPS: Final = 500
@@ -123,19 +124,21 @@ class PanelGeometry:
 
     def bodies(self, measured: Mapping[str, Sequence[float] | None]) -> Fields:
         """Lines of every robot at measured axes (in the unit of the robot), and the ropes between them."""
-        drawings = [self._drawing(robot, measured.get(robot.config.name)) for robot in self.scene.robots]
-        found = {
-            robot.config.name: [] if drawing is None else [_line(strip) for strip in drawing.strips]
-            for robot, drawing in zip(self.scene.robots, drawings, strict=True)
+        drawings = {
+            robot.config.name: self._drawing(robot, measured.get(robot.config.name))
+            for robot in self.scene.robots
         }
-        ropes = [line for rope in self.scene.ropes if (line := rope.line(drawings)) is not None]
+        found = {
+            name: [] if drawing is None else [_line(strip) for strip in drawing.strips]
+            for name, drawing in drawings.items()
+        }
+        ropes = [line for rope in self.scene.ropes if (line := rope_line(rope, drawings)) is not None]
         return {"robots": found, "ropes": [_line(line) for line in ropes]}
 
     def _drawing(self, robot: RobotScene, measured: Sequence[float] | None) -> RobotDrawing | None:
         if measured is None:
             return None
-        quantities = robot.config.quantities
-        actuation = tuple(value / each.per_si for value, each in zip(measured, quantities, strict=True))
+        actuation = actuation_of(robot, measured)
         before = self._drawn.get(robot.config.name)
         if before is not None and before[0] == actuation:
             return before[1]
@@ -151,6 +154,11 @@ class PanelGeometry:
         configs = tuple(robot.config for robot in self.scene.robots)
         guards, clearance = chain_guards(self.loaded), self._clearance
         return Preflight(configs, guards, Unreachable.REFUSE, commands, clearance)
+
+
+def actuation_of(robot: RobotScene, values: Sequence[float]) -> Actuation:
+    """Values of the axes in their units, as telemetry has them, in m or Pa."""
+    return tuple(value / each.per_si for value, each in zip(values, robot.config.quantities, strict=True))
 
 
 def _radius_mm(description: RobotDescription) -> float:

@@ -53,7 +53,9 @@ class Guard:
         try:
             self._check(scope)
         except AccessError as error:
-            await _refuse(error, scope, receive, send_guarded)
+            # A handshake of a WebSocket gets the same response instead of an upgrade.
+            refusal = PlainTextResponse(f"{error}\n", status_code=error.status)
+            await refusal(scope, receive, send_guarded)
         else:
             await self._app(scope, receive, send_guarded)
 
@@ -66,15 +68,3 @@ class Guard:
         elif scope["path"].startswith("/api/"):
             self._access.check_origin(headers, required=scope["method"] != "GET")
             self._access.check_token(bearer(headers))
-
-
-async def _refuse(error: AccessError, scope: Scope, receive: Receive, send: Send) -> None:
-    """Answer with the status and the reason; a handshake gets the same instead of an upgrade."""
-    response = PlainTextResponse(f"{error}\n", status_code=error.status)
-    if scope["type"] == "http":
-        await response(scope, receive, send)
-        return
-    await send(
-        {"type": "websocket.http.response.start", "status": error.status, "headers": response.raw_headers}
-    )
-    await send({"type": "websocket.http.response.body", "body": response.body})

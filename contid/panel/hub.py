@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from contid.client import AsyncClient
 from contid.errors import ContidError
-from contid.panel.geometry import PanelGeometry
+from contid.panel.geometry import PanelGeometry, actuation_of
 from contid.panel.mailbox import Mailbox
 from contid.remote.protocol.wire import ConnectionLostError, Fields, NoDaemonError, RemoteError
 from contid.targets import Actuation
@@ -72,11 +72,9 @@ class Hub:
             return {}
         found = {}
         for robot in self.geometry.scene.robots:
-            config = robot.config
-            command = self.newest.get(config.name, {}).get("command")
+            command = self.newest.get(robot.config.name, {}).get("command")
             if command is not None and None not in command:
-                pairs = zip(command, config.quantities, strict=True)
-                found[config.name] = tuple(value / quantity.per_si for value, quantity in pairs)
+                found[robot.config.name] = actuation_of(robot, command)
         return found
 
     @property

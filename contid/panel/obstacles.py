@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.remote.protocol.wire import Fields
 from contid.robot_file.clearance import ObstacleDescription
-from contid.view.robot_scene import Array
 from contid.view.scene import plane_grid
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Awaitable, Callable
-from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Final
 
@@ -39,7 +38,6 @@ class PageClient:
         self._path = path
         self._name = name
         self._client: AsyncClient | None = None
-        self._stack = AsyncExitStack()
         self._connecting = asyncio.Lock()
 
     async def client(self) -> AsyncClient:
@@ -50,11 +48,8 @@ class PageClient:
         """
         async with self._connecting:
             if self._client is None:
-                client = AsyncClient(self._path, name=self._name)
-                stack = AsyncExitStack()
-                await stack.enter_async_context(client)
-                self._client, self._stack = client, stack
-                self.number = int(client.hello["client"])
+                self._client = await AsyncClient(self._path, name=self._name).connect()
+                self.number = int(self._client.hello["client"])
             return self._client
 
     async def request(self, send: Callable[[AsyncClient], Awaitable[Fields]]) -> Fields:
@@ -92,5 +87,4 @@ class PageClient:
         if client is not self._client:
             return
         self._client, self.number = None, 0
-        gone = PageGoneError()
-        await self._stack.__aexit__(PageGoneError, gone, None)
+        await client.__aexit__(PageGoneError, PageGoneError(), None)

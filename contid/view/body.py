@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.robot import RobotDescription
 from contid.view.body_plan import body_plan, section_shares
-from contid.view.robot_scene import Array, RobotDrawing, RobotScene
-
-_TINY: Final = 1e-12
+from contid.view.robot_scene import RobotDrawing, RobotScene
+from contid.view.transport import TINY, transported
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,34 +74,11 @@ class SolidBody:
         return shares
 
 
-def transported(lines: Array, across: Array, along: Array) -> tuple[Array, Array, Array]:
-    """Frames along lines by parallel transport, without twist.
-
-    The minimal rotation from one tangent to the next takes ``x`` along; ``y = z x x``.
-
-    Args:
-        lines: (n, points, 3).
-        across: x axis at the beginning of every line.
-        along: tangent there.
-
-    Returns:
-        Axes x, y and tangents z, each (n, points, 3).
-    """
-    z = np.gradient(lines, axis=1)
-    z /= np.maximum(np.linalg.norm(z, axis=2, keepdims=True), _TINY)
-    x = np.empty_like(z)
-    before, last = np.broadcast_to(along, z[:, 0].shape), np.broadcast_to(across, z[:, 0].shape)
-    for k in range(z.shape[1]):
-        last = _turned(last, before, z[:, k])
-        x[:, k], before = last, z[:, k]
-    return x, np.cross(z, x), z
-
-
 def between(begin: Array, end: Array) -> Cylinders:
     """Cylinders from points to points, each (n, m, 3) [mm]."""
     axis = end - begin
     lengths = np.linalg.norm(axis, axis=2)
-    i, j, k = np.moveaxis(axis / np.maximum(lengths, _TINY)[..., None], 2, 0)
+    i, j, k = np.moveaxis(axis / np.maximum(lengths, TINY)[..., None], 2, 0)
     # Half of the turn from +z: (0, 0, 1) x axis and 1 + cosine, normalised; -z is a half turn about x.
     w = 1.0 + k
     opposite = w < 1e-9
@@ -130,16 +106,6 @@ def quaternion_of(rotation: Array) -> list[float]:
 def _backbone(drawing: RobotDrawing) -> Array:
     first, *more = drawing.strips[: drawing.sections]
     return np.concatenate([first, *(strip[1:] for strip in more)])
-
-
-def _turned(vectors: Array, before: Array, after: Array) -> Array:
-    """Vectors rotated as the tangents are, with the least rotation, each (n, 3)."""
-    w = np.cross(before, after)
-    c = np.sum(before * after, axis=1, keepdims=True)
-    dot = np.sum(w * vectors, axis=1, keepdims=True)
-    turned = vectors * c + np.cross(w, vectors) + w * dot / np.maximum(1.0 + c, _TINY)
-    turned -= after * np.sum(turned * after, axis=1, keepdims=True)
-    return np.asarray(turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), _TINY))
 
 
 def _interpolated(values: Array, place: Array) -> Array:

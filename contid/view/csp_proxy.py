@@ -91,7 +91,9 @@ class CspProxy:
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="contid-page", daemon=True)
         self._thread.start()
-        self._server = self._run(self._listen(port))
+        self._server = self._run(
+            asyncio.start_server(self._accept, LOOPBACK, port, limit=MAX_HEAD_BYTES, backlog=MAX_CONNECTIONS)
+        )
         self._host = f"{LOOPBACK}:{self._server.sockets[0].getsockname()[1]}"
         #: Cookies are shared by all ports of a host.
         self._cookie = f"contid-{self._host.rpartition(':')[2]}"
@@ -107,11 +109,6 @@ class CspProxy:
 
     def _run(self, work: Coroutine[Any, Any, _Result]) -> _Result:
         return asyncio.run_coroutine_threadsafe(work, self._loop).result()
-
-    async def _listen(self, port: int) -> asyncio.Server:
-        return await asyncio.start_server(
-            self._accept, LOOPBACK, port, limit=MAX_HEAD_BYTES, backlog=MAX_CONNECTIONS
-        )
 
     async def _end(self) -> None:
         self._server.close()

@@ -17,6 +17,7 @@ from foxglove.channels import FrameTransformsChannel, JointStatesChannel, LogCha
 
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.tick_layout import RecordLayout, RobotRecord, TickRecord
+from contid.kinematics.array import Array
 from contid.robot_file.load import LoadedFile
 from contid.targets import Actuation, load_or_zero
 from contid.units import MM_PER_M
@@ -24,8 +25,8 @@ from contid.view.body import SolidBody, quaternion_of
 from contid.view.colours import PLATE, ROPE, TARGET, Colour, of_robot
 from contid.view.event_line import event_line
 from contid.view.frames import FRAMES_HZ
-from contid.view.robot_scene import Array, RobotDrawing, RobotScene
-from contid.view.scene import Scene, build_scene
+from contid.view.robot_scene import RobotDrawing, RobotScene
+from contid.view.scene import Scene, build_scene, rope_line
 
 WORLD: Final = "world"
 #: Thickness of tendons and of the commanded line, and the size of a target, as fractions of the length.
@@ -95,13 +96,14 @@ class _Writer:
     def scene(self, time_ns: int, record: TickRecord) -> None:
         """Bodies, targets, ropes and frames of one instant."""
         stamp = _stamp(time_ns)
-        entities, frames, drawings = [], [], []
+        entities, frames = [], []
+        drawings: dict[str, RobotDrawing | None] = {}
         for number, (robot, each) in enumerate(zip(self._scene.robots, record.robots, strict=True)):
             load = load_or_zero(each.load_n)
             sampled, command = _measured(robot, each), tuple(axis.command for axis in each.axes)
             measured, commanded = robot.drawing(sampled, load), robot.drawing(command, load)
             body = measured or commanded
-            drawings.append(body)
+            drawings[robot.config.name] = body
             frames.append(_transform(stamp, robot.config.name, robot.base))
             if body is not None:
                 frames.append(_transform(stamp, f"{robot.config.name}/tip", body.frames[-1]))
@@ -122,11 +124,9 @@ class _Writer:
                 )
             )
         for rope in self._scene.ropes:
-            line = rope.line(drawings)
-            lines = (
-                [] if line is None else [_line(line, ROPE, THIN * self._scene.robots[rope.arms[0]].length_mm)]
-            )
-            entities.append(fox.SceneEntity(timestamp=stamp, frame_id=WORLD, id=rope.guard.name, lines=lines))
+            line, thick_mm = rope_line(rope, drawings), THIN * self._scene.robots[0].length_mm
+            lines = [] if line is None else [_line(line, ROPE, thick_mm)]
+            entities.append(fox.SceneEntity(timestamp=stamp, frame_id=WORLD, id=rope.name, lines=lines))
         self._updates.log(fox.SceneUpdate(entities=entities), log_time=time_ns)
         self._transforms.log(fox.FrameTransforms(transforms=frames), log_time=time_ns)
 

@@ -14,10 +14,11 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from contid.kinematics.array import Array
 from contid.kinematics.model import Compliant
 from contid.view import paths
 from contid.view.rerun_bars import LEFT, RIGHT, ROW, WIDTH, BarRows, bar_rows
-from contid.view.robot_scene import Array, RobotScene
+from contid.view.robot_scene import RobotScene
 from contid.view.scene import Scene
 
 #: Length of the trail behind a tip, and of a plot while the robot runs.
@@ -153,7 +154,7 @@ def _space(scene: Scene) -> rrb.Spatial3DView:
         entities += [paths.body(robot.config.name, part) for part in parts]
         behind = rrb.VisibleTimeRanges([_last(TRAIL_S)])
         trails[paths.body(robot.config.name, "trail")] = [rr.Points3D.from_fields().visualizer(), behind]
-    entities += [paths.body(rope.guard.name, "rope") for rope in scene.ropes]
+    entities += [paths.body(rope.name, "rope") for rope in scene.ropes]
     entities += [paths.obstacle(name) for name in scene.obstacles]
     position, look_target, up = camera(scene)
     return rrb.Spatial3DView(

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contid.control.engine.tick_layout import RobotRecord
 from contid.control.tick.config import RobotConfig
+from contid.kinematics.array import Array
 from contid.kinematics.body_shape import from_pose, from_rough_pose
 from contid.units import MM_PER_M
 
@@ -33,8 +33,8 @@ class MeasuredShape:
         line: curve from the base to the tip, (n, 3) [mm]; None without a measured direction.
     """
 
-    tip: NDArray[np.float64]
-    line: NDArray[np.float64] | None
+    tip: Array
+    line: Array | None
 
 
 def measured_shape(config: RobotConfig, record: RobotRecord, length_mm: float | None) -> MeasuredShape | None:

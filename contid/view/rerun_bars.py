@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 import rerun as rr
 
+from contid.kinematics.array import Array
 from contid.view import paths
 from contid.view.colours import TEXT, TRACK, of_axis
 from contid.view.rerun_stream import RerunStream
-from contid.view.robot_scene import Array, RobotScene
+from contid.view.robot_scene import RobotScene
 
 #: Size of a bar: width of the whole range, height of a row and of the bar in it.
 WIDTH, ROW, HEIGHT = 100.0, 6.0, 4.0
@@ -45,11 +47,8 @@ class BarRows:
 
 def bar_rows(robots: Sequence[RobotScene]) -> list[BarRows]:
     """The rows of all robots, one below the other."""
-    rows, first = [], 0
-    for robot in robots:
-        rows.append(BarRows(robot, first))
-        first += len(robot.config.axis_names)
-    return rows
+    firsts = accumulate((len(robot.config.axis_names) for robot in robots), initial=0)
+    return [BarRows(robot, first) for robot, first in zip(robots, firsts, strict=False)]
 
 
 class RerunBars:

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from contid.kinematics.array import Array
 from contid.view import paths
 from contid.view.colours import Colour
-from contid.view.robot_scene import Array
 
 #: A line with its colour and its radius on the screen.
 Strip = tuple[Array, Colour, float]

@@ -13,6 +13,7 @@ from contid.control.engine.events.base import RunEvent
 from contid.control.engine.measured_tip import measured_tip_error_m
 from contid.control.engine.tick_layout import RobotRecord
 from contid.control.tick.config import RobotConfig
+from contid.kinematics.array import Array
 from contid.kinematics.model import Compliant
 from contid.targets import load_or_zero
 from contid.units import MM_PER_M
@@ -24,8 +25,8 @@ from contid.view.measured_shape import measured_shape
 from contid.view.rerun_bars import RerunBars, bar_rows
 from contid.view.rerun_bodies import RerunBody
 from contid.view.rerun_stream import RerunStream, Strip
-from contid.view.robot_scene import ARROW, Array, RobotDrawing, RobotScene
-from contid.view.scene import Scene
+from contid.view.robot_scene import ARROW, RobotDrawing, RobotScene
+from contid.view.scene import Scene, rope_line
 from contid.view.shapes.compliance import RerunCompliance
 from contid.view.shapes.load_arrow import RerunLoadArrow
 from contid.view.shapes.obstacles import draw_obstacles
@@ -102,15 +103,15 @@ class RerunWriter:
         self._stream.scalars(paths.TIMING, ticks, timing)
         drawn = [frame for frame in frames if frame.drawn]
         drawn_ticks = [frame.record.tick for frame in drawn]
-        drawings = []
+        drawings: dict[str, list[RobotDrawing | None]] = {}
         for index, robot in enumerate(self._scene.robots):
             self._curves(robot, ticks, [frame.record.robots[index] for frame in frames])
             if drawn:
                 records = [frame.record.robots[index] for frame in drawn]
-                drawings.append(self._space(index, robot, drawn_ticks, records))
+                drawings[robot.config.name] = self._space(index, robot, drawn_ticks, records)
         for rope in self._scene.ropes if drawn else ():
-            lines = [rope.line(each) for each in zip(*drawings, strict=True)]
-            self._stream.lines(paths.body(rope.guard.name, "rope"), drawn_ticks, lines, colours.ROPE)
+            lines = [rope_line(rope, {arm: drawings[arm][k] for arm in rope.arms}) for k in range(len(drawn))]
+            self._stream.lines(paths.body(rope.name, "rope"), drawn_ticks, lines, colours.ROPE)
 
     def event(self, event: RunEvent) -> None:
         """Add an event of the ring, unless it is for programs only."""

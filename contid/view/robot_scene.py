@@ -9,13 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contid.control.tick.config import RobotConfig
+from contid.kinematics.array import Array
 from contid.kinematics.rack.finger import RackFingerModel
 from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.cosserat import Cosserat
@@ -25,8 +24,8 @@ from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import ZERO3, Actuation, Vec3
 from contid.units import MM_PER_M
 from contid.view.tendon_lines import tendon_lines
+from contid.view.transport import tangents, transported
 
-Array = NDArray[np.float64]
 #: Points of a backbone, and of each of the three curves around a finger's reach.
 POINTS: Final = 33
 OUTLINE: Final = 100
@@ -127,7 +126,10 @@ class RobotScene:
         cut = int(np.argmin(np.linalg.norm(line - np.array(pose.mid_m), axis=1)))
         if 0 < cut < POINTS - 1:
             sections = [line[: cut + 1], line[cut:]]
-            turned = self._turned(_transported(sections[0]).ravel().tolist())
+            across, along = np.eye(3)[[0, 1 if self.planar else 2]]
+            x, y, z = (axes[0] for axes in transported(sections[0][None], across, along))
+            begin, end = (np.stack([x[k], y[k], z[k]], axis=1) for k in (0, -1))
+            turned = self._turned((end @ begin.T).ravel().tolist())
             frames.insert(0, np.vstack([self._world(line[cut : cut + 1]), turned]))
         around = (
             self._edges(line)
@@ -141,7 +143,7 @@ class RobotScene:
         """Left and right edge of a planar body."""
         if not self._spacing_m:
             return ()
-        along = _tangents(line)
+        along = tangents(line)
         across = 0.5 * self._spacing_m * np.stack([-along[:, 1], along[:, 0], along[:, 2]], axis=1)
         return (line + across, line - across)
 
@@ -161,13 +163,6 @@ class RobotScene:
         return world
 
 
-def _tangents(line: Array) -> Array:
-    """Unit tangents at the points of a line, (n, 3)."""
-    along = np.gradient(line, axis=0)
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-    return np.asarray(along)
-
-
 def _length(line: Array) -> float:
     return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
@@ -178,17 +173,3 @@ def _swayed(points: Array) -> Array:
     sides = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
     swayed: Array = np.vstack([points, *(points + far * side for side in sides)])
     return swayed
-
-
-def _transported(line: Array) -> Array:
-    """Rotation at the end of a line by parallel transport of the frame at its start, (3, 3).
-
-    The minimal rotation from one tangent to the next is ``R = I + [w]x + [w]x^2 / (1 + c)`` with ``w`` the
-    cross and ``c`` the dot product of the two.
-    """
-    rotation = np.eye(3)
-    for before, after in pairwise(_tangents(line)):
-        w, c = np.cross(before, after), float(before @ after)
-        skew = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
-        rotation = (np.eye(3) + skew + skew @ skew / (1.0 + c)) @ rotation
-    return rotation

@@ -10,12 +10,13 @@ from typing import Final
 import numpy as np
 
 from contid.control.engine.wiring import build_robot_configs, chain_guards
+from contid.kinematics.array import Array
 from contid.kinematics.rope.chain import ChainGuard, Tip
 from contid.robot_file.clearance import ObstacleDescription, PlaneDescription
 from contid.robot_file.load import LoadedFile
 from contid.units import MM_PER_M
 from contid.view.body import SolidBody
-from contid.view.robot_scene import Array, RobotDrawing, RobotScene
+from contid.view.robot_scene import RobotDrawing, RobotScene
 
 #: Points of a rope.
 POINTS: Final = 33
@@ -27,45 +28,20 @@ PLANE_CELLS: Final = 10
 
 
 @dataclass(frozen=True)
-class RopeDrawing:
-    """The rope of a closed chain.
-
-    Attributes:
-        guard: computes its shape.
-        arms: indices of its two arms among the robots.
-    """
-
-    guard: ChainGuard
-    arms: tuple[int, int]
-
-    def line(self, drawings: Sequence[RobotDrawing | None]) -> Array | None:
-        """The rope between drawn robots [mm], (n, 3); None if an arm is unknown or the rope too short."""
-        tips: dict[str, Tip] = {}
-        for name, arm in zip(self.guard.arms, self.arms, strict=True):
-            if (drawing := drawings[arm]) is None:
-                return None
-            x, y, z = (drawing.tip / MM_PER_M).tolist()
-            u, v, w = drawing.frames[-1][3].tolist()
-            tips[name] = ((x, y, z), (u, v, w))
-        points = self.guard.points(tips, POINTS)
-        return points * MM_PER_M if len(points) else None
-
-
-@dataclass(frozen=True)
 class Scene:
     """What is drawn.
 
     Attributes:
         robots: the driven robots, in the order of the records.
         bodies: of the same robots.
-        ropes: of the closed chains.
+        ropes: guards of the closed chains, which compute the shape of their ropes.
         cell_mm: distance between the lines of the floor.
         obstacles: of the file's ``clearance``, by name.
     """
 
     robots: Sequence[RobotScene]
     bodies: Sequence[SolidBody]
-    ropes: Sequence[RopeDrawing]
+    ropes: Sequence[ChainGuard]
     cell_mm: float
     obstacles: Mapping[str, ObstacleDescription]
 
@@ -92,14 +68,25 @@ def build_scene(loaded: LoadedFile, rate_hz: float) -> Scene:
     configs = build_robot_configs(loaded, rate_hz)
     robots = [RobotScene(config, loaded.file.robots[config.name]) for config in configs]
     bodies = [SolidBody(robot, loaded.file.robots[robot.config.name]) for robot in robots]
-    index = {config.name: number for number, config in enumerate(configs)}
-    ropes = [
-        RopeDrawing(guard, (index[guard.arms[0]], index[guard.arms[1]])) for guard in chain_guards(loaded)
-    ]
     size_mm = float(np.max(np.ptp(np.vstack([robot.workspace for robot in robots]), axis=0)))
     cell_mm = next((cell for cell in CELLS_MM if cell * MAX_CELLS >= size_mm), math.ceil(size_mm / MAX_CELLS))
     clearance = loaded.file.clearance
-    return Scene(robots, bodies, ropes, cell_mm, {} if clearance is None else clearance.obstacles)
+    return Scene(
+        robots, bodies, chain_guards(loaded), cell_mm, {} if clearance is None else clearance.obstacles
+    )
+
+
+def rope_line(rope: ChainGuard, drawings: Mapping[str, RobotDrawing | None]) -> Array | None:
+    """A rope between drawn robots [mm], (n, 3); None if an arm is unknown or the rope too short."""
+    tips: dict[str, Tip] = {}
+    for arm in rope.arms:
+        if (drawing := drawings[arm]) is None:
+            return None
+        x, y, z = (drawing.tip / MM_PER_M).tolist()
+        u, v, w = drawing.frames[-1][3].tolist()
+        tips[arm] = ((x, y, z), (u, v, w))
+    points = rope.points(tips, POINTS)
+    return points * MM_PER_M if len(points) else None
 
 
 def plane_grid(plane: PlaneDescription, workspace: Array) -> list[Array]:

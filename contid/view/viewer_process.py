@@ -12,6 +12,7 @@ import pickle
 import select
 import signal
 import sys
+from contextlib import closing
 from typing import Final
 
 from contid.control.engine.events.gaps import ViewerPaused
@@ -92,16 +93,11 @@ def main() -> int:
     except ContidError:
         return 0  # the run ended before this process started
     try:
-        viewer = Viewer(job, reader)
-        try:
+        with closing(reader), closing(Viewer(job, reader)) as viewer:
             viewer.run()
-        finally:
-            viewer.close()
     except ContidError as error:
         sys.stderr.write(f"contid: view: {error}\n")
         return error.exit_code
-    finally:
-        reader.close()
     return 0
 
 

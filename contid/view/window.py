@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import tempfile
-import time
+from contextlib import suppress
 from typing import Final
 
 from contid.view.csp_proxy import LOOPBACK
@@ -32,11 +33,9 @@ class Window:
             self._process = start_rerun(*arguments, outlives=True, stderr=errors)
             try:
                 await_port(self._process, port)
-                deadline_s = time.monotonic() + OPENING_S
-                while time.monotonic() < deadline_s:
-                    if not self.open:
-                        raise ViewError(f"the viewer ended with status {self._process.returncode}")
-                    time.sleep(0.05)
+                with suppress(subprocess.TimeoutExpired):
+                    status = self._process.wait(OPENING_S)
+                    raise ViewError(f"the viewer ended with status {status}")
             except ViewError as error:
                 self._process.kill()
                 self._process.wait()

@@ -69,7 +69,7 @@ def test_tokens_and_notices_are_those_of_the_operator(
     for subject, rights in operators.items():
         for name in [*operators, "*"]:
             own = name == subject
-            who, notices = KEYS.who(name, session), KEYS.notices_of(node, name)
+            who, notices = KEYS.who(name, session), KEYS.notices(node, name)
             assert allows(rules, subject, "ingress", "liveliness_token", who) == own
             assert allows(rules, subject, "ingress", "declare_subscriber", notices) == own
             assert allows(rules, subject, "egress", "put", notices) == own
@@ -98,7 +98,7 @@ def test_a_machine_is_its_own_nodes_and_asks_nothing(
                 ("reply", KEYS.do(each, "anna", "s", verb)),
                 ("put", KEYS.telemetry(each)),
                 ("put", KEYS.event(each)),
-                ("put", KEYS.notices_of(each, "anna")),
+                ("put", KEYS.notices(each, "anna")),
             ):
                 assert allows(rules, subject, "ingress", message, key) == own
         for asked in (node, "*"):

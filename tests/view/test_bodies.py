@@ -10,10 +10,11 @@ from contid.control.engine.events.robots import FaultLatched, ModeChanged
 from contid.robot_file.sections import SectionRobot
 from contid.robot_file.shipped import load_named
 from contid.view.banner import Banner
-from contid.view.body import Cylinders, SolidBody, between, transported
+from contid.view.body import Cylinders, SolidBody, between
 from contid.view.body_plan import PIECES, body_plan
 from contid.view.robot_scene import RobotScene
 from contid.view.scene import build_scene
+from contid.view.transport import transported
 
 ROBOTS = ("finger", "trirack", "trirack2", "cbha", "stiffflop1", "stiffflop2", "tendon3")
 

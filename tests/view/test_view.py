@@ -16,7 +16,7 @@ import rerun.blueprint as rrb
 
 from contid.robot_file.load import load_robot_file
 from contid.view.layout import FIELD_OF_VIEW, build_layout, camera
-from contid.view.scene import MAX_CELLS, build_scene
+from contid.view.scene import MAX_CELLS, build_scene, rope_line
 from tests.support.command import contid
 from tests.support.rerun_entities import entities
 from tests.view.viewed_runs import PATHS, drawn, rows_of
@@ -48,7 +48,7 @@ def test_every_entity_of_the_layout_is_in_the_file(robot: str, tmp_path: Path, c
         assert there[f"plots/{robot_name}/tip_error"] >= 30
         assert there[f"plots/{robot_name}/tip_error_measured"] >= 30
     for rope in scene.ropes:
-        assert there[f"robots/{rope.guard.name}/rope"] >= 30
+        assert there[f"robots/{rope.name}/rope"] >= 30
 
 
 @pytest.mark.parametrize("robot", PATHS)
@@ -73,15 +73,15 @@ def test_the_camera_shows_the_whole_workspace(robot: str, configs: Path) -> None
 
 def test_a_rope_hangs_between_its_tips_and_is_missing_when_one_is_unknown(configs: Path) -> None:
     scene = build_scene(load_robot_file(configs / "chain.yaml"), 100.0)
-    drawings = [robot.drawing(robot.config.rest) for robot in scene.robots]
+    drawings = {robot.config.name: robot.drawing(robot.config.rest) for robot in scene.robots}
     (rope,) = scene.ropes
-    line = rope.line(drawings)
+    line = rope_line(rope, drawings)
     assert line is not None
-    tips = [drawing.tip for drawing in drawings if drawing is not None]
+    tips = [drawing.tip for drawing in map(drawings.get, rope.arms) if drawing is not None]
     assert np.allclose(line[[0, -1]], tips, atol=1e-6)
     assert np.linalg.norm(np.diff(line, axis=0), axis=1).sum() == pytest.approx(1000.0, rel=2e-3)
     assert np.min(line[:, 2]) < min(tip[2] for tip in tips) - 100.0
-    assert rope.line([drawings[0], None]) is None
+    assert rope_line(rope, {**drawings, rope.arms[1]: None}) is None
 
 
 def test_a_measured_tip_and_the_curve_to_it_are_drawn_beside_the_model(tmp_path: Path) -> None:

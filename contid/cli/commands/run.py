@@ -163,9 +163,9 @@ def command(
             observers.append(ordered)
             commands.append(SocketServer(endpoint, ordered))
             if panel or panel_open:
-                from contid.panel.subprocess import PanelSubprocess
+                from contid.panel.subprocess import panel_process
 
-                stack.enter_context(PanelSubprocess(path, opens=panel_open))
+                stack.enter_context(panel_process(path, opens=panel_open))
         request = RunRequest(
             robot_file=robot_file,
             mock=mock or virtual,

@@ -25,7 +25,7 @@ export class Link {
     this.mine = false;
     this.waiting = new Map();
     this.number = 0;
-    document.addEventListener("visibilitychange", () => this.visibility());
+    document.addEventListener("visibilitychange", () => { if (document.visibilityState !== "visible") this.leave(); });
     window.addEventListener("pagehide", () => this.leave());
     setInterval(() => this.beat(), BEAT_MS);
     this.connect();
@@ -91,10 +91,6 @@ export class Link {
 
   beat() {
     if (this.open && this.mine && document.visibilityState === "visible") this.socket.send('{"verb":"beat"}');
-  }
-
-  visibility() {
-    if (document.visibilityState !== "visible") this.leave();
   }
 
   /** Hold and give the lease back, as this page is not looked at any more. */

@@ -7,7 +7,7 @@ import { Pace } from "./pace.js";
 import { Plots } from "./plots.js";
 import { PosesCard } from "./poses.js";
 import { RecordingCard } from "./recording.js";
-import { RobotCard, showCards } from "./robots.js";
+import { RobotCard } from "./robots.js";
 import { Events, LeaseControl, Machine, TrajectoryCard } from "./side.js";
 import { installStop } from "./stop.js";
 import { View } from "./view.js";
@@ -33,7 +33,7 @@ const handlers = {
     document.title = `${describe.name} · contid`;
     cards = new Map(Object.entries(describe.robots).map(([name, robot]) =>
       [name, new RobotCard(name, robot, drawing?.robots[name], link, jog, select)]));
-    showCards([...cards.values()]);
+    byId("robots").replaceChildren(...[...cards.values()].map((card) => card.element));
     view.describe(drawing, problem);
     plots.describe(describe.robots);
     poses.describe(describe.robots);

@@ -1,7 +1,7 @@
 // One card per robot: state, fault with its remedy, orders, and sliders for tip and axes.
 
 import { COLORS } from "./plots.js";
-import { attempt, byId, confirmed, h, setHidden, setText, shown, toast } from "./dom.js";
+import { attempt, confirmed, h, setHidden, setText, shown, toast } from "./dom.js";
 
 const ARMED = new Set(["HOLD", "RUN", "APPROACH"]);
 const JOG_END_MS = 350;
@@ -164,8 +164,4 @@ export class RobotCard {
     setText(this.meaning, "no connection to the daemon");
     for (const slider of [...this.tip, ...this.axes]) slider.input.disabled = true;
   }
-}
-
-export function showCards(cards) {
-  byId("robots").replaceChildren(...cards.map((card) => card.element));
 }

@@ -1,8 +1,8 @@
-// Triangle meshes of what is drawn: tubes along lines, balls, discs.
+// Triangle meshes of what is drawn: tubes along lines, balls, boxes, marks.
 
 import { add, cross, dot, sub, unit } from "./gl.js";
 
-/** Collects tubes and discs into one mesh. */
+/** Collects shapes into one mesh. */
 export class Mesh {
   constructor() {
     this.vertices = [];
@@ -43,24 +43,14 @@ export class Mesh {
         this.vertices.push(p[0] + size * n[0], p[1] + size * n[1], p[2] + size * n[2], m[0], m[1], m[2]);
       }
     });
-    for (let k = 0; k + 1 < rings.length; k++) {
-      for (let i = 0; i < sides; i++) {
-        const a = first + k * sides + i, b = first + k * sides + ((i + 1) % sides);
-        this.indices.push(a, b, a + sides, b, b + sides, a + sides);
-      }
-    }
+    this.skin(first, rings.length, sides);
   }
 
-  /** A flat disc around a point. */
-  disc(center, normal, radius, sides = 32) {
-    const side = unit(cross(normal, Math.abs(normal[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]));
-    const up = cross(normal, side);
-    const first = this.vertices.length / 6;
-    this.vertices.push(...center, ...normal);
-    for (let i = 0; i < sides; i++) {
-      const angle = (2 * Math.PI * i) / sides;
-      this.vertices.push(...add(add(center, side, radius * Math.cos(angle)), up, radius * Math.sin(angle)), ...normal);
-      this.indices.push(first, first + 1 + i, first + 1 + ((i + 1) % sides));
+  /** Triangles between rings of vertices, each with the same number of `sides`. */
+  skin(first, rings, sides) {
+    for (let k = 0; k + 1 < rings; k++) for (let i = 0; i < sides; i++) {
+      const a = first + k * sides + i, b = first + k * sides + ((i + 1) % sides);
+      this.indices.push(a, b, a + sides, b, b + sides, a + sides);
     }
   }
 
@@ -97,10 +87,7 @@ export class Mesh {
         this.vertices.push(...add(center, n, radius), ...n);
       }
     }
-    for (let k = 0; k + 1 < poles.length; k++) for (let i = 0; i < sides; i++) {
-      const a = first + k * sides + i, b = first + k * sides + ((i + 1) % sides);
-      this.indices.push(a, b, a + sides, b, b + sides, a + sides);
-    }
+    this.skin(first, poles.length, sides);
   }
 }
 

@@ -10,14 +10,13 @@ export class LeaseControl {
     this.link = link;
     this.text = h("span", {});
     this.button = h("button", { type: "button", onclick: () => this.press() });
-    this.takes = true;
     this.holder = null;
     byId("lease").append(this.text, this.button);
   }
 
   press() {
     return attempt(async () => {
-      if (!this.takes) await this.link.order("release");
+      if (this.link.mine) await this.link.order("release");
       else if (this.holder === null) await this.link.order("acquire");
       else if (await confirmed(`${this.holder} moves the robots. They hold when you take over.`, "Take over")) {
         await this.link.order("acquire", { takeover: true });
@@ -28,7 +27,6 @@ export class LeaseControl {
   show(lease, readOnly) {
     const mine = this.link.mine;
     this.holder = lease.holder;
-    this.takes = !mine;
     setText(this.text, mine ? "You control" : lease.holder === null ? "Lease free" : `Lease: ${lease.holder}`);
     setText(this.button, mine ? "Release" : lease.holder === null ? "Take control" : "Take over");
     this.button.className = mine ? "" : "primary";

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 import rerun as rr
 
+from contid.kinematics.array import Array
 from contid.kinematics.model import Compliant
 from contid.targets import Actuation, Vec3
 from contid.units import MM_PER_M
@@ -19,7 +20,7 @@ from contid.view import paths
 from contid.view.body import quaternion_of
 from contid.view.colours import COMPLIANCE
 from contid.view.rerun_stream import RerunStream
-from contid.view.robot_scene import Array, RobotScene
+from contid.view.robot_scene import RobotScene
 
 #: Greatest half axis at rest, as a share of the robot's length.
 _SHARE: Final = 0.1

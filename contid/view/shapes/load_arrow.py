@@ -9,12 +9,13 @@ import numpy as np
 import rerun as rr
 
 from contid.control.engine.tick_layout import RobotRecord
+from contid.kinematics.array import Array
 from contid.robot_file.cosserat import Cosserat
 from contid.units import STANDARD_GRAVITY
 from contid.view import paths
 from contid.view.colours import LOAD
 from contid.view.rerun_stream import RerunStream
-from contid.view.robot_scene import Array, RobotScene
+from contid.view.robot_scene import RobotScene
 
 #: Length of the arrow of the expected load, as a share of the robot's length.
 _SHARE: Final = 0.5

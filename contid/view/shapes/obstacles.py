@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 import rerun as rr
 
+from contid.kinematics.array import Array
 from contid.robot_file.clearance import (
     BoxDescription,
     CapsuleDescription,
@@ -18,7 +19,6 @@ from contid.view import paths
 from contid.view.body import between, quaternion_of
 from contid.view.colours import OBSTACLE
 from contid.view.rerun_stream import RerunStream
-from contid.view.robot_scene import Array
 from contid.view.scene import plane_grid
 
 _SOLID: Final = rr.components.FillMode.Solid
