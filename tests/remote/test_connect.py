@@ -107,7 +107,7 @@ def test_a_service_in_a_folder_of_its_own_is_used(own_folder: Path) -> None:
 
 
 @needs_root
-def test_a_user_without_rights_is_told_how_to_get_them(own_folder: Path) -> None:
+def test_the_refusal_of_a_user_without_rights_has_the_remedy(own_folder: Path) -> None:
     own_folder.chmod(0o755)
     with closing(Endpoint(own_folder / "s")):
         os.seteuid(STRANGER)

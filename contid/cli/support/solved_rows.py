@@ -23,7 +23,7 @@ from contid.units import MM_PER_M, m_to_mm
 _FILE_UNITS: Final = Units()
 
 
-class Answers(NamedTuple):
+class InverseBlock(NamedTuple):
     """Inverse kinematics of a block.
 
     Attributes:
@@ -37,7 +37,7 @@ class Answers(NamedTuple):
     reports: Sequence[tuple[bool, str, int]]
 
 
-class InverseRows(RobotRows[Answers]):
+class InverseRows(RobotRows[InverseBlock]):
     """Actuation for targets; each row starts from the answer of the one before, the first from rest.
 
     Args:
@@ -63,7 +63,7 @@ class InverseRows(RobotRows[Answers]):
         axes += [f"{axis}_{units[axis].unit}" for axis, _ in columns.extra]
         return axes + [f"load.f{axis}_n" for axis in "xyz" if "load" in robot.accepts]
 
-    def solve(self, columns: RobotColumns, rows: Array) -> Answers:
+    def solve(self, columns: RobotColumns, rows: Array) -> InverseBlock:
         """See `RobotRows`."""
         if columns.actuation or columns.x_axis:
             return self._one_by_one(columns, rows)
@@ -82,22 +82,22 @@ class InverseRows(RobotRows[Answers]):
         limits = {int(bits): " ".join(found.limited_by(row)) for bits, row in kinds}
         named = [limits[bits] for bits in table["limited_by"].tolist()]
         reports = zip(table["converged"].tolist(), named, table["iterations"].tolist(), strict=True)
-        return Answers(table["actuation"], table["residual_m"], list(reports))
+        return InverseBlock(table["actuation"], table["residual_m"], list(reports))
 
-    def _one_by_one(self, columns: RobotColumns, rows: Array) -> Answers:
+    def _one_by_one(self, columns: RobotColumns, rows: Array) -> InverseBlock:
         """Answers for actuations and frames of the tip, which batches do not take."""
         found: list[Solution] = []
         for row in rows.tolist():
             target = self._frame.target_in_base(columns.target(row))
             found.append(self._model.inverse(target, self._seed))
             self._seed = found[-1].actuation
-        return Answers(
+        return InverseBlock(
             np.array([each.actuation for each in found]),
             np.array([each.residual_m for each in found]),
             [(each.converged, " ".join(each.limited_by), each.iterations) for each in found],
         )
 
-    def cells(self, columns: RobotColumns, rows: Array, answers: Answers) -> list[CellBlock]:
+    def cells(self, columns: RobotColumns, rows: Array, answers: InverseBlock) -> list[CellBlock]:
         """See `RobotRows`."""
         robot = self._robot
         values = [_FILE_UNITS.from_si(answers.actuation, robot.quantity)]
@@ -109,7 +109,7 @@ class InverseRows(RobotRows[Answers]):
             values.append(rows[:, columns.load] if columns.load else np.zeros((len(rows), 3)))
         return [np.column_stack(values)]
 
-    def refused(self, answers: Answers) -> tuple[int, str] | None:
+    def refused(self, answers: InverseBlock) -> tuple[int, str] | None:
         """See `RobotRows`; the first bare row out of reach."""
         row = next((k for k, (converged, _, _) in enumerate(answers.reports) if not converged), None)
         if not self._bare or row is None:
