@@ -5,110 +5,146 @@
 // after Goldfarb and Idnani (1983). Twin and specification: contid/kinematics/arc/active_set.py.
 #pragma once
 
-#include "cholesky.hpp"
+#include "whitened.hpp"
 #ifdef CONTID_TENDON
 #include "../tendon/feasible.hpp"
 #else
-#include "feasible.hpp"
+#include "tangent_limits.hpp"
 #endif
 
 namespace contid {
 
-constexpr int kMaxRows = 9;  // of a task: tip, direction, mid-point
 constexpr int kMaxHeld = kMaxLengths + kMaxRows;
-constexpr double kRounding = 1e-12;  // excess that counts as rounding [m]; the caller pulls the rest inside
 constexpr int kLimitsTried = 40;
 
 // What the step is held to, in whitened coordinates F^-1: first the rows of a task, then limits, each with its
 // normal and its multiplier. A row of a task whose error counts 1/weight is an equation with a slack,
-// (row, sqrt(weight) e_a), which keeps a stiff task well conditioned.
+// (row, sqrt(weight) e_a), which keeps a stiff task well conditioned. Only rows of the task have slacks: they are not
+// stored.
 struct Held {
-  double normals[kMaxHeld][kMaxHeld];
+  double normals[kMaxHeld][kMaxLengths];
   double multipliers[kMaxHeld];
   int numbers[kMaxHeld];  // of the limits
-  int wide, flat;         // length of a normal; limits with a lesser number are flat
+  int n, rows, flat;      // length of a normal; rows of the task; limits with a lesser number are flat
   int count;
+  double slack;
   LimitSet mask;  // of the flat limits
 
-  Held(const double (*task)[kMaxLengths], int rows, double weight, int n, int flat)
-      : wide(n + rows), flat(flat), count(rows) {
+  // `task` may be null, without rows.
+  Held(const Whitened* task, int rows, double weight, int n, int flat)
+      : n(n), rows(rows), flat(flat), count(rows), slack(std::sqrt(weight)) {
     for (int a = 0; a < rows; ++a) {
-      std::memcpy(normals[a], task[a], n * sizeof(double));
-      for (int b = 0; b < rows; ++b) normals[a][n + b] = a == b ? std::sqrt(weight) : 0.0;
+      for (int i = 0; i < n; ++i) normals[a][i] = task->row(a, i);
+      for (int b = 0; b <= a; ++b) gram_[a][b] = task->gram[a * kMaxRows + b];
+      gram_[a][a] += slack * slack;
     }
   }
 
-  // r = (N N^T)^-1 N v, how much of every normal is in v; false when the normals depend on each other.
-  bool split(const double* v, double* r) const {
-    double gram[kMaxHeld * kMaxHeld];
-    for (int a = 0; a < count; ++a) {
-      for (int b = 0; b <= a; ++b) gram[a * kMaxHeld + b] = dot(normals[a], normals[b], wide);
-      r[a] = dot(normals[a], v, wide);
-    }
-    if (count == 0) return true;
-    if (!factor(gram, count, kMaxHeld)) return false;
-    solve_lower(gram, count, kMaxHeld, r);
-    solve_upper(gram, count, kMaxHeld, r);
+  bool full() const { return count == n + rows; }
+
+  // in = N v, by normals
+  void project(const double* v, double* in) const {
+    for (int a = 0; a < count; ++a) in[a] = dot(normals[a], v, n);
+  }
+
+  // r = (N N^T)^-1 in; false when the normals depend on each other.
+  bool split(const double* in, double* r) {
+    for (; factored_ < count; ++factored_)
+      if (!factor_row(factored_)) return false;
+    for (int a = 0; a < count; ++a) r[a] = in[a];
+    solve_lower(&factor_[0][0], count, kMaxHeld, r);
+    solve_upper(&factor_[0][0], count, kMaxHeld, r);
     return true;
   }
 
-  void add(const double* normal, double multiplier, int number) {
-    std::memcpy(normals[count], normal, wide * sizeof(double));
+  // `in` and `size`: N normal and its square.
+  void add(const double* normal, const double* in, double size, double multiplier, int number) {
+    std::memcpy(normals[count], normal, n * sizeof(double));
+    std::memcpy(gram_[count], in, count * sizeof(double));
+    gram_[count][count] = size;
     multipliers[count] = multiplier;
     numbers[count++] = number;
     if (number < flat) mask.set(number);
   }
 
-  void drop(int place) {
+  // `in` loses its entry too.
+  void drop(int place, double* in) {
     if (numbers[place] < flat) mask.reset(numbers[place]);
     --count;
     for (int a = place; a < count; ++a) {
-      std::memcpy(normals[a], normals[a + 1], wide * sizeof(double));
+      std::memcpy(normals[a], normals[a + 1], n * sizeof(double));
       multipliers[a] = multipliers[a + 1];
       numbers[a] = numbers[a + 1];
+      in[a] = in[a + 1];
+      std::memcpy(gram_[a], gram_[a + 1], place * sizeof(double));
+      for (int b = place; b <= a; ++b) gram_[a][b] = gram_[a + 1][b + 1];
     }
+    factored_ = std::min(factored_, place);
+  }
+
+ private:
+  double gram_[kMaxHeld][kMaxHeld];    // N N^T, the lower triangle
+  double factor_[kMaxHeld][kMaxHeld];  // its Cholesky factor
+  double inverse_[kMaxHeld];           // of the factor's diagonal
+  int factored_ = 0;                   // rows of the factor
+
+  // The same operations as `factor`, row by row: rows that stay are not factored again.
+  bool factor_row(int i) {
+    double pivot = gram_[i][i];
+    for (int j = 0; j < i; ++j) {
+      double value = gram_[i][j];
+      for (int k = 0; k < j; ++k) value -= factor_[i][k] * factor_[j][k];
+      factor_[i][j] = value * inverse_[j];
+      pivot -= factor_[i][j] * factor_[i][j];
+    }
+    if (!(pivot > 0.0)) return false;
+    factor_[i][i] = std::sqrt(pivot);
+    inverse_[i] = 1.0 / factor_[i][i];
+    return true;
   }
 };
 
 // Add limits to what is held until l + d is feasible, `d` in place: see bounded_step.
 template <class Limits>
-inline void hold_limits(const double* whiten, const double* at, const Limits& limits, int rows, double excess,
-                        int number, Held& held, double* d) {
-  const int n = limits.size(), wide = held.wide;
+inline void hold_limits(const Factor& whiten, const double* at, const Limits& limits, double excess, int number,
+                        Held& held, double* d) {
+  const int n = limits.size();
   double trial[kMaxLengths];
   for (int i = 0; i < n; ++i) trial[i] = at[i] + d[i];
   for (int tried = 0; tried < kLimitsTried; ++tried) {
-    double v[kMaxHeld] = {}, added = 0.0;
+    double v[kMaxLengths], in[kMaxHeld], added = 0.0;
     limits.normal(trial, number, v);
-    solve_lower(whiten, n, kMaxLengths, v);
+    whiten.lower(n, v);
+    const double size = dot(v, v, n);
+    held.project(v, in);
     for (;;) {
-      double r[kMaxHeld], move[kMaxHeld];
-      if (!held.split(v, r)) return;
-      for (int i = 0; i < wide; ++i) {
-        move[i] = v[i];
-        for (int a = 0; a < held.count; ++a) move[i] -= held.normals[a][i] * r[a];
-      }
-      const double gain = dot(move, move, wide);
+      double r[kMaxHeld], move[kMaxLengths];
+      if (!held.split(in, r)) return;
+      std::memcpy(move, v, n * sizeof(double));
+      for (int a = 0; a < held.count; ++a)
+        for (int i = 0; i < n; ++i) move[i] -= held.normals[a][i] * r[a];
+      double gain = dot(move, move, n);
+      for (int a = 0; a < held.rows; ++a) gain += (held.slack * r[a]) * (held.slack * r[a]);
       // How far the multiplier of this limit can grow: until it is met, or until another one's is 0.
-      const double full = gain > 1e-14 * dot(v, v, wide) && held.count < wide ? excess / gain : kInfinity;
+      const double full = gain > 1e-14 * size && !held.full() ? excess / gain : kInfinity;
       double partial = kInfinity;
       int blocking = -1;
-      for (int a = rows; a < held.count; ++a)
+      for (int a = held.rows; a < held.count; ++a)
         if (r[a] > 0.0 && held.multipliers[a] / r[a] < partial) partial = held.multipliers[a] / r[a], blocking = a;
       const double t = full < partial ? full : partial;
       if (t == kInfinity) return;  // linearly dependent on the held ones: the excess left is rounding
-      for (int a = rows; a < held.count; ++a) held.multipliers[a] -= t * r[a];
+      for (int a = held.rows; a < held.count; ++a) held.multipliers[a] -= t * r[a];
       added += t;
       if (full < kInfinity) {
-        solve_upper(whiten, n, kMaxLengths, move);
+        whiten.upper(n, move);
         for (int i = 0; i < n; ++i) d[i] -= t * move[i];
         excess -= t * gain;
       }
       if (full <= partial) {
-        held.add(v, added, number);
+        held.add(v, in, size, added, number);
         break;
       }
-      held.drop(blocking);
+      held.drop(blocking, in);
     }
     for (int i = 0; i < n; ++i) trial[i] = at[i] + d[i];
     excess = limits.worst(trial, held.mask, number);
@@ -116,62 +152,54 @@ inline void hold_limits(const double* whiten, const double* at, const Limits& li
   }
 }
 
-// The best step with l + d feasible, in place, from the best one without limits. `whiten` is the lower Cholesky
-// factor of the metric; `task` (may be null) are whitened rows of a task whose error counts 1/weight. `limits` are
-// Feasible or TangentLimits. Each is linearised at the present point, so a curved one is met by several tangent planes;
-// `cones` (may be null) gets the sum of their multipliers per section.
+// The best step with l + d feasible, in place, from the best one without limits; false when that is it already.
+// `whiten` is the lower Cholesky factor of the metric; `task` (may be null) are whitened rows of a task whose error
+// counts 1/weight. `limits` are Feasible or TangentLimits. Each is linearised at the present point, so a curved one is
+// met by several tangent planes; `cones` (may be null) gets the sum of their multipliers per section.
 template <class Limits>
-inline void bounded_step(const double* whiten, const double* at, const Limits& limits,
-                         const double (*task)[kMaxLengths], int rows, double weight, double* d,
-                         double* cones = nullptr) {
+inline bool bounded_step(const Factor& whiten, const double* at, const Limits& limits, const Whitened* task, int rows,
+                         double weight, double* d, double* cones = nullptr) {
   const int n = limits.size();
   double trial[kMaxLengths];
   for (int i = 0; i < n; ++i) trial[i] = at[i] + d[i];
   int number;
   const double excess = limits.worst(trial, {}, number);
-  if (excess <= kRounding) return;
+  if (excess <= kRounding) return false;
   Held held(task, rows, weight, n, limits.flat());
-  hold_limits(whiten, at, limits, rows, excess, number, held, d);
-  if (!cones) return;
+  hold_limits(whiten, at, limits, excess, number, held, d);
+  if (!cones) return true;
   for (int a = rows; a < held.count; ++a)
     if (held.numbers[a] >= limits.planes()) cones[held.numbers[a] - limits.planes()] += held.multipliers[a];
+  return true;
 }
 
-struct IdentityFactor {
-  double entries[kMaxLengths * kMaxLengths] = {};
-  IdentityFactor() {
-    for (int i = 0; i < kMaxLengths; ++i) entries[i * kMaxLengths + i] = 1.0;
-  }
-};
-
-// minimise |J d - e|^2 + weight (d^T W d - 2 z^T d) with l + d feasible; y are the multipliers of the task.
-// `metric` is the lower Cholesky factor of W; null for the identity. Without limits in the way
-//     d = W^-1 (z + J^T y),    (J W^-1 J^T + weight) y = e - J W^-1 z
-// which factors a matrix of the size of the task and keeps the digits of the part of z in the null space of J.
-inline void damped_step(const Feasible& feasible, const double (*J)[kMaxLengths], const double* e, int rows,
-                        double weight, const double* z, const double* at, const double* metric, double* d, double* y) {
-  static const IdentityFactor identity;
+// minimise |J d - e|^2 + weight d^T W d with l + d feasible, W by its factor `metric`. Without limits in the way
+//     d = W^-1 J^T y,    (J W^-1 J^T + weight) y = e
+// which factors a matrix of the size of the task.
+inline void damped_step(const Feasible& feasible, const Column (*J)[kMaxLengths], const double* e, int rows,
+                        double weight, const double* at, const Factor& metric, double* d) {
   const int n = feasible.size();
-  double gram[kMaxRows * kMaxRows], K[kMaxRows][kMaxLengths];
-  std::memcpy(d, z, n * sizeof(double));
-  for (int a = 0; a < rows; ++a) std::memcpy(K[a], J[a], n * sizeof(double));
-  if (metric) {
-    solve_lower(metric, n, kMaxLengths, d);
-    for (int a = 0; a < rows; ++a) solve_lower(metric, n, kMaxLengths, K[a]);
-  }
-  for (int a = 0; a < rows; ++a) {
-    for (int b = 0; b <= a; ++b) gram[a * kMaxRows + b] = dot(K[a], K[b], n);
-    gram[a * kMaxRows + a] += weight;
-    y[a] = e[a] - dot(K[a], d, n);
-  }
-  if (factor(gram, rows, kMaxRows)) {
-    solve_lower(gram, rows, kMaxRows, y);
-    solve_upper(gram, rows, kMaxRows, y);
-    for (int a = 0; a < rows; ++a)
-      for (int i = 0; i < n; ++i) d[i] += K[a][i] * y[a];
-  }
-  if (metric) solve_upper(metric, n, kMaxLengths, d);
-  bounded_step(metric ? metric : identity.entries, at, feasible, K, rows, weight, d);
+  const double still[kMaxLengths] = {};
+  Whitened task;
+  with_rows(rows, [&](auto constant) {
+    constexpr int kRows = decltype(constant)::value;
+    double gram[kMaxRows * kMaxRows], y[kMaxRows];
+    task.set<kRows>(J, still, metric, n);
+    for (int a = 0; a < kRows; ++a) {
+      for (int b = 0; b <= a; ++b) gram[a * kMaxRows + b] = task.gram[a * kMaxRows + b];
+      gram[a * kMaxRows + a] += weight;
+      y[a] = e[a];
+    }
+    if (!factor(gram, kRows, kMaxRows)) {
+      std::memcpy(d, still, n * sizeof(double));
+      return;
+    }
+    solve_lower(gram, kRows, kMaxRows, y);
+    solve_upper(gram, kRows, kMaxRows, y);
+    task.combine<kRows>(y, n, d);
+  });
+  metric.upper(n, d);
+  bounded_step(metric, at, feasible, &task, rows, weight, d);
 }
 
 }  // namespace contid

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "../column.hpp"
 #include "../series.hpp"
 
 namespace contid {
@@ -14,30 +15,44 @@ struct Coefficients {
   double A, B, C, A1, B1;
 };
 
-inline Coefficients coefficients(double q) {
-  Coefficients c;
-  if (q < 0.5) {
-    // Relative error 1e-14 at the switch.
-    static constexpr Series kA(1), kB(2), kC(3), kD(4);
-    double a = 0.0, b = 0.0, d = 0.0, a1 = 0.0, b1 = 0.0;
-    for (int k = 9; k >= 0; --k) {
-      a = a * q + kA.term[k];
-      b = b * q + kB.term[k];
-      d = d * q + kC.term[k];
-      a1 = a1 * q - 2.0 * (k + 1) * kC.term[k];
-      b1 = b1 * q - 2.0 * (k + 1) * kD.term[k];
+// Terms of their power series in q: of A, B, C and A1 in a column, and of B1.
+struct CoefficientSeries {
+  static constexpr int kTerms = 10;
+  Column column[kTerms] = {};
+  double B1[kTerms] = {};
+  constexpr CoefficientSeries() {
+    constexpr Series a(1), b(2), c(3), d(4);
+    for (int k = 0; k < kTerms; ++k) {
+      column[k] = Column{a.term[k], b.term[k], c.term[k], -2.0 * (k + 1) * c.term[k]};
+      B1[k] = -2.0 * (k + 1) * d.term[k];
     }
-    c = {a, b, d, a1, b1};
-  } else {
-    const double t = std::sqrt(q);
-    const double half = std::sin(0.5 * t);
-    c.A = std::sin(t) / t;
-    c.B = 2.0 * half * half / q;
-    c.C = (1.0 - c.A) / q;
-    c.A1 = (std::cos(t) - c.A) / q;
-    c.B1 = (c.A - 2.0 * c.B) / q;
   }
+};
+
+// For q of 0.5 and more; with the series below, the relative error at the switch is 1e-14.
+[[gnu::noinline]] inline Coefficients closed_coefficients(double q) {
+  Coefficients c;
+  const double t = std::sqrt(q);
+  const double half = std::sin(0.5 * t);
+  c.A = std::sin(t) / t;
+  c.B = 2.0 * half * half / q;
+  c.C = (1.0 - c.A) / q;
+  c.A1 = (std::cos(t) - c.A) / q;
+  c.B1 = (c.A - 2.0 * c.B) / q;
   return c;
+}
+
+inline Coefficients coefficients(double q) {
+  if (!(q < 0.5)) return closed_coefficients(q);
+  static constexpr CoefficientSeries kSeries;
+  constexpr int kLast = CoefficientSeries::kTerms - 1;
+  Column sum = kSeries.column[kLast];
+  double b1 = kSeries.B1[kLast];
+  for (int k = kLast - 1; k >= 0; --k) {
+    sum = sum * q + kSeries.column[k];
+    b1 = b1 * q + kSeries.B1[k];
+  }
+  return {sum[0], sum[1], sum[2], sum[3], b1};
 }
 
 inline void arc_pose(const double* uvl, const Coefficients& c, double* p, double* r) {

@@ -20,10 +20,11 @@ namespace contid {
 
 using Out = nanobind::ndarray<double, nanobind::c_contig, nanobind::device::cpu>;
 
-inline void fill(Out& out, const double (*rows)[kMaxLengths], int columns, const char* what) {
+inline void fill(Out& out, const Column* from, int columns, const char* what) {
   if (out.ndim() != 2 || out.shape(0) != 3 || static_cast<int>(out.shape(1)) != columns)
     throw nanobind::value_error(what);
-  for (int k = 0; k < 3; ++k) std::memcpy(out.data() + k * columns, rows[k], columns * sizeof(double));
+  for (int k = 0; k < 3; ++k)
+    for (int j = 0; j < columns; ++j) out.data()[k * columns + j] = from[j][k];
 }
 
 // The number of sections, or ValueError for one that this build has not.

@@ -1,4 +1,7 @@
 // Cholesky factors of small matrices, row-major with `stride` columns, in place.
+//
+// Always inlined: with the sizes of the caller all numbers stay in registers. A step waits for these roots and
+// quotients half of its time, and would wait for memory too.
 #pragma once
 
 #include <cmath>
@@ -12,7 +15,7 @@ inline double dot(const double* a, const double* b, int n) {
 }
 
 // A = F F^T: the lower triangle of A becomes F; false when A is not positive definite.
-inline bool factor(double* a, int n, int stride) {
+[[gnu::always_inline]] inline bool factor(double* a, int n, int stride) {
   for (int j = 0; j < n; ++j) {
     double* row_j = a + j * stride;
     double pivot = row_j[j];
@@ -30,8 +33,8 @@ inline bool factor(double* a, int n, int stride) {
   return true;
 }
 
-// x = F^-1 x
-inline void solve_lower(const double* f, int n, int stride, double* x) {
+// x = F^-1 x, for numbers or for columns of numbers at once
+template <class T> [[gnu::always_inline]] inline void solve_lower(const double* f, int n, int stride, T* x) {
   for (int i = 0; i < n; ++i) {
     for (int k = 0; k < i; ++k) x[i] -= f[i * stride + k] * x[k];
     x[i] /= f[i * stride + i];
@@ -39,11 +42,21 @@ inline void solve_lower(const double* f, int n, int stride, double* x) {
 }
 
 // x = F^-T x
-inline void solve_upper(const double* f, int n, int stride, double* x) {
+[[gnu::always_inline]] inline void solve_upper(const double* f, int n, int stride, double* x) {
   for (int i = n - 1; i >= 0; --i) {
     for (int k = i + 1; k < n; ++k) x[i] -= f[k * stride + i] * x[k];
     x[i] /= f[i * stride + i];
   }
+}
+
+// The same for a factor that is zero outside blocks of `Block` rows on its diagonal.
+template <int Block, class T>
+[[gnu::always_inline]] inline void solve_lower_blocks(const double* f, int n, int stride, T* x) {
+  for (int i = 0; i < n; i += Block) solve_lower(f + i * (stride + 1), Block, stride, x + i);
+}
+template <int Block>
+[[gnu::always_inline]] inline void solve_upper_blocks(const double* f, int n, int stride, double* x) {
+  for (int i = 0; i < n; i += Block) solve_upper(f + i * (stride + 1), Block, stride, x + i);
 }
 
 }  // namespace contid

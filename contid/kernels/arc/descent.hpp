@@ -77,10 +77,9 @@ class Descent {
     double boost = 1.0;
     for (int iteration = 0; iteration < t.iterations && here.error > enough; ++iteration) {
       ++iterations;
-      const double still[kMaxLengths] = {};
-      double d[kMaxLengths], y[kMaxRows], trial[kMaxLengths];
+      double d[kMaxLengths], trial[kMaxLengths];
       const double damping = t.weight + boost * here.error * here.error / (2.0 * t.ell * t.ell);
-      damped_step(feasible, here.J, here.e, here.rows, damping, still, lengths, nullptr, d, y);
+      damped_step(feasible, here.J, here.e, here.rows, damping, lengths, {}, d);
       const double step = moved(feasible, lengths, d, trial);
       evaluate(trial, goal, next);
       if (next.error >= here.error) {

@@ -10,7 +10,8 @@
 namespace contid {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kBinding = 1e-9;  // a limit binds when less than this is left of it [m]
+constexpr double kBinding = 1e-9;    // a limit binds when less than this is left of it [m]
+constexpr double kRounding = 1e-12;  // excess that counts as rounding [m]; the caller pulls the rest inside
 
 using LimitSet = std::bitset<64>;
 
@@ -48,6 +49,14 @@ struct Feasible {
     return sections.radius[s] * (std::hypot(uvl[0], uvl[1]) - curvature_max * uvl[2]);
   }
 
+  // True where the bend of a section is certainly within its limit: without the root, which takes the time of a step.
+  bool certainly_bends(const double* l, int s) const {
+    double uvl[3];
+    sections.arc(l, s, uvl);
+    const double most = curvature_max * uvl[2];
+    return most > 0.0 && uvl[0] * uvl[0] + uvl[1] * uvl[1] < (1.0 - 1e-9) * (most * most);
+  }
+
   // By how much one limit is exceeded [m], negative inside.
   double excess(const double* l, int number) const {
     const int n = size();
@@ -78,11 +87,29 @@ struct Feasible {
     return most;
   }
 
-  // The limit exceeded most; cones are never left out.
+  // True where no flat limit is exceeded but for rounding.
+  bool inside_flat(const double* l) const {
+    bool over = false;
+    for (int i = 0; i < size(); ++i) over |= (low[i] - l[i] > kRounding) | (l[i] - high[i] > kRounding);
+    for (int j = 0; !over && rack < kInfinity && j < 3; ++j) over = rack_excess(l, j) > kRounding;
+    return !over;
+  }
+
+  bool inside(const double* l) const {
+    bool over = !inside_flat(l);
+    for (int s = 0; !over && curvature_max < kInfinity && s < sections.count; ++s)
+      over = !certainly_bends(l, s) && bend_excess(l, s) > kRounding;
+    return !over;
+  }
+
+  // The limit exceeded most; cones are never left out. -infinity where none is exceeded but for rounding.
   double worst(const double* l, const LimitSet& held, int& number) const {
+    number = 0;
+    if (inside(l)) return -kInfinity;
     double most = worst_flat(l, held, number);
     if (curvature_max < kInfinity)
       for (int s = 0; s < sections.count; ++s) {
+        if (certainly_bends(l, s)) continue;
         const double over = bend_excess(l, s);
         if (over > most) most = over, number = flat() + s;
       }
@@ -112,7 +139,7 @@ struct Feasible {
     }
   }
 
-  // H += weight d2 excess/dl2 of the cone of a section; a straight section has none.
+  // H += weight d2 excess/dl2 of the cone of a section, the lower triangle; a straight section has none.
   void add_cone(const double* l, int s, double weight, double* H) const {
     double uvl[3];
     sections.arc(l, s, uvl);
@@ -122,7 +149,7 @@ struct Feasible {
     double across[3];  // of d(u, v)/dl, what turns the bend
     for (int j = 0; j < 3; ++j) across[j] = (uvl[0] * m[3 + j] - uvl[1] * m[j]) / theta;
     for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j)
+      for (int j = 0; j <= i; ++j)
         H[(3 * s + i) * kMaxLengths + 3 * s + j] += weight * sections.radius[s] * across[i] * across[j] / theta;
   }
 
@@ -158,6 +185,7 @@ struct Feasible {
     if (rack == kInfinity && curvature_max == kInfinity) return;
     double share = 1.0;
     for (int k = 2 * size(); k < limits(); ++k) {
+      if (k >= flat() && (curvature_max == kInfinity || certainly_bends(l, k - flat()))) continue;
       const double there = excess(l, k);
       if (there > 0.0) {
         const double here = excess(home, k);
@@ -168,50 +196,6 @@ struct Feasible {
     if (share == 1.0) return;
     for (int i = 0; i < size(); ++i) l[i] = home[i] + share * (l[i] - home[i]);
     clip(l);
-  }
-};
-
-// The same limits with every cone replaced by its tangent plane at one point: all of them are flat.
-struct TangentLimits {
-  const Feasible& feasible;
-  double normals[kMaxSections][kMaxLengths];
-  double offsets[kMaxSections];
-
-  TangentLimits(const Feasible& feasible, const double* at) : feasible(feasible) {
-    if (feasible.curvature_max == kInfinity) return;
-    for (int s = 0; s < feasible.sections.count; ++s) {
-      feasible.normal(at, feasible.flat() + s, normals[s]);
-      offsets[s] = feasible.bend_excess(at, s) - along(s, at);
-    }
-  }
-
-  int size() const { return feasible.size(); }
-  int flat() const { return feasible.limits(); }
-  int planes() const { return feasible.flat(); }  // limits before the tangent planes
-
-  double worst(const double* l, const LimitSet& held, int& number) const {
-    double most = feasible.worst_flat(l, held, number);
-    if (feasible.curvature_max < kInfinity)
-      for (int s = 0; s < feasible.sections.count; ++s) {
-        const int plane = feasible.flat() + s;
-        const double over = offsets[s] + along(s, l);
-        if (over > most && !held[plane]) most = over, number = plane;
-      }
-    return most;
-  }
-
-  void normal(const double* l, int number, double* out) const {
-    if (number < feasible.flat())
-      feasible.normal(l, number, out);
-    else
-      std::memcpy(out, normals[number - feasible.flat()], feasible.size() * sizeof(double));
-  }
-
- private:
-  double along(int s, const double* l) const {
-    double sum = 0.0;
-    for (int i = 3 * s; i < 3 * s + 3; ++i) sum += normals[s][i] * l[i];
-    return sum;
   }
 };
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "avoid.hpp"
+#include "equation_step.hpp"
 #include "newton.hpp"
 
 namespace contid {
@@ -22,37 +23,35 @@ class Homing {
     const int n = feasible.size();
     const Tuning& t = tuning_;
     Task tasks[2];
-    int now = 0;
-    tasks[0] = begun;
+    const Task* at = &begun;
+    Attraction here(feasible, lengths), there;  // to home: at the lengths, and at the trial where `compared`
     double metric[kMaxLengths * kMaxLengths], last_step = kInfinity, stiffness = 0.0;
     bool curved = false;  // the metric has the curvature of task and cones
     bool fresh = false;   // at these lengths
     const int most = avoid ? 2 * t.home_steps : t.home_steps;
     for (int k = 0; k < most; ++k) {
       ++iterations;
-      const Task& task = tasks[now];
-      Task& next = tasks[1 - now];
+      const Task& task = *at;
+      Task& next = tasks[at == tasks];  // the one that is not `at`
       double e[kMaxRows], z[kMaxLengths], d[kMaxLengths], y[kMaxRows], trial[kMaxLengths];
       task_error(task, goal, feasible.sections, e);
       double slope[kMaxLengths], near_factor[kMaxLengths * kMaxLengths];
-      const double* whiten = home_factor_;
-      home_slope(feasible, lengths, slope);
+      Factor whiten{home_factor_, true};
+      std::memcpy(slope, here.slope, n * sizeof(double));
       const double push = avoid ? add_push(feasible, *avoid, lengths, slope, near_factor) : 0.0;
-      if (push > 0.0 && factor(near_factor, n, kMaxLengths)) whiten = near_factor;
+      if (push > 0.0 && factor(near_factor, n, kMaxLengths)) whiten = {near_factor, false};
       for (int i = 0; i < n; ++i) z[i] = slope[i];
       for (int a = 0; curved && a < task.rows; ++a)
-        for (int i = 0; i < n; ++i) z[i] += stiffness * task.J[a][i] * e[a];
+        for (int i = 0; i < n; ++i) z[i] += stiffness * task.derivative(a, i) * e[a];
       double cones[kMaxSections] = {};
       if (curved)
-        equation_step(TangentLimits(feasible, lengths), task, e, z, lengths, metric, d, y, cones);
+        equation_step(TangentLimits(feasible, lengths), task, e, z, lengths, {metric, false}, t.weight, d, y, cones);
       else
-        equation_step(feasible, task, e, z, lengths, whiten, d, y, cones);
+        equation_step(feasible, task, e, z, lengths, whiten, t.weight, d, y, cones);
       // The step that the linear model predicts must close most of the error: else the target is not met here.
-      double left = 0.0;
-      for (int a = 0; a < task.rows; ++a) {
-        const double over = e[a] - dot(task.J[a], d, n);
-        left += over * over;
-      }
+      double left = 0.0, met[kMaxRows];
+      task.product(d, n, met);
+      for (int a = 0; a < task.rows; ++a) left += (e[a] - met[a]) * (e[a] - met[a]);
       left = std::sqrt(left);
       const bool solvable = left <= kExact || left <= 0.1 * task.error;
       if (task.error > t.tolerance && left > kHopeless * task.error) return task.error;
@@ -60,17 +59,19 @@ class Homing {
       if (k == 0 && step <= t.still && task.error <= t.still_error) return task.error;
       next.evaluate(feasible.sections, t.ell, trial, goal);
       const double penalty = kPenalty * std::sqrt(dot(y, y, task.rows));
-      const double merit = distance(feasible, lengths) + push + penalty * task.error;
+      const double merit = here.distance + push + penalty * task.error;
       const double gain = dot(slope, d, n) + penalty * (task.error - left);
+      bool compared = false;
       const auto lower = [&](double share) {
-        const double there = avoid ? avoid->potential(feasible.sections, trial, nullptr, nullptr) : 0.0;
-        return distance(feasible, trial) + there + penalty * next.error <= merit - kDecrease * share * gain;
+        const double pushed = avoid ? avoid->potential(feasible.sections, trial, nullptr, nullptr) : 0.0;
+        there = Attraction(feasible, trial);
+        compared = true;
+        return there.distance + pushed + penalty * next.error <= merit - kDecrease * share * gain;
       };
       if (step > kNoise && !lower(1.0)) {
         // The curvature of the task, not the direction, can be what spoils a full step: meet the target again.
-        double back[kMaxLengths], unused[kMaxRows], corrected[kMaxLengths];
-        const double still[kMaxLengths] = {};
-        damped_step(feasible, next.J, next.e, next.rows, t.weight, still, trial, whiten, back, unused);
+        double back[kMaxLengths], corrected[kMaxLengths];
+        damped_step(feasible, next.J, next.e, next.rows, t.weight, trial, whiten, back);
         moved(feasible, trial, back, corrected);
         std::memcpy(trial, corrected, n * sizeof(double));
         next.evaluate(feasible.sections, t.ell, trial, goal);
@@ -99,21 +100,21 @@ class Homing {
       }
       const double before = task.error;
       std::memcpy(lengths, trial, n * sizeof(double));
-      now = 1 - now;
-      if (step <= t.home_tolerance && (tasks[now].error <= kExact || tasks[now].error > 0.5 * before))
-        return tasks[now].error;
+      at = &next;
+      here = compared ? there : Attraction(feasible, lengths);
+      if (step <= t.home_tolerance && (at->error <= kExact || at->error > 0.5 * before)) return at->error;
       // Multipliers of a task that the limits keep from being met have no meaning.
       fresh = solvable && step > t.contraction * last_step;
       if (!solvable) curved = false;
       if (fresh) {
-        home_slope(feasible, lengths, slope);
+        std::memcpy(slope, here.slope, n * sizeof(double));
         if (avoid) add_push(feasible, *avoid, lengths, slope, near_factor);
-        stiffness = curvature(feasible, lengths, goal, tasks[now], y, cones, slope, avoid, metric);
+        stiffness = curvature(feasible, lengths, goal, *at, y, cones, slope, avoid, metric);
         curved = true;
       }
       last_step = step;
     }
-    return tasks[now].error;
+    return at->error;
   }
 
  private:
@@ -127,22 +128,22 @@ class Homing {
   const Tuning tuning_;
   double home_factor_[kMaxLengths * kMaxLengths];  // of the metric of home
 
-  // 1/2 (l - home)^T M (l - home)
-  static double distance(const Feasible& feasible, const double* lengths) {
-    const int n = feasible.size();
-    double z[kMaxLengths], away[kMaxLengths];
-    home_slope(feasible, lengths, z);
-    for (int i = 0; i < n; ++i) away[i] = feasible.home[i] - lengths[i];
-    return 0.5 * dot(away, z, n);
-  }
-
-  // z = M (home - l)
-  static void home_slope(const Feasible& feasible, const double* lengths, double* z) {
-    const int n = feasible.size();
-    double away[kMaxLengths];
-    for (int i = 0; i < n; ++i) away[i] = feasible.home[i] - lengths[i];
-    for (int i = 0; i < n; ++i) z[i] = dot(feasible.metric + i * kMaxLengths, away, n);
-  }
+  // Distance 1/2 (l - home)^T M (l - home) from home, and its negative gradient M (home - l). M has nothing between
+  // two sections.
+  struct Attraction {
+    double slope[kMaxLengths], distance;
+    Attraction() = default;
+    Attraction(const Feasible& feasible, const double* lengths) {
+      const int n = feasible.size();
+      double away[kMaxLengths];
+      for (int i = 0; i < n; ++i) away[i] = feasible.home[i] - lengths[i];
+      for (int i = 0; i < n; ++i) {
+        const int first = i - i % kColumns;
+        slope[i] = dot(feasible.metric + i * kMaxLengths + first, away + first, kColumns);
+      }
+      distance = 0.5 * dot(away, slope, n);
+    }
+  };
 
   // slope -= gradient of the potential of obstacles, which is returned; `metric`: of home with its part.
   static double add_push(const Feasible& feasible, const Avoid& avoid, const double* lengths, double* slope,
@@ -171,62 +172,11 @@ class Homing {
     double normal[3], size = 0.0, out = 0.0;
     for (int k = 0; k < 3; ++k) {
       const int a = row + (k + 1) % 3, b = row + (k + 2) % 3;
-      normal[k] = task.J[a][0] * task.J[b][1] - task.J[b][0] * task.J[a][1];
+      normal[k] = task.derivative(a, 0) * task.derivative(b, 1) - task.derivative(b, 0) * task.derivative(a, 1);
       size += normal[k] * normal[k];
       out += normal[k] * e[row + k];
     }
     for (int k = 0; size > 0.0 && k < 3; ++k) e[row + k] -= out / size * normal[k];
-  }
-
-  // minimise 1/2 d^T W d - z^T d with J d = e and l + d inside the limits; W by its lower factor `whiten`.
-  //     d = W^-1 (z + J^T y),    (J W^-1 J^T + w) y = e - J W^-1 z
-  // The weight w bounds y where the task is singular; what it leaves of e is asked for once more. `cones` gets the
-  // multipliers of the cones.
-  template <class Limits>
-  void equation_step(const Limits& limits, const Task& task, const double* e, const double* z, const double* at,
-                     const double* whiten, double* d, double* y, double* cones) const {
-    const int n = limits.size(), rows = task.rows;
-    const double weight = tuning_.weight;
-    double gram[kMaxRows * kMaxRows], K[kMaxRows][kMaxLengths], base[kMaxLengths], free[kMaxLengths];
-    double asked[kMaxRows], held[kMaxRows], more[kMaxRows];
-    std::memcpy(base, z, n * sizeof(double));
-    solve_lower(whiten, n, kMaxLengths, base);
-    for (int a = 0; a < rows; ++a) {
-      std::memcpy(K[a], task.J[a], n * sizeof(double));
-      solve_lower(whiten, n, kMaxLengths, K[a]);
-    }
-    for (int a = 0; a < rows; ++a) {
-      for (int b = 0; b <= a; ++b) gram[a * kMaxRows + b] = dot(K[a], K[b], n);
-      gram[a * kMaxRows + a] += weight;
-      asked[a] = e[a] - dot(K[a], base, n);
-    }
-    const bool regular = factor(gram, rows, kMaxRows);
-    for (int pass = 0; pass < 2; ++pass) {
-      std::memcpy(d, base, n * sizeof(double));
-      for (int a = 0; a < rows; ++a) y[a] = regular ? asked[a] : 0.0;
-      solve_lower(gram, rows, kMaxRows, y);
-      solve_upper(gram, rows, kMaxRows, y);
-      for (int a = 0; a < rows; ++a) more[a] = weight * y[a];
-      solve_lower(gram, rows, kMaxRows, more);
-      solve_upper(gram, rows, kMaxRows, more);
-      for (int a = 0; a < rows; ++a) {
-        y[a] += more[a];
-        for (int i = 0; i < n; ++i) d[i] += K[a][i] * y[a];
-      }
-      solve_upper(whiten, n, kMaxLengths, d);
-      std::memcpy(free, d, n * sizeof(double));
-      for (int s = 0; s < kMaxSections; ++s) cones[s] = 0.0;
-      bounded_step(whiten, at, limits, K, rows, weight, d, cones);
-      double most = 0.0;
-      for (int i = 0; i < n; ++i) free[i] -= d[i];
-      for (int a = 0; a < rows; ++a) {
-        held[a] = dot(task.J[a], free, n) / weight;  // the limits' part of the multipliers
-        most = std::max(most, std::fabs(held[a]));
-        y[a] += held[a];
-      }
-      if (most == 0.0) return;
-      for (int a = 0; a < rows; ++a) asked[a] += weight * held[a];
-    }
   }
 
   // H made stiff across the limits that bind and are pushed against.
@@ -236,7 +186,7 @@ class Homing {
     double push[kMaxLengths], normal[kMaxLengths], most = 0.0;
     for (int i = 0; i < n; ++i) {
       push[i] = slope[i];
-      for (int a = 0; a < task.rows; ++a) push[i] += task.J[a][i] * y[a];
+      for (int a = 0; a < task.rows; ++a) push[i] += task.derivative(a, i) * y[a];
       most = std::max(most, std::fabs(H[i * kMaxLengths + i]));
     }
     for (int number = 0; number < feasible.limits(); ++number) {
@@ -270,7 +220,7 @@ class Homing {
       at[k] = lengths[k];
       for (int i = 0; i < n; ++i) {
         double change = 0.0;
-        for (int a = 0; a < task.rows; ++a) change += (there.J[a][i] - task.J[a][i]) * y[a];
+        for (int a = 0; a < task.rows; ++a) change += (there.derivative(a, i) - task.derivative(a, i)) * y[a];
         if (pushed) change -= moved_push[i] - push[i];
         rows[k][i] = feasible.metric[k * kMaxLengths + i] - change / kForward;
       }
@@ -282,13 +232,18 @@ class Homing {
     }
     for (int s = 0; s < feasible.sections.count; ++s)
       if (cones[s] > 0.0) feasible.add_cone(lengths, s, cones[s], H);
-    for (int a = 0; a < task.rows; ++a) square += dot(task.J[a], task.J[a], n);
+    for (int a = 0; a < task.rows; ++a) {
+      double row = 0.0;
+      for (int i = 0; i < n; ++i) row += task.derivative(a, i) * task.derivative(a, i);
+      square += row;
+    }
     double stiffness = 0.0, shift = 0.0;
     for (int attempt = 0;; ++attempt) {
       for (int i = 0; i < n; ++i)
         for (int j = 0; j <= i; ++j) {
           double value = H[i * kMaxLengths + j] + shift * feasible.metric[i * kMaxLengths + j];
-          for (int a = 0; stiffness > 0.0 && a < task.rows; ++a) value += stiffness * task.J[a][i] * task.J[a][j];
+          for (int a = 0; stiffness > 0.0 && a < task.rows; ++a)
+            value += stiffness * task.derivative(a, i) * task.derivative(a, j);
           metric[i * kMaxLengths + j] = value;
         }
       if (factor(metric, n, kMaxLengths) || shift > kMaxShift) return stiffness;

@@ -78,7 +78,7 @@ inline double settle(const Feasible& feasible, const Tuning& tuning, Task& here,
     std::memcpy(d, push, sizeof d);
     solve_lower(whiten, n, kMaxLengths, d);
     solve_upper(whiten, n, kMaxLengths, d);
-    bounded_step(whiten, lengths, feasible, nullptr, 0, 0.0, d);
+    bounded_step({whiten, false}, lengths, feasible, nullptr, 0, 0.0, d);
     const double step = moved(feasible, lengths, d, trial);
     next.evaluate(feasible.sections, tuning.ell, trial, goal);
     if (next.error >= here.error) {

@@ -51,42 +51,39 @@ inline void turn_left(const double* target, const double* at, double* phi) {
 // J = spin, because the derivative of exp maps phi to itself.
 struct Task {
   double e[kMaxRows];
-  double J[kMaxRows][kMaxLengths];
+  Column J[kMaxRows / 3][kMaxLengths];  // three rows each
   int rows;
   double error;  // |e|
+
+  double derivative(int row, int i) const { return J[row / 3][i][row % 3]; }
 
   // e = (p* - p, ell (t* - t), m* - m);  J = (dp/dl, ell dt/dl = ell (spin x t), dm/dl)
   void evaluate(const Sections& sections, double ell, const double* lengths, const Goal& goal) {
     const int n = sections.size();
     Derivatives at;
     differentiate(sections, lengths, at, goal.mid != nullptr);
-    for (int k = 0; k < 3; ++k) {
-      e[k] = goal.tip[k] - at.frames.tip[k];
-      std::memcpy(J[k], at.tip[k], n * sizeof(double));
-    }
+    for (int k = 0; k < 3; ++k) e[k] = goal.tip[k] - at.frames.tip[k];
+    std::memcpy(J[0], at.tip, n * sizeof(Column));
     rows = 3;
     if (goal.direction) {
-      const double t[3] = {at.frames.rotation[2], at.frames.rotation[5], at.frames.rotation[8]};
-      for (int k = 0; k < 3; ++k) {
-        e[3 + k] = ell * (goal.direction[k] - t[k]);
-        const int a = (k + 1) % 3, b = (k + 2) % 3;
-        for (int j = 0; j < n; ++j) J[3 + k][j] = ell * (at.spin[a][j] * t[b] - at.spin[b][j] * t[a]);
+      const double* r = at.frames.rotation;
+      const Column t{r[2], r[5], r[8], 0.0};
+      for (int k = 0; k < 3; ++k) e[3 + k] = ell * (goal.direction[k] - t[k]);
+      for (int j = 0; j < n; ++j) {
+        cross(at.spin[j], t, J[1][j]);
+        J[1][j] *= ell;
       }
       rows += 3;
     }
     if (goal.rotation) {
       turn_left(goal.rotation, at.frames.rotation, e + rows);
-      for (int k = 0; k < 3; ++k) {
-        e[rows + k] *= ell;
-        for (int j = 0; j < n; ++j) J[rows + k][j] = ell * at.spin[k][j];
-      }
+      for (int k = 0; k < 3; ++k) e[rows + k] *= ell;
+      for (int j = 0; j < n; ++j) J[rows / 3][j] = ell * at.spin[j];
       rows += 3;
     }
     if (goal.mid) {
-      for (int k = 0; k < 3; ++k) {
-        e[rows + k] = goal.mid[k] - at.frames.mid[k];
-        std::memcpy(J[rows + k], at.mid[k], n * sizeof(double));
-      }
+      for (int k = 0; k < 3; ++k) e[rows + k] = goal.mid[k] - at.frames.mid[k];
+      std::memcpy(J[rows / 3], at.mid, n * sizeof(Column));
       rows += 3;
     }
     error = std::sqrt(dot(e, e, rows));
@@ -96,7 +93,16 @@ struct Task {
   void gradient(int n, double* out) const {
     for (int i = 0; i < n; ++i) {
       out[i] = 0.0;
-      for (int a = 0; a < rows; ++a) out[i] -= J[a][i] * e[a];
+      for (int a = 0; a < rows; ++a) out[i] -= derivative(a, i) * e[a];
+    }
+  }
+
+  // out = J d
+  void product(const double* d, int n, double* out) const {
+    for (int block = 0; 3 * block < rows; ++block) {
+      Column sum{};
+      for (int i = 0; i < n; ++i) sum += J[block][i] * d[i];
+      for (int k = 0; k < 3; ++k) out[3 * block + k] = sum[k];
     }
   }
 };

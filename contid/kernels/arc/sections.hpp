@@ -65,12 +65,10 @@ struct Frames {
   double mid[3];
 };
 
-// Derivatives by the lengths; rows of kMaxLengths columns, size() of them in use.
+// Derivatives by the lengths, a column for each; size() of them in use.
 struct Derivatives {
   Frames frames;
-  double tip[3][kMaxLengths];
-  double spin[3][kMaxLengths];
-  double mid[3][kMaxLengths];
+  Column tip[kMaxLengths], spin[kMaxLengths], mid[kMaxLengths];
 };
 
 inline void forward(const Sections& s, const double* lengths, Frames& out) {
@@ -97,68 +95,64 @@ inline void forward(const Sections& s, const double* lengths, Frames& out) {
 
 // J_i = R (Jp_i + Jw_i x rest_i) d(u, v, L)/dl; see differentiate() in contid/kinematics/arc/sections.py.
 inline void differentiate(const Sections& s, const double* lengths, Derivatives& out, bool want_mid) {
-  static constexpr double kIdentity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-  double position[3] = {0, 0, 0}, rotation[9], ends[kMaxSections][3];
-  std::memcpy(rotation, kIdentity, sizeof rotation);
+  Column position{}, ends[kMaxSections], mid{};
+  Column rotation[3] = {{1.0, 0.0, 0.0, 0.0}, {0.0, 1.0, 0.0, 0.0}, {0.0, 0.0, 1.0, 0.0}};
+  bool straight = true;  // nothing has turned yet
+  const auto turned = [&](double x, double y, double z, Column& to) {
+    if (straight)
+      to = Column{x, y, z, 0.0};
+    else
+      to = rotation[0] * x + rotation[1] * y + rotation[2] * z;
+  };
   for (int i = 0; i < s.count; ++i) {
-    double uvl[3], p[3], r[9], next[9], moved[3];
+    double uvl[3], p[3], r[9];
     s.arc(lengths, i, uvl);
     const double u = uvl[0], v = uvl[1], L = uvl[2];
     const Coefficients c = coefficients(u * u + v * v);
     arc_pose(uvl, c, p, r);
-    const double uu = L * (c.B + u * u * c.B1), uv = L * u * v * c.B1, vv = L * (c.B + v * v * c.B1);
-    const double jp[9] = {uu, uv, u * c.B, uv, vv, v * c.B, L * u * c.A1, L * v * c.A1, c.A};
-    const double jw[6] = {-c.C * u * v, c.C * u * u - 1.0, 1.0 - c.C * v * v,
-                          c.C * u * v,  -c.B * v,          c.B * u};  // its third column is zero
-    double linear[9], world[3 * kColumns], angular[6];
-    product(rotation, jp, linear);
+    const double uv = L * u * v * c.B1;
+    Column linear[3], angular[2];  // by (u, v, L); the third of the angular ones is zero
+    turned(L * (c.B + u * u * c.B1), uv, L * u * c.A1, linear[0]);
+    turned(uv, L * (c.B + v * v * c.B1), L * v * c.A1, linear[1]);
+    turned(u * c.B, v * c.B, c.A, linear[2]);
+    turned(-c.C * u * v, 1.0 - c.C * v * v, -c.B * v, angular[0]);
+    turned(c.C * u * u - 1.0, c.C * u * v, c.B * u, angular[1]);
     const double* w = s.to_arc[i];
-    for (int a = 0; a < 3; ++a)
-      for (int j = 0; j < kColumns; ++j)
-        world[kColumns * a + j] =
-            linear[3 * a] * w[j] + linear[3 * a + 1] * w[kColumns + j] + linear[3 * a + 2] * w[2 * kColumns + j];
-    for (int a = 0; a < 3; ++a)
-      for (int b = 0; b < 2; ++b)
-        angular[2 * a + b] =
-            rotation[3 * a] * jw[b] + rotation[3 * a + 1] * jw[2 + b] + rotation[3 * a + 2] * jw[4 + b];
-    for (int a = 0; a < 3; ++a)
-      for (int j = 0; j < kColumns; ++j) {
-        out.tip[a][kColumns * i + j] = world[kColumns * a + j];
-        out.spin[a][kColumns * i + j] = angular[2 * a] * w[j] + angular[2 * a + 1] * w[kColumns + j];
-      }
-    turn(rotation, p, moved);
-    product(rotation, r, next);
-    std::memcpy(rotation, next, sizeof rotation);
-    for (int k = 0; k < 3; ++k) {
-      ends[i][k] = position[k] + moved[k];
-      position[k] = ends[i][k] + s.rigid[i] * rotation[3 * k + 2];
+    for (int j = 0; j < kColumns; ++j) {
+      out.tip[kColumns * i + j] = linear[0] * w[j] + linear[1] * w[kColumns + j] + linear[2] * w[2 * kColumns + j];
+      out.spin[kColumns * i + j] = angular[0] * w[j] + angular[1] * w[kColumns + j];
     }
-    if (i == 0) std::memcpy(out.frames.mid, position, sizeof position);
+    Column moved, next[3];
+    turned(p[0], p[1], p[2], moved);
+    for (int k = 0; k < 3; ++k) turned(r[k], r[3 + k], r[6 + k], next[k]);
+    for (int k = 0; k < 3; ++k) rotation[k] = next[k];
+    straight = false;
+    ends[i] = position + moved;
+    position = ends[i] + s.rigid[i] * rotation[2];
+    if (i == 0) mid = position;
   }
 #ifdef CONTID_TENDON
-  for (int k = 0; k < 3; ++k) position[k] += rotation[3 * k] * s.offset[0] + rotation[3 * k + 1] * s.offset[1];
+  position += rotation[0] * s.offset[0] + rotation[1] * s.offset[1];
 #endif
-  std::memcpy(out.frames.tip, position, sizeof position);
-  std::memcpy(out.frames.rotation, rotation, sizeof rotation);
+  for (int k = 0; k < 3; ++k) {
+    out.frames.tip[k] = position[k];
+    out.frames.mid[k] = mid[k];
+    for (int j = 0; j < 3; ++j) out.frames.rotation[3 * k + j] = rotation[j][k];
+  }
   if (want_mid) {
-    double rest[3];
-    for (int k = 0; k < 3; ++k) rest[k] = out.frames.mid[k] - ends[0][k];
+    Column arm1, arm2, spin1, spin2;
+    rotate(mid - ends[0], arm1, arm2);
     for (int j = 0; j < s.size(); ++j) {
-      const bool first = j < kColumns;
-      out.mid[0][j] = first ? out.tip[0][j] + out.spin[1][j] * rest[2] - out.spin[2][j] * rest[1] : 0.0;
-      out.mid[1][j] = first ? out.tip[1][j] + out.spin[2][j] * rest[0] - out.spin[0][j] * rest[2] : 0.0;
-      out.mid[2][j] = first ? out.tip[2][j] + out.spin[0][j] * rest[1] - out.spin[1][j] * rest[0] : 0.0;
+      rotate(out.spin[j], spin1, spin2);
+      out.mid[j] = j < kColumns ? out.tip[j] + spin1 * arm2 - spin2 * arm1 : Column{};
     }
   }
-  for (int i = 0; i < s.count; ++i) {
-    double rest[3];
-    for (int k = 0; k < 3; ++k) rest[k] = position[k] - ends[i][k];
+  for (int i = 0; i < s.count; ++i)
     for (int j = kColumns * i; j < kColumns * (i + 1); ++j) {
-      out.tip[0][j] += out.spin[1][j] * rest[2] - out.spin[2][j] * rest[1];
-      out.tip[1][j] += out.spin[2][j] * rest[0] - out.spin[0][j] * rest[2];
-      out.tip[2][j] += out.spin[0][j] * rest[1] - out.spin[1][j] * rest[0];
+      Column carried;
+      cross(out.spin[j], position - ends[i], carried);
+      out.tip[j] += carried;
     }
-  }
 }
 
 }  // namespace contid

@@ -11,7 +11,8 @@
 namespace contid {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kBinding = 1e-9;  // a limit binds when less than this is left of it [m]
+constexpr double kBinding = 1e-9;    // a limit binds when less than this is left of it [m]
+constexpr double kRounding = 1e-12;  // excess that counts as rounding [m]; the caller pulls the rest inside
 constexpr int kMaxPlanes = 640;
 
 using LimitSet = std::bitset<kMaxPlanes + kMaxSections>;
@@ -87,13 +88,13 @@ struct Feasible {
     for (int i = 0; i < 2; ++i) out[2 * (number - flat()) + i] = bend[i] / length;
   }
 
-  // H += weight d2 excess/dx2 of the cone of a section; a straight section has none.
+  // H += weight d2 excess/dx2 of the cone of a section, the lower triangle; a straight section has none.
   void add_cone(const double* x, int s, double weight, double* H) const {
     const double a = x[2 * s], b = x[2 * s + 1], length = std::hypot(a, b);
     if (length < 1e-9) return;
     const double across[2] = {-b / length, a / length};
     for (int i = 0; i < 2; ++i)
-      for (int j = 0; j < 2; ++j) H[(2 * s + i) * kMaxLengths + 2 * s + j] += weight * across[i] * across[j] / length;
+      for (int j = 0; j <= i; ++j) H[(2 * s + i) * kMaxLengths + 2 * s + j] += weight * across[i] * across[j] / length;
   }
 
   LimitSet binding(const double* x) const {

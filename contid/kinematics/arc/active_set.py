@@ -34,31 +34,20 @@ def solve(matrix: Array, right: Array) -> Array:
 
 
 def damped_step(
-    J: Array,
-    e: Array,
-    weight: float,
-    z: Array,
-    at: Array,
-    feasible: BoundedChain,
-    factor: Array | None = None,
-) -> tuple[Array, Array]:
-    """Minimise ``|J d - e|^2 + weight (d^T W d - 2 z^T d)`` within the limits.
+    J: Array, e: Array, weight: float, at: Array, feasible: BoundedChain, factor: Array | None = None
+) -> Array:
+    """The step that minimises ``|J d - e|^2 + weight d^T W d`` within the limits.
 
     ``factor`` is the lower Cholesky factor of W; without, W is the identity.
 
-    Shapes ``(m, N)``, ``(m,)``, scalar, ``(N,)``, ``(N,)``, ``(N, N)``. Without active limits
-    ``d = W^-1 (z + J^T y)`` with ``(J W^-1 J^T + weight) y = e - J W^-1 z``: the factor has the size of the
-    task, and the part of z in the null space of J keeps its digits.
-
-    Returns:
-        The step, and the multipliers y of the task.
+    Shapes ``(m, N)``, ``(m,)``, scalar, ``(N,)``, ``(N, N)``. Without active limits ``d = W^-1 J^T y`` with
+    ``(J W^-1 J^T + weight) y = e``: the factor has the size of the task.
     """
     if factor is None:
         factor = np.eye(len(at))
-    K, zeta = solve(factor, J.T).T, solve(factor, z)
-    y = solve(K @ K.T + weight * np.eye(len(e)), e - K @ zeta)
-    d = solve(factor.T, zeta + K.T @ y)
-    return bounded_step(factor, d, at, feasible, K, weight), y
+    K = solve(factor, J.T).T
+    y = solve(K @ K.T + weight * np.eye(len(e)), e)
+    return bounded_step(factor, solve(factor.T, K.T @ y), at, feasible, K, weight)
 
 
 def bounded_step(

@@ -96,12 +96,11 @@ class Descent:
         e, J = self._task(lengths, goal)
         error = float(np.linalg.norm(e))
         boost = 1.0
-        still = np.zeros(len(lengths))
         iteration = 0
         while iteration < t.iterations and error > enough_m:
             iteration += 1
             damping = t.weight + boost * error * error / (2.0 * t.ell_m * t.ell_m)
-            d, _ = damped_step(J, e, damping, still, lengths, self.feasible)
+            d = damped_step(J, e, damping, lengths, self.feasible)
             trial = self.feasible.pulled(lengths + d)
             step = float(np.abs(trial - lengths).max())
             e_trial, J_trial = self._task(trial, goal)

@@ -148,9 +148,8 @@ class Homing:
 
     def _corrected(self, here: _Point, at: _Point, goal: Goal) -> _Point:
         """The point ``at`` after a full step, moved back onto the target: the task is curved."""
-        still = np.zeros(len(at.lengths))
         factor = self._objective.factor(here.lengths)
-        back, _ = damped_step(at.J, at.e, self.tuning.weight, still, at.lengths, self.feasible, factor)
+        back = damped_step(at.J, at.e, self.tuning.weight, at.lengths, self.feasible, factor)
         return self._at(self.feasible.pulled(at.lengths + back), goal)
 
     def _shortened(self, here: _Point, goal: Goal, model: _Step) -> _Point | None:
