@@ -3,6 +3,7 @@
 
 #include "../batch.hpp"
 #include "settled.hpp"
+#include "unloaded.hpp"
 
 namespace contid {
 
@@ -59,14 +60,21 @@ void forward_rows(const Rod<K>& rod, const Settings& settings, const double* pre
     for (std::size_t k = begin; k < end; ++k) {
       const double* p = pressures + 3 * K * k;
       const Vec load = load_of(loads, k);
-      Judged at;
-      Vec moment;
-      int elements;
-      const bool stable = fine_equilibrium<K>(rod, p, load, settings, moment, at, elements) == 1.0;
-      if (!stable) buckled<K>(rod, p, load, elements, moment, at);
+      Ends ends;
+      bool stable = true;
+      if (loaded<K>(rod, load)) {
+        Judged at;
+        Vec moment;
+        int elements;
+        stable = fine_equilibrium<K>(rod, p, load, settings, moment, at, elements) == 1.0;
+        if (!stable) buckled<K>(rod, p, load, elements, moment, at);
+        ends = at.ends;
+      } else {
+        ends = unloaded_ends<K>(rod, p, settings.elements);
+      }
       double tip[3], mid[3], direction[3];
-      put(tip, at.ends.p), put(mid, at.ends.mid), put(direction, column(at.ends.R, 2));
-      write_pose(out + k * kPoseBytes, tip, &at.ends.R.m[0][0], direction, mid, stable);
+      put(tip, ends.p), put(mid, ends.mid), put(direction, column(ends.R, 2));
+      write_pose(out + k * kPoseBytes, tip, &ends.R.m[0][0], direction, mid, stable);
     }
   });
 }
