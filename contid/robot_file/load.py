@@ -15,6 +15,7 @@ from contid.robot_file.loader import Loader, robot_classes
 from contid.robot_file.model_plugins import load_plugin
 from contid.robot_file.positions import read_document, read_text
 from contid.robot_file.renamed import with_renamed_keys
+from contid.robot_file.robot import RobotDescription
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +33,11 @@ class LoadedFile:
     text: str
     file: RobotFile
     buses: Mapping[str, BusWiring]
+
+    @property
+    def driven(self) -> Mapping[str, RobotDescription]:
+        """Robots with actuators; passive ones have no place in the tick."""
+        return {name: robot for name, robot in self.file.robots.items() if not robot.passive}
 
 
 def load_robot_file(path: str | Path) -> LoadedFile:

@@ -21,11 +21,10 @@ def command(robot_file: str, rows: str | None, pose: bool, frame: bool, as_json:
     """
     from contid.cli.support.rows import convert_rows
     from contid.cli.support.solved_rows import ForwardRows
-    from contid.control.engine.wiring import driven_robots
     from contid.robot_file.shipped import load_named
 
     loaded = load_named(robot_file)
-    robots = driven_robots(loaded)
+    robots = loaded.driven
     if frame and (planar := [name for name, robot in robots.items() if robot.dimension == 2]):
         raise click.UsageError(f"--frame: {planar[0]} is planar; its direction is its frame (--pose)")
     tips = {name: ForwardRows(name, robot, pose, frame) for name, robot in robots.items()}

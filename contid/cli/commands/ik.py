@@ -25,9 +25,8 @@ def command(robot_file: str, rows: str | None, bare: bool, as_json: bool) -> Non
     """
     from contid.cli.support.rows import convert_rows
     from contid.cli.support.solved_rows import InverseRows
-    from contid.control.engine.wiring import driven_robots
     from contid.robot_file.shipped import load_named
 
     loaded = load_named(robot_file)
-    answers = {name: InverseRows(name, robot, bare) for name, robot in driven_robots(loaded).items()}
+    answers = {name: InverseRows(name, robot, bare) for name, robot in loaded.driven.items()}
     convert_rows(loaded, rows, answers, as_json)

@@ -14,6 +14,7 @@ from typing import Final, NamedTuple, TextIO
 import numpy as np
 
 from contid.errors import BadInputError
+from contid.kernels import load
 from contid.kinematics.array import Array
 from contid.lines import MAX_LINE
 from contid.trajectory.columns import ColumnLayout
@@ -115,6 +116,9 @@ def numbers(layout: ColumnLayout, lines: Sequence[str]) -> Array | None:
 
 def joined(values: Array) -> list[str]:
     """A line of comma-separated numbers per row, each as ``repr`` writes it."""
+    if kernel := load("text"):
+        lines: list[str] = kernel.joined(np.ascontiguousarray(values))
+        return lines
     if not len(values):
         return []
     return repr(values.tolist())[2:-2].replace(", ", ",").split("],[")

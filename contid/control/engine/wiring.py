@@ -29,8 +29,8 @@ _Capability = TypeVar("_Capability")
 
 
 def driven_robots(loaded: LoadedFile) -> Mapping[str, RobotDescription]:
-    """Robots with actuators; passive ones have no place in the tick."""
-    return {name: robot for name, robot in loaded.file.robots.items() if not robot.passive}
+    """Robots with actuators: `LoadedFile.driven`."""
+    return loaded.driven
 
 
 @dataclass(frozen=True, slots=True)
