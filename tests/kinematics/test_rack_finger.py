@@ -18,13 +18,15 @@ from studies.morita_levenberg_marquardt import solve
 MM = 1e-3
 
 
-def finger(h_mm: float = 22.0, *, corrected: bool = False, length_mm: float = 100.0) -> RackFingerModel:
+def finger(
+    h_mm: float = 22.0, *, corrected: bool = False, length_mm: float = 100.0, spacing_mm: float = 13.0
+) -> RackFingerModel:
     return RackFingerModel(
         RackFinger.model_validate(
             {
                 "model": "rack_finger",
                 "geometry": {
-                    "rack_spacing_mm": 13,
+                    "rack_spacing_mm": spacing_mm,
                     "tip_length_mm": h_mm,
                     "link": {"length_mm": 6, "width_mm": 13, "gap_mm": 5},
                 },
@@ -44,6 +46,14 @@ def tip_target(x_mm: float, y_mm: float) -> Target:
 
 def mm(values: tuple[float, ...]) -> list[float]:
     return [v * 1e3 for v in values]
+
+
+def tip_of(s: np.ndarray, k: np.ndarray, h: float) -> np.ndarray:
+    """x and y of the tip of an arc with a straight piece, by radius and angle."""
+    radius, theta = 1.0 / np.where(k == 0.0, 1e-12, k), s * k
+    return np.array(
+        [radius * (1.0 - np.cos(theta)) + h * np.sin(theta), radius * np.sin(theta) + h * np.cos(theta)]
+    )
 
 
 FORWARD = [  # reference A6: L1, L2, h -> x, y, theta
@@ -196,6 +206,24 @@ def test_the_global_minimum_along_the_boundary_is_found(corrected, x, y) -> None
             if abs(bend) * model.curvature_gain(arc_length_m) <= model.envelope.curvature_max_per_m:
                 away = min(away, math.dist(model.forward((left, right)).tip_m, (x * MM, y * MM, 0.0)))
     assert found.residual_m <= away
+
+
+@pytest.mark.parametrize(
+    ("h", "length", "spacing"), [(22.0, 160.0, 0.12), (0.0, 90.0, 0.3), (40.0, 200.0, 0.1)]
+)
+def test_of_a_slender_finger_too(h, length, spacing) -> None:
+    """Its tip turns by a whole turn where its racks begin to bind, within a hundredth of an even interval."""
+    model = finger(h, length_mm=length, spacing_mm=spacing)
+    ramp = np.linspace(0.0, 8.0 * spacing, 8001)  # of the arc length before the longest, where racks bind
+    s = np.concatenate([np.linspace(1e-3 * length, length, 8001), length - ramp])
+    bound = np.minimum(model.envelope.curvature_max_per_m * MM, 2.0 * np.pi / s)
+    bend = np.minimum(bound, 2.0 * (length / s - 1.0) / spacing)
+    samples = [(s, bend), (s, -bend), (s, 0.5 * bend)]
+    tips = np.array([tip_of(*curve, h) for curve in samples])
+    rng = np.random.default_rng(16)
+    for goal in rng.uniform(-1.3, 1.3, (25, 2)) * (length + h):
+        nearest = np.hypot(tips[:, 0] - goal[0], tips[:, 1] - goal[1]).min()
+        assert model.inverse(tip_target(*goal), (0.0, 0.0)).residual_m / MM <= nearest + 1e-9
 
 
 @given(left=st.floats(0.005, 0.1), bend=st.floats(-0.07, 0.07), h=st.floats(0, 40), corrected=st.booleans())

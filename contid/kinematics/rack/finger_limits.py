@@ -29,6 +29,11 @@ _ROUNDING: Final = 1e-12
 _DIFFERENCE_M: Final = 1e-6
 # Intervals of the even samples along a side of the boundary.
 _COARSE: Final = 96
+# Between two samples the tip turns by less [rad]: a slender finger turns by 2 pi where its racks begin to
+# bind, within a hundredth of an interval.
+_TURN: Final = 0.4
+# Corners within an interval: the bound is one of four.
+_CORNERS: Final = 4
 # Halves the distance of two samples to the last bits of the parameter.
 _BISECTIONS: Final = 45
 
@@ -54,14 +59,16 @@ class RackFingerEnvelope:
     _pieces: tuple[tuple[float, ...], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Even samples along a side of the boundary, in pieces without a corner: where `nearest` starts."""
+        """Samples along a side of the boundary, in pieces without a corner: where `nearest` starts."""
         pieces, piece = [], [0.0]
         for low, high in pairwise(i / _COARSE for i in range(_COARSE + 1)):
-            if self._limit(low) != self._limit(high):
+            for _ in range(_CORNERS):
+                if self._limit(low) == self._limit(high):
+                    break
                 corner = self._corner(low, high)
-                pieces.append((*piece, corner))
-                piece = [corner]
-            piece.append(high)
+                pieces.append((*piece, *self._between(low, corner), corner))
+                piece, low = [corner], corner
+            piece += [*self._between(low, high), high]
         object.__setattr__(self, "_pieces", (*pieces, tuple(piece)))
 
     def racks(self, arc_length_m: float, commanded_per_m: float) -> tuple[float, float]:
@@ -118,6 +125,25 @@ class RackFingerEnvelope:
         """Index of the bound that determines K."""
         bounds = self._curvature_bounds(self._arc_length(u))
         return bounds.index(min(bounds))
+
+    def _between(self, low: float, high: float) -> list[float]:
+        """Further samples where the tip turns by more than `_TURN`, even in its direction."""
+        ends = self._turn(low), self._turn(high)
+        parts = math.ceil(abs(ends[1] - ends[0]) / _TURN)
+        return [self._at_turn(low, high, ends[0] + (ends[1] - ends[0]) * i / parts) for i in range(1, parts)]
+
+    def _turn(self, u: float) -> float:
+        """Direction of the tip on the side of +K [rad]."""
+        arc_length_m = self._arc_length(u)
+        return arc_length_m * self.curvature_bound(arc_length_m) * self.curvature_gain(arc_length_m)
+
+    def _at_turn(self, low: float, high: float, turn: float) -> float:
+        """Where the tip has a direction, by bisection."""
+        rises = self._turn(low) < turn
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if (self._turn(middle) < turn) == rises else (low, middle)
+        return high
 
     def _corner(self, low: float, high: float) -> float:
         """Where another bound begins to determine K, by bisection."""
