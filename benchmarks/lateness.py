@@ -22,7 +22,6 @@ from contid.control.daemon.interfaces import RunControl
 from contid.control.daemon.run_request import RunOptions
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.messages import Finish
-from contid.control.engine.wiring import driven_robots
 from contid.control.tick.statistics import Lateness
 from contid.robot_file.load import load_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
@@ -62,7 +61,7 @@ def main() -> None:
     path = [sys.executable, "-m", "contid", "path", "circle", "--center", "50,70", "--radius", "20"]
     laps = ["--laps", str(chosen.seconds / 4.0 + 1.0), "--for", chosen.robot]
     made = subprocess.run([*path, *laps], check=True, capture_output=True, text=True)
-    trajectory = read_trajectory(io.StringIO(made.stdout), "circle", driven_robots(loaded))
+    trajectory = read_trajectory(io.StringIO(made.stdout), "circle", loaded.driven)
     pauses = Pauses(chosen.seconds, 0.0 if chosen.no_pause else PAUSE_S)
     run = RunOptions(rate_hz=chosen.rate, on_end=OnEnd.STOP, commands=[pauses])
     bare = bare_loop.started(chosen.seconds, chosen.rate)

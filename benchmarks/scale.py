@@ -27,7 +27,7 @@ import yaml
 
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.virtual import VirtualProcess
-from contid.control.engine.wiring import build_robot_configs, driven_robots
+from contid.control.engine.wiring import build_robot_configs
 from contid.hal import Sample
 from contid.robot_file.load import LoadedFile, load_robot_file, parse_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
@@ -109,7 +109,7 @@ class Cost:
 
 def measure(name: str, count: int) -> Cost:
     loaded = many(name, count)
-    trajectory = read_trajectory(io.StringIO(tips(loaded, 60.0)), "tips", driven_robots(loaded))
+    trajectory = read_trajectory(io.StringIO(tips(loaded, 60.0)), "tips", loaded.driven)
     process = VirtualProcess(loaded, RATE_HZ, NullSink(), trajectory=trajectory)
     (bus,) = process.buses.values()
     assert isinstance(bus, SimBus)

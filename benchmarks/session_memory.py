@@ -25,7 +25,7 @@ from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.tick_layout import DEADLINE, LATENESS, TICK
 from contid.control.engine.virtual import run_virtual
-from contid.control.engine.wiring import driven_robots, record_layout
+from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
 from contid.control.process.ring_writer import RingWriter
 from contid.control.process.setup import RunSetup
@@ -60,7 +60,7 @@ def main() -> int:
     parser.add_argument("--speed", type=float, default=10.0)
     chosen = parser.parse_args()
     loaded = with_mock(load_robot_file(find_robot_file("hand")))
-    rows = read_trajectory(io.StringIO(circle(0.5)), "circle", driven_robots(loaded))
+    rows = read_trajectory(io.StringIO(circle(0.5)), "circle", loaded.driven)
     kept = Kept()
     run_virtual(loaded, 200.0, rows, sinks=[kept])
     rate_hz, total = 200.0 * chosen.speed, round(chosen.minutes * 60 * 200)

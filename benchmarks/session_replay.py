@@ -18,7 +18,6 @@ from pathlib import Path
 
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
-from contid.control.engine.wiring import driven_robots
 from contid.control.process.setup import RunSetup
 from contid.robot_file.load import load_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
@@ -45,7 +44,7 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=10.0)
     minutes = parser.parse_args().minutes
     loaded = with_mock(load_robot_file(find_robot_file("hand")))
-    rows = read_trajectory(io.StringIO(circle(minutes)), "circle", driven_robots(loaded))
+    rows = read_trajectory(io.StringIO(circle(minutes)), "circle", loaded.driven)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "hand.mcap"
         start_s = time.perf_counter()

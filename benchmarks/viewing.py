@@ -42,7 +42,6 @@ from contid.control.daemon.run_request import RunOptions
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.messages import Finish, Message
 from contid.control.engine.tick_layout import LATENESS
-from contid.control.engine.wiring import driven_robots
 from contid.control.process.ring_reader import RingReader
 from contid.control.process.setup import RunSetup
 from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
@@ -200,7 +199,7 @@ def main() -> None:
     path = [sys.executable, "-m", "contid", "path", "circle", "--center", "50,70", "--radius", "20"]
     laps = ["--laps", str(chosen.seconds / 4.0 + 1.0), "--for", chosen.robot]
     made = subprocess.run([*path, *laps], check=True, capture_output=True, text=True)
-    trajectory = read_trajectory(io.StringIO(made.stdout), "circle", driven_robots(loaded))
+    trajectory = read_trajectory(io.StringIO(made.stdout), "circle", loaded.driven)
     figures = {case: Figures() for case in cases}
     for _ in range(chosen.rounds):
         for case in cases:

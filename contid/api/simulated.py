@@ -19,7 +19,7 @@ from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.orders import OrderGiven
 from contid.control.engine.virtual import Tee, VirtualProcess
-from contid.control.engine.wiring import build_preflight, driven_robots, record_layout
+from contid.control.engine.wiring import build_preflight, record_layout
 from contid.control.process.setup import RunSetup
 from contid.control.tick.preflight.rows import Unreachable
 from contid.control.tick.supervisor import Mode
@@ -64,7 +64,7 @@ class Sim:
         record: str | Path | None = None,
     ) -> None:
         loaded = with_mock(load_named(str(file)))
-        robots = driven_robots(loaded)
+        robots = loaded.driven
         self.names, self.units = tuple(robots), Units(si)
         self.rate_hz = float(rate_hz or loaded.file.rate_hz)
         if not 0.0 < self.rate_hz <= 1000.0:

@@ -8,7 +8,6 @@ import secrets
 from dataclasses import dataclass
 from typing import Final
 
-from contid.control.engine.wiring import driven_robots
 from contid.errors import BadInputError, ContidError
 from contid.panel.geometry import PanelGeometry
 from contid.panel.hub import Hub
@@ -79,7 +78,7 @@ class Checks:
         return {"ok": True, "check": key, **checked.summary}
 
     def _checked(self, geometry: PanelGeometry, text: str, name: str) -> CheckedTrajectory:
-        trajectory = read_trajectory(io.StringIO(text), name, driven_robots(geometry.loaded))
+        trajectory = read_trajectory(io.StringIO(text), name, geometry.loaded.driven)
         if len(trajectory) > MAX_ROWS:
             raise ContidError(f"{name}: {len(trajectory)} rows; a client may send {MAX_ROWS}")
         geometry.preflight(self._hub.commands()).trajectory(trajectory, name)

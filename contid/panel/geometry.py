@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from contid.control.engine.wiring import chain_guards, clearance_guard, driven_robots
+from contid.control.engine.wiring import chain_guards, clearance_guard
 from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.errors import ContidError
 from contid.kinematics.array import Array
@@ -78,7 +78,7 @@ class PanelGeometry:
 
     def describe(self) -> Fields:
         """What does not change: per robot columns, sizes, reach; floor and obstacles."""
-        descriptions = driven_robots(self.loaded)
+        descriptions = self.loaded.driven
         several, workspace = len(descriptions) > 1, self.scene.workspace()
         return {
             "planar": self.scene.planar,

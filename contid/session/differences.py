@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from contid.control.engine.wiring import driven_robots, record_layout
+from contid.control.engine.wiring import record_layout
 from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile
 from contid.robot_file.renamed import with_renamed_keys
@@ -68,7 +68,7 @@ def refuse_other_robots(session: Session, loaded: LoadedFile) -> None:
     """
     then = {(robot.name, robot.axes) for robot in session.layout.robots}
     now = {(robot.name, robot.axes) for robot in record_layout(loaded, session.rate_hz).robots}
-    if then != now or len(driven_robots(loaded)) != len(session.layout.robots):
+    if then != now or len(loaded.driven) != len(session.layout.robots):
         raise ContidError(
             f"{loaded.path}: other robots or axes than recorded: recorded {_named(then)}; here {_named(now)}"
         )

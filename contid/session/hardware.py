@@ -17,7 +17,7 @@ from contid.control.daemon.daemon import Daemon
 from contid.control.daemon.run_request import RunOptions
 from contid.control.engine.report import RunReport
 from contid.control.engine.tick_layout import TICK
-from contid.control.engine.wiring import build_preflight, driven_robots
+from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import Unreachable
 from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile
@@ -61,7 +61,7 @@ def recorded_commands(session: Session, loaded: LoadedFile) -> Trajectory:
         # Gaps take the last command before them, those at the beginning the first command.
         last = np.maximum.accumulate(np.where(np.isnan(table[:, column]), -1, np.arange(len(table))))
         table[:, column] = table[np.where(last < 0, given[0], last), column]
-    layout = read_layout([(name, 1) for name in names], str(session.path), 1, driven_robots(loaded))
+    layout = read_layout([(name, 1) for name in names], str(session.path), 1, loaded.driven)
     table.setflags(write=False)
     return Trajectory(layout, table, range(1, len(table) + 1), Interpolation.LINEAR)
 

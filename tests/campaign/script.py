@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 from benchmarks.lab import lab
 from contid.control.engine import messages as msg
-from contid.control.engine.wiring import build_robot_configs, driven_robots
+from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
 from contid.robot_file.base import StopPolicy
 from contid.robot_file.load import LoadedFile, load_robot_file, parse_robot_file, with_mock
@@ -57,7 +57,7 @@ def machines() -> list[Machine]:
     ]
     out = []
     for loaded in [*files, lab(), close_hand()]:
-        if driven_robots(loaded):
+        if loaded.driven:
             rate = loaded.file.rate_hz
             out.append(Machine(loaded.file.name, with_mock(loaded), rate, build_robot_configs(loaded, rate)))
     return out
@@ -257,6 +257,4 @@ class Script:
                 way = [share * (0.5 - 0.5 * math.cos(turn * row)) for row in range(rows)]
                 columns.append([(begin + (end - begin) * part) * config.quantity.per_si for part in way])
         lines = [",".join(names), *(",".join(map(repr, row)) for row in zip(*columns, strict=True))]
-        return read_trajectory(
-            io.StringIO("\n".join(lines) + "\n"), "walk.csv", driven_robots(self.machine.loaded)
-        )
+        return read_trajectory(io.StringIO("\n".join(lines) + "\n"), "walk.csv", self.machine.loaded.driven)

@@ -11,7 +11,7 @@ from contid import Robot, Sim
 from contid.clearance.lead import in_base
 from contid.clearance.obstacles import Box, Capsule, Plane
 from contid.control.engine import wiring
-from contid.control.engine.wiring import build_preflight, driven_robots
+from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import Unreachable
 from contid.errors import BadInputError
 from contid.kinematics.frames import BaseFrame
@@ -41,7 +41,7 @@ def check(radius_mm):
     loaded = parse_robot_file(text(radius_mm), "ball.yaml")
     preflight = build_preflight(loaded, 100.0, Unreachable.REFUSE)
     assert preflight is not None
-    preflight.trajectory(read_trajectory(io.StringIO(ROWS), "a.csv", driven_robots(loaded)), "a.csv")
+    preflight.trajectory(read_trajectory(io.StringIO(ROWS), "a.csv", loaded.driven), "a.csv")
 
 
 def test_a_trajectory_that_would_touch_is_led_around_by_the_free_axes(monkeypatch):

@@ -10,7 +10,7 @@ from contid import Sim
 from contid.clearance.body import sampled_body
 from contid.clearance.guard import Shapes
 from contid.clearance.walk import RESOLUTION_M, Walk
-from contid.control.engine.wiring import build_preflight, clearance_guard, driven_robots
+from contid.control.engine.wiring import build_preflight, clearance_guard
 from contid.control.tick.preflight.rows import Unreachable
 from contid.errors import BadInputError, ContidError
 from contid.kinematics.model import build_model
@@ -54,7 +54,7 @@ def test_the_shipped_hand_runs_its_circle_and_refuses_crossed_fingers():
 
 def test_a_wall_is_refused_at_its_row_with_the_distance():
     file = finger(WALL)
-    robots = driven_robots(file)
+    robots = file.driven
     good = trajectory((0, 60, 60), (3, 58, 62))
     preflight_of(file).trajectory(read_trajectory(io.StringIO(good), "a.csv", robots), "a.csv")
     text = trajectory((0, 60, 60), (3, 58, 62), (6, 50, 70))

@@ -13,7 +13,7 @@ from contid.control.engine import messages as msg
 from contid.control.engine.events.orders import GotoEnded, OrderRefused
 from contid.control.engine.events.robots import FaultLatched
 from contid.control.engine.virtual import VirtualProcess, run_virtual
-from contid.control.engine.wiring import build_robot_configs, driven_robots, record_layout
+from contid.control.engine.wiring import build_robot_configs, record_layout
 from contid.control.tick.supervisor import Mode
 from contid.robot_file.base import StopPolicy
 from contid.robot_file.load import parse_robot_file, with_mock
@@ -110,7 +110,7 @@ def with_feedback():
 def test_a_correction_of_tip_feedback_into_a_wall_is_fault_303():
     loaded = with_mock(parse_robot_file(with_feedback(), "f.yaml"))
     kept = Kept(loaded)
-    path = read_trajectory(io.StringIO(HANGING), "t.csv", driven_robots(loaded))
+    path = read_trajectory(io.StringIO(HANGING), "t.csv", loaded.driven)
     report = run_virtual(loaded, 100.0, path, sinks=[kept])
     (fault,) = kept.of(FaultLatched)
     assert fault.fault == 303

@@ -18,7 +18,7 @@ import numpy as np
 
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
-from contid.control.engine.wiring import build_robot_configs, chain_guards, driven_robots
+from contid.control.engine.wiring import build_robot_configs, chain_guards
 from contid.control.process.setup import RunSetup
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.preflight.rows import Preflight
@@ -56,7 +56,7 @@ def names() -> list[str]:
 def trajectory(loaded: LoadedFile, rate_hz: float) -> Trajectory:
     """Tips of actuations around the rest pose, as CSV through the reader that users have."""
     head, columns = ["t_s"], []
-    robots = driven_robots(loaded)
+    robots = loaded.driven
     for config in build_robot_configs(loaded, rate_hz):
         robot = robots[config.name]
         axes = "xyz"[: robot.dimension]

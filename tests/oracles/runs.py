@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contid.control.engine.virtual import run_virtual
-from contid.control.engine.wiring import build_robot_configs, driven_robots, record_layout
+from contid.control.engine.wiring import build_robot_configs, record_layout
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.preflight.rows import Preflight, TooFastError
 from contid.control.tick.supervisor import Mode
@@ -178,7 +178,7 @@ def random_run(name: str, seed: int) -> Outcome:
     feasible = robot_model.feasible if isinstance(robot_model, SectionModel) else None
     try:
         text = path(name, config, feasible, rng)
-        read = read_trajectory(io.StringIO(text), "t.csv", driven_robots(loaded))
+        read = read_trajectory(io.StringIO(text), "t.csv", loaded.driven)
         trajectory = accepted(config, read)
     except BadInputError as error:
         return Outcome("refused", message=str(error).splitlines()[0])

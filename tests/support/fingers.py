@@ -9,7 +9,6 @@ from typing import Any
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.json_form import to_json
 from contid.control.engine.virtual import run_virtual
-from contid.control.engine.wiring import driven_robots
 from contid.robot_file.load import LoadedFile, parse_robot_file
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
@@ -78,7 +77,7 @@ def circle_csv(count: int, period_s: float = 1.0, rows: int = 50, radius_mm: flo
 
 
 def circle(loaded: LoadedFile, **keys: object) -> Trajectory:
-    robots = driven_robots(loaded)
+    robots = loaded.driven
     text = circle_csv(len(robots), **keys)  # type: ignore[arg-type]
     return read_trajectory(io.StringIO(text), "circle.csv", robots)
 

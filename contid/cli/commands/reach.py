@@ -58,14 +58,13 @@ def command(
     moves alike in all directions, 0 where it cannot move in one).
     """
     from contid.cli.support.progress import counting
-    from contid.control.engine.wiring import driven_robots
     from contid.errors import ContidError
     from contid.reach.report import planar_report, spatial_report
     from contid.robot_file.rack_finger import RackFinger
     from contid.robot_file.shipped import load_named
 
     loaded = load_named(robot_file)
-    robots = driven_robots(loaded)
+    robots = loaded.driven
     if axis_sigma is not None and quality != "accuracy":
         raise click.UsageError("--axis-sigma is for --quality accuracy.")
     if quality is not None:

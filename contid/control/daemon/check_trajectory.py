@@ -12,7 +12,7 @@ from contid.control.daemon.fastest import FastestPath, fastest
 from contid.control.daemon.inputs import Stream, read_file, read_stdin
 from contid.control.daemon.stretch import with_remedy
 from contid.control.daemon.terminal import check_progress
-from contid.control.engine.wiring import build_preflight, driven_robots
+from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import TooFastError, Unreachable
 from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile
@@ -55,7 +55,7 @@ def check_trajectory(robot_file: str, trajectory: str) -> AcceptedTrajectory:
         _check(loaded, source, trajectory)
     except TooFastError as error:
         raise with_remedy(error) from error
-    moved = tuple(name for name in driven_robots(loaded) if name in source.targets_of_row(0))
+    moved = tuple(name for name in loaded.driven if name in source.targets_of_row(0))
     return AcceptedTrajectory(loaded.file.name, len(source), source.end_s - source.start_s, moved)
 
 
@@ -86,7 +86,7 @@ def _check(loaded: LoadedFile, source: Trajectory, name: str) -> None:
 def _read(robot_file: str, trajectory: str, text: TextIO | None = None) -> tuple[LoadedFile, Trajectory]:
     """A robot file, and a trajectory with times for it."""
     loaded = load_named(robot_file)
-    robots = driven_robots(loaded)
+    robots = loaded.driven
     source: Trajectory | Stream
     if text is not None:
         source = read_trajectory(text, trajectory, robots)

@@ -15,7 +15,7 @@ from contid.control.daemon.pending_input import PendingInput
 from contid.control.daemon.stretch import stretch, with_remedy
 from contid.control.daemon.terminal import check_progress, print_message
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.wiring import build_preflight, driven_robots
+from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import Preflight, TooFastError, Unreachable
 from contid.errors import ContidError
 from contid.robot_file.document import MAX_RATE_HZ
@@ -105,7 +105,7 @@ def read_input(
         ContidError: it is wrong, or empty.
         InputCancelledError: the reader was cancelled.
     """
-    robots = driven_robots(loaded)
+    robots = loaded.driven
     source: Trajectory | Stream
     if request.trajectory is not None:
         source = read_file(request.trajectory, robots)

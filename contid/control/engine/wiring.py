@@ -21,16 +21,10 @@ from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.document import BusWiring
 from contid.robot_file.load import LoadedFile
 from contid.robot_file.rack_finger import RackFinger
-from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.robot_file.tick_rate import watchdog_s
 
 _Capability = TypeVar("_Capability")
-
-
-def driven_robots(loaded: LoadedFile) -> Mapping[str, RobotDescription]:
-    """Robots with actuators: `LoadedFile.driven`."""
-    return loaded.driven
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +51,7 @@ def wired_buses(loaded: LoadedFile) -> list[WiredBus]:
     """Every bus that carries an axis, in file order."""
     travel: dict[str, tuple[float, float]] = {}
     tendons: dict[str, SpooledTendon] = {}
-    for name, robot in driven_robots(loaded).items():
+    for name, robot in loaded.driven.items():
         transmission = RobotTransmission(robot)
         ranges = transmission.travel()
         travel |= {f"{name}.{axis}": ends for axis, ends in zip(robot.all_axis_names, ranges, strict=True)}
@@ -96,7 +90,7 @@ def build_buses(loaded: LoadedFile, clock: Clock) -> dict[str, Bus]:
         bus.wiring.name: bus.driver.open_bus(bus.wiring.name, bus.wiring.options, bus.axes, clock)
         for bus in wired_buses(loaded)
     }
-    for name, robot in driven_robots(loaded).items():
+    for name, robot in loaded.driven.items():
         if isinstance(robot, Cosserat | RackFinger) and robot.sim is not None:
             _carry(loaded, buses, name, robot)
     return buses
@@ -126,7 +120,7 @@ def build_robot_configs(loaded: LoadedFile, rate_hz: float) -> tuple[RobotConfig
     watchdogs_s = {bus.name: watchdog_s(bus) for bus in loaded.buses.values()}
     configs = tuple(
         robot_config(name, robot, RobotTransmission(robot), rate_hz, tolerance, watchdogs_s)
-        for name, robot in driven_robots(loaded).items()
+        for name, robot in loaded.driven.items()
     )
     clearance = loaded.file.clearance
     if clearance is not None and clearance.obstacles:
@@ -179,6 +173,6 @@ def record_layout(loaded: LoadedFile, rate_hz: float) -> RecordLayout:
     """The layout of a record of these robots."""
     robots = tuple(
         RobotLayout(name, robot.model, robot.quantity.unit, robot.all_axis_names, len(robot.extra_deg))
-        for name, robot in driven_robots(loaded).items()
+        for name, robot in loaded.driven.items()
     )
     return RecordLayout(loaded.file.name, rate_hz, robots)

@@ -13,7 +13,7 @@ from contid.control.engine.events.pace import TicksSkipped, TicksWaited
 from contid.control.engine.events.robots import FaultLatched
 from contid.control.engine.measured_tip import measured_actuation
 from contid.control.engine.tick_layout import ENABLED, RecordLayout, RobotRecord, TickRecord
-from contid.control.engine.wiring import build_robot_configs, driven_robots, record_layout
+from contid.control.engine.wiring import build_robot_configs, record_layout
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import PAGES, Fault
 from contid.control.tick.supervisor import Mode
@@ -55,7 +55,7 @@ class TelemetryView:
         self.configs: dict[str, RobotConfig] = {
             config.name: config for config in build_robot_configs(loaded, rate_hz)
         }
-        self.robots = driven_robots(loaded)
+        self.robots = loaded.driven
         self.layout: RecordLayout = record_layout(loaded, rate_hz)
         self._loaded = loaded
         self._details: dict[str, str] = {}

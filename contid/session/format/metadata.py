@@ -23,7 +23,7 @@ from typing import Any, Final
 import numpy as np
 
 from contid import __version__, kernels
-from contid.control.engine.wiring import driven_robots, record_layout
+from contid.control.engine.wiring import record_layout
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.hal import DeviceKind, load_driver
@@ -157,7 +157,7 @@ def decode_trajectory(data: bytes, about: Mapping[str, str], loaded: LoadedFile)
         interpolation = Interpolation(about["interpolation"])
     except (ValueError, TypeError, RecursionError) as error:
         raise ContidError(f"the recorded trajectory is damaged: {error}") from error
-    layout = read_layout([(name, 1) for name in names], "the recorded trajectory", 1, driven_robots(loaded))
+    layout = read_layout([(name, 1) for name in names], "the recorded trajectory", 1, loaded.driven)
     try:
         rows = _rows(data, len(names))
     except Exception as error:  # zipfile and NumPy have a dozen kinds of errors for damaged data

@@ -13,7 +13,6 @@ import pytest
 from contid.control.daemon.inputs import Stream
 from contid.control.daemon.row_stream import BUDGET_S, LiveRowReader, StreamFollower
 from contid.control.engine.messages import Message, Rows
-from contid.control.engine.wiring import driven_robots
 from contid.robot_file.load import parse_robot_file
 from contid.trajectory.rows import RowReader
 from tests.support.fingers import fingers
@@ -24,7 +23,7 @@ ROWS = 20_000
 
 def follow(text: str, row_s: float) -> tuple[list[float], int]:
     """Follow a text from a pipe, with a clock that advances per look: x of the sent rows [mm], loop turns."""
-    robots = driven_robots(parse_robot_file(fingers(1), "fingers.yaml"))
+    robots = parse_robot_file(fingers(1), "fingers.yaml").driven
     inside, outside = os.pipe()
     stream = Stream(RowReader("x_mm,y_mm", "stdin", robots), "stdin", inside, (), 1)
     sent: list[float] = []

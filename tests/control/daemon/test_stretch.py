@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from contid.control.daemon.stretch import ACCURACY, stretch
-from contid.control.engine.wiring import build_preflight, driven_robots
+from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import TooFastError, Unreachable
 from contid.robot_file.shipped import load_named
 from contid.session.check import check_session
@@ -42,7 +42,7 @@ def run(text: str, folder: Path, *options: str) -> subprocess.CompletedProcess[s
 
 
 def least_slowdown(text: str) -> float:
-    trajectory = read_trajectory(io.StringIO(text), "t.csv", driven_robots(FINGER))
+    trajectory = read_trajectory(io.StringIO(text), "t.csv", FINGER.driven)
     preflight = build_preflight(FINGER, 200.0, Unreachable.REFUSE)
     assert preflight is not None
     with pytest.raises(TooFastError) as refused:

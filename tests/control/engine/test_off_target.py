@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from contid.control.engine.virtual import run_virtual
-from contid.control.engine.wiring import build_robot_configs, driven_robots
+from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.faults import Fault
 from contid.control.tick.on_path import tip_tolerance_m
 from contid.control.tick.preflight.rows import Preflight, Unreachable
@@ -84,9 +84,7 @@ def test_a_nearest_point_that_is_not_reached_ends_the_run_with_a_fault() -> None
     for text, exit_code in ((slow, 3), (fingers(1), 0)):
         loaded = parse_robot_file(text, "fingers.yaml")
         rows = "t_s,x_mm,y_mm\n0,50,75\n0.5,50,75\n0.7,50,395\n"
-        report = run_virtual(
-            loaded, RATE, read_trajectory(io.StringIO(rows), "far.csv", driven_robots(loaded))
-        )
+        report = run_virtual(loaded, RATE, read_trajectory(io.StringIO(rows), "far.csv", loaded.driven))
         assert report.exit_code == exit_code
         assert report.robots["f0"]["ticks_unreachable"]
         assert report.robots["f0"]["fault"] == (Fault.TIP_OFF_TARGET if exit_code else Fault.NONE)
@@ -96,7 +94,7 @@ def test_a_target_that_was_within_reach_when_it_was_checked_and_is_not_in_the_ru
     """The nearest point is reached, which is enough only for a trajectory that was not refused anything."""
     loaded = load(1)
     rows = "t_s,x_mm,y_mm\n0,50,75\n0.5,50,75\n0.7,50,395\n3,50,75\n"
-    trajectory = read_trajectory(io.StringIO(rows), "far.csv", driven_robots(loaded))
+    trajectory = read_trajectory(io.StringIO(rows), "far.csv", loaded.driven)
     assert run_virtual(loaded, RATE, trajectory).exit_code == 0
     report = run_virtual(loaded, RATE, trajectory.accepted())
     assert report.exit_code == 3

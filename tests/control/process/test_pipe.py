@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from contid.control.engine.messages import EndOfRows, Estop, Goto, Hold, Play, Rows
-from contid.control.engine.wiring import driven_robots
 from contid.control.process.pipe import Inbox, frame, to_shared_memory
 from contid.robot_file.load import parse_robot_file
 from contid.targets import Target
@@ -39,7 +38,7 @@ def test_messages_are_complete_when_bytes_arrive_one_by_one() -> None:
 def test_arrays_of_a_long_trajectory_are_mapped_and_their_file_is_removed(tmp_path: Path) -> None:
     loaded = parse_robot_file(fingers(1), "fingers.yaml")
     text = circle_csv(1, period_s=50.0)
-    trajectory = read_trajectory(io.StringIO(text), "circle", driven_robots(loaded))
+    trajectory = read_trajectory(io.StringIO(text), "circle", loaded.driven)
     read, write = os.pipe()
     inbox = Inbox(read)
     bulk = to_shared_memory(Play(trajectory), tmp_path)

@@ -12,7 +12,7 @@ from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.engine.virtual import run_virtual
-from contid.control.engine.wiring import build_preflight, driven_robots
+from contid.control.engine.wiring import build_preflight
 from contid.control.tick.faults import Fault
 from contid.control.tick.preflight.rows import Unreachable
 from contid.errors import BadInputError
@@ -82,7 +82,7 @@ def rows(loaded: LoadedFile, *tips_mm: tuple[float, ...], period_s: float = 1.0)
     names = [f"{arm}.{axis}_mm" for arm in ("left", "right") for axis in "xyz"]
     lines = [",".join(["t_s", *names])]
     lines += [",".join(map(repr, (k * period_s, *tips))) for k, tips in enumerate(tips_mm)]
-    return read_trajectory(io.StringIO("\n".join(lines) + "\n"), "t.csv", driven_robots(loaded))
+    return read_trajectory(io.StringIO("\n".join(lines) + "\n"), "t.csv", loaded.driven)
 
 
 UP = (0.0, 0.0, 250.0, 700.0, 0.0, 250.0)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from contid import kernels
 from contid.control.engine.virtual import run_virtual
-from contid.control.engine.wiring import build_robot_configs, driven_robots
+from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.on_path import tip_tolerance_m
 from contid.control.tick.preflight.rows import Preflight
 from contid.control.tick.preflight.ticks import Tick, run_ticks
@@ -33,7 +33,7 @@ TIPS, AXES = "t_s,x_mm,y_mm", "t_s,left_mm,right_mm"
 
 def trajectory_of(loaded: LoadedFile, header: str, *rows: tuple[float, ...]) -> Trajectory:
     text = "\n".join([header, *(",".join(map(repr, row)) for row in rows)])
-    return read_trajectory(io.StringIO(text), "t.csv", driven_robots(loaded))
+    return read_trajectory(io.StringIO(text), "t.csv", loaded.driven)
 
 
 def refused(loaded: LoadedFile, trajectory: Trajectory, rate_hz: float = RATE) -> list[tuple[int, str]]:
