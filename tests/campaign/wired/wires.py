@@ -158,8 +158,8 @@ class Wires:
                 for name in COUNTED:
                     emulator.set(name, servo.device, count=0)
             emulator.set("echo", on=False)
-            for name in ADAPTER:
-                emulator.set(name, count=0)
+            for name, settings in ADAPTER.items():
+                emulator.set(name, **dict.fromkeys(settings[0], 0))
             if not Path(emulator.port).is_symlink():
                 emulator.set("replug")
         for bus, board in self.boards.items():
