@@ -11,13 +11,15 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from contid.kinematics.arc.feasible import Feasible
-from contid.kinematics.arc.section_model import Solver, build_solver
+from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.sections import differentiate, forward
-from contid.kinematics.arc.solve import SectionSolver, vec3
+from contid.kinematics.arc.solve import SectionSolver
+from contid.kinematics.arc.solver import Solver
 from contid.kinematics.arc.task import tuning_for
 from contid.kinematics.array import Array
 from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
 from contid.kinematics.ph.model import arc_direction
+from contid.targets import vec3
 from studies import singh
 from studies.distal_learning import InverseNetwork
 
@@ -91,7 +93,7 @@ def bounded(name: str, solver: Solver, golden_only: bool = False) -> Method:
     """The solver robots run on, as a method of the table."""
 
     def step(target: Array, before: Array, lengths: Array) -> Array:
-        return np.array(solver.solve(vec3(target), None, None, tuple(lengths.tolist()))[0])
+        return np.array(solver.solve(vec3(target.tolist()), None, None, tuple(lengths.tolist()))[0])
 
     def along(tips: Array, start: Array) -> Array:
         paths, starts = tips.reshape(-1, *tips.shape[-2:]), start.reshape(-1, 6)
@@ -113,7 +115,7 @@ def by_shape(feasible: Feasible) -> Method:
     prepared = ShapeInverse(tubes, (home / home.sum()).tolist())
 
     def step(target: Array, before: Array, lengths: Array) -> Array:
-        tip = vec3(target)
+        tip = vec3(target.tolist())
         return feasible.pulled(prepared.solve(tip, arc_direction(tip)).lengths_m)
 
     def along(tips: Array, start: Array) -> Array:

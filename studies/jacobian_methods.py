@@ -20,6 +20,7 @@ from typing import Final
 
 import numpy as np
 
+from contid.kinematics.arc.sections import ArcChain
 from contid.kinematics.arc.task import Goal, task
 from contid.kinematics.array import Array
 from studies.segment_arms import SegmentArm
@@ -67,16 +68,13 @@ def damped_least_squares(arm: SegmentArm, goal: Goal, damping: float = DAMPING) 
         yield _bends(arm, x)
 
 
-class VariableLengths:
+class VariableLengths(ArcChain):
     """A chain whose variables are bend vectors times the real length, and lengths: three per segment [m]."""
 
-    offset_m = (0.0, 0.0)
-
     def __init__(self, arm: SegmentArm) -> None:
-        self.count = arm.count
         self.rigid_m = (0.0,) * arm.count
         each = np.diag((1.0 / arm.length_m, 1.0 / arm.length_m, 1.0))
-        self.to_arc: Array = np.broadcast_to(each, (arm.count, 3, 3))
+        self.to_arc = np.broadcast_to(each, (arm.count, 3, 3))
 
     def arcs(self, lengths: Array | Sequence[float]) -> Array:
         """Bend vectors and lengths ``(count, 3)``."""

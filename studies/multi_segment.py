@@ -18,7 +18,8 @@ import click
 import numpy as np
 
 from contid.kernels import load
-from contid.kinematics.arc.solve import SectionSolution, SectionSolver
+from contid.kinematics.arc.solve import SectionSolver
+from contid.kinematics.arc.solver import SectionSolution
 from contid.kinematics.arc.task import Goal, Tuning
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.feasible import TendonFeasible

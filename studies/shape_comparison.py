@@ -18,10 +18,10 @@ import numpy as np
 from contid.kinematics.arc.biarc import biarc
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.sections import forward
-from contid.kinematics.arc.solve import vec3
 from contid.kinematics.array import Array
 from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
 from contid.kinematics.ph.model import arc_direction
+from contid.targets import Vec3
 from studies import singh
 from studies.comparison import cbha
 
@@ -68,6 +68,12 @@ class ShapeRow:
     paper_max_mm: tuple[float, float, float] | None
     paper_mean_mm: tuple[float, float, float] | None
     paper_us: float | None
+
+
+def vec3(row: Array) -> Vec3:
+    """Three numbers as Python's floats."""
+    x, y, z = row.tolist()
+    return x, y, z
 
 
 def tube_sections() -> tuple[TubeSection, ...]:

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from contid.kernels import load
 from contid.kinematics.arc.feasible import Feasible
-from contid.kinematics.arc.section_model import Solver, build_solver
+from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.sections import Sections, differentiate, forward
 from contid.kinematics.arc.solve import SectionSolver
+from contid.kinematics.arc.solver import Solver
 from contid.kinematics.arc.task import tuning_for
 from tests.kinematics.section_robots import ROBOTS, random_lengths
 

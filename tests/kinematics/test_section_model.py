@@ -13,8 +13,9 @@ import yaml
 
 from contid.kernels import PURE_PYTHON, load
 from contid.kinematics.arc.feasible import Feasible
-from contid.kinematics.arc.section_model import SectionModel, Solver, build_solver
+from contid.kinematics.arc.section_model import SectionModel, build_solver
 from contid.kinematics.arc.sections import forward
+from contid.kinematics.arc.solver import Solver
 from contid.kinematics.model import build_model
 from contid.robot_file.document import RobotFile
 from contid.robot_file.tri_rack import TriRack

@@ -29,10 +29,8 @@ struct Solver {
     s.elements = static_cast<int>(h.size());
     s.tendons = static_cast<int>(rest.size());
     if (s.elements < 1 || s.tendons < 1 || s.tendons > kMaxTendons) throw nb::value_error("1 to 64 tendons, 1 element");
-    s.per_section = nb::cast<int>(of.attr("per_section"));
     s.stretches = nb::cast<bool>(of.attr("stretches"));
     s.base = nb::cast<double>(of.attr("base_m"));
-    s.capstan = nb::cast<double>(of.attr("capstan"));
     const size_t n = s.elements, m = s.tendons;
     s.h = numbers(h, n, "lengths");
     s.rest = numbers(rest, m, "rest");
@@ -51,17 +49,17 @@ struct Solver {
 
   // Into arrays of the caller, the last two with `derivatives` only; the moment left over, below 0 when no equilibrium
   // was found.
-  double solve(Given pulls, nb::handle force, Given start, Given slides, Rows strain, Rows points, Rows rotation,
-               Rows tensions, Rows tip, Rows jacobian, Rows compliance, bool derivatives) {
+  double solve(Given pulls, nb::handle force, Given start, Rows strain, Rows points, Rows rotation, Rows tensions,
+               Rows tip, Rows jacobian, Rows compliance, bool derivatives) {
     const RodSetup& s = rod.setup();
     const size_t n = s.elements, m = s.tendons;
-    const bool fits = pulls.size() == m && start.size() == 4 * n && slides.size() == m && strain.size() == 4 * n &&
+    const bool fits = pulls.size() == m && start.size() == 4 * n && strain.size() == 4 * n &&
                       points.size() == 3 * (n + 1) && rotation.size() == 9 && tensions.size() == m && tip.size() == 3 &&
                       jacobian.size() == 3 * m && compliance.size() == 9;
     if (!fits) throw nb::value_error("arrays of the rod's size");
     double f[3];
     read(force, f, 3, "force: three numbers");
-    const TendonRodSolver::State* at = rod.solve(pulls.data(), {f[0], f[1], f[2]}, start.data(), slides.data());
+    const TendonRodSolver::State* at = rod.solve(pulls.data(), {f[0], f[1], f[2]}, start.data());
     if (at == nullptr) return -1.0;
     std::copy(at->x.begin(), at->x.end(), strain.data());
     for (size_t i = 0; i <= n; ++i) {
@@ -69,7 +67,7 @@ struct Solver {
       points.data()[3 * i] = p.x, points.data()[3 * i + 1] = p.y, points.data()[3 * i + 2] = p.z;
     }
     for (int i = 0; i < 9; ++i) rotation.data()[i] = at->frames[n].m[i / 3][i % 3];
-    std::copy(at->spool.begin(), at->spool.end(), tensions.data());
+    std::copy(at->tension.begin(), at->tension.end(), tensions.data());
     tip.data()[0] = at->tip.x, tip.data()[1] = at->tip.y, tip.data()[2] = at->tip.z;
     if (!derivatives) return at->size;
     return rod.derivatives(*at, jacobian.data(), compliance.data()) ? at->size : -1.0;
@@ -82,7 +80,7 @@ NB_MODULE(KERNEL_MODULE, module) {
   module.doc() = "Rods of tendon robots: native twin of contid.kinematics.tendon.rod.";
   nb::class_<Solver>(module, "Rod")
       .def(nb::init<nb::handle>(), nb::arg("setup"))
-      .def("solve", &Solver::solve, nb::arg("pulls"), nb::arg("force"), nb::arg("start"), nb::arg("slides"),
-           nb::arg("strain"), nb::arg("points"), nb::arg("rotation"), nb::arg("tensions"), nb::arg("tip"),
-           nb::arg("jacobian"), nb::arg("compliance"), nb::arg("derivatives"));
+      .def("solve", &Solver::solve, nb::arg("pulls"), nb::arg("force"), nb::arg("start"), nb::arg("strain"),
+           nb::arg("points"), nb::arg("rotation"), nb::arg("tensions"), nb::arg("tip"), nb::arg("jacobian"),
+           nb::arg("compliance"), nb::arg("derivatives"));
 }

@@ -15,9 +15,9 @@ constexpr double kExactRod = 1e-11;   // moments left over, as a share of the la
 constexpr double kLargestTurn = 0.3;  // of an element in one step [rad], and of its stretch
 
 struct RodSetup {
-  int elements = 0, tendons = 0, per_section = 0;
+  int elements = 0, tendons = 0;
   bool stretches = false;
-  double base = 0.0, capstan = 0.0;
+  double base = 0.0;
   Vec offset{};
   std::vector<double> h, rigid, stiffness;  // of elements; stiffness has four numbers each
   std::vector<double> arms;                 // elements x tendons x 2; NaN where a tendon does not pass
@@ -33,29 +33,31 @@ class TendonRodSolver {
     for (int e = 0; e < n; ++e) scale_ = std::max(scale_, s_.stiffness[4 * e]);
     for (State& state : states_) {
       state.x.resize(4 * n), state.left.resize(size_), state.matrix.resize(size_ * size_);
-      state.points.resize(n + 1), state.frames.resize(n + 1), state.spool.resize(m), state.by_pull.resize(size_ * m);
+      state.points.resize(n + 1), state.frames.resize(n + 1), state.tension.resize(m), state.by_pull.resize(size_ * m);
       state.axes.resize(4 * n), state.shifts.resize(4 * n);
     }
     elements_.resize(n), forces_.resize(n), moments_.resize(n), outer_.resize(n), moved_.resize(4 * n);
-    dl_.resize(4 * n * m), root_.resize(n * m), ratio_.resize(n * m), share_.resize(n * m), before_.resize(n);
+    dl_.resize(4 * n * m), root_.resize(n * m), ratio_.resize(n * m);
     factor_.resize(size_ * size_), order_.resize(size_), right_.resize(size_ * (m + 3));
   }
 
   struct State {
-    std::vector<double> x, left, matrix, spool, by_pull;
-    std::vector<Vec> points, axes, shifts;
-    std::vector<Mat> frames;
+    std::vector<double> x;                  // strain: bends u, v, twist, stretch of each element
+    std::vector<double> left, matrix;       // moments left over [N m], 0 in equilibrium; their derivative by the strain
+    std::vector<double> tension, by_pull;   // of the tendons [N]; derivative of `left` by their pulls
+    std::vector<Vec> points, axes, shifts;  // ends of the elements [m]; twists of the coordinates about the base
+    std::vector<Mat> frames;                // at the points
     Vec tip{};
-    double size = 0.0;
+    double size = 0.0;  // norm of `left`
   };
 
   const RodSetup& setup() const { return s_; }
 
   // The equilibrium, null when none was found.
-  const State* solve(const double* pulls, Vec force, const double* start, const double* slides) {
+  const State* solve(const double* pulls, Vec force, const double* start) {
     State *now = &states_[0], *next = &states_[1];
     std::copy(start, start + 4 * s_.elements, now->x.begin());
-    balance(*now, pulls, force, slides);
+    balance(*now, pulls, force);
     for (int step = 0; step < kSteps; ++step) {
       if (now->size <= kExactRod * scale_) return now;
       for (int i = 0; i < size_; ++i) right_[i] = -now->left[i];
@@ -69,7 +71,7 @@ class TendonRodSolver {
         for (int e = 0; e < s_.elements; ++e)
           for (int k = 0; k < 4; ++k)
             next->x[4 * e + k] = now->x[4 * e + k] + (k < free_ ? share * right_[free_ * e + k] : 0.0);
-        balance(*next, pulls, force, slides);
+        balance(*next, pulls, force);
         if (next->size < (1.0 - 1e-4 * share) * now->size || share < 1e-4) break;
         share *= 0.5;
       }
@@ -113,11 +115,11 @@ class TendonRodSolver {
   std::vector<LocalElement> elements_;
   std::vector<Vec> forces_, moments_, moved_;
   std::vector<Mat> outer_;
-  std::vector<double> dl_, root_, ratio_, share_, before_, factor_, right_;
+  std::vector<double> dl_, root_, ratio_, factor_, right_;
   std::vector<int> order_;
 
   // Virtual work of a strain and its derivative.
-  void balance(State& at, const double* pulls, Vec force, const double* slides) {
+  void balance(State& at, const double* pulls, Vec force) {
     const int n = s_.elements;
     at.points[0] = {0.0, 0.0, s_.base};
     at.frames[0] = identity();
@@ -134,7 +136,7 @@ class TendonRodSolver {
     }
     at.tip = at.points[n] + at.frames[n] * s_.offset;
     loads(at, force);
-    tendons(at, pulls, slides);
+    tendons(at, pulls);
     geometric(at);
     at.size = 0.0;
     for (int i = 0; i < size_; ++i) at.size += at.left[i] * at.left[i];
@@ -156,19 +158,15 @@ class TendonRodSolver {
     }
   }
 
-  void tendons(State& at, const double* pulls, const double* slides) {
+  void tendons(State& at, const double* pulls) {
     const int n = s_.elements, m = s_.tendons;
-    for (int j = 0; j < m; ++j) at.spool[j] = 0.0;
-    double bent = 0.0;
+    double shortening[kMaxTendons] = {}, stiff[kMaxTendons];
     for (int e = 0; e < n; ++e) {
-      const double *x = &at.x[4 * e], h = s_.h[e], bend = std::hypot(x[0], x[1]);
-      before_[e] = bent + 0.5 * bend;
-      bent += bend;
+      const double *x = &at.x[4 * e], h = s_.h[e];
       for (int j = 0; j < m; ++j) {
         const double *arm = &s_.arms[2 * (e * m + j)], squared = (arm[0] * arm[0] + arm[1] * arm[1]) / (h * h);
         double* dl = &dl_[4 * (e * m + j)];
         double &root = root_[e * m + j], &ratio = ratio_[e * m + j];
-        share_[e * m + j] = s_.capstan == 0.0 ? 1.0 : std::exp(-s_.capstan * slides[j] * before_[e]);
         if (std::isnan(arm[0])) {
           root = ratio = dl[0] = dl[1] = dl[2] = dl[3] = 0.0;
           continue;
@@ -177,13 +175,12 @@ class TendonRodSolver {
         root = std::sqrt(along * along + squared * x[2] * x[2]);
         ratio = along / root;
         dl[0] = -arm[0] * ratio, dl[1] = -arm[1] * ratio, dl[2] = h * squared * x[2] / root, dl[3] = h * ratio;
-        at.spool[j] += h * (1.0 - root);  // shortening
+        shortening[j] += h * (1.0 - root);
       }
     }
-    double stiff[kMaxTendons];
     for (int j = 0; j < m; ++j) {
-      const double tension = s_.rest[j] + s_.tendon[j] * (pulls[j] - at.spool[j]);
-      at.spool[j] = std::max(tension, 0.0);
+      const double tension = s_.rest[j] + s_.tendon[j] * (pulls[j] - shortening[j]);
+      at.tension[j] = std::max(tension, 0.0);
       stiff[j] = tension > 0.0 ? s_.tendon[j] : 0.0;
     }
     for (int e = 0; e < n; ++e)
@@ -192,9 +189,9 @@ class TendonRodSolver {
         double work = s_.stiffness[4 * e + k] * at.x[4 * e + k];
         work -= dot(at.axes[4 * e + k], moments_[e]) + dot(at.shifts[4 * e + k], forces_[e]);
         for (int j = 0; j < m; ++j) {
-          const double flat = share_[e * m + j] * dl_[4 * (e * m + j) + k];
-          work += at.spool[j] * flat;
-          at.by_pull[i * m + j] = stiff[j] * flat;
+          const double by = dl_[4 * (e * m + j) + k];
+          work += at.tension[j] * by;
+          at.by_pull[i * m + j] = stiff[j] * by;
         }
         at.left[i] = work;
       }
@@ -202,19 +199,17 @@ class TendonRodSolver {
     for (int f = 0; f < n; ++f)
       for (int l = 0; l < free_; ++l) {
         for (int j = 0; j < m; ++j) column[j] = dl_[4 * (f * m + j) + l];
-        const int c = free_ * f + l, last = s_.capstan == 0.0 ? c + 1 : size_;
-        for (int i = 0; i < last; ++i) {
+        const int c = free_ * f + l;
+        for (int i = 0; i <= c; ++i) {
           const double* row = &at.by_pull[i * m];
           double sum = 0.0;
           for (int j = 0; j < m; ++j) sum += row[j] * column[j];
           at.matrix[i * size_ + c] = sum;
         }
       }
-    if (s_.capstan == 0.0)
-      for (int i = 0; i < size_; ++i)
-        for (int c = 0; c < i; ++c) at.matrix[i * size_ + c] = at.matrix[c * size_ + i];
+    for (int i = 0; i < size_; ++i)
+      for (int c = 0; c < i; ++c) at.matrix[i * size_ + c] = at.matrix[c * size_ + i];
     for (int e = 0; e < n; ++e) own_tendons(at, e);
-    if (s_.capstan != 0.0) capstan_slope(at, slides);
   }
 
   // Tensions times second derivatives of the tendons' lengths in their element, and the stiffness of the backbone.
@@ -225,7 +220,7 @@ class TendonRodSolver {
     for (int j = 0; j < m; ++j) {
       const double *arm = &s_.arms[2 * (e * m + j)], root = root_[e * m + j], ratio = ratio_[e * m + j];
       if (std::isnan(arm[0])) continue;
-      const double tension = share_[e * m + j] * at.spool[j];
+      const double tension = at.tension[j];
       const double squared = (arm[0] * arm[0] + arm[1] * arm[1]) / (h * h);
       const double by_along = tension * h * squared * twist * twist / (root * root * root);
       const double mixed = -tension * h * ratio * squared * twist / (root * root);
@@ -240,21 +235,6 @@ class TendonRodSolver {
       own[k][k] += s_.stiffness[4 * e + k];
       for (int l = 0; l < free_; ++l) entry(at, e, k, e, l) += own[k][l];
     }
-  }
-
-  // Derivative of the work of the tendons by the bends before an element, which friction adds up.
-  void capstan_slope(State& at, const double* slides) {
-    const int m = s_.tendons;
-    for (int e = 0; e < s_.elements; ++e)
-      for (int k = 0; k < free_; ++k) {
-        double work = 0.0;
-        for (int j = 0; j < m; ++j)
-          work -= s_.capstan * share_[e * m + j] * at.spool[j] * slides[j] * dl_[4 * (e * m + j) + k];
-        for (int f = 0; f <= e; ++f) {
-          const double *x = &at.x[4 * f], bend = std::max(std::hypot(x[0], x[1]), 1e-300);
-          for (int l = 0; l < 2; ++l) entry(at, e, k, f, l) += work * (f < e ? 1.0 : 0.5) * x[l] / bend;
-        }
-      }
   }
 
   // Loads that turn with the chain: the axis of an element turns what those beyond it move.

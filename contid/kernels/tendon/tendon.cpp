@@ -41,13 +41,10 @@ void make(SectionSolver* self, nb::handle backbone, nb::handle rigid, nb::handle
 
 nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
                 nb::handle rotation) {
-  const auto numbers = [&](const contid::LimitSet& binding) {
-    nb::list out;
-    for (int k = 0; k < self.feasible().limits(); ++k)
-      if (binding[k]) out.append(k);
-    return nb::tuple(out);
+  const auto bits = [](const contid::LimitSet& binding) {  // more than any C++ integer has
+    return nb::steal<nb::int_>(PyLong_FromString(binding.to_string().c_str(), nullptr, 2));
   };
-  return contid::solve_row(self, tip, direction, mid, seed, rotation, numbers);
+  return contid::solve_row(self, tip, direction, mid, seed, rotation, bits);
 }
 
 }  // namespace

@@ -36,12 +36,18 @@ def solve(matrix: Array, right: Array) -> Array:
 def damped_step(
     J: Array, e: Array, weight: float, at: Array, feasible: BoundedChain, factor: Array | None = None
 ) -> Array:
-    """The step that minimises ``|J d - e|^2 + weight d^T W d`` within the limits.
+    """The step ``(N,)`` that minimises ``|J d - e|^2 + weight d^T W d`` within the limits.
 
-    ``factor`` is the lower Cholesky factor of W; without, W is the identity.
+    Without active limits ``d = W^-1 J^T y`` with ``(J W^-1 J^T + weight) y = e``: the matrix to be factored
+    has the size of the task.
 
-    Shapes ``(m, N)``, ``(m,)``, scalar, ``(N,)``, ``(N, N)``. Without active limits ``d = W^-1 J^T y`` with
-    ``(J W^-1 J^T + weight) y = e``: the factor has the size of the task.
+    Args:
+        J: Jacobian of the task ``(m, N)``.
+        e: its error ``(m,)``.
+        weight: of the damping.
+        at: where the step starts, inside the limits ``(N,)``.
+        feasible: the limits.
+        factor: lower Cholesky factor of W; None for the identity.
     """
     if factor is None:
         factor = np.eye(len(at))

@@ -14,9 +14,11 @@ Specification of ``contid/kernels/arc/feasible.hpp``.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from typing import Final, Protocol
+from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -27,71 +29,73 @@ from contid.kinematics.array import Array
 BINDING_M: Final = 1e-9
 
 
-class BoundedChain(Protocol):
-    """Interface of the limits of a chain of arcs, as the solver uses them; convex."""
+class BoundedChain(ABC):
+    """Convex limits of a chain of arcs, as the solver uses them: planes, then a cone per section.
+
+    Attributes:
+        sections: the chain.
+        low, high: corners of a box around the limits [m], shape ``(N,)``.
+        home: the posture that resolves redundancy, well inside [m].
+        metric: of the distance from home, ``(N, N)``.
+    """
+
+    sections: ArcChain
+    low: Array
+    high: Array
+    home: Array
+    metric: Array
 
     @property
-    def low(self) -> Array:
-        """Lower corner of a box around the limits [m]."""
-        ...
+    @abstractmethod
+    def names(self) -> tuple[str, ...]:
+        """Names of the limits in the order of `excess`; several limits can share one."""
 
     @property
-    def high(self) -> Array:
-        """Its upper corner [m]."""
-        ...
-
-    @property
-    def home(self) -> Array:
-        """The posture that resolves redundancy, well inside [m]."""
-        ...
-
-    @property
-    def metric(self) -> Array:
-        """Of the distance from home, ``(N, N)``."""
-        ...
-
-    @property
-    def sections(self) -> ArcChain:
-        """The chain."""
-        ...
-
-    @property
+    @abstractmethod
     def flat(self) -> int:
-        """Number of limits that are planes; one cone per section follows."""
-        ...
+        """Number of limits that are planes; the cones follow."""
 
     @property
+    @abstractmethod
     def longest_m(self) -> float:
         """No tip is farther from the base than this [m]."""
-        ...
 
+    @abstractmethod
     def excess(self, lengths: Array) -> Array:
-        """By how much every limit is exceeded [m], negative inside."""
-        ...
+        """By how much every limit is exceeded [m], negative inside, in the order of `names`."""
+
+    @abstractmethod
+    def normal(self, lengths: Array, number: int) -> Array:
+        """Gradient of one limit's excess, shape ``(N,)``."""
+
+    @abstractmethod
+    def cone_curvature(self, lengths: Array, s: int) -> Array:
+        """Second derivative of the excess of a section's cone, ``(N, N)``; 0 for a straight section."""
+
+    @abstractmethod
+    def pulled(self, lengths: Array | Sequence[float]) -> Array:
+        """The first feasible point on the way from ``lengths`` (clipped to the box) to `home`."""
 
     def binding(self, lengths: Array) -> int:
-        """Bit mask of the limits that bind."""
-        ...
+        """Bit mask of the limits that bind, in the order of `names`."""
+        return sum(1 << int(k) for k in np.flatnonzero(self.excess(lengths) > -BINDING_M))
+
+    def named(self, binding: int) -> tuple[str, ...]:
+        """Names of the limits whose bits are set, each once."""
+        if not binding:
+            return ()
+        return tuple(dict.fromkeys(name for k, name in enumerate(self.names) if binding >> k & 1))
 
     def worst(self, lengths: Array, held: Collection[int]) -> tuple[float, Array, int]:
         """The limit exceeded most, ``held`` flat ones left out: excess [m], normal ``(N,)`` and number."""
-        ...
-
-    def normal(self, lengths: Array, number: int) -> Array:
-        """Gradient of one limit's excess, shape ``(N,)``."""
-        ...
-
-    def cone_curvature(self, lengths: Array, s: int) -> Array:
-        """Second derivative of the excess of a section's cone, ``(N, N)``."""
-        ...
-
-    def pulled(self, lengths: Array | Sequence[float]) -> Array:
-        """The first feasible point on the way to `home`."""
-        ...
+        excess = self.excess(lengths)
+        excess[[number for number in held if number < self.flat]] = -math.inf
+        number = int(np.argmax(excess))
+        return float(excess[number]), self.normal(lengths, number), number
 
 
 @dataclass(frozen=True, eq=False)
-class Feasible:
+class Feasible(BoundedChain):
     """Limits of one chain.
 
     Attributes:
@@ -133,7 +137,7 @@ class Feasible:
             metric[block, block] = to_arc.T @ np.diag((bend, bend, 3.0)) @ to_arc
         return metric
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the limits in the order of the bits of `binding`."""
         tubes = [f"s{s + 1}.l{j + 1}" for s in range(self.sections.count) for j in range(3)]
@@ -168,20 +172,6 @@ class Feasible:
                 np.array(self.sections.radius_m) * bend,
             )
         )
-
-    def binding(self, lengths: Array) -> int:
-        """Bit mask of the limits that bind at these lengths, in the order of `names`."""
-        return sum(1 << int(k) for k in np.flatnonzero(self.excess(lengths) > -BINDING_M))
-
-    def worst(self, lengths: Array, held: Collection[int]) -> tuple[float, Array, int]:
-        """The limit exceeded most, ``held`` flat ones left out: excess [m], normal ``(3 n,)`` and number."""
-        excess = self.excess(lengths)
-        size = len(lengths)
-        for number in held:
-            if number < 2 * size + 3:
-                excess[number] = -math.inf
-        number = int(np.argmax(excess))
-        return float(excess[number]), self.normal(lengths, number), number
 
     def normal(self, lengths: Array, number: int) -> Array:
         """Gradient of one limit's excess at these lengths, shape ``(3 n,)``."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from contid.kinematics.arc.avoid import FORCE, ZONE
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.sections import Sections, backbone
 from contid.kinematics.arc.shared_lengths import SharedLengths
-from contid.kinematics.arc.solve import SectionSolution, SectionSolver, vec3
+from contid.kinematics.arc.solve import SectionSolver
+from contid.kinematics.arc.solver import Solver, nearest_note
 from contid.kinematics.arc.task import Tuning, tuning_for
 from contid.kinematics.array import Array
 from contid.robot_file.sections import SectionRobot
@@ -24,55 +25,11 @@ from contid.units import LIMIT_TOLERANCE_M, m_to_mm
 EXACT_BUILDS: Final = (1, 2)
 
 
-class Solver(Protocol):
-    """Interface of the native solver and of its NumPy twin."""
-
-    def forward(self, lengths: Actuation) -> tuple[Vec3, tuple[float, ...], Vec3]:
-        """Tip [m], rotation row by row, end of the first section [m]."""
-        ...
-
-    def differentiate(self, lengths: Actuation, tip: Array, spin: Array, mid: Array) -> None:
-        """Write the Jacobians of tip, orientation and mid-point into arrays ``(3, 3 n)`` of the caller."""
-        ...
-
-    def solve(
-        self,
-        tip: Vec3,
-        direction: Vec3 | None,
-        mid: Vec3 | None,
-        seed: Actuation,
-        rotation: tuple[float, ...] | None = None,
-    ) -> SectionSolution:
-        """Lengths, residual [m], converged, bits of the binding limits, iterations, starts."""
-        ...
-
-    def avoid(
-        self,
-        obstacles: Sequence[Sequence[float]],
-        radius: float,
-        margin: float,
-        from_: float,
-        zone: float,
-        force: float,
-    ) -> None:
-        """Keep redundant axes away from obstacles; see `contid.kinematics.arc.avoid.Avoid`.
-
-        All numbers in m; ``from_`` is the arc length at which the body begins.
-        """
-        ...
-
-
-def sections_of(robot: SectionRobot) -> Sections:
-    """Geometry of the chain of a robot description."""
-    angles = tuple((math.radians(a), math.radians(b), math.radians(c)) for a, b, c in robot.tube_angles_deg)
-    return Sections(robot.radius_m, angles, robot.rigid_m)
-
-
 def feasible_of(robot: SectionRobot) -> Feasible:
-    """Limits of a robot description."""
-    return Feasible(
-        sections_of(robot), robot.lower[::3], robot.upper[::3], robot.rack_m, robot.curvature_max_per_m
-    )
+    """Geometry and limits of a robot description."""
+    angles = tuple((math.radians(a), math.radians(b), math.radians(c)) for a, b, c in robot.tube_angles_deg)
+    sections = Sections(robot.radius_m, angles, robot.rigid_m)
+    return Feasible(sections, robot.lower[::3], robot.upper[::3], robot.rack_m, robot.curvature_max_per_m)
 
 
 def build_solver(feasible: Feasible, tuning: Tuning | None = None) -> Solver:
@@ -159,26 +116,19 @@ class SectionModel:
         lengths, residual_m, converged, binding, iterations, _ = self.solver.solve(
             target.tip_m, target.direction, target.mid_m, seed, target.rotation
         )
-        if converged and not binding:
-            return Solution(lengths, residual_m, True, (), iterations)
-        limits = self.limits_in(binding)
-        if converged:
-            return Solution(lengths, residual_m, True, limits, iterations)
-        note = f"the nearest answer found within the limits leaves {m_to_mm(residual_m):.6g} mm"
-        return Solution(lengths, residual_m, False, limits, iterations, note)
-
-    def limits_in(self, binding: int) -> tuple[str, ...]:
-        """Names of the limits whose bits are set."""
-        return tuple(name for k, name in enumerate(self.limit_names) if binding >> k & 1)
+        note = "" if converged else nearest_note(residual_m)
+        return Solution(lengths, residual_m, converged, self.feasible.named(binding), iterations, note)
 
     def _clamped(self, requested: Actuation) -> Solution:
-        if not any(excess > 0.0 for excess in self.feasible.excess(np.array(requested))):
+        excess = self.feasible.excess(np.array(requested))
+        if not np.any(excess > 0.0):
             return Solution(requested, 0.0, True)
         lengths = self.feasible.pulled(requested)
-        actuation = tuple(float(value) for value in lengths)
-        if float(np.max(self.feasible.excess(np.array(requested)))) <= LIMIT_TOLERANCE_M:
+        actuation = tuple(lengths.tolist())
+        if float(np.max(excess)) <= LIMIT_TOLERANCE_M:
             return Solution(actuation, 0.0, True)
-        residual_m = math.dist(vec3(np.array(self.forward(actuation).tip_m)), self.forward(requested).tip_m)
+        residual_m = math.dist(self.forward(actuation).tip_m, self.forward(requested).tip_m)
         off_m = float(np.abs(lengths - np.array(requested)).max())
         note = f"lengths moved by up to {m_to_mm(off_m):.6g} mm to stay inside the limits"
-        return Solution(actuation, residual_m, False, self.limits_in(self.feasible.binding(lengths)), 0, note)
+        limits = self.feasible.named(self.feasible.binding(lengths))
+        return Solution(actuation, residual_m, False, limits, 0, note)

@@ -15,9 +15,9 @@ layout, and their Eq. 2 holds for tubes at 180, 60 and -60 degrees only.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -25,22 +25,42 @@ from contid.kinematics.arc import arc
 from contid.kinematics.array import Array
 
 
+class ArcChain(ABC):
+    """A chain of arcs whose variables map linearly to ``(u, v, L)``.
+
+    Attributes:
+        rigid_m: length of the rigid piece after each section [m].
+        offset_m: offset of the tip across the last tangent, in the tip frame [m].
+        to_arc: derivatives of (u, v, L) by the variables of each section, shape ``(n, 3, columns)``.
+    """
+
+    rigid_m: tuple[float, ...]
+    offset_m: tuple[float, float] = (0.0, 0.0)
+    to_arc: Array
+
+    @property
+    def count(self) -> int:
+        """Number of sections."""
+        return len(self.rigid_m)
+
+    @abstractmethod
+    def arcs(self, lengths: Array | Sequence[float]) -> Array:
+        """Arcs (u, v, L), shape ``(..., n, 3)``, of variables ``(..., n columns)`` [m]."""
+
+
 @dataclass(frozen=True, eq=False)
-class Sections:
-    """Geometry of the chain.
+class Sections(ArcChain):
+    """Geometry of a chain that tubes or racks bend; its variables are their lengths.
 
     Attributes:
         radius_m: distance of the tubes from the backbone, one per section [m]; the mean of a tapered section.
         angles_rad: azimuth of the three tubes of each section, counter-clockwise from +x seen from +z.
-        rigid_m: length of the rigid piece after each section [m].
-        to_arc: matrices from (l1, l2, l3) to (u, v, L), shape ``(n, 3, 3)``.
-        to_lengths: their inverses.
+        to_lengths: inverses of ``to_arc``.
     """
 
     radius_m: tuple[float, ...]
     angles_rad: tuple[tuple[float, float, float], ...]
     rigid_m: tuple[float, ...]
-    offset_m: ClassVar[tuple[float, float]] = (0.0, 0.0)
     to_arc: Array = field(init=False)
     to_lengths: Array = field(init=False)
 
@@ -50,11 +70,6 @@ class Sections:
         rows = np.stack((-radius * np.cos(angles), -radius * np.sin(angles), np.ones_like(angles)), axis=-1)
         object.__setattr__(self, "to_lengths", rows)
         object.__setattr__(self, "to_arc", np.linalg.inv(rows))
-
-    @property
-    def count(self) -> int:
-        """Number of sections."""
-        return len(self.radius_m)
 
     def arcs(self, lengths: Array | Sequence[float]) -> Array:
         """Bending vectors and backbone lengths ``(..., n, 3)`` of tube lengths ``(..., 3 n)`` [m]."""
@@ -67,34 +82,6 @@ class Sections:
         """Tube lengths ``(..., 3 n)`` [m] of arcs ``(..., n, 3)``."""
         stacked: Array = np.einsum("nij,...nj->...ni", self.to_lengths, arcs)
         return stacked.reshape(*stacked.shape[:-2], 3 * self.count)
-
-
-class ArcChain(Protocol):
-    """Interface of every chain of arcs whose variables map linearly to ``(u, v, L)``."""
-
-    @property
-    def to_arc(self) -> Array:
-        """Derivatives of (u, v, L) by the variables of each section, shape ``(n, 3, columns)``."""
-        ...
-
-    @property
-    def rigid_m(self) -> tuple[float, ...]:
-        """Rigid piece after each section [m]."""
-        ...
-
-    @property
-    def offset_m(self) -> tuple[float, float]:
-        """Offset of the tip across the last tangent, in the tip frame [m]."""
-        ...
-
-    @property
-    def count(self) -> int:
-        """Number of sections."""
-        ...
-
-    def arcs(self, lengths: Array | Sequence[float]) -> Array:
-        """Arcs (u, v, L), shape ``(..., n, 3)``, of variables ``(..., n columns)``."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -18,10 +18,11 @@ from contid.kinematics.arc.avoid import Avoid
 from contid.kinematics.arc.descent import Descent
 from contid.kinematics.arc.feasible import BoundedChain
 from contid.kinematics.arc.sections import Sections, differentiate, forward
+from contid.kinematics.arc.solver import SectionSolution
 from contid.kinematics.arc.task import Goal, Tuning
 from contid.kinematics.array import Array
 from contid.kinematics.halton import PRIMES, radical_inverse
-from contid.targets import Vec3
+from contid.targets import Vec3, vec3
 
 #: Number of postures in the library of starts.
 LIBRARY: Final = 256
@@ -35,33 +36,8 @@ MAX_ERROR_M: Final = 1e6
 BRIEF: Final = 10
 
 
-class SectionSolution(NamedTuple):
-    """Lengths inside every limit, and the error that is left.
-
-    Attributes:
-        lengths: of every tube or rack [m].
-        residual_m: norm of the task error [m].
-        converged: it is within the tolerance.
-        binding: bit mask of the limits that bind.
-        iterations: damped steps in all.
-        starts: descents that were run; 0 for a closed form.
-    """
-
-    lengths: tuple[float, ...]
-    residual_m: float
-    converged: bool
-    binding: int
-    iterations: int
-    starts: int
-
-
-def vec3(array: Array) -> Vec3:
-    """Three floats of an array."""
-    return float(array[0]), float(array[1]), float(array[2])
-
-
 class SectionSolver:
-    """Inverse kinematics of one chain; the native twin has the same methods and attributes."""
+    """`Solver` of one chain in NumPy: specification of the kernels."""
 
     def __init__(self, feasible: BoundedChain, tuning: Tuning) -> None:
         self.feasible = feasible
@@ -92,7 +68,8 @@ class SectionSolver:
     def forward(self, lengths: Sequence[float]) -> tuple[Vec3, tuple[float, ...], Vec3]:
         """Tip [m], rotation row by row, end of the first section [m]."""
         frames = forward(self.sections, lengths)
-        return vec3(frames.tip), tuple(float(value) for value in frames.rotation.ravel()), vec3(frames.mid)
+        rotation = tuple(frames.rotation.ravel().tolist())
+        return vec3(frames.tip.tolist()), rotation, vec3(frames.mid.tolist())
 
     def differentiate(self, lengths: Sequence[float], tip: Array, spin: Array, mid: Array) -> None:
         """Jacobians of tip, orientation and mid-point, into arrays ``(3, 3 n)`` the caller made."""
@@ -184,7 +161,7 @@ class SectionSolver:
 
     def _answer(self, lengths: Array, error: float, iterations: int, tried: int) -> SectionSolution:
         return SectionSolution(
-            tuple(float(value) for value in lengths),
+            tuple(lengths.tolist()),
             error,
             error <= self.tuning.tolerance_m,
             self.feasible.binding(lengths),

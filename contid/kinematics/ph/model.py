@@ -22,7 +22,6 @@ import numpy as np
 from contid.kinematics.arc.feasible import BINDING_M
 from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.arc.solve import MAX_ERROR_M
-from contid.kinematics.arc.task import tuning_for
 from contid.kinematics.array import Array
 from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
 from contid.robot_file.tri_tube import TriTube
@@ -45,7 +44,6 @@ class PhModel(SectionModel):
             (home / home.sum()).tolist(),
         )
         self._after_m = sections.rigid_m[-1]
-        self._ell_m = tuning_for(self.feasible).ell_m
         self._tolerance_m = (robot.solver.tolerance_mm or DEFAULT_MM) / MM_PER_M
 
     def inverse(self, target: Target, seed: Actuation) -> Solution:
@@ -64,10 +62,12 @@ class PhModel(SectionModel):
         pose = self.forward(actuation)
         residual_m = math.dist(pose.tip_m, target.tip_m)
         if target.direction is not None:
-            residual_m = math.hypot(residual_m, self._ell_m * math.dist(pose.direction, target.direction))
+            residual_m = math.hypot(
+                residual_m, self.tuning.ell_m * math.dist(pose.direction, target.direction)
+            )
         limits: tuple[str, ...] = ()
         if raw is None or float(np.abs(lengths - raw).max()) > BINDING_M:
-            limits = self.limits_in(self.feasible.binding(lengths))
+            limits = self.feasible.named(self.feasible.binding(lengths))
         if residual_m <= self._tolerance_m:
             return Solution(actuation, residual_m, True, limits)
         within = f"solver ph counts up to {m_to_mm(self._tolerance_m):g} mm as met"

@@ -44,9 +44,7 @@ class CapstanLead:
         self._statics = statics
         self._mu = np.array(coefficients)
         self._sections, self._tendons = geometry.count, geometry.tendons
-        own = np.repeat(
-            np.arange(geometry.count), [rows.stop - rows.start for rows in geometry.tendon_slices]
-        )
+        own = geometry.section_of
         first = np.zeros(geometry.tendons, dtype=int) if geometry.through else own
         sections = np.arange(geometry.count)
         #: Where each tendon passes, and its moment there per tension.
@@ -59,7 +57,6 @@ class CapstanLead:
         )
         self._back = [np.linalg.pinv(geometry.sections[j].arms.T) for j in range(geometry.count)]
         self._moments = np.repeat(statics.bending_nm, 2)
-        self._n_per_m = np.array(statics.tendon_n_per_m)
 
     def slides(self, before: Actuation, pulls: Actuation, steps: Actuation) -> Actuation:
         """Sense of sliding of every tendon in every section, -1 to 1, after a step of the pulls [m].
@@ -83,7 +80,7 @@ class CapstanLead:
         rises = more > 0.0
         room = np.maximum(statics.limit_n - tensions[rises], 0.0)
         share = min(1.0, float(np.min(room / more[rises]))) if rises.any() else 1.0
-        lead: Array = share * more / self._n_per_m
+        lead: Array = share * more / statics.tendon_n_per_m
         return lead
 
     def _tensions(self, bends: Array, tensions: Array, sense: Array) -> Array:

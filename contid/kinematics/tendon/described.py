@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection
 from contid.kinematics.tendon.tension import TendonStatics
 from contid.robot_file.tendon.robot import TendonRobot
@@ -38,11 +40,7 @@ def statics_of(robot: TendonRobot, geometry: TendonGeometry) -> TendonStatics | 
             ei / (MM_PER_M * MM_PER_M) / section.length_m
             for ei, section in zip(bending, geometry.sections, strict=True)
         ),
-        tuple(
-            k * MM_PER_M
-            for k, section in zip(stiffness, geometry.sections, strict=True)
-            for _ in section.angle_rad
-        ),
+        MM_PER_M * np.array(stiffness)[geometry.section_of],
         tension.floor_n,
         tension.max_n,
     )

@@ -15,12 +15,13 @@ A point outside is brought inside by straightening the robot. Specification of
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
-from contid.kinematics.arc.feasible import BINDING_M, feasible_share
+from contid.kinematics.arc.feasible import BoundedChain, feasible_share
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.geometry import TendonGeometry
 from contid.kinematics.tendon.sections import BendSections
@@ -28,7 +29,7 @@ from contid.kinematics.tendon.tension import TendonStatics
 
 
 @dataclass(frozen=True, eq=False)
-class TendonFeasible:
+class TendonFeasible(BoundedChain):
     """Limits of one robot.
 
     Attributes:
@@ -69,7 +70,7 @@ class TendonFeasible:
         """Number of planes; the cones follow."""
         return len(self.offsets)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the limits in the order of the bits of `binding`."""
         return (*self.plane_names, *(f"s{s + 1}.bend" for s in range(self.sections.count)))
@@ -88,19 +89,6 @@ class TendonFeasible:
         bend = np.hypot(lengths[0::2], lengths[1::2])
         cones = bend - np.array(self.sections.backbone_m) * np.array(self.bend_max_rad)
         return np.concatenate((self.normals @ lengths - self.offsets, cones))
-
-    def binding(self, lengths: Array) -> int:
-        """Bits of the limits that bind, in the order of `names`."""
-        return sum(1 << int(k) for k in np.flatnonzero(self.excess(lengths) > -BINDING_M))
-
-    def worst(self, lengths: Array, held: Collection[int]) -> tuple[float, Array, int]:
-        """The limit exceeded most, ``held`` planes left out: excess [m], normal ``(2 n,)`` and number."""
-        excess = self.excess(lengths)
-        for number in held:
-            if number < self.flat:
-                excess[number] = -np.inf
-        number = int(np.argmax(excess))
-        return float(excess[number]), self.normal(lengths, number), number
 
     def normal(self, lengths: Array, number: int) -> Array:
         """Gradient of one limit's excess at these variables, shape ``(2 n,)``."""
@@ -132,6 +120,7 @@ class TendonFeasible:
 
 def limits_of(
     geometry: TendonGeometry,
+    names: Sequence[str],
     lower_m: Sequence[float],
     upper_m: Sequence[float],
     bend_max_rad: Sequence[float],
@@ -139,23 +128,24 @@ def limits_of(
 ) -> TendonFeasible:
     """Limits of travel [m] per tendon, of bends [rad] per section, and of tension where it is described."""
     sections = BendSections.of(geometry)
-    names = geometry.names
     planes: list[tuple[str, Array, float]] = []
     for tendon, (name, row) in enumerate(zip(names, geometry.pull_matrix, strict=True)):
         paid_out = 0.0
         if statics is not None:
-            paid_out = float(statics.floor_n - statics.rest_n[tendon]) / statics.tendon_n_per_m[tendon]
+            paid_out = float((statics.floor_n - statics.rest_n[tendon]) / statics.tendon_n_per_m[tendon])
         planes.append((f"{name}.min", -row, paid_out - lower_m[tendon]))
         if statics is None:
             planes.append((f"{name}.max", row, upper_m[tendon]))
     if statics is not None:
-        for tendon, tension_row, tension in statics.pieces():
-            k = statics.tendon_n_per_m[tendon]
-            at_rest = (tension - float(statics.rest_n[tendon])) / k
-            row = geometry.pull_matrix[tendon] + tension_row / k
-            planes.append((f"{names[tendon]}.max", row, upper_m[tendon] - at_rest))
-        for tendon, row, bound in statics.planes():
-            planes.append((f"{names[tendon]}.tension", row, bound))
+        k, pieces = statics.tendon_n_per_m.tolist(), statics.pieces()
+        for tendon, by_bends, at_rest in pieces:
+            stretch = (at_rest - float(statics.rest_n[tendon])) / k[tendon]
+            row = geometry.pull_matrix[tendon] + by_bends / k[tendon]
+            planes.append((f"{names[tendon]}.max", row, upper_m[tendon] - stretch))
+        for tendon, by_bends, at_rest in pieces:
+            if np.any(by_bends):
+                bound = (statics.limit_n - at_rest) / k[tendon]
+                planes.append((f"{names[tendon]}.tension", by_bends / k[tendon], bound))
     per_length = 1.0 / np.repeat(sections.backbone_m, 2)
     normals = np.array([row for _, row, _ in planes]) * per_length
     offsets = np.array([bound for _, _, bound in planes])

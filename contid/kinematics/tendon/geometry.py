@@ -15,9 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contid.kinematics.arc import arc
 from contid.kinematics.array import Array
@@ -82,33 +84,26 @@ class TendonGeometry:
         """Number of tendons of all sections."""
         return sum(len(section.radius_m) for section in self.sections)
 
-    @property
+    @cached_property
     def tendon_slices(self) -> tuple[slice, ...]:
         """The tendons of each section among all."""
         ends = np.cumsum([0, *(len(section.radius_m) for section in self.sections)])
         return tuple(slice(int(low), int(high)) for low, high in pairwise(ends))
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the tendons: ``s1.t1``, ``s1.t2`` and so on."""
-        return tuple(
-            f"s{s + 1}.t{t + 1}"
-            for s, section in enumerate(self.sections)
-            for t in range(len(section.radius_m))
-        )
+    @cached_property
+    def section_of(self) -> NDArray[np.intp]:
+        """Number of the section at whose disc each tendon ends, shape ``(tendons,)``."""
+        return np.repeat(np.arange(self.count), [len(section.radius_m) for section in self.sections])
+
+    @cached_property
+    def first_of(self) -> NDArray[np.intp]:
+        """Number of the first tendon of each section, shape ``(sections,)``; for ``np.ufunc.reduceat``."""
+        return np.array([rows.start for rows in self.tendon_slices])
 
     def pulls(self, bends: Array | Sequence[float]) -> Array:
         """Pulls ``(..., tendons)`` [m] of bends ``(..., 2 sections)`` [rad]."""
         pulls: Array = np.asarray(bends, dtype=np.float64) @ self.pull_matrix.T
         return pulls
-
-    def bends(self, pulls: Array | Sequence[float]) -> Array:
-        """Bends ``(..., 2 sections)`` [rad] of pulls ``(..., tendons)`` [m], by least squares.
-
-        What pulls have beyond G Theta is stretch or slack: the mean pull of a section with even azimuths.
-        """
-        bends: Array = np.asarray(pulls, dtype=np.float64) @ np.linalg.pinv(self.pull_matrix).T
-        return bends
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from contid.kinematics.arc.solver import nearest_note
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.geometry import TendonGeometry
 from contid.kinematics.tendon.model import TendonModel
@@ -21,13 +22,13 @@ from contid.kinematics.tendon.rod_elements import TendonEquilibrium
 from contid.kinematics.tendon.taut import TautPulls
 from contid.kinematics.tendon.tension import TendonStatics
 from contid.robot_file.tendon.robot import TendonRobot
-from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
-from contid.units import MM_PER_M, m_to_mm
+from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3, vec3
+from contid.units import MM_PER_M
 
 #: G J of a round rod: E I / (1 + Poisson's ratio).
 _TORSION_SHARE: Final = 1.0 / 1.3
+#: Rounds of Broyden's method at most: from no shift, and before that from the seed, as in a tick.
 _ROUNDS: Final = 40
-#: Of them, from the seed, as in a tick.
 _TRACKED: Final = 8
 #: Residual to which answers are corrected, and one that still counts as met [m].
 _EXACT_M: Final = 1e-8
@@ -36,7 +37,9 @@ _MET_M: Final = 1e-7
 _TENSION_N: Final = 1e-6
 #: Length that a radian of direction counts as [m].
 _ELL_M: Final = 0.1
+#: Steps in which the load grows where the equilibrium is not found at once.
 _STEPS: Final = 5
+#: Pieces of each element in a shape.
 _PARTS: Final = 8
 
 
@@ -45,23 +48,17 @@ class LoadedTendonModel(TendonModel):
 
     Attributes:
         rod: the backbone.
+        statics, taut: never None, because ``rod`` needs ``tension``.
     """
+
+    statics: TendonStatics
+    taut: TautPulls
 
     def __init__(self, robot: TendonRobot) -> None:
         super().__init__(robot)
-        assert self.statics is not None
         # The correction of the tip is that of the rod; the arcs that begin the search have none.
         self._rod_correction, self._correction = self._correction, None
-        self._floor: TendonStatics = self.statics
         self.rod = rod_of(robot, self.geometry, self.statics)
-        self._taut = TautPulls(self.statics, self.excess)
-        # Of the first tendon of each section; the tendons of one are alike.
-        self._n_per_m = np.array(
-            [self.statics.tendon_n_per_m[rows.start] for rows in self.geometry.tendon_slices]
-        )
-        self._section = np.repeat(
-            np.arange(self.geometry.count), [len(section.radius_m) for section in self.geometry.sections]
-        )
 
     def equilibrium(
         self,
@@ -124,7 +121,7 @@ class LoadedTendonModel(TendonModel):
         """Pulls whose rod, under its weight and the target's load, meets the target; see the module."""
         if target.actuation is not None or target.tip_m is None:
             return super().inverse(target, seed)
-        goal = _rows(target.tip_m, target.direction, target.mid_m)
+        goal = _task_rows(target.tip_m, target.direction, target.mid_m)
         if not np.all(np.isfinite(goal)):
             return super().inverse(target, seed)
         unknown, rod = self._begin(goal, target, seed)
@@ -137,8 +134,7 @@ class LoadedTendonModel(TendonModel):
             found = tracked
         if found.converged:
             return found
-        note = f"the nearest answer found within the limits leaves {m_to_mm(found.residual_m):.6g} mm"
-        return replace(found, note=note)
+        return replace(found, note=nearest_note(found.residual_m))
 
     def _search(
         self,
@@ -152,25 +148,26 @@ class LoadedTendonModel(TendonModel):
         """The best answer in some rounds, and how far it is off [m], tensions below the floor included.
 
         Args:
-            goal: what the target asks for [m].
+            goal: rows of the target [m].
             target: with its load.
             seed: of the arcs.
             unknown: the target of the arcs, and the tightness of each section as a stretch [m].
             rod: an equilibrium to start from.
             rounds: at most.
         """
-        count, n_per_m = len(goal), np.array(self._floor.tendon_n_per_m)
+        count, n_per_m = len(goal), self.statics.tendon_n_per_m
         slope = np.eye(len(unknown))
         before: tuple[Array, Array] | None = None
         best: tuple[float, Solution] | None = None
         for turn in range(1, rounds + 1):
-            arcs = super().inverse(_shifted(target, unknown[:count]), seed)
-            tight = unknown[count:][self._section] * self._floor.slack_free
+            arcs = super().inverse(_with_rows(target, unknown[:count]), seed)
+            tight = unknown[count:][self.geometry.section_of] * self.statics.slack_free
             pulls = np.clip(np.array(arcs.actuation) + tight, self.lower, self.upper)
             rod = self.equilibrium(pulls, target.load_n, rod, derivatives=False)
             pose = self._posed(rod, pulls)
-            error = goal - self._asked(pose, target)
-            size, lacks, over = float(np.linalg.norm(error)), self._lacks(rod), self._beyond(rod)
+            error = goal - self._task_of(pose, target)
+            size = float(np.linalg.norm(error))
+            lacks, over = self._missing_tension(rod), self._over_the_limit(rod)
             limits = tuple(dict.fromkeys(over + arcs.limited_by))
             found = Solution(tuple(pulls.tolist()), size, False, limits, turn)
             judged = size + float(np.maximum(lacks, 0.0).sum()) / float(n_per_m.min())
@@ -200,35 +197,37 @@ class LoadedTendonModel(TendonModel):
         except ArithmeticError:
             return np.concatenate((goal, none)), None
         arcs = super().forward(seed)
-        shift = self._asked(arcs, target) - self._asked(self._posed(rod, seed), target)
+        shift = self._task_of(arcs, target) - self._task_of(self._posed(rod, seed), target)
         if not float(np.linalg.norm(shift)) < sum(self.feasible.sections.backbone_m):  # a seed out of bounds
             return np.concatenate((goal, none)), rod
-        stretch = self._taut.tightness(np.asarray(seed)) / self._n_per_m
+        # The tendons of a section are equally stiff.
+        n_per_m = self.statics.tendon_n_per_m[self.geometry.first_of]
+        stretch = self.taut.tightness(np.asarray(seed)) / n_per_m
         return np.concatenate((goal + shift, np.maximum(stretch, 0.0))), rod
 
     @staticmethod
-    def _asked(pose: Pose, target: Target) -> Array:
-        """What a pose has of the kinds that a target asks for [m]."""
-        return _rows(
-            pose.tip_m, pose.direction if target.direction is not None else None,
-            pose.mid_m if target.mid_m is not None else None,
-        )  # fmt: skip
+    def _task_of(pose: Pose, target: Target) -> Array:
+        """Rows (`_task_rows`) of a pose, of the kinds that a target has [m]."""
+        direction = None if target.direction is None else pose.direction
+        return _task_rows(pose.tip_m, direction, None if target.mid_m is None else pose.mid_m)
 
     def _posed(self, rod: TendonEquilibrium, pulls: Actuation | Array) -> Pose:
         """Pose of the rod for pulls [m], its tip corrected."""
-        pose = _pose(rod)
-        if self._rod_correction is None:
-            return pose
-        return replace(pose, tip_m=_vec(rod.tip_m + self._rod_correction.at(np.asarray(pulls))))
+        tip = rod.tip_m
+        if self._rod_correction is not None:
+            tip = tip + self._rod_correction.at(np.asarray(pulls))
+        rotation = tuple(rod.rotation.ravel().tolist())
+        direction, mid = (vec3(row.tolist()) for row in (rod.rotation[:, 2], rod.ends_m[0]))
+        return Pose(vec3(tip.tolist()), rotation, direction, mid)
 
-    def _lacks(self, rod: TendonEquilibrium) -> Array:
+    def _missing_tension(self, rod: TendonEquilibrium) -> Array:
         """Tension that each section lacks to the floor [N]; negative where it has more."""
-        lacks = (self._floor.floor_n - rod.tensions_n) / self._floor.slack_free
-        return np.array([np.max(lacks[rows]) for rows in self.geometry.tendon_slices])
+        lacks = (self.statics.floor_n - rod.tensions_n) / self.statics.slack_free
+        return np.asarray(np.maximum.reduceat(lacks, self.geometry.first_of))
 
-    def _beyond(self, rod: TendonEquilibrium) -> tuple[str, ...]:
+    def _over_the_limit(self, rod: TendonEquilibrium) -> tuple[str, ...]:
         """Tendons over the largest tension."""
-        over = rod.tensions_n > self._floor.limit_n + _TENSION_N
+        over = rod.tensions_n > self.statics.limit_n + _TENSION_N
         return tuple(f"{name}.tension" for name, yes in zip(self.axis_names, over, strict=True) if yes)
 
 
@@ -247,23 +246,13 @@ def rod_of(robot: TendonRobot, geometry: TendonGeometry, statics: TendonStatics)
     down = np.array(robot.rod.gravity) / math.hypot(*robot.rod.gravity)
     weight = np.outer(robot.per_section(robot.rod.weight_n_per_m), down)
     return TendonRod(
-        geometry, bending, torsion, stretch, statics.tendon_n_per_m, statics.rest_n.tolist(), weight,
+        geometry, bending, torsion, stretch, statics.tendon_n_per_m, statics.rest_n, weight,
         elements=robot.rod.elements,
     )  # fmt: skip
 
 
-def _pose(rod: TendonEquilibrium) -> Pose:
-    rotation = tuple(rod.rotation.ravel().tolist())
-    return Pose(_vec(rod.tip_m), rotation, _vec(rod.rotation[:, 2]), _vec(rod.ends_m[0]))
-
-
-def _vec(values: Array) -> Vec3:
-    x, y, z = values.tolist()
-    return x, y, z
-
-
-def _rows(tip: Vec3, direction: Vec3 | None, mid: Vec3 | None) -> Array:
-    """What a target asks for [m]."""
+def _task_rows(tip: Vec3, direction: Vec3 | None, mid: Vec3 | None) -> Array:
+    """Tip, direction times `_ELL_M` and mid-point, those that are given one after the other [m]."""
     rows = [np.array(tip)]
     if direction is not None:
         rows.append(_ELL_M * np.array(direction) / math.hypot(*direction))
@@ -272,12 +261,12 @@ def _rows(tip: Vec3, direction: Vec3 | None, mid: Vec3 | None) -> Array:
     return np.concatenate(rows)
 
 
-def _shifted(target: Target, rows_m: Array) -> Target:
-    """A target with other rows."""
+def _with_rows(target: Target, rows_m: Array) -> Target:
+    """The target of the same kinds with other rows (`_task_rows`), without load."""
     rows = rows_m.reshape(-1, 3)
     direction = mid = None
     if target.direction is not None:
-        direction = _vec(rows[1] / np.linalg.norm(rows[1]))
+        direction = vec3((rows[1] / np.linalg.norm(rows[1])).tolist())
     if target.mid_m is not None:
-        mid = _vec(rows[-1])
-    return replace(target, tip_m=_vec(rows[0]), direction=direction, mid_m=mid, load_n=ZERO3)
+        mid = vec3(rows[-1].tolist())
+    return replace(target, tip_m=vec3(rows[0].tolist()), direction=direction, mid_m=mid, load_n=ZERO3)

@@ -12,6 +12,7 @@ import numpy as np
 
 from contid.kinematics.arc.avoid import FORCE, ZONE
 from contid.kinematics.arc.sections import backbone
+from contid.kinematics.arc.solver import nearest_note
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.bend_solver import build_bend_solver, ell_of
 from contid.kinematics.tendon.capstan import CapstanLead
@@ -47,7 +48,9 @@ class TendonModel:
         self.geometry = geometry_of(robot)
         self.statics = statics_of(robot, self.geometry)
         bend_max_rad = tuple(math.radians(bend) for bend in robot.per_section(robot.limits.bend_max_deg))
-        self.feasible = limits_of(self.geometry, self.lower, self.upper, bend_max_rad, self.statics)
+        self.feasible = limits_of(
+            self.geometry, self.axis_names, self.lower, self.upper, bend_max_rad, self.statics
+        )
         self.solver = build_bend_solver(self.feasible)
         self._lengths = np.repeat(self.feasible.sections.backbone_m, 2)
         self._base_m = self.geometry.base_offset_m
@@ -57,7 +60,8 @@ class TendonModel:
             by_pulls = np.asarray(np.linalg.pinv(self.geometry.pull_matrix), dtype=np.float64)
         #: Variables of the solver [m] by pulls [m].
         self._by_pulls: Array = self._lengths[:, None] * by_pulls
-        self._names = self.feasible.names
+        #: Pulls as bends and tightness; None where tensions are not bounded.
+        self.taut = None if self.statics is None else TautPulls(self.statics, self.excess)
         #: Lead of the friction in the bends; None without.
         self.capstan: CapstanLead | None = None
         if robot.capstan is not None and self.statics is not None:
@@ -116,11 +120,6 @@ class TendonModel:
         """Tensions ``(tendons,)`` [N] of pulls [m]; None where the robot file has no ``tension``."""
         return None if self.statics is None else self.statics.tensions(np.array(actuation))
 
-    @property
-    def taut(self) -> TautPulls | None:
-        """Pulls as bends and tightness, built by every call; None where tensions are not bounded."""
-        return None if self.statics is None else TautPulls(self.statics, self.excess)
-
     def inverse(self, target: Target, seed: Actuation) -> Solution:
         """Pulls inside every limit of travel and tension for a tip with its direction, frame or mid-point.
 
@@ -143,14 +142,11 @@ class TendonModel:
         bends, residual_m, converged, binding, iterations, _ = self.solver.solve(
             tip, target.direction, mid, start, target.rotation
         )
-        pulls = self._pulls(np.array(bends) / self._lengths)
-        limits = tuple(dict.fromkeys(self._names[k] for k in binding)) if binding else ()
-        if not converged and not limits:
-            limits = (_LENGTH,)
+        pulls, limits = self._pulls(np.array(bends) / self._lengths), self.feasible.named(binding)
         if converged:
             return Solution(pulls, residual_m, True, limits, iterations)
-        note = f"the nearest answer found within the limits leaves {m_to_mm(residual_m):.6g} mm"
-        return Solution(pulls, residual_m, False, limits, iterations, note)
+        note = nearest_note(residual_m)
+        return Solution(pulls, residual_m, False, limits or (_LENGTH,), iterations, note)
 
     def _corrected(self, target: Target, seed: Actuation, correction: TipCorrection) -> Solution:
         """The answer whose correction moves the tip onto the target: a fixed point, begun at the seed."""
@@ -172,8 +168,7 @@ class TendonModel:
         residual_m = found.residual_m + change_m
         if found.converged and residual_m <= _MET_M:
             return replace(found, residual_m=residual_m, iterations=iterations)
-        note = f"the nearest answer found within the limits leaves {m_to_mm(residual_m):.6g} mm"
-        limits = found.limited_by or (_LENGTH,)
+        limits, note = found.limited_by or (_LENGTH,), nearest_note(residual_m)
         return replace(
             found, residual_m=residual_m, converged=False, limited_by=limits, iterations=iterations, note=note
         )
@@ -192,7 +187,7 @@ class TendonModel:
         x = self._by_pulls @ q
         parts = [np.array(self.lower) - q, q - np.array(self.upper)]
         if self.statics is not None:
-            k = np.array(self.statics.tendon_n_per_m)
+            k = self.statics.tendon_n_per_m
             tension = self.statics.tensions(q)
             parts += [(self.statics.floor_n - tension) / k, (tension - self.statics.limit_n) / k]
         parts.append(self.feasible.excess(x)[self.feasible.flat :])
@@ -203,7 +198,7 @@ class TendonModel:
         """Names in the order of `excess`."""
         kinds = ("min", "max") if self.statics is None else ("min", "max", "slack", "tension")
         tendons = tuple(f"{name}.{kind}" for kind in kinds for name in self.axis_names)
-        return (*tendons, *self._names[self.feasible.flat :])
+        return (*tendons, *self.feasible.names[self.feasible.flat :])
 
     def _clamped(self, requested: Actuation) -> Solution:
         """The pulls themselves where every tendon stays taut and inside its limits; else near ones."""

@@ -8,11 +8,7 @@ bend (u, v) and twist t, and stretches by the share e; its tendons, at the arm r
 exactly, for tendons parallel to the backbone. Equilibrium is where the virtual work vanishes:
 
     stiffness * strain + sum over tendons tau dL/dx - weights . dp/dx - force . dtip/dx = 0,
-    tau at the spool = rest + k (pull - shortening),     never below 0,
-    tau in element e = tau at the spool * exp(-+ mu bend up to e).
-
-The last line is the capstan equation with the coefficient of friction mu: minus while the tendon is pulled
-in, plus while it is paid out.
+    tau = rest + k (pull - shortening),     never below 0.
 
 The kernel ``contid/kernels/tendon/rod.hpp`` solves it; `rod_twin` is its specification.
 
@@ -24,7 +20,6 @@ Trans. Robotics 27(6), 2011. The error falls with the square of their number.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -42,18 +37,16 @@ class RodKernel(Protocol):
     """Interface of the native rod; arrays of the caller are filled."""
 
     def solve(
-        self, pulls: Array, force: Vec3, start: Array, slides: Array, strain: Array, points: Array,
-        rotation: Array, tensions: Array, tip: Array, jacobian: Array, compliance: Array, derivatives: bool,
+        self, pulls: Array, force: Vec3, start: Array, strain: Array, points: Array, rotation: Array,
+        tensions: Array, tip: Array, jacobian: Array, compliance: Array, derivatives: bool,
     ) -> float:  # fmt: skip
         """Moment left over [N m], below 0 when no equilibrium was found."""
-        ...
 
 
-@dataclass(frozen=True, eq=False)
 class TendonRod:
     """Rod of a tendon robot.
 
-    Attributes:
+    Args:
         geometry: sections and tendons; tendons run through earlier sections.
         bending_n_m2: E I of each section [N m^2].
         torsion_n_m2: G J of each section [N m^2].
@@ -61,49 +54,48 @@ class TendonRod:
         tendon_n_per_m: stiffness of each tendon [N/m].
         rest_n: tensions of the straight rod at zero pulls [N].
         weight_n_per_m: weight of each section [N/m], vectors in the base frame ``(sections, 3)``.
-        capstan: coefficient of friction mu of the tendons; 0 for none.
         elements: number of elements of a section.
+
+    Attributes:
         discrete: the rod as elements.
     """
 
-    geometry: TendonGeometry
-    bending_n_m2: Sequence[float]
-    torsion_n_m2: Sequence[float]
-    stretch_n: Sequence[float]
-    tendon_n_per_m: Sequence[float]
-    rest_n: Sequence[float]
-    weight_n_per_m: Array
-    capstan: float = 0.0
-    elements: int = 8
-    discrete: RodElements = field(init=False)
-    _kernel: RodKernel | None = field(init=False)
-
-    def __post_init__(self) -> None:
-        m, sections = self.elements, self.geometry.sections
+    def __init__(
+        self,
+        geometry: TendonGeometry,
+        bending_n_m2: Sequence[float],
+        torsion_n_m2: Sequence[float],
+        stretch_n: Sequence[float],
+        tendon_n_per_m: Sequence[float] | Array,
+        rest_n: Sequence[float] | Array,
+        weight_n_per_m: Array,
+        elements: int = 8,
+    ) -> None:
+        self.geometry, self.elements = geometry, elements
+        m, sections = elements, geometry.sections
         h = np.repeat([section.length_m / m for section in sections], m)
         bending, torsion, stretch = (
             np.repeat(np.asarray(each, dtype=np.float64), m)
-            for each in (self.bending_n_m2, self.torsion_n_m2, self.stretch_n)
+            for each in (bending_n_m2, torsion_n_m2, stretch_n)
         )
         stretch = np.where(np.isfinite(stretch), stretch, 0.0)
         stiffness = np.stack((bending / h, bending / h, torsion / h, stretch * h), axis=1)
         # Arm of every tendon in every element, and whether it passes there.
-        arms = np.full((len(h), self.geometry.tendons, 2), np.nan)
-        for j, rows in enumerate(self.geometry.tendon_slices):
-            first = 0 if self.geometry.through else j * m
+        arms = np.full((len(h), geometry.tendons, 2), np.nan)
+        for j, rows in enumerate(geometry.tendon_slices):
+            first = 0 if geometry.through else j * m
             arms[first : (j + 1) * m, rows] = sections[j].arms
         rigid = np.zeros(len(h))
         rigid[m - 1 :: m] = [section.rigid_m for section in sections]
-        elements = RodElements(
+        self.discrete = RodElements(
             h, stiffness, arms, rigid,
-            tendon=np.array(self.tendon_n_per_m), rest=np.array(self.rest_n, dtype=np.float64),
-            weight=h[:, None] * np.repeat(self.weight_n_per_m, m, axis=0),
-            offset=np.array(self.geometry.tip_offset_m), base_m=self.geometry.base_offset_m,
-            per_section=m, stretches=bool(np.all(stiffness[:, 3] > 0.0)), capstan=self.capstan,
+            tendon=np.array(tendon_n_per_m), rest=np.array(rest_n, dtype=np.float64),
+            weight=h[:, None] * np.repeat(weight_n_per_m, m, axis=0),
+            offset=np.array(geometry.tip_offset_m), base_m=geometry.base_offset_m,
+            per_section=m, stretches=bool(np.all(stiffness[:, 3] > 0.0)),
         )  # fmt: skip
-        object.__setattr__(self, "discrete", elements)
         kernel = load("tendon_rod")
-        object.__setattr__(self, "_kernel", None if kernel is None else kernel.Rod(elements))
+        self._kernel: RodKernel | None = kernel and kernel.Rod(self.discrete)
 
     def even(self, bends: Array) -> Array:
         """Strain ``(elements, 4)`` of sections of constant curvature with bends ``(2 sections,)`` [rad]."""
@@ -123,17 +115,11 @@ class TendonRod:
         tip = fine.points[-1] + fine.rotations[-1] @ elements.offset
         return np.concatenate((np.zeros((1, 3)), fine.points, tip[None, :]))
 
-    @property
-    def stretches(self) -> bool:
-        """Whether the backbone is extensible."""
-        return self.discrete.stretches
-
     def solve(
         self,
         pulls: Array,
         tip_force_n: Vec3 = ZERO3,
         start: Array | None = None,
-        sliding: Array | None = None,
         derivatives: bool = True,
     ) -> TendonEquilibrium:
         """Equilibrium for pulls ``(tendons,)`` [m].
@@ -142,14 +128,13 @@ class TendonRod:
             pulls: of the tendons.
             tip_force_n: force on the tip, in the base frame.
             start: strain to start from ``(elements, 4)``; the straight rod without.
-            sliding: of each tendon for the capstan: 1 pulled in, -1 paid out, 0 none.
             derivatives: False leaves ``jacobian`` and ``compliance`` at NaN, which is faster.
 
         Raises:
             ArithmeticError: no equilibrium was found.
         """
         if self._kernel is None:
-            return rod_twin.solve(self.discrete, pulls, tip_force_n, start, sliding)
+            return rod_twin.solve(self.discrete, pulls, tip_force_n, start)
         count, tendons = len(self.discrete.lengths), self.geometry.tendons
         strain, points, tensions = np.empty((count, 4)), np.empty((count + 1, 3)), np.empty(tendons)
         rotation, tip = np.empty((3, 3)), np.empty(3)
@@ -157,7 +142,6 @@ class TendonRod:
         left = self._kernel.solve(
             np.ascontiguousarray(pulls, dtype=np.float64), tip_force_n,
             np.zeros((count, 4)) if start is None else np.ascontiguousarray(start),
-            np.zeros(tendons) if sliding is None else np.asarray(sliding, dtype=np.float64),
             strain, points, rotation, tensions, tip, jacobian, compliance, derivatives,
         )  # fmt: skip
         if left < 0.0:

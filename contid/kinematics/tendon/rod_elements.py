@@ -23,7 +23,6 @@ class RodElements:
         base_m: length before the first element [m].
         per_section: elements of a section.
         stretches: the backbone is extensible.
-        capstan: mu.
     """
 
     lengths: Array
@@ -37,7 +36,6 @@ class RodElements:
     base_m: float
     per_section: int
     stretches: bool
-    capstan: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +47,7 @@ class TendonEquilibrium:
         tip_m: tip of the robot ``(3,)``.
         rotation: frame of the tip ``(3, 3)``.
         ends_m: end of each section, its rigid piece included, ``(sections, 3)``.
-        tensions_n: at the spools ``(tendons,)`` [N].
+        tensions_n: of the tendons ``(tendons,)`` [N].
         strain: of every element: bend u, v, twist [rad], stretch; ``(elements, 4)``.
         jacobian: derivative of the tip by the pulls ``(3, tendons)``.
         compliance: derivative of the tip by a force on it [m/N], ``(3, 3)``.

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.rod_chain import ElementChain, chain_of, local_twists
 from contid.kinematics.tendon.rod_elements import RodElements, TendonEquilibrium
-from contid.kinematics.tendon.rod_terms import capstan_slope, second_of_lengths, turned_loads
 from contid.targets import Vec3
 
 #: Newton steps at most.
@@ -29,7 +28,7 @@ class _Balance:
     Attributes:
         left: moments and forces left over, ``(4 elements,)``; 0 in equilibrium [N m].
         stiffness: derivative of ``left`` by the strain, ``(4 elements, 4 elements)``.
-        tensions: at the spools [N].
+        tensions: of the tendons [N].
         by_pull: derivative of ``left`` by the pulls, ``(4 elements, tendons)``.
         chain: the elements in the base frame.
         tip: in the base frame [m].
@@ -43,9 +42,7 @@ class _Balance:
     tip: Array
 
 
-def solve(
-    rod: RodElements, pulls: Array, tip_force_n: Vec3, start: Array | None, sliding: Array | None
-) -> TendonEquilibrium:
+def solve(rod: RodElements, pulls: Array, tip_force_n: Vec3, start: Array | None) -> TendonEquilibrium:
     """See `contid.kinematics.tendon.rod.TendonRod.solve`."""
     count = len(rod.lengths)
     x = np.zeros((count, 4)) if start is None else np.array(start)
@@ -53,8 +50,7 @@ def solve(
     free = np.tile(free, count)
     force = np.array(tip_force_n)
     scale = float(np.max(rod.stiffness[:, 0]))
-    slides = np.zeros(len(rod.tendon)) if sliding is None else np.asarray(sliding)
-    state = _balance(rod, x, pulls, force, slides)
+    state = _balance(rod, x, pulls, force)
     for _ in range(_STEPS):
         size = float(np.linalg.norm(state.left[free]))
         if size <= _EXACT * scale:
@@ -64,7 +60,7 @@ def solve(
         moved = step.reshape(count, 4)
         share = min(1.0, _LARGEST / max(float(np.abs(moved).max()), 1e-300))
         while True:
-            after = _balance(rod, x + share * moved, pulls, force, slides)
+            after = _balance(rod, x + share * moved, pulls, force)
             smaller = float(np.linalg.norm(after.left[free])) < (1.0 - 1e-4 * share) * size
             if smaller or share < 1e-4:
                 break
@@ -76,7 +72,7 @@ def solve(
     raise ArithmeticError(f"no equilibrium of the rod found: {size:.3g} N m are left over")
 
 
-def _balance(rod: RodElements, x: Array, pulls: Array, force: Array, slides: Array) -> _Balance:
+def _balance(rod: RodElements, x: Array, pulls: Array, force: Array) -> _Balance:
     """Virtual work of a strain ``(elements, 4)`` (bend u, v, twist, stretch) and its derivative."""
     count = len(rod.lengths)
     chain = chain_of(x, rod.lengths, rod.rigid, rod.base_m)
@@ -111,25 +107,22 @@ def _balance(rod: RodElements, x: Array, pulls: Array, force: Array, slides: Arr
         axis=2,
     )  # (elements, tendons, 4)
     k = rod.tendon
-    spool = rod.rest + k * (np.asarray(pulls) - shortening)
-    taut = spool > 0.0
-    spool = np.where(taut, spool, 0.0)
-    bend = np.hypot(x[:, 0], x[:, 1])
-    before = np.cumsum(bend) - 0.5 * bend
-    share = np.exp(-rod.capstan * slides[None, :] * before[:, None])
-    left = rod.stiffness * x + np.einsum("ei,eik->ek", share * spool, dl) - load
+    tensions = rod.rest + k * (np.asarray(pulls) - shortening)
+    taut = tensions > 0.0
+    tensions = np.where(taut, tensions, 0.0)
+    everywhere = np.broadcast_to(tensions, root.shape)  # no friction
+    left = rod.stiffness * x + np.einsum("ei,eik->ek", everywhere, dl) - load
     # Derivative: stiffness, tendons that stretch, their change of direction by twist, loads that turn.
     size = 4 * count
-    flat = (share[:, :, None] * dl).transpose(0, 2, 1).reshape(size, -1)
-    plain = dl.transpose(0, 2, 1).reshape(size, -1)
-    stiffness = np.diag(rod.stiffness.ravel()) + (flat * np.where(taut, k, 0.0)) @ plain.T
+    flat = dl.transpose(0, 2, 1).reshape(size, -1)
+    by_pull = flat * np.where(taut, k, 0.0)
+    stiffness = np.diag(rod.stiffness.ravel()) + by_pull @ flat.T
     by_element = stiffness.reshape(count, 4, count, 4)
     own = np.arange(count)
-    by_element[own, :, own, :] += second_of_lengths(share * spool, arms, x[:, 2:3], around2, ratio, root, h)
-    stiffness += capstan_slope(rod.capstan, share * spool, dl, slides, x, bend)
+    by_element[own, :, own, :] += _second_of_lengths(everywhere, arms, x[:, 2:3], around2, ratio, root, h)
     axes = chain.axes.reshape(size, 3)
     # d/dx_e of the work of a load on x_f, e before f: the axis of e turns what f moves.
-    moved = np.cross(chain.shifts.reshape(size, 3), np.repeat(forces, 4, axis=0)) + turned_loads(
+    moved = np.cross(chain.shifts.reshape(size, 3), np.repeat(forces, 4, axis=0)) + _turned_loads(
         chain.axes, chain, weights, force, tip
     )
     geometric = -(axes @ moved.T)
@@ -148,8 +141,37 @@ def _balance(rod: RodElements, x: Array, pulls: Array, force: Array, slides: Arr
         same[:, :, n] -= np.einsum("ekj,ej->ek", shifts_by, forces)
     stiffness += upper + upper.T
     by_element[own, :, own, :] += same
-    by_pull = flat * np.where(taut, k, 0.0)
-    return _Balance(left.ravel(), stiffness, spool, by_pull, chain, tip)
+    return _Balance(left.ravel(), stiffness, tensions, by_pull, chain, tip)
+
+
+def _second_of_lengths(
+    tensions: Array, arms: Array, twist: Array, around2: Array, ratio: Array, root: Array, h: Array
+) -> Array:
+    """Tensions times second derivatives of the tendons' lengths in their elements, ``(elements, 4, 4)``."""
+    by_along = tensions * h * around2 * twist**2 / root**3
+    mixed = -tensions * h * ratio * around2 * twist / root**2
+    by_twist = tensions * h * around2 * ratio**2 / root
+    along = np.stack(
+        (-arms[:, :, 0] / h, -arms[:, :, 1] / h, np.zeros_like(root), np.ones_like(root)), axis=2
+    )
+    along = np.where((around2 > 0.0)[:, :, None], along, 0.0)
+    turn = np.zeros_like(along)
+    turn[:, :, 2] = 1.0
+    second = np.einsum("ei,eik,eil->ekl", by_along, along, along)
+    cross = np.einsum("ei,eik,eil->ekl", mixed, along, turn)
+    second += cross + cross.transpose(0, 2, 1) + np.einsum("ei,eik,eil->ekl", by_twist, turn, turn)
+    return np.asarray(second)
+
+
+def _turned_loads(axes: Array, chain: ElementChain, weights: Array, force: Array, tip: Array) -> Array:
+    """Sum over the loads beyond an element of ``(axis x point) x load``, ``(4 elements, 3)``."""
+    # (a x p) x f = p (a . f) - a (p . f)
+    outer = np.einsum("ni,nj->nij", chain.points[1:], weights[1:])[::-1].cumsum(axis=0)[::-1]
+    outer = outer + np.outer(tip, force)
+    turned: Array = (
+        np.einsum("eij,ekj->eki", outer, axes) - axes * np.trace(outer, axis1=1, axis2=2)[:, None, None]
+    )
+    return turned.reshape(-1, 3)
 
 
 def _equilibrium(rod: RodElements, x: Array, state: _Balance, free: NDArray[np.bool_]) -> TendonEquilibrium:

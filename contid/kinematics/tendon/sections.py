@@ -12,19 +12,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from contid.kinematics.arc.sections import ArcChain
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.geometry import TendonGeometry
 
 
 @dataclass(frozen=True, eq=False)
-class BendSections:
+class BendSections(ArcChain):
     """See the module; the base offset is left to the caller.
 
     Attributes:
         backbone_m: length of each section [m].
         rigid_m: rigid piece after each section, the tip offset along the tangent included [m].
-        offset_m: tip offset across the last tangent [m].
-        to_arc: derivatives of (u, v, L) by the variables, shape ``(n, 3, 2)``.
     """
 
     backbone_m: tuple[float, ...]
@@ -43,11 +42,6 @@ class BendSections:
         rigid = [section.rigid_m for section in geometry.sections]
         rigid[-1] += z_m
         return cls(tuple(section.length_m for section in geometry.sections), tuple(rigid), (x_m, y_m))
-
-    @property
-    def count(self) -> int:
-        """Number of sections."""
-        return len(self.backbone_m)
 
     def arcs(self, lengths: Array | Sequence[float]) -> Array:
         """Bends and backbone lengths ``(..., n, 3)`` of variables ``(..., 2 n)`` [m]."""

@@ -34,5 +34,7 @@ def spooled_tendons(
     play = robot.play or (0.0,) * geometry.tendons
     return tuple(
         SpooledTendon(k / gain**2, tuple(row.tolist()), bending, r * abs(gain), robot.capstan or ())
-        for k, gain, row, r in zip(statics.tendon_n_per_m, rad_per_m.tolist(), bends, play, strict=True)
+        for k, gain, row, r in zip(
+            statics.tendon_n_per_m.tolist(), rad_per_m.tolist(), bends, play, strict=True
+        )
     )

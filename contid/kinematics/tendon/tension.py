@@ -47,7 +47,7 @@ class TendonStatics:
     Attributes:
         geometry: sections and tendons.
         bending_nm: K, bending stiffness of each section over its length [N m/rad].
-        tendon_n_per_m: k, stiffness of each tendon [N/m].
+        tendon_n_per_m: k, stiffness of each tendon [N/m], shape ``(tendons,)``.
         floor_n: least tension [N].
         limit_n: largest tension [N].
         slack_free: n of every tendon, tensions that do not bend; mean 1 in each section.
@@ -58,7 +58,7 @@ class TendonStatics:
 
     geometry: TendonGeometry
     bending_nm: tuple[float, ...]
-    tendon_n_per_m: tuple[float, ...]
+    tendon_n_per_m: Array
     floor_n: float
     limit_n: float
     slack_free: Array = field(init=False)
@@ -82,23 +82,25 @@ class TendonStatics:
                 at = slice(2 * k, 2 * k + 2)
                 moments[:, at] = (1.0 if k == j else -1.0) * np.diag(stiffness[at])
             demand[rows] = np.linalg.pinv(arms.T) @ moments
-        weighted = geometry.pull_matrix.T * np.array(self.tendon_n_per_m)
+        weighted = geometry.pull_matrix.T * self.tendon_n_per_m
         by_pulls = np.linalg.solve(weighted @ geometry.pull_matrix + np.diag(stiffness), weighted)
         for name, value in (("slack_free", free), ("demand", demand), ("bends_by_pulls", by_pulls)):
             object.__setattr__(self, name, value)
         object.__setattr__(self, "rest_n", self.tensions_of_bends(np.zeros(2 * geometry.count)))
 
-    def tensions_of_bends(self, bends: Array) -> Array:
-        """Least tensions ``(tendons,)`` [N] that hold bends ``(2 sections,)`` [rad] above the floor."""
-        tensions: Array = self.demand @ bends
-        for rows in self.geometry.tendon_slices:
-            free = self.slack_free[rows]
-            tensions[rows] += float(np.max((self.floor_n - tensions[rows]) / free)) * free
+    def tensions_of_bends(self, bends: Array, tightness: Array | float = 0.0) -> Array:
+        """Least tensions ``(tendons,)`` [N] that hold bends ``(2 sections,)`` [rad] above the floor.
+
+        With a tightness ``(sections,)`` [N] they stand above these by as many times `slack_free`.
+        """
+        least: Array = self.demand @ bends
+        lacks = np.maximum.reduceat((self.floor_n - least) / self.slack_free, self.geometry.first_of)
+        tensions: Array = least + (lacks + tightness)[self.geometry.section_of] * self.slack_free
         return tensions
 
-    def pulls(self, bends: Array) -> Array:
+    def pulls(self, bends: Array, tightness: Array | float = 0.0) -> Array:
         """Pulls ``(tendons,)`` [m] that lead to bends [rad] with the tensions of `tensions_of_bends`."""
-        stretch = (self.tensions_of_bends(bends) - self.rest_n) / np.array(self.tendon_n_per_m)
+        stretch = (self.tensions_of_bends(bends, tightness) - self.rest_n) / self.tendon_n_per_m
         pulls: Array = self.geometry.pull_matrix @ bends + stretch
         return pulls
 
@@ -110,17 +112,8 @@ class TendonStatics:
     def tensions(self, pulls: Array) -> Array:
         """Tensions ``(tendons,)`` [N] of pulls [m]; below 0 a tendon would have to push."""
         stretch = pulls - self.geometry.pull_matrix @ self.bends(pulls)
-        tensions: Array = self.rest_n + np.array(self.tendon_n_per_m) * stretch
+        tensions: Array = self.rest_n + self.tendon_n_per_m * stretch
         return tensions
-
-    def planes(self) -> list[tuple[int, Array, float]]:
-        """Limits of tension: tendon, row ``(2 sections,)`` and bound with ``row . Theta <= bound`` [m]."""
-        out = []
-        for tendon, row, at_rest in self.pieces():
-            if np.any(row):
-                k = self.tendon_n_per_m[tendon]
-                out.append((tendon, row / k, (self.limit_n - at_rest) / k))
-        return out
 
     def pieces(self) -> list[tuple[int, Array, float]]:
         """Tendon, row and offset of every linear function of the bends whose maximum is its tension [N]."""

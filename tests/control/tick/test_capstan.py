@@ -52,7 +52,7 @@ class Emulated:
         assert config.model.statics is not None
         statics = config.model.statics
         #: Straight at the pretension, which homing makes the zero of the pulls.
-        self.rest_ticks = statics.rest_n / np.array(statics.tendon_n_per_m) * 4096 / (2 * math.pi * 0.010)
+        self.rest_ticks = statics.rest_n / statics.tendon_n_per_m * 4096 / (2 * math.pi * 0.010)
 
     def goes(self, device: tuple[float, ...]) -> None:
         for servo, angle, rest in zip(self.servos, device, self.rest_ticks, strict=True):
@@ -140,7 +140,7 @@ def test_no_tension_is_led_over_its_limit(configs):
     for bends in random_bends(config.model, 50, 4):
         pulls = tuple(config.model.statics.pulls(bends).tolist())
         lead = config.capstan.lead(pulls, tuple(rng.uniform(-1.0, 1.0, 27).tolist()))
-        tensions = statics.tensions(np.array(pulls)) + np.array(statics.tendon_n_per_m) * lead
+        tensions = statics.tensions(np.array(pulls)) + statics.tendon_n_per_m * lead
         assert tensions.max() <= statics.limit_n * (1.0 + 1e-9)
 
 

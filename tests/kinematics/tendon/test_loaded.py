@@ -61,7 +61,7 @@ def test_a_path_under_weight_is_followed_from_answer_to_answer(configs: Path) ->
         assert model.inverse(target, seed).actuation == pytest.approx(seed, abs=1e-6)
         if k % 20 == 0:
             start = model.rod.even(model.bends(seed))
-            rod = rod_twin.solve(model.rod.discrete, np.array(seed), load_n, start, None)
+            rod = rod_twin.solve(model.rod.discrete, np.array(seed), load_n, start)
             assert rod.tip_m == pytest.approx(target.tip_m, abs=1e-6)
             assert np.min(rod.tensions_n) >= model.statics.floor_n - 1e-5
 

@@ -22,7 +22,7 @@ def statics(through: bool = True) -> TendonStatics:
         ),
         through,
     )
-    stiffness = tuple([20e3] * 3 + [15e3] * 4 + [12e3] * 3)
+    stiffness = np.repeat((20e3, 15e3, 12e3), (3, 4, 3))
     return TendonStatics(geometry, (0.03, 0.033, 0.036), stiffness, FLOOR_N, LIMIT_N)
 
 
@@ -30,7 +30,7 @@ def statics(through: bool = True) -> TendonStatics:
 def test_pulls_lead_to_the_bends_of_least_energy(through):
     """Elastic energy of tendons and backbone, minimised by scipy, without the closed form."""
     body = statics(through)
-    stiffness = np.array(body.tendon_n_per_m)
+    stiffness = body.tendon_n_per_m
     bending = np.repeat(body.bending_nm, 2)
 
     def energy(bends, pulls):
@@ -61,7 +61,7 @@ def test_forward_undoes_inverse_and_tensions_are_what_the_stretch_gives(through)
 def test_no_smaller_tensions_hold_three_tendons():
     """A linear programme: least sum of tensions with the moments of the bends, each at or above the floor."""
     geometry = TendonGeometry(tuple(even_section(0.1, 0.008, 3, 0.6 * s) for s in range(3)))
-    body = TendonStatics(geometry, (0.03,) * 3, (20e3,) * 9, FLOOR_N, LIMIT_N)
+    body = TendonStatics(geometry, (0.03,) * 3, np.full(9, 20e3), FLOOR_N, LIMIT_N)
     for bends in np.random.default_rng(3).uniform(-1.5, 1.5, (20, 6)):
         best = linprog(
             np.ones(9),

@@ -68,7 +68,7 @@ def test_the_emulated_backbone_has_the_tensions_of_the_model(tmp_path: Path, con
     model, rng = shipped("tendon3"), np.random.default_rng(1)
     assert model.statics is not None
     per_m, ma_per_n = 4096 / (2 * np.pi * 0.010), 1470.0 / 0.52 * 0.010
-    rest = model.statics.rest_n / np.array(model.statics.tendon_n_per_m)
+    rest = model.statics.rest_n / model.statics.tendon_n_per_m
     for bends in rng.uniform(-0.8, 0.8, (20, 6)):
         pulls = model.statics.pulls(bends)
         for servo, pull in zip(servos, (rest + pulls) * per_m, strict=True):

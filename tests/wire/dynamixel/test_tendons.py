@@ -23,7 +23,7 @@ MA_PER_N = 28.0
 M_PER_TICK = 2 * np.pi * 0.010 / 4096
 HOMING = {"method": "tension", "direction": 1, "current_ma": 120, "speed_deg_s": 180, "timeout_s": 40}
 #: One section of `tendon3`.
-STATICS = TendonStatics(TendonGeometry((even_section(0.1, 0.008),)), (0.02945,), (20e3,) * 3, 1.0, 25.0)
+STATICS = TendonStatics(TendonGeometry((even_section(0.1, 0.008),)), (0.02945,), np.full(3, 20e3), 1.0, 25.0)
 
 
 def plant_on(servos: list[Servo], taut: list[float]) -> TendonPlant:
