@@ -15,14 +15,7 @@ import numpy as np
 from contid.kinematics.array import Array
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model
-from contid.kinematics.ph.ends import (
-    ENERGY_ALLOWANCE,
-    MAX_ENERGY_RATIO,
-    CurveEnds,
-    PhFit,
-    least_energy,
-    through,
-)
+from contid.kinematics.ph.ends import CurveEnds, least_energy, plausible_energy, through
 from contid.kinematics.rope.chain import ChainGuard
 from contid.targets import ZERO3, Actuation, Vec3
 
@@ -79,45 +72,24 @@ def from_pose(
     points: int,
     length_m: float | None = None,
     dimension: int = 3,
+    *,
+    rough: bool = False,
 ) -> BodyShape:
     """The quintic from the base to a measured pose of the tip.
 
     With a length, the branch of least energy (needed above 180 degrees); without one, the curve whose end
-    speed is its mean speed, accurate up to about 150 degrees.
+    speed is its mean speed, accurate up to about 150 degrees. ``rough``: the pose is noisy and the length is
+    known to about 1 %; it is ignored where its curve has an implausible energy (`plausible_energy`).
     """
-    ends = _ends(frame, tip_in_world, direction_in_world, dimension)
-    fit = through(ends) if length_m is None else least_energy(ends, length_m)
-    return _shaped(frame, fit, direction_in_world, points)
-
-
-def from_rough_pose(
-    frame: BaseFrame,
-    tip_in_world: Vec3,
-    direction_in_world: Vec3,
-    points: int,
-    rough_length_m: float,
-    dimension: int = 3,
-) -> BodyShape:
-    """As `from_pose`, for a length known to about 1 % and a noisy pose.
-
-    The length is ignored where the curve of that length has an implausible energy (see `through_rough`).
-    """
-    ends = _ends(frame, tip_in_world, direction_in_world, dimension)
-    free, fit = through(ends), least_energy(ends, rough_length_m)
-    if fit.energy_per_m > MAX_ENERGY_RATIO * free.energy_per_m + ENERGY_ALLOWANCE / rough_length_m:
-        fit = free
-    return _shaped(frame, fit, direction_in_world, points)
-
-
-def _ends(frame: BaseFrame, tip_in_world: Vec3, direction_in_world: Vec3, dimension: int) -> CurveEnds:
     tip, direction = frame.point_in_base(tip_in_world), frame.vector_in_base(direction_in_world)
-    return CurveEnds(ZERO3, tip, GROWS_ALONG[dimension], direction)
-
-
-def _shaped(frame: BaseFrame, fit: PhFit, direction_in_world: Vec3, points: int) -> BodyShape:
-    return BodyShape(
-        in_world(frame, fit.curve.evenly(points)), fit.curve.length_m, direction_in_world, fit.note
-    )
+    ends = CurveEnds(ZERO3, tip, GROWS_ALONG[dimension], direction)
+    fit = through(ends) if length_m is None else least_energy(ends, length_m)
+    if rough and length_m is not None:
+        free = through(ends)
+        if fit.energy_per_m > plausible_energy(free, length_m):
+            fit = free
+    curve = in_world(frame, fit.curve.evenly(points))
+    return BodyShape(curve, fit.curve.length_m, direction_in_world, fit.note)
 
 
 def of_rope(guard: ChainGuard, bodies: Mapping[str, BodyShape], points: int) -> BodyShape:

@@ -15,7 +15,7 @@ import numpy as np
 from contid.control.engine.tick_layout import RobotRecord
 from contid.control.tick.config import RobotConfig
 from contid.kinematics.array import Array
-from contid.kinematics.body_shape import from_pose, from_rough_pose
+from contid.kinematics.body_shape import from_pose
 from contid.units import MM_PER_M
 
 #: Points of the curve.
@@ -54,8 +54,6 @@ def measured_shape(config: RobotConfig, record: RobotRecord, length_mm: float | 
     if not math.hypot(*direction) > 0.5 or math.dist(tip, config.frame.origin_in_world) < MIN_DISTANCE_M:
         return MeasuredShape(point, None)
     frame, dimension = config.frame, config.model.dimension
-    if length_mm is None:
-        shape = from_pose(frame, tip, direction, POINTS, dimension=dimension)
-    else:
-        shape = from_rough_pose(frame, tip, direction, POINTS, length_mm / MM_PER_M, dimension)
+    length_m = None if length_mm is None else length_mm / MM_PER_M
+    shape = from_pose(frame, tip, direction, POINTS, length_m, dimension, rough=True)
     return MeasuredShape(point, shape.points_in_world * MM_PER_M)

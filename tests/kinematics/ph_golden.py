@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from contid.kinematics.ph.ends import quintic_between
-from contid.kinematics.ph.lift import lift, nearest_turn, product, turned
+from contid.kinematics.ph.lift import lift, nearest, product, turned
 from contid.kinematics.ph.quintic import PhQuintic
 
 MM = 1e-3
@@ -72,7 +72,7 @@ def hermite(
     chord = end_m - start_m
     a0 = lift(start_derivative)
     a2 = lift(end_derivative)
-    a2 = turned(a2, *nearest_turn(a2, a0, chord))
+    a2 = nearest(a2, a0, chord)
     a2 = turned(a2, math.cos(beta), math.sin(beta))
     c = 120.0 * chord - 15.0 * (start_derivative + end_derivative) + 10.0 * product(a0, a2)
     return quintic_between(start_m, chord, a0, a2, c, gamma)

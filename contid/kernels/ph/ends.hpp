@@ -9,7 +9,7 @@
 namespace contid::ph {
 
 constexpr double straight = 1e-10;  // as long as the chord: every m gives that length
-constexpr double max_energy_ratio = 2.0;
+constexpr double energy_ratio = 2.0;
 constexpr double energy_allowance = 1.0;
 
 struct Fit {
@@ -80,14 +80,14 @@ inline Fit through(const Vec& chord, const Vec& t0, const Vec& t1, double length
   return fit;
 }
 
-// As `through`, for a length with an error of about 1 %: ignored where its energy exceeds `max_energy_ratio` times
+// As `through`, for a length with an error of about 1 %: ignored where its energy exceeds `energy_ratio` times
 // that of the curve of unknown length plus `energy_allowance` per body length.
 inline Fit through_rough(const Vec& chord, const Vec& t0, const Vec& t1, double length) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   const Fit fit = through(chord, t0, t1, length, 0.0, 0.0);
   if (std::isnan(length)) return fit;
   Fit free = through(chord, t0, t1, nan, 0.0, 0.0);
-  const double most = max_energy_ratio * energy(free.preimage) + energy_allowance / length;
+  const double most = energy_ratio * energy(free.preimage) + energy_allowance / length;
   if (fit.length_met && energy(fit.preimage) <= most) return fit;
   Fit least = fit;
   double least_energy = std::numeric_limits<double>::infinity();

@@ -15,39 +15,33 @@ struct Arm {
   int sections = 0, tubes = 0;
   double offset_cos[max_sections][max_tubes];  // d cos(alpha)
   double offset_sin[max_sections][max_tubes];
-  double split[max_sections];
+  double split[max_sections];  // share of each section in the length of the backbone
 };
 
 struct Inverse {
   double lengths[max_sections * max_tubes];
-  double totals[max_tubes];
-  double backbone[max_sections];
-  double bending[2 * max_sections];
   bool length_met;
 };
 
 // l_i = S - d (u cos alpha_i + v sin alpha_i) along the curve from the base to the tip.
-inline Inverse inverse(const Arm& arm, const Vec& tip, const Vec& direction, double length, const double* split) {
+inline Inverse inverse(const Arm& arm, const Vec& tip, const Vec& direction, double length) {
   Inverse out;
   const double size = std::sqrt(dot(direction, direction));
   const Vec t1 = {direction[0] / size, direction[1] / size, direction[2] / size};
   const Fit fit = through_rough(tip, {0.0, 0.0, 1.0}, t1, length);
   out.length_met = fit.length_met;
-  double joints[max_sections + 1] = {0.0}, travelled = 0.0;
+  double backbone[max_sections], bending[2 * max_sections], joints[max_sections + 1] = {0.0}, travelled = 0.0;
   for (int section = 0; section < arm.sections; ++section) {
-    out.backbone[section] = fit.length * split[section];
-    travelled += out.backbone[section];
+    backbone[section] = fit.length * arm.split[section];
+    travelled += backbone[section];
     joints[section + 1] = section + 1 < arm.sections ? parameter_at(fit.preimage, fit.length, travelled) : 1.0;
   }
-  section_bending(fit.preimage, joints, arm.sections, out.bending);
-  for (int tube = 0; tube < arm.tubes; ++tube) out.totals[tube] = 0.0;
+  section_bending(fit.preimage, joints, arm.sections, bending);
   for (int section = 0; section < arm.sections; ++section) {
-    const double u = out.bending[2 * section], v = out.bending[2 * section + 1];
-    for (int tube = 0; tube < arm.tubes; ++tube) {
-      const double l = out.backbone[section] - (u * arm.offset_cos[section][tube] + v * arm.offset_sin[section][tube]);
-      out.lengths[section * arm.tubes + tube] = l;
-      out.totals[tube] += l;
-    }
+    const double u = bending[2 * section], v = bending[2 * section + 1];
+    for (int tube = 0; tube < arm.tubes; ++tube)
+      out.lengths[section * arm.tubes + tube] =
+          backbone[section] - (u * arm.offset_cos[section][tube] + v * arm.offset_sin[section][tube]);
   }
   return out;
 }

@@ -38,12 +38,10 @@ class ShapeInverse {
     }
   }
 
-  // (lengths, totals, backbone, bending, length_met)
+  // (lengths, length_met)
   nb::tuple solve(double x, double y, double z, double ax, double ay, double az, double length) const {
-    const Inverse found = inverse(arm_, {x, y, z}, {ax, ay, az}, length, arm_.split);
-    return nb::make_tuple(tuple_of(found.lengths, arm_.sections * arm_.tubes), tuple_of(found.totals, arm_.tubes),
-                          tuple_of(found.backbone, arm_.sections), tuple_of(found.bending, 2 * arm_.sections),
-                          found.length_met);
+    const Inverse found = inverse(arm_, {x, y, z}, {ax, ay, az}, length);
+    return nb::make_tuple(tuple_of(found.lengths, arm_.sections * arm_.tubes), found.length_met);
   }
 
   // Rows of (x, y, z, ax, ay, az, length) to rows of tube lengths in `out`.
@@ -54,7 +52,7 @@ class ShapeInverse {
       throw std::invalid_argument("poses are (n, 7), out is (n, sections * tubes)");
     for (size_t row = 0; row < poses.shape(0); ++row) {
       const double* p = poses.data() + 7 * row;
-      const Inverse found = inverse(arm_, {p[0], p[1], p[2]}, {p[3], p[4], p[5]}, p[6], arm_.split);
+      const Inverse found = inverse(arm_, {p[0], p[1], p[2]}, {p[3], p[4], p[5]}, p[6]);
       for (size_t i = 0; i < width; ++i) out.data()[row * width + i] = found.lengths[i];
     }
   }

@@ -22,16 +22,16 @@ from typing import Final
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.ph.lift import NO_TURN, lift, nearest_turn, product, turned
+from contid.kinematics.ph.lift import NO_TURN, lift, nearest, product, turned
 from contid.kinematics.ph.quintic import PhQuintic
 from contid.targets import Vec3
 
 #: (beta, gamma) of the branches that `least_energy` compares.
 BRANCHES: Final = ((0.0, 0.0), (math.pi, 0.0), (0.0, math.pi), (math.pi, math.pi))
 
-#: Limits of the energy of a plausible length: `through_rough`.
-MAX_ENERGY_RATIO: Final = 2.0
-ENERGY_ALLOWANCE: Final = 1.0
+# See `plausible_energy`.
+_ENERGY_RATIO: Final = 2.0
+_ENERGY_ALLOWANCE: Final = 1.0
 
 # Straight and as long as the chord: every m gives that length, and the quadratic is 0/0.
 STRAIGHT: Final = 1e-10
@@ -54,14 +54,11 @@ class PhFit:
     Attributes:
         curve: the quintic.
         end_speed_m: size m of the derivative at both ends [m].
-        beta, gamma: the free angles [rad].
         length_met: False when no such curve has the given length; ``note`` is then one sentence about it.
     """
 
     curve: PhQuintic
     end_speed_m: float
-    beta: float = 0.0
-    gamma: float = 0.0
     length_met: bool = True
     note: str = ""
 
@@ -73,11 +70,9 @@ class PhFit:
 
 def quintic_between(start_m: Array, chord: Array, a0: Array, a2: Array, c: Array, gamma: float) -> PhQuintic:
     """The quintic over a chord with given end preimages, its middle one from ``c = C i C*``."""
-    middle = lift(c)
     # With beta = pi and parallel tangents a0 + a2 vanishes and leaves the middle open: a0 - a2 then decides.
     both = a0 + a2 if float((a0 + a2) @ (a0 + a2)) > NO_TURN**2 * float(a0 @ a0 + a2 @ a2) else a0 - a2
-    middle = turned(middle, *nearest_turn(middle, both, chord))
-    middle = turned(middle, math.cos(gamma), math.sin(gamma))
+    middle = turned(nearest(lift(c), both, chord), math.cos(gamma), math.sin(gamma))
     return PhQuintic(start_m, np.stack([a0, (middle - 3.0 * a0 - 3.0 * a2) / 4.0, a2]))
 
 
@@ -126,9 +121,8 @@ def through(ends: CurveEnds, length_m: float | None = None, beta: float = 0.0, g
     start, end = np.array(ends.start_m), np.array(ends.end_m)
     t0, t1 = _unit(ends.start_direction), _unit(ends.end_direction)
     chord = end - start
-    a0, a2 = lift(t0), lift(t1)
-    a2 = turned(a2, *nearest_turn(a2, a0, chord))
-    a2 = turned(a2, math.cos(beta), math.sin(beta))
+    a0 = lift(t0)
+    a2 = turned(nearest(lift(t1), a0, chord), math.cos(beta), math.sin(beta))
     k = float(a0 @ a2)
     G = 10.0 * product(a0, a2) - 15.0 * (t0 + t1)
     m = math.nan if length_m is None else speed_for_length(chord, G, k, length_m)
@@ -140,7 +134,7 @@ def through(ends: CurveEnds, length_m: float | None = None, beta: float = 0.0, g
     # The preimages from which m was computed: lifting nearly opposite derivatives again could give others.
     root = math.sqrt(m)
     curve = quintic_between(start, chord, root * a0, root * a2, 120.0 * chord + m * G, gamma)
-    return PhFit(curve, m, beta, gamma, met, note)
+    return PhFit(curve, m, met, note)
 
 
 def least_energy(ends: CurveEnds, length_m: float | None = None) -> PhFit:
@@ -156,16 +150,14 @@ def least_energy(ends: CurveEnds, length_m: float | None = None) -> PhFit:
 def through_rough(ends: CurveEnds, length_m: float | None = None) -> PhFit:
     """The quintic for a length with an error of up to about 1 %, and noisy ends.
 
-    Between nearly straight ends every branch turns surplus length into a loop. Where that costs more than
-    `MAX_ENERGY_RATIO` times the energy of the curve of unknown length plus `ENERGY_ALLOWANCE` per body length
-    (the energy of a turn of one radian), the length is ignored and ``length_met`` is False. Exact data of
-    two-section arms stay below a ratio of 1.2.
+    Between nearly straight ends every branch turns surplus length into a loop. Where that costs more than a
+    `plausible_energy`, the length is ignored and ``length_met`` is False.
     """
     fit = through(ends, length_m)
     if length_m is None:
         return fit
     free = through(ends)
-    most = MAX_ENERGY_RATIO * free.energy_per_m + ENERGY_ALLOWANCE / length_m
+    most = plausible_energy(free, length_m)
     if fit.length_met and fit.energy_per_m <= most:
         return fit
     least = least_energy(ends, length_m)
@@ -173,6 +165,15 @@ def through_rough(ends: CurveEnds, length_m: float | None = None) -> PhFit:
         return least
     note = f"the length {length_m * 1e3:g} mm would fold the body between these ends and is rejected"
     return replace(free, length_met=False, note=note if fit.length_met else fit.note)
+
+
+def plausible_energy(free: PhFit, length_m: float) -> float:
+    """Greatest energy [1/m] of a curve of a length known to about 1 %.
+
+    Twice that of the curve of unknown length between the same ends, and the energy of a turn of one radian.
+    Exact data of two-section arms stay below a ratio of 1.2.
+    """
+    return _ENERGY_RATIO * free.energy_per_m + _ENERGY_ALLOWANCE / length_m
 
 
 def _unit(direction: Vec3) -> Array:

@@ -18,8 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contid.kernels import load
-from contid.kinematics.array import Array
-from contid.kinematics.ph.ends import CurveEnds, PhFit, through_rough
+from contid.kinematics.ph.ends import CurveEnds, through_rough
 from contid.kinematics.ph.tubes import section_bending, tube_lengths
 from contid.targets import ZERO3, Vec3
 
@@ -40,17 +39,11 @@ class ShapeSolution:
 
     Attributes:
         lengths_m: tube lengths, section by section [m].
-        totals_m: sum over the sections for each tube [m].
-        backbone_m: backbone length of each section [m].
-        bending: (u, v) of each section [rad], as in a constant-curvature section.
         length_met: False when the given backbone length was ignored
             (`contid.kinematics.ph.ends.through_rough`).
     """
 
     lengths_m: tuple[float, ...]
-    totals_m: tuple[float, ...]
-    backbone_m: tuple[float, ...]
-    bending: tuple[tuple[float, float], ...]
     length_met: bool
 
 
@@ -71,14 +64,12 @@ def ph_inverse(
         length_m: backbone length [m], or None when unknown.
     """
     fit = through_rough(CurveEnds(ZERO3, tip_m, _BASE_DIRECTION, direction), length_m)
-    backbone, bending, lengths = _offsets(fit, sections, np.array(split))
-    return ShapeSolution(
-        tuple(lengths.reshape(-1).tolist()),
-        tuple(lengths.sum(axis=0).tolist()),
-        tuple(backbone.tolist()),
-        tuple((float(u), float(v)) for u, v in bending),
-        fit.length_met,
-    )
+    backbone = fit.curve.length_m * np.array(split)
+    joints = np.concatenate([[0.0], fit.curve.parameter_at(np.cumsum(backbone)[:-1]), [1.0]])
+    distance = np.array([section.distance_m for section in sections])
+    angles = np.array([section.angles_rad for section in sections])
+    lengths = tube_lengths(backbone, section_bending(fit.curve, joints), distance, angles)
+    return ShapeSolution(tuple(lengths.reshape(-1).tolist()), fit.length_met)
 
 
 class ShapeInverse:
@@ -103,18 +94,5 @@ class ShapeInverse:
         """Tube lengths for the pose of the tip; see `ph_inverse`."""
         if self._kernel is None:
             return ph_inverse(tip_m, direction, self._sections, self._split, length_m)
-        lengths, totals, backbone, bending, met = self._kernel.solve(
-            *tip_m, *direction, math.nan if length_m is None else length_m
-        )
-        pairs = tuple(zip(bending[::2], bending[1::2], strict=True))
-        return ShapeSolution(lengths, totals, backbone, pairs, met)
-
-
-def _offsets(fit: PhFit, sections: Sequence[TubeSection], split: Array) -> tuple[Array, Array, Array]:
-    curve = fit.curve
-    backbone = curve.length_m * split
-    joints = np.concatenate([[0.0], curve.parameter_at(np.cumsum(backbone)[:-1]), [1.0]])
-    bending = section_bending(curve, joints, np.array([1.0, 0.0, 0.0]))
-    distance = np.array([section.distance_m for section in sections])
-    angles = np.array([section.angles_rad for section in sections])
-    return backbone, bending, tube_lengths(backbone, bending, distance, angles)
+        length = math.nan if length_m is None else length_m
+        return ShapeSolution(*self._kernel.solve(*tip_m, *direction, length))

@@ -72,8 +72,8 @@ def lift(vector: Array) -> Array:
     return math.sqrt(size) / norm * np.array([0.0, one_plus_x, y, z])
 
 
-def nearest_turn(b: Array, a: Array, hint: Array) -> tuple[float, float]:
-    """Cosine and sine of the turn that brings the preimage ``b`` nearest to ``a``: it maximises ``a . b``.
+def nearest(b: Array, a: Array, hint: Array) -> Array:
+    """The preimage ``b`` turned to be nearest to ``a``: it maximises ``a . b``.
 
     Where every turn is equally near (opposite tangents: a half circle), the turn points ``<a, b>``, the
     tangent half-way, along ``hint``. Both choices are rotation-equivariant.
@@ -84,5 +84,5 @@ def nearest_turn(b: Array, a: Array, hint: Array) -> tuple[float, float]:
         cosine, sine = float(product(a, b) @ hint), float(product(a, times_i(b)) @ hint)
         size = math.hypot(cosine, sine)
         if size == 0.0:
-            return 1.0, 0.0
-    return cosine / size, sine / size
+            return b
+    return turned(b, cosine / size, sine / size)

@@ -37,37 +37,35 @@ GAUSS3_MATRIX: Array = np.array([
 ])  # fmt: skip
 
 
-def start_turn(curve: PhQuintic, axis: Array) -> float:
-    """psi(0) [rad]: the turn from f2 to the base's x axis (made perpendicular to the start tangent)."""
+def start_turn(curve: PhQuintic) -> float:
+    """psi(0) [rad]: the turn from f2 to the base's x axis, projected across the start tangent."""
     _, f2, f3 = curve.euler_rodrigues_frame(np.zeros(1))
-    return math.atan2(float(axis @ f3[0]), float(axis @ f2[0]))
+    return math.atan2(float(f3[0, 0]), float(f2[0, 0]))
 
 
-def section_bending(curve: PhQuintic, joints_t: Array, axis: Array, panels: int = PANELS) -> Array:
-    """Bending (u, v) of each section in the rotation-minimising frame that starts with U = ``axis``.
+def section_bending(curve: PhQuintic, joints_t: Array) -> Array:
+    """Bending (u, v) of each section in the rotation-minimising frame that starts with U = x of the base.
 
     Args:
-        curve: the backbone.
+        curve: the backbone; it starts perpendicular to x.
         joints_t: parameters of the section ends in order, shape ``(n + 1,)``; the first one 0.
-        axis: x axis of the base, perpendicular to the start tangent, shape ``(3,)``.
-        panels: panels per section.
 
     Returns:
         Shape ``(n, 2)`` [rad].
     """
     sections = len(joints_t) - 1
     edges = np.concatenate([
-        np.linspace(joints_t[i], joints_t[i + 1], panels + 1)[:-1] for i in range(sections)
+        np.linspace(joints_t[i], joints_t[i + 1], PANELS + 1)[:-1] for i in range(sections)
     ] + [joints_t[-1:]])  # fmt: skip
     width = np.diff(edges)
     nodes = edges[:-1, None] + width[:, None] * GAUSS3_NODES
     spin, k2, k3 = (rate.reshape(nodes.shape) for rate in curve.rates(nodes))
     spun = np.concatenate([[0.0], np.cumsum(width * (spin @ GAUSS3_WEIGHTS))])[:-1]
-    psi = start_turn(curve, axis) - spun[:, None] - width[:, None] * (spin @ GAUSS3_MATRIX.T)
+    psi = start_turn(curve) - spun[:, None] - width[:, None] * (spin @ GAUSS3_MATRIX.T)
     cosine, sine = np.cos(psi), np.sin(psi)
     u = width * ((cosine * k2 + sine * k3) @ GAUSS3_WEIGHTS)
     v = width * ((-sine * k2 + cosine * k3) @ GAUSS3_WEIGHTS)
-    bending: Array = np.stack([u, v], axis=-1).reshape(sections, panels, 2).sum(axis=1)
+    bending: Array = np.stack([u, v], axis=-1).reshape(sections, PANELS, 2).sum(axis=1)
     return bending
 
 

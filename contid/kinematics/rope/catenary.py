@@ -55,12 +55,12 @@ class Catenary:
     @property
     def start_direction(self) -> Vec3:
         """Unit tangent at the start, along the direction of travel."""
-        return self._direction(self.slope_start)
+        return self.direction_at(0.0)
 
     @property
     def end_direction(self) -> Vec3:
         """Unit tangent at the end, along the direction of travel."""
-        return self._direction(self._slope(self.length_m))
+        return self.direction_at(self.length_m)
 
     @property
     def lowest(self) -> Vec3:
@@ -85,7 +85,9 @@ class Catenary:
 
     def direction_at(self, s_m: float) -> Vec3:
         """Unit tangent at the length ``s_m`` from the start."""
-        return self._direction(self._slope(s_m))
+        slope = self._slope(s_m)
+        size = math.hypot(1.0, slope)
+        return (self.heading[0] / size, self.heading[1] / size, slope / size)
 
     def points(self, count: int) -> Array:
         """Points at equal arc length from start to end [m], shape ``(count, 3)``."""
@@ -99,10 +101,6 @@ class Catenary:
 
     def _slope(self, s_m: float) -> float:
         return self.slope_start + s_m / self.a_m
-
-    def _direction(self, slope: float) -> Vec3:
-        size = math.hypot(1.0, slope)
-        return (self.heading[0] / size, self.heading[1] / size, slope / size)
 
 
 def hang(start_m: Vec3, end_m: Vec3, length_m: float) -> Catenary | None:

@@ -19,7 +19,7 @@ import numpy as np
 from contid.kernels import load
 from contid.kinematics.array import Array
 from contid.kinematics.ph.ends import CurveEnds, PhFit, through
-from contid.kinematics.ph.spline import PhSpline
+from contid.kinematics.ph.spline import points_at
 from contid.kinematics.rope.catenary import Catenary, as_quintic, hang
 from contid.robot_file.chain import Chain
 from contid.targets import Vec3
@@ -94,8 +94,10 @@ class ChainGuard:
 
     def points(self, tips: Mapping[str, Tip], count: int) -> Array:
         """Points of the rope at equal arc length [m], shape ``(count, 3)``; empty when it is too short."""
-        fits = self.curves(tips)
-        return PhSpline(tuple(fit.curve for fit in fits)).evenly(count) if fits else np.empty((0, 3))
+        pieces = [fit.curve for fit in self.curves(tips)]
+        if not pieces:
+            return np.empty((0, 3))
+        return points_at(pieces, np.linspace(0.0, sum(piece.length_m for piece in pieces), count))
 
     def _pieces(self, tips: Mapping[str, Tip], hanging: Catenary) -> tuple[PhFit, ...]:
         if self._rope.ends == "pinned" and self._rope.pieces == 1:
