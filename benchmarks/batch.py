@@ -45,7 +45,7 @@ def measure(name: str, rows: int) -> None:
     middle = 0.5 * (np.array(model.lower) + np.array(model.upper))
     forward_many(model, actuations[:1])  # what the first call imports is not counted
     begin = time.process_time()
-    tips = forward_many(model, actuations, threads=1).rows["tip_m"]
+    tips = forward_many(model, actuations, threads=1)["tip_m"]
     forward_us = (time.process_time() - begin) / rows * 1e6
     targets = Targets.of(tips)
     times = {}
@@ -72,7 +72,7 @@ def command_line() -> None:
     low, high = np.array(model.lower), np.array(model.upper)
     rates = np.random.default_rng(16).uniform(0.5, 2.0, len(low))
     way = np.sin(np.linspace(0.0, 200.0, CLI_ROWS)[:, None] * rates)
-    tips_mm = forward_many(model, 0.5 * (low + high) + 0.4 * (high - low) * way).rows["tip_m"] * 1e3
+    tips_mm = forward_many(model, 0.5 * (low + high) + 0.4 * (high - low) * way)["tip_m"] * 1e3
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rows.csv"
         np.savetxt(path, tips_mm, fmt="%.6f", delimiter=",", header="x_mm,y_mm,z_mm", comments="")

@@ -19,8 +19,7 @@ from contid.api.records import Records, records, renamed
 from contid.api.row_arguments import RowArguments
 from contid.api.workspace import Workspace, planar_workspace, spatial_workspace
 from contid.kinematics.array import Array
-from contid.kinematics.batch import Poses, Targets, forward_many, inverse_many
-from contid.kinematics.batch.rows import POSE
+from contid.kinematics.batch import POSE, Table, Targets, forward_many, inverse_many
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Compliant, Model, UnderWrenches, build_model
 
@@ -110,18 +109,18 @@ class Robot(DescribedRobots):
             pose = model.forward_under(tuple(row), *map(tuple, under))
             rotation = np.reshape(pose.rotation, (3, 3))
             poses[number] = (pose.tip_m, rotation, pose.direction, pose.mid_m, pose.stable)
-        return self._pose_records(Poses(poses), shape)
+        return self._pose_records(poses, shape)
 
-    def _pose_records(self, poses: Poses, shape: Shape) -> Records:
+    def _pose_records(self, poses: Table, shape: Shape) -> Records:
         """What `fk` returns."""
-        placed, units, rows = self._placed, self.units, poses.rows
+        placed, units = self._placed, self.units
         return records(
             shape,
-            tip=units.from_si(placed.points_in_world(rows["tip_m"])),
-            direction=placed.vectors_in_world(rows["direction"]),
-            mid=units.from_si(placed.points_in_world(rows["mid_m"])),
-            rotation=placed.columns_in_world(rows["rotation"]),
-            stable=rows["stable"],
+            tip=units.from_si(placed.points_in_world(poses["tip_m"])),
+            direction=placed.vectors_in_world(poses["direction"]),
+            mid=units.from_si(placed.points_in_world(poses["mid_m"])),
+            rotation=placed.columns_in_world(poses["rotation"]),
+            stable=poses["stable"],
         )
 
     def ik(

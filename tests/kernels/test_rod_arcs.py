@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from contid.kernels import load
-from contid.kinematics.batch.kernel import in_bytes, solutions
+from contid.kinematics.batch.kernel import in_bytes
+from contid.kinematics.batch.rows import solution_dtype
 from contid.kinematics.cosserat.engine import NumpyEngine, RodSetup
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
@@ -34,7 +35,7 @@ def test_answers_of_the_specification(sections: int, tip_link: float, elements: 
     ends = [numpy.forward(row, ZERO3) for row in pressures.tolist()]
     tips, mids = (np.array([end[part] for end in ends]) for part in (0, 2))
     seeds = np.clip(0.9 * pressures + 0.05, 0.0, 1.5)
-    found = solutions(ROWS, 3 * sections)
+    found = np.zeros(ROWS, solution_dtype(3 * sections))
     engine.inverse_many(tips, mids if sections == 2 else None, None, None, seeds, in_bytes(found), 1)
     assert found["converged"].all()
     for k in range(ROWS):

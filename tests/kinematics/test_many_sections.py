@@ -132,7 +132,7 @@ def test_the_pneumatic_kernel_agrees_with_its_twin(count: int) -> None:
 @pytest.mark.parametrize("count", [5, 8])
 def test_pneumatic_tips_are_met(count: int) -> None:
     model = pneumatic(count)
-    tips = forward_many(model, inside(model, 10)).rows["tip_m"]
+    tips = forward_many(model, inside(model, 10))["tip_m"]
     middle = tuple(0.5 * (low + high) for low, high in zip(model.lower, model.upper, strict=True))
     for tip in tips.tolist():
         found = model.inverse(Target(tip_m=tuple(tip)), middle)

@@ -99,7 +99,7 @@ def test_rows_are_as_single_calls(pressures):
     q = np.array(pressures)
     poses = forward_many(model, q)
     singles = [model.forward(each) for each in pressures]
-    tips = poses.rows["tip_m"]
+    tips = poses["tip_m"]
     assert tips.tolist() == [list(each.tip_m) for each in singles]
     found = inverse_many(model, Targets(tip_m=tips), q)
     answers = [

@@ -12,7 +12,7 @@ from contid.api.placed import PlacedRows
 from contid.api.units import Units
 from contid.cli.support.rows import CellBlock, RobotRows
 from contid.kinematics.array import Array
-from contid.kinematics.batch import Poses, Targets, forward_many, inverse_many
+from contid.kinematics.batch import Table, Targets, forward_many, inverse_many
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import build_model
 from contid.robot_file.robot import RobotDescription
@@ -119,7 +119,7 @@ class InverseRows(RobotRows[InverseBlock]):
         return row, f"{self._name}: out of reach by {away_mm:.6g} mm{limits}"
 
 
-class ForwardRows(RobotRows[Poses]):
+class ForwardRows(RobotRows[Table]):
     """Tips of actuations.
 
     Args:
@@ -143,7 +143,7 @@ class ForwardRows(RobotRows[Poses]):
         axes = "xyz"[: self._robot.dimension]
         return [name.format(axis) for name, given in printed.items() if given for axis in axes]
 
-    def solve(self, columns: RobotColumns, rows: Array) -> Poses:
+    def solve(self, columns: RobotColumns, rows: Array) -> Table:
         """See `RobotRows`."""
         if not columns.actuation:
             axes = ", ".join(f"{axis}_{self._robot.quantity.unit}" for axis in self._robot.axis_names)
@@ -151,9 +151,9 @@ class ForwardRows(RobotRows[Poses]):
         load = self._placed.vectors_in_base(rows[:, columns.load]) if columns.load else None
         return forward_many(self._model, rows[:, columns.actuation], load)
 
-    def cells(self, columns: RobotColumns, rows: Array, answers: Poses) -> list[CellBlock]:
+    def cells(self, columns: RobotColumns, rows: Array, answers: Table) -> list[CellBlock]:
         """See `RobotRows`."""
-        placed, poses = self._placed, answers.rows
+        placed, poses = self._placed, answers
         values = [_FILE_UNITS.from_si(placed.points_in_world(poses["tip_m"]))]
         if self._direction:
             values.append(placed.vectors_in_world(poses["direction"]))

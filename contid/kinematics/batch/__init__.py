@@ -5,6 +5,6 @@ changes nothing.
 """
 
 from contid.kinematics.batch.many import forward_many, inverse_many
-from contid.kinematics.batch.rows import Poses, Solutions, Targets
+from contid.kinematics.batch.rows import POSE, Solutions, Table, Targets
 
-__all__ = ["Poses", "Solutions", "Targets", "forward_many", "inverse_many"]
+__all__ = ["POSE", "Solutions", "Table", "Targets", "forward_many", "inverse_many"]

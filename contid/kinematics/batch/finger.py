@@ -9,8 +9,8 @@ import numpy as np
 from contid.kernels import load
 from contid.kinematics.array import Array
 from contid.kinematics.batch import loop
-from contid.kinematics.batch.kernel import Bytes, ManyForward, in_bytes, poses, solutions
-from contid.kinematics.batch.rows import Poses, Solutions, Targets
+from contid.kinematics.batch.kernel import Bytes, ManyForward, in_bytes, poses
+from contid.kinematics.batch.rows import Solutions, Table, Targets, solution_dtype
 from contid.kinematics.rack.finger import RackFingerModel
 
 #: Every limit a finger's answer can name.
@@ -23,10 +23,10 @@ class _FingerKernel(ManyForward, Protocol):
     def inverse_many(self, tip: Array, out: Bytes, threads: int) -> None: ...
 
 
-def forward(model: RackFingerModel, actuations: Array, load_n: Array | None, threads: int) -> Poses | None:
+def forward(model: RackFingerModel, actuations: Array, load_n: Array | None, threads: int) -> Table | None:
     """Poses of rows of racks [m]; loads do not bend racks in this model. None without a kernel."""
     kernel = _kernel_of(model)
-    return None if kernel is None else Poses(poses(kernel, actuations, threads))
+    return None if kernel is None else poses(kernel, actuations, threads)
 
 
 def inverse(
@@ -36,12 +36,10 @@ def inverse(
     kernel = _kernel_of(model)
     if kernel is None:
         return None
-    rows = solutions(len(targets), 2)
+    rows = np.zeros(len(targets), solution_dtype(2))
     kernel.inverse_many(targets.tip_m, in_bytes(rows), threads)
     for k in np.flatnonzero(~rows["converged"]).tolist():
-        found = model.inverse(loop.target_of(targets, k), (0.0, 0.0))
-        limited = sum(1 << LIMITS.index(name) for name in found.limited_by)
-        rows[k] = (found.actuation, found.residual_m, limited, found.iterations, found.converged)
+        rows[k] = loop.as_row(model.inverse(loop.target_of(targets, k), (0.0, 0.0)), LIMITS)
     return Solutions(rows, LIMITS)
 
 

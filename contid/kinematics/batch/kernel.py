@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contid.kinematics.array import Array
-from contid.kinematics.batch.rows import POSE, Table, solution_dtype
+from contid.kinematics.batch.rows import POSE, Table
 
 #: A table as the kernels take it, shape ``(rows, bytes of a row)``.
 Bytes: TypeAlias = NDArray[np.uint8]
@@ -20,7 +20,6 @@ class ManyForward(Protocol):
 
     def forward_many(self, actuations: Array, out: Bytes, threads: int) -> None:
         """Fill rows of `POSE`."""
-        ...
 
 
 @runtime_checkable
@@ -38,7 +37,6 @@ class ManyInverse(Protocol):
         threads: int,
     ) -> None:
         """Fill rows of `solution_dtype`."""
-        ...
 
 
 def poses(kernel: ManyForward, actuations: Array, threads: int) -> Table:
@@ -46,11 +44,6 @@ def poses(kernel: ManyForward, actuations: Array, threads: int) -> Table:
     rows = np.zeros(len(actuations), POSE)
     kernel.forward_many(actuations, in_bytes(rows), threads)
     return rows
-
-
-def solutions(rows: int, axes: int) -> Table:
-    """An empty table of solutions."""
-    return np.zeros(rows, solution_dtype(axes))
 
 
 def in_bytes(table: np.ndarray[Any, Any]) -> Bytes:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from contid.kinematics.batch import loop
-from contid.kinematics.batch.rows import Poses, Solutions, Targets, matrix, vectors
+from contid.kinematics.batch.rows import Solutions, Table, Targets, matrix
 from contid.kinematics.model import Model
 
 #: Class of a model -> the module with its ``forward`` and ``inverse`` for batches; each returns None where
@@ -26,8 +26,8 @@ BATCHES: Final = {
 
 def forward_many(
     model: Model, actuations: ArrayLike, load_n: ArrayLike | None = None, *, threads: int | None = None
-) -> Poses:
-    """Poses of the tip in the base frame, one per row of actuation.
+) -> Table:
+    """Poses of the tip in the base frame, a row of `POSE` per row of actuation.
 
     Args:
         model: of `build_model`.
@@ -39,9 +39,9 @@ def forward_many(
         ValueError: a wrong shape or number of threads.
     """
     rows = matrix(actuations, None, len(model.axis_names), "actuations")
-    loads = None if load_n is None else vectors(load_n, len(rows), "load_n")
+    loads = None if load_n is None else matrix(load_n, len(rows), 3, "load_n")
     count, batch = _count(threads), _batch_of(model)
-    found: Poses | None = None if batch is None else batch.forward(model, rows, loads, count)
+    found: Table | None = None if batch is None else batch.forward(model, rows, loads, count)
     return loop.forward(model, rows, loads) if found is None else found
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.batch import loop
-from contid.kinematics.batch.kernel import Bytes, in_bytes, solutions
-from contid.kinematics.batch.rows import POSE, Poses, Solutions, Table, Targets
+from contid.kinematics.batch.kernel import Bytes, in_bytes
+from contid.kinematics.batch.rows import POSE, Solutions, Table, Targets, solution_dtype
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.units import MM_PER_M
 
@@ -34,7 +34,7 @@ class _RodKernel(Protocol):
     ) -> None: ...
 
 
-def forward(model: CosseratModel, actuations: Array, load_n: Array | None, threads: int) -> Poses | None:
+def forward(model: CosseratModel, actuations: Array, load_n: Array | None, threads: int) -> Table | None:
     """Poses of pressures ``(rows, axes)`` [Pa] under loads ``(rows, 3)`` [N]; None without a kernel."""
     kernel = model.engine
     if not isinstance(kernel, _RodKernel):
@@ -43,7 +43,7 @@ def forward(model: CosseratModel, actuations: Array, load_n: Array | None, threa
     kernel.forward_many(model.regulators.chamber_rows(actuations), load_n, in_bytes(rows), threads)
     rows["tip_m"] /= MM_PER_M
     rows["mid_m"] /= MM_PER_M
-    return Poses(rows)
+    return rows
 
 
 def inverse(
@@ -57,7 +57,7 @@ def inverse(
     kernel = model.engine
     if chained or not isinstance(kernel, _RodKernel):
         return None
-    rows = solutions(len(targets), len(model.axis_names))
+    rows = np.zeros(len(targets), solution_dtype(len(model.axis_names)))
     kernel.inverse_many(
         targets.tip_m * MM_PER_M,
         None if targets.mid_m is None else targets.mid_m * MM_PER_M,
@@ -68,14 +68,12 @@ def inverse(
         threads,
     )
     refused = np.flatnonzero(rows["limited_by"] & _STABLE == _NONE).tolist()
-    names = model.limit_names
     rows["actuation"] = model.regulators.command_rows(rows["actuation"])
     _in_si(rows, np.array(model.lower), np.array(model.upper))
     for k in refused:
         found = model.inverse(loop.target_of(targets, k), tuple(seeds[k].tolist()))
-        limited = sum(1 << names.index(name) for name in found.limited_by)
-        rows[k] = (found.actuation, found.residual_m, limited, found.iterations, found.converged)
-    return Solutions(rows, names)
+        rows[k] = loop.as_row(found, model.limit_names)
+    return Solutions(rows, model.limit_names)
 
 
 def _in_si(rows: Table, lower: Array, upper: Array) -> None:

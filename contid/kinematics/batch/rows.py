@@ -13,6 +13,7 @@ from contid.kinematics.array import Array
 #: A structured array, shape ``(rows,)``.
 Table: TypeAlias = NDArray[np.void]
 
+#: One row of forward kinematics, each field as in `contid.targets.Pose`; the kernels write this layout.
 POSE = np.dtype(
     [
         ("tip_m", np.float64, (3,)),
@@ -70,30 +71,15 @@ class Targets:
         Raises:
             ValueError: a shape other than ``(rows, 3)`` or ``(3,)``.
         """
-        tips = vectors(tip_m, None, "tip_m")
+        tips = matrix(tip_m, None, 3, "tip_m")
         rest = [
-            None if given is None else vectors(given, len(tips), name)
+            None if given is None else matrix(given, len(tips), 3, name)
             for name, given in (("direction", direction), ("mid_m", mid_m), ("load_n", load_n))
         ]
         return cls(tips, *rest)
 
     def __len__(self) -> int:
         return len(self.tip_m)
-
-
-@dataclass(frozen=True, eq=False)
-class Poses:
-    """Forward kinematics of many rows.
-
-    Attributes:
-        rows: fields ``tip_m`` (3), ``rotation`` (3, 3), ``direction`` (3), ``mid_m`` (3) and ``stable``,
-            each as in `contid.targets.Pose`.
-    """
-
-    rows: Table
-
-    def __len__(self) -> int:
-        return len(self.rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,22 +95,10 @@ class Solutions:
     rows: Table
     limit_names: tuple[str, ...]
 
-    def __len__(self) -> int:
-        return len(self.rows)
-
     def limited_by(self, row: int) -> tuple[str, ...]:
         """Names of the active limits of one row, in the order of the bits."""
         bits = int(self.rows["limited_by"][row])
         return tuple(name for k, name in enumerate(self.limit_names) if bits >> k & 1)
-
-
-def vectors(given: ArrayLike, rows: int | None, name: str) -> Array:
-    """Contiguous vectors ``(rows, 3)``; a single one is repeated ``rows`` times.
-
-    Raises:
-        ValueError: another shape.
-    """
-    return matrix(given, rows, 3, name)
 
 
 def matrix(given: ArrayLike, rows: int | None, columns: int, name: str) -> Array:

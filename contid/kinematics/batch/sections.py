@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.array import Array
-from contid.kinematics.batch.kernel import ManyForward, ManyInverse, in_bytes, poses, solutions
-from contid.kinematics.batch.rows import Poses, Solutions, Targets
+from contid.kinematics.batch.kernel import ManyForward, ManyInverse, in_bytes, poses
+from contid.kinematics.batch.rows import Solutions, Table, Targets, solution_dtype
 
 
-def forward(model: SectionModel, actuations: Array, load_n: Array | None, threads: int) -> Poses | None:
+def forward(model: SectionModel, actuations: Array, load_n: Array | None, threads: int) -> Table | None:
     """Poses of rows of lengths [m]; loads do not bend this model. None without a kernel."""
     solver = model.solver
-    return Poses(poses(solver, actuations, threads)) if isinstance(solver, ManyForward) else None
+    return poses(solver, actuations, threads) if isinstance(solver, ManyForward) else None
 
 
 def inverse(
@@ -21,7 +23,7 @@ def inverse(
     solver = model.solver
     if type(model) is not SectionModel or not isinstance(solver, ManyInverse):
         return None
-    rows = solutions(len(targets), len(model.axis_names))
+    rows = np.zeros(len(targets), solution_dtype(len(model.axis_names)))
     solver.inverse_many(
         targets.tip_m, targets.direction, targets.mid_m, seeds, chained, in_bytes(rows), threads
     )

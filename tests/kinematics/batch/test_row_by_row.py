@@ -52,7 +52,7 @@ def reached(model: Model, rows: int = ROWS) -> np.ndarray:
 
 def assert_same_poses(model: Model, actuations: np.ndarray, load: tuple[float, float, float]) -> None:
     found = forward_many(model, actuations, load, threads=2)
-    for row, actuation in zip(found.rows, actuations.tolist(), strict=True):
+    for row, actuation in zip(found, actuations.tolist(), strict=True):
         pose = model.forward(tuple(actuation), load)
         assert tuple(row["tip_m"].tolist()) == pose.tip_m
         assert tuple(row["rotation"].ravel().tolist()) == tuple(pose.rotation)
@@ -136,7 +136,7 @@ def test_shapes_that_do_not_fit_are_refused(model: Model) -> None:
 def test_no_rows_give_no_rows(model: Model) -> None:
     axes = len(model.axis_names)
     assert len(forward_many(model, np.empty((0, axes)))) == 0
-    assert len(inverse_many(model, Targets.of(np.empty((0, 3))), np.zeros(axes))) == 0
+    assert len(inverse_many(model, Targets.of(np.empty((0, 3))), np.zeros(axes)).rows) == 0
 
 
 @pytest.mark.parametrize("model", ["finger"], indirect=True)
@@ -144,7 +144,7 @@ def test_tips_of_all_sizes_of_a_finger(model: Model) -> None:
     """The kernel's hypot rounds as Python's, also for tips next to the axis and next to the base."""
     rng = np.random.default_rng(17)
     low, high = np.array(model.lower), np.array(model.upper)
-    tips = forward_many(model, low + rng.random((3000, 2)) * (high - low)).rows["tip_m"]
+    tips = forward_many(model, low + rng.random((3000, 2)) * (high - low))["tip_m"]
     tips[::3, 0] *= 10.0 ** rng.uniform(-300.0, 0.0, 1000)
     assert_same_answers(model, Targets.of(tips), box(model, 1), False, 2)
 

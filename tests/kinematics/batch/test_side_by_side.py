@@ -31,14 +31,14 @@ def test_batches_at_the_same_time_give_the_same_bits(name: str) -> None:
     share = np.random.default_rng(18).uniform(0.0, 1.0, (ROWS, len(low)))
     actuations = low + share * (high - low)
     poses = forward_many(model, actuations, threads=1)
-    targets = Targets.of(poses.rows["tip_m"].copy())
+    targets = Targets.of(poses["tip_m"].copy())
     answers = inverse_many(model, targets, actuations[:1], threads=1)
 
     def batch(number: int) -> bytes:
         other = model if number % 2 else model_of(name)  # a shared model, and one of its own
-        again = forward_many(other, actuations, threads=3).rows.tobytes()
+        again = forward_many(other, actuations, threads=3).tobytes()
         return again + inverse_many(other, targets, actuations[:1], threads=3).rows.tobytes()
 
     with ThreadPoolExecutor(3) as threads:
         found = set(threads.map(batch, range(3)))
-    assert found == {poses.rows.tobytes() + answers.rows.tobytes()}
+    assert found == {poses.tobytes() + answers.rows.tobytes()}
