@@ -42,18 +42,20 @@ def unit_vector(vector: Vec3) -> Vec3 | None:
 
 
 def frame_of_axes(z: Vec3, x: Vec3) -> tuple[float, ...] | None:
-    """Right-handed frame, row by row, with an axis z and the part of x across it; None for parallel ones."""
+    """Right-handed frame, row by row: its z axis, its x axis the part of ``x`` across it, y = z cross x.
+
+    None for parallel vectors, and for one of no length.
+    """
     along, beside = unit_vector(z), unit_vector(x)
     if along is None or beside is None:
         return None
     inner = along[0] * beside[0] + along[1] * beside[1] + along[2] * beside[2]
     across = (beside[0] - inner * along[0], beside[1] - inner * along[1], beside[2] - inner * along[2])
-    if math.hypot(*across) < _PARALLEL:
-        return None
     size = math.hypot(*across)
-    a, b, c = across[0] / size, across[1] / size, across[2] / size
-    e, f, g = along
-    return (a, f * c - g * b, e, b, g * a - e * c, f, c, e * b - f * a, g)
+    if size < _PARALLEL:
+        return None
+    (x1, x2, x3), (z1, z2, z3) = (part / size for part in across), along
+    return (x1, z2 * x3 - z3 * x2, z1, x2, z3 * x1 - z1 * x3, z2, x3, z1 * x2 - z2 * x1, z3)
 
 
 @dataclass(frozen=True, slots=True)

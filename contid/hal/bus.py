@@ -197,7 +197,6 @@ class MeasuresTips(Protocol):
 
     def measured_tips(self) -> Sequence[TipMeasured]:
         """What arrived since the last call, in the order of time; callable from any thread."""
-        ...
 
 
 @runtime_checkable
@@ -206,7 +205,6 @@ class SimulatesBodies(Protocol):
 
     def carry(self, robot: str, description: BaseModel) -> None:
         """Simulate the body of a robot whose axes it carries; called before `Bus.open`."""
-        ...
 
 
 @runtime_checkable

@@ -28,7 +28,6 @@ class Model(Protocol):
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Pose of the tip for an actuation, with a known force on the tip [N] in the base frame."""
-        ...
 
     def inverse(self, target: Target, seed: Actuation) -> Solution:
         """Actuation for a target given in the base frame, inside every limit.
@@ -37,15 +36,12 @@ class Model(Protocol):
             target: see `Target`; a ``target.actuation`` is clamped into the limits.
             seed: the last commanded actuation; keeps the answer continuous where it is not unique.
         """
-        ...
 
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone from base to tip at equal arc length, shape ``(points, 3)`` [m]."""
-        ...
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Derivative of the tip position by the actuation, shape ``(3, len(axis_names))``."""
-        ...
 
 
 @runtime_checkable
@@ -54,7 +50,6 @@ class Compliant(Protocol):
 
     def compliance(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Derivative of the tip position by a force on the tip, shape ``(3, 3)`` [m/N]."""
-        ...
 
 
 @runtime_checkable
@@ -63,7 +58,6 @@ class UnderWrenches(Protocol):
 
     def forward_under(self, actuation: Actuation, tip: Wrench6, mid: Wrench6) -> Pose:
         """Pose under two wrenches in the base frame."""
-        ...
 
 
 #: `RobotDescription.kinematics` -> "module:class"; the class is called with the robot's description.

@@ -45,16 +45,10 @@ void inverse_many(const Finger& self, Matrix tip, Table out, int threads) {
 NB_MODULE(KERNEL_MODULE, module) {
   module.doc() = "Two-rack fingers: native twin of contid.kinematics.rack.finger for batches.";
   nb::class_<Finger>(module, "Finger")
-      .def(
-          "__init__",
-          [](Finger* self, double spacing, double tip, double gain_per_m, double gain_offset, double gain_low,
-             double gain_high, double length_min, double length_max, double curvature_max, double arc_length_min) {
-            new (self) Finger{spacing,   tip,        gain_per_m, gain_offset,   gain_low,
-                              gain_high, length_min, length_max, curvature_max, arc_length_min};
-          },
-          nb::arg("spacing"), nb::arg("tip"), nb::arg("gain_per_m"), nb::arg("gain_offset"), nb::arg("gain_low"),
-          nb::arg("gain_high"), nb::arg("length_min"), nb::arg("length_max"), nb::arg("curvature_max"),
-          nb::arg("arc_length_min"))
+      .def(nb::init<double, double, double, double, double, double, double, double, double, double>(),
+           nb::arg("spacing"), nb::arg("tip"), nb::arg("gain_per_m"), nb::arg("gain_offset"), nb::arg("gain_low"),
+           nb::arg("gain_high"), nb::arg("length_min"), nb::arg("length_max"), nb::arg("curvature_max"),
+           nb::arg("arc_length_min"))
       .def("forward_many", &forward_many, nb::arg("actuations"), nb::arg("out"), nb::arg("threads"))
       .def("inverse_many", &inverse_many, nb::arg("tip"), nb::arg("out"), nb::arg("threads"));
 }

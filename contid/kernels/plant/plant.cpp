@@ -89,16 +89,8 @@ struct Arm {
     for (nb::handle row : rows) {
       double x[kNumbers];
       read(row, x, kNumbers, "a section: 18 numbers");
-      Section s{x[0],
-                x[1],
-                x[2],
-                x[3],
-                x[4],
-                x[5],
-                {{x[6], x[7]}, {x[8], x[9]}, {x[10], x[11]}},
-                {x[12], x[13], x[14], x[15], x[16]},
-                x[17]};
-      sections.push_back(s);
+      sections.push_back({x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7], x[8], x[9], x[10], x[11], x[12], x[13], x[14],
+                          x[15], x[16], x[17]});
     }
   }
 
@@ -145,12 +137,11 @@ struct Arm {
       out[3] = dot(normal, end.p) - offset;
       return end.p;
     };
-    bool met = false;
-    for (int round = 0; round < kNewton && !met; ++round) {
+    for (int round = 0; round < kNewton; ++round) {
       double r[4], A[4][5];
       tip = residual(x, r);
-      met = std::fabs(r[0]) + std::fabs(r[1]) + std::fabs(r[2]) < kBalance && (!held || std::fabs(r[3]) < kGap);
-      if (met) break;
+      const double moments = std::fabs(r[0]) + std::fabs(r[1]) + std::fabs(r[2]);
+      if (moments < kBalance && (!held || std::fabs(r[3]) < kGap)) return answer(tip, x, true);
       for (int j = 0; j < n; ++j) {
         double y[4] = {x[0], x[1], x[2], x[3]}, moved[4];
         const double step = j < 3 ? kStepMoment : kStepForce;
@@ -178,7 +169,7 @@ struct Arm {
       }
       for (int i = 0; i < n; ++i) x[i] -= A[i][4];
     }
-    return answer(tip, x, met);
+    return answer(tip, x, false);
   }
 
   static nb::tuple answer(Vec tip, const double* x, bool met) {

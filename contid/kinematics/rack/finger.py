@@ -149,9 +149,8 @@ class RackFingerModel:
         if target.tip_m is None:
             raise ValueError("a rack finger takes a tip position or rack lengths")
         x_m, y_m = (min(max(value, -_FAR_M), _FAR_M) for value in target.tip_m[:2])
-        if (x_m, y_m) != target.tip_m[:2]:  # NaN included
-            return self._nearest(target.tip_m, ("no_arc",), "no arc of this finger ends there")
-        arc = self.solve_arc(x_m, y_m)
+        near = (x_m, y_m) == target.tip_m[:2]  # not so for NaN
+        arc = self.solve_arc(x_m, y_m) if near else None
         if arc is None:
             return self._nearest(target.tip_m, ("no_arc",), "no arc of this finger ends there")
         arc_length_m, curvature = arc

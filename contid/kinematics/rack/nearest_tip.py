@@ -23,15 +23,15 @@ _GOLDEN_STEPS: Final = 40
 _DETOUR: Final = 1.2
 
 
-class _Valley(NamedTuple):
-    """A sample nearer to the goal than its neighbours, and the interval between them.
+class _Bracket(NamedTuple):
+    """A sample nearer to the goal than its neighbours: between these is a local minimum of the distance.
 
     Attributes:
         distance: of the sample from the goal.
         curve: number of the curve.
         at: parameter of the sample.
         low, high: parameters of its neighbours.
-        floor: lower bound of the distance between them.
+        lower_bound: of the distance between them.
     """
 
     distance: float
@@ -39,7 +39,7 @@ class _Valley(NamedTuple):
     at: float
     low: float
     high: float
-    floor: float
+    lower_bound: float
 
 
 def nearest_on(curves: Sequence[Curve], pieces: Sequence[Sequence[float]], goal: Vec3) -> tuple[int, float]:
@@ -50,46 +50,46 @@ def nearest_on(curves: Sequence[Curve], pieces: Sequence[Sequence[float]], goal:
         pieces: samples of the parameter, in pieces without a corner of any curve.
         goal: in the frame and unit of the curves; for NaN the answer is the first sample.
     """
-    valleys = sorted(
-        valley
+    brackets = sorted(
+        bracket
         for number, curve in enumerate(curves)
         for piece in pieces
-        for valley in _valleys(number, curve, piece, goal)
+        for bracket in _brackets(number, curve, piece, goal)
     )
-    if not valleys:
+    if not brackets:
         return 0, pieces[0][0]
-    best = valleys[0].distance, valleys[0].curve, valleys[0].at
-    for valley in valleys:
-        if valley.floor < best[0]:
-            curve = curves[valley.curve]
-            u = _golden_section(curve, goal, valley)
-            best = min(best, (_distance(curve(u), goal), valley.curve, u))
+    best = brackets[0].distance, brackets[0].curve, brackets[0].at
+    for bracket in brackets:
+        if bracket.lower_bound < best[0]:
+            curve = curves[bracket.curve]
+            u = _golden_section(curve, goal, bracket)
+            best = min(best, (_distance(curve(u), goal), bracket.curve, u))
     return best[1:]
 
 
-def _valleys(number: int, curve: Curve, samples: Sequence[float], goal: Vec3) -> Iterator[_Valley]:
+def _brackets(number: int, curve: Curve, samples: Sequence[float], goal: Vec3) -> Iterator[_Bracket]:
     points = [curve(u) for u in samples]
     away = [_distance(point, goal) for point in points]
     last = len(samples) - 1
     # Between two samples no point is nearer than this.
-    floors = [
+    lower_bounds = [
         0.5 * (away[i] + away[i + 1] - _DETOUR * _distance(points[i], points[i + 1])) for i in range(last)
     ]
     for i, distance in enumerate(away):
         before, after = max(i - 1, 0), min(i + 1, last)
         # A plateau counts once.
         if (i == 0 or distance < away[before]) and distance <= away[after]:
-            floor = min(floors[before:after])
-            yield _Valley(distance, number, samples[i], samples[before], samples[after], floor)
+            least = min(lower_bounds[before:after])
+            yield _Bracket(distance, number, samples[i], samples[before], samples[after], least)
 
 
 def _distance(a: Vec3, b: Vec3) -> float:
     return math.hypot(a[0] - b[0], a[1] - b[1])
 
 
-def _golden_section(curve: Curve, goal: Vec3, valley: _Valley) -> float:
-    """Parameter of the point of a curve nearest to ``goal`` within a valley."""
-    low, high = valley.low, valley.high
+def _golden_section(curve: Curve, goal: Vec3, bracket: _Bracket) -> float:
+    """Parameter of the point of a curve nearest to ``goal`` between the ends of a bracket."""
+    low, high = bracket.low, bracket.high
     a, b = high - _INVERSE_GOLDEN * (high - low), low + _INVERSE_GOLDEN * (high - low)
     at_a, at_b = _distance(curve(a), goal), _distance(curve(b), goal)
     for _ in range(_GOLDEN_STEPS):
