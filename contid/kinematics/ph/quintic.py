@@ -10,6 +10,7 @@ Bernstein coefficients of sigma.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -168,3 +169,18 @@ class PhQuintic:
     def evenly(self, points: int) -> Array:
         """Points at equal arc length from start to end [m], shape ``(points, 3)``."""
         return self.point(self.parameter_at(np.linspace(0.0, self.length_m, points)))
+
+
+def points_at(pieces: Sequence[PhQuintic], s_m: Array) -> Array:
+    """Points [m] at arc lengths from the start of the first piece, shape ``(n, 3)``.
+
+    Each piece starts at the end of the one before. An arc length before the start or beyond the end gives
+    that end.
+    """
+    starts = np.concatenate([[0.0], np.cumsum([piece.length_m for piece in pieces])[:-1]])
+    piece_of = np.clip(np.searchsorted(starts, s_m, side="right") - 1, 0, len(pieces) - 1)
+    points = np.empty((len(s_m), 3))
+    for index, piece in enumerate(pieces):
+        inside = piece_of == index
+        points[inside] = piece.point(piece.parameter_at(s_m[inside] - starts[index]))
+    return points

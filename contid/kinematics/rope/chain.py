@@ -19,7 +19,7 @@ import numpy as np
 from contid.kernels import load
 from contid.kinematics.array import Array
 from contid.kinematics.ph.ends import CurveEnds, PhFit, through
-from contid.kinematics.ph.spline import points_at
+from contid.kinematics.ph.quintic import points_at
 from contid.kinematics.rope.catenary import Catenary, as_quintic, hang
 from contid.robot_file.chain import Chain
 from contid.targets import Vec3
