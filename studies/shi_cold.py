@@ -61,7 +61,7 @@ def cold_starts(mode: str, grams: float, targets: int, seed: int = 7) -> Cold:
         failures += not met
         if met and len(times) % CHECK_EVERY == 0:
             checked += 1
-            loads = spec.loads(force)
+            loads = spec.setup.loads(force)
             found = newton(whole.rod, np.array(answer[0]), np.cross(tip, force), loads, answer[6])
             off = float(np.linalg.norm(found.sweep.tip - tip))
             wrong += not (found.converged and off < CHECK_TOLERANCE_MM)

@@ -27,7 +27,7 @@ def test_answers_are_where_forward_finds_them_and_near_the_best_of_scipy(grams: 
     assert [each.error_mm for each in found if each.contradicted] == []
     assert all(each.solution.limited_by for each in away)
     for each in away:
-        unloaded = each.case.model.setup.weight.none and not grams
+        unloaded = each.case.model.setup.weight.is_zero and not grams
         assert each.worse_mm <= (AS_GOOD_MM if unloaded else FARTHER_MM)
 
 

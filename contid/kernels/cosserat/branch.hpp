@@ -11,7 +11,7 @@ constexpr int kCorrections = 8, kMaxElements = 48;
 // A correction that does not shrink the balance to this part has started outside the neighbourhood of its solution:
 // this is what keeps a path on its branch.
 constexpr double kContraction = 0.3;
-constexpr double kFirstStep = 0.25, kLeastStep = 1e-3, kNoStep = 1e-6, kOnTheWay = 1e-5, kRough = 1e-2, kNear = 0.02,
+constexpr double kFirstStep = 0.25, kLeastStep = 1e-3, kTinyStep = 1e-6, kOnTheWay = 1e-5, kRough = 1e-2, kNear = 0.02,
                  kSameFactor = 5e-3, kSamePose = 1e-4;
 constexpr double kLeastScale = 1e-4;  // of loads [N*mm]: parts of less than this are rounding
 
@@ -87,7 +87,7 @@ double follow(const Rod<K>& rod, const Station& from, const Station& to, int ele
       step *= 2.0;
     } else {
       step = 0.5 * (goal - done);
-      if (step < kLeastStep * goal + kNoStep) break;
+      if (step < kLeastStep * goal + kTinyStep) break;
     }
   }
   return done;

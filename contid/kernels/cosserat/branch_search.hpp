@@ -66,8 +66,8 @@ template <int K> struct BranchSearch {
   Found<K> best{};
 
   // False where no equilibrium of the branch has the pressures of a pose.
-  bool stands(BranchPose<K>& pose) {
-    work += kStandWork;
+  bool pose_at(BranchPose<K>& pose) {
+    work += kRampWork;
     return ramped<K>(rod, pose.pressures, force, elements, pose.moment, pose.at, pose.ramp) == 1.0;
   }
 
@@ -84,16 +84,16 @@ template <int K> struct BranchSearch {
   bool reaches(const Outcome<K>& o, double& done) {
     Vec moment = present.moment;
     Judged at;
-    work += kStandWork;
+    work += kRampWork;
     done = follow<K>(rod, {present.pressures, force, 1.0}, {o.pressures, force, 1.0}, elements, moment, at);
     return done == 1.0 && same(moment, o.moment);
   }
 
   // True when twice the elements agree with an outcome; too few bend the branch where it is steep.
-  bool holds(const Outcome<K>& o) {
+  bool agrees_with_finer(const Outcome<K>& o) {
     Vec moment;
     Judged at;
-    work += 2 * kStandWork;
+    work += 2 * kRampWork;
     return equilibrium<K>(rod, o.pressures, force, 2 * elements, moment, at) == 1.0 && error(at) <= o.residual + kFine;
   }
 
@@ -104,7 +104,7 @@ template <int K> struct BranchSearch {
     if (any && !(o.residual < best.outcome.residual)) return o;
     BranchPose<K> end;
     std::copy(o.pressures, o.pressures + n, end.pressures);
-    if (stands(end) && same(end.moment, o.moment) && holds(o)) return o;
+    if (pose_at(end) && same(end.moment, o.moment) && agrees_with_finer(o)) return o;
     return outcome_of<K>(task, start, tolerance);
   }
 
@@ -156,19 +156,19 @@ template <int K> struct BranchSearch {
     for (int k = 0; k < count && work < most; ++k) {
       BranchPose<K> start;
       point(order[k], start.pressures);
-      if (stands(start) && attempt(start, false)) return true;
+      if (pose_at(start) && attempt(start, false)) return true;
     }
     return false;
   }
 
-  // False when the arm does not stand at the seed: it is left alone.
+  // False when the branch has no pose at the seed: the arm is left alone.
   bool run(const double* seed) {
     std::copy(seed, seed + n, present.pressures);
     clamp<K>(limits, present.pressures);
-    if (!stands(present)) return false;
+    if (!pose_at(present)) return false;
     bool over = attempt(present, true);
     BranchPose<K> start;
-    if (!over && unloaded<K>(rod, task, limits, start.pressures) && stands(start)) over = attempt(start, false);
+    if (!over && unloaded<K>(rod, task, limits, start.pressures) && pose_at(start)) over = attempt(start, false);
     if (!over) over = elsewhere(work + allowed_work<K>(elements));
     best.stable = true;
     best.snap = best.outcome.met ? 1.0 : snap;

@@ -124,7 +124,7 @@ template <int K> struct ArmOf final : Arm {
     Rod<K> under = rod;
     const Vec force = vec(loads.attr("tip_force"));
     under.tip_moment = vec(loads.attr("tip_moment"));
-    under.moments = nb::cast<bool>(loads.attr("moments"));
+    under.moments = nb::cast<bool>(loads.attr("has_moments"));
     const nb::object forces = loads.attr("joint_force"), moments = loads.attr("joint_moment");
     const nb::object weights = loads.attr("weight"), link_weights = loads.attr("link_weight");
     under.joints = nb::len(forces) + nb::len(moments) > 0;

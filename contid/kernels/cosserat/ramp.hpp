@@ -6,7 +6,7 @@
 
 namespace contid {
 
-constexpr int kStandWork = 3;  // what following a way from rest counts, in steps of a descent
+constexpr int kRampWork = 3;  // cost of following a path from rest, in steps of a descent
 
 // Base moments on the way, before its end; the last ones are left out where there are too many.
 template <int K> struct Ramp {
@@ -60,7 +60,7 @@ bool keeps_to_branch(const Rod<K>& rod, const double* pressures, Vec moment, Vec
   Ramp<K> other;
   Vec found;
   Judged at;
-  work += kStandWork;
+  work += kRampWork;
   if (ramped<K>(rod, pressures, tip_force, elements, found, at, other) < 1.0 ||
       norm(found - moment) > kSamePose * load_scale<K>(rod, tip_force))
     return false;

@@ -51,7 +51,7 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
     return most;
   };
   // True when an equilibrium is the one that counts, and the arm gets there from the seed.
-  const auto stands = [&](const Outcome<K>& o) {
+  const auto is_on_branch = [&](const Outcome<K>& o) {
     if (!weighs) return true;
     if (moved(o, seed) <= kTracking) return on_branch<K>(rod, o.pressures, o.moment, tip_force, settings.elements);
     Vec moment;
@@ -67,7 +67,7 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
     Outcome<K> o = found.outcome;
     o.iterations += Homing<K>{rod, task, tip_force, limits, found.elements}.run(o);
     found.outcome.iterations = o.iterations;
-    if (!stable(o, found.elements) || !stands(o)) return false;
+    if (!stable(o, found.elements) || !is_on_branch(o)) return false;
     found.outcome = o;
     return true;
   };
@@ -75,7 +75,7 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
   const auto tracked_home = [&](Outcome<K>& o) {
     const Homing<K> homing{rod, task, tip_force, limits, settings.elements};
     const bool met = track_home<K>(homing, seed, guess, settings.tolerance, kTracking, o);
-    return met && stable(o, settings.elements) && stands(o);
+    return met && stable(o, settings.elements) && is_on_branch(o);
   };
   const auto attempt = [&](const double* start, int iterations) {
     Found<K> found{};
@@ -93,7 +93,7 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
     found.stable = homed || stable(found.outcome, settings.elements);
     spent += found.outcome.iterations;
     const bool usable = found.outcome.met || (found.outcome.optimal && start == seed);
-    const bool counts = homed || (found.stable && usable && stands(found.outcome));
+    const bool counts = homed || (found.stable && usable && is_on_branch(found.outcome));
     if (weighs && !counts) return false;
     if (!any || (found.outcome.met && !best.outcome.met) ||
         (found.outcome.met == best.outcome.met && found.outcome.residual < best.outcome.residual))
@@ -141,16 +141,16 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
   }
   // The pose on the branch with the pressures of an answer; where more elements have none, one next to it, towards the
   // seed.
-  const auto standing = [&](int elements, const Outcome<K>& o, BranchPose<K>& pose) {
-    bool stands = false;
-    for (double part = 0.0; !stands && part < 1.0; part = part > 0.0 ? 4.0 * part : kRetreat) {
+  const auto pose_near = [&](int elements, const Outcome<K>& o, BranchPose<K>& pose) {
+    bool on_branch = false;
+    for (double part = 0.0; !on_branch && part < 1.0; part = part > 0.0 ? 4.0 * part : kRetreat) {
       for (int i = 0; i < n; ++i) pose.pressures[i] = o.pressures[i] + part * (seed[i] - o.pressures[i]);
       clamp<K>(limits, pose.pressures);
-      stands = ramped<K>(rod, pose.pressures, tip_force, elements, pose.moment, pose.at, pose.ramp) == 1.0;
+      on_branch = ramped<K>(rod, pose.pressures, tip_force, elements, pose.moment, pose.at, pose.ramp) == 1.0;
     }
-    return stands;
+    return on_branch;
   };
-  const auto counts = [&](int elements, const Outcome<K>& o) {
+  const auto on_branch_at = [&](int elements, const Outcome<K>& o) {
     Vec moment;
     Judged at;
     return equilibrium<K>(rod, o.pressures, tip_force, elements, moment, at) == 1.0 &&
@@ -166,13 +166,13 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
                               settings.tolerance, kIterations);
     // More elements can end the branch before the pressures that fewer of them reach.
     if (!o.met || !best.outcome.met || !stable(best.outcome, best.elements) ||
-        moved(best.outcome, o.pressures) > kTracking || !counts(best.elements, best.outcome)) {
+        moved(best.outcome, o.pressures) > kTracking || !on_branch_at(best.elements, best.outcome)) {
       BranchPose<K> pose;
-      best.stable = standing(best.elements, o, pose);
+      best.stable = pose_near(best.elements, o, pose);
       if (best.stable) {
         best.outcome = descend<K>(rod, task, tip_force, limits, pose, best.elements, settings.tolerance,
                                   {o.met ? kRestartIterations : kFinerIterations});
-        if (!counts(best.elements, best.outcome)) best.outcome = outcome_of<K>(task, pose, settings.tolerance);
+        if (!on_branch_at(best.elements, best.outcome)) best.outcome = outcome_of<K>(task, pose, settings.tolerance);
       }
       along = true;
     }
@@ -181,7 +181,7 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
   if (along && best.stable) {
     Outcome<K>& o = best.outcome;
     BranchPose<K> pose;
-    best.stable = standing(best.elements, o, pose);
+    best.stable = pose_near(best.elements, o, pose);
     if (best.stable && (norm(pose.moment - o.moment) > kSamePose * scale || moved(o, pose.pressures) > 0.0))
       o = outcome_of<K>(task, pose, settings.tolerance);
   }

@@ -5,8 +5,8 @@
 
 namespace contid {
 
-constexpr int kAsks = 4;
-constexpr double kStays = 1e-7;
+constexpr int kMostSearches = 4;
+constexpr double kSettledBar = 1e-7;
 
 template <int K>
 Found<K> search_settled(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& limits, const double* seed,
@@ -23,10 +23,11 @@ Found<K> search_settled(const Rod<K>& rod, const Task& task, Vec tip_force, cons
   const auto reached = [&](const Found<K>& answer) {
     return !loaded<K>(rod, tip_force) || reached_from<K>(rod, tip_force, limits, seed, answer.outcome, answer.elements);
   };
-  for (int ask = 0; ask < kAsks && found.outcome.met && found.stable && moved(found.outcome, seed) > kTracking; ++ask) {
+  for (int ask = 0; ask < kMostSearches && found.outcome.met && found.stable && moved(found.outcome, seed) > kTracking;
+       ++ask) {
     Found<K> again = search<K>(rod, task, tip_force, limits, found.outcome.pressures, settings);
     found.iterations += again.iterations;
-    if (!again.outcome.met || !again.stable || moved(again.outcome, found.outcome.pressures) <= kStays) break;
+    if (!again.outcome.met || !again.stable || moved(again.outcome, found.outcome.pressures) <= kSettledBar) break;
     if (!reached(again) && reached(found)) break;
     again.iterations = found.iterations;
     found = again;

@@ -13,7 +13,7 @@
 namespace contid {
 
 constexpr double kCentreWeight = 1e-6, kStepTolerance = 1e-9, kFreedomTolerance = 1e-4, kTrustStart = 0.5,
-                 kSideways = 0.3;
+                 kNullSpaceError = 0.3;
 constexpr double kBalance = 1e-6;  // [N*mm], inside a descent
 constexpr int kChords = 3;
 
@@ -194,7 +194,7 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
     residual(task, trial.ends, next_r);
     const double next_cost = task_cost(next_r, trial.ends.moment), next_away = distance(next);
     // In the null space of the task a straight step costs task error, which the next one removes.
-    const bool sideways = pull > 0.0 && next_cost <= kSideways * kSideways && next_away < away;
+    const bool sideways = pull > 0.0 && next_cost <= kNullSpaceError * kNullSpaceError && next_away < away;
     const bool better = next_cost + next_away < cost + away || (pull < weight && next_cost < cost);
     if (better || sideways || (size < 1e-6 && next_cost < cost + 1e-14)) {
       std::copy(next, next + n, p);

@@ -26,10 +26,10 @@ from contid.kinematics.cosserat.statics import Sweep, sweep
 #: Steps of Newton's method at one point of a path, and how much each must shrink the balance.
 CORRECTIONS = 8
 CONTRACTION = 0.3
-#: Parts of a path: first and least step, the least of a path that cannot start.
+#: Parts of a path: first and least step, and the least one of all: a path that fails at its start ends.
 FIRST_STEP = 0.25
 LEAST_STEP = 1e-3
-NO_STEP = 1e-6
+TINY_STEP = 1e-6
 #: Moment balance at the points before the last, as a part of `load_scale`.
 ON_THE_WAY = 1e-5
 #: Difference of base moments of one and the same equilibrium, as a part of `load_scale`.
@@ -93,7 +93,7 @@ def settle(
         found = sweep(rod, pressures, moment, loads, elements, tangents=True)
         error = float(np.linalg.norm(found.moment))
         if error <= tolerance:
-            if not loads.moments and unstable_modes(rod, pressures, moment, loads, elements) > 0:
+            if not loads.has_moments and unstable_modes(rod, pressures, moment, loads, elements) > 0:
                 return None
             return Equilibrium(moment, found, True)
         if not error < CONTRACTION * before:
@@ -143,14 +143,14 @@ def follow(
             step *= 2.0
         else:
             step = 0.5 * (goal - done)
-            if step < LEAST_STEP * goal + NO_STEP:
+            if step < LEAST_STEP * goal + TINY_STEP:
                 break
     return Followed(moment, at, done)
 
 
 def equilibrium(rod: Rod, pressures: Array, loads: Loads, elements: int = 3) -> Followed:
     """The equilibrium that the arm reaches when pressures and loads grow together from zero."""
-    if loads.none:
+    if loads.is_zero:
         found = newton(rod, pressures, np.zeros(3), loads, elements)
         return Followed(found.base_moment, found.sweep, 1.0)
     rest = Station(np.zeros(rod.pressures), loads.scaled(0.0))
@@ -159,7 +159,7 @@ def equilibrium(rod: Rod, pressures: Array, loads: Loads, elements: int = 3) -> 
 
 def buckled(rod: Rod, pressures: Array, loads: Loads, end: Followed, elements: int) -> Equilibrium:
     """Some equilibrium under the full load, for an arm whose branch ends before, at ``end``."""
-    dead = loads.moments or loads.joint_force
+    dead = loads.has_moments or loads.joint_force
     start = end.base_moment if dead else cross(end.sweep.tip, loads.tip_force)
     return newton(rod, pressures, start, loads, elements)
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.branch import Station, equilibrium, follow
-from contid.kinematics.cosserat.descent import STAND_WORK, StopRule, descend, outcome_of
+from contid.kinematics.cosserat.descent import RAMP_WORK, StopRule, descend, outcome_of
 from contid.kinematics.cosserat.ramp import BranchPose, ramped, same_pose
 from contid.kinematics.cosserat.solve import Problem, RodSolution
 from contid.kinematics.cosserat.starts import unloaded
@@ -27,7 +27,7 @@ WORK, TRY_WORK = 280, 40
 TRY_GAIN, TRY_AHEAD, TRY_TRUST = 1e-2, 8.0, 1e-2
 #: Corners that are looked at, and how far the points next to them lie in the box, as a part of its range.
 CORNERS, INSET = 64, 0.06
-#: Elements of the first look at a start, and the part of the work that looks may take, one over this.
+#: Elements of the first, coarse ranking of the starts, which takes at most 1 / `LOOK_SHARE` of the work.
 LOOK_ELEMENTS, LOOK_SHARE = 2, 4
 #: How much worse an outcome may be with twice the elements [mm].
 FINE = 1.0
@@ -61,16 +61,16 @@ class BranchSearch:
         self.best: RodSolution | None = None
 
     def run(self) -> Found | None:
-        """The best outcome; None when the arm does not stand at the seed: it is left alone."""
+        """The best outcome; None when the branch has no pose at the seed: the arm is left alone."""
         problem = self.problem
-        present = self._stand(self.seed)
+        present = self._pose_at(self.seed)
         if present is None:
             return None
         self._present = present
         over = self._attempt(present, here=True)
         if not over:
             closed = unloaded(problem.rod, problem.task, problem.limits)
-            start = None if closed is None else self._stand(closed)
+            start = None if closed is None else self._pose_at(closed)
             over = start is not None and self._attempt(start)
         if not over:
             self._elsewhere(self.work + allowed_work(problem))
@@ -78,8 +78,8 @@ class BranchSearch:
         snap = 1.0 if self.best.met else self.snap
         return Found(self.best, True, problem.elements, self.work, snap)
 
-    def _stand(self, pressures: Array) -> BranchPose | None:
-        self.work += STAND_WORK
+    def _pose_at(self, pressures: Array) -> BranchPose | None:
+        self.work += RAMP_WORK
         return ramped(self.problem, pressures)
 
     def _attempt(self, start: BranchPose, here: bool = False) -> bool:
@@ -104,19 +104,19 @@ class BranchSearch:
         self.work += o.iterations
         if self.best is not None and not o.residual < self.best.residual:
             return o
-        end = self._stand(o.pressures)
+        end = self._pose_at(o.pressures)
         kept = end is not None and same_pose(self.problem, end.base_moment, o.base_moment)
-        return o if kept and self._holds(o) else outcome_of(self.problem, start)
+        return o if kept and self._agrees_with_finer(o) else outcome_of(self.problem, start)
 
-    def _holds(self, o: RodSolution) -> bool:
+    def _agrees_with_finer(self, o: RodSolution) -> bool:
         """True when twice the elements agree with an outcome; too few bend the branch where it is steep."""
-        self.work += 2 * STAND_WORK
+        self.work += 2 * RAMP_WORK
         problem = self.problem
         at = equilibrium(problem.rod, o.pressures, problem.loads, 2 * problem.elements)
         return at.done == 1.0 and float(np.linalg.norm(residual(problem.task, at.sweep))) <= o.residual + FINE
 
     def _reaches(self, o: RodSolution) -> tuple[bool, float]:
-        self.work += STAND_WORK
+        self.work += RAMP_WORK
         return reaches(self.problem, self._present.pressures, self._present.base_moment, o)
 
     def _elsewhere(self, most: int) -> None:
@@ -132,7 +132,7 @@ class BranchSearch:
         for _, pressures in sorted(seen, key=lambda one: one[0]):
             if self.work >= most:
                 return
-            start = self._stand(pressures)
+            start = self._pose_at(pressures)
             if start is not None and self._attempt(start):
                 return
 

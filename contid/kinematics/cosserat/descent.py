@@ -24,8 +24,8 @@ NO_TRUST = 1e-7
 NO_GAIN = 1e-12
 #: Steps whose gain together decides whether a descent goes on.
 RECENT = 3
-#: What following a way from rest counts, in steps of a descent.
-STAND_WORK = 3
+#: Cost of following a path from rest, in steps of a descent.
+RAMP_WORK = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class StopRule:
     """When a descent ends.
 
     Attributes:
-        work: steps at most, each way followed from rest counted as `STAND_WORK`.
+        work: steps at most, each path followed from rest counted as `RAMP_WORK`.
         gain: of the last `RECENT` steps together, the least, as a part of the error.
         best: error of another outcome [mm].
         ahead: ends where this multiple of that gain does not reach ``best``; 0 for never.
@@ -95,7 +95,7 @@ def descend(problem: Problem, start: BranchPose, stop: StopRule) -> RodSolution:
         new_cost = float(new_r @ new_r)
         if trial is not None and new_cost < cost:
             ramp, followed = way_to(problem, following, trial.base_moment, here)
-            used += STAND_WORK if followed else 0
+            used += RAMP_WORK if followed else 0
             if ramp is None:
                 trial = None
             else:

@@ -53,7 +53,7 @@ def fine_equilibrium(
             found = None
         if found is None:
             found = equilibrium(rod, pressures, loads, elements)
-        if elements >= MAX_ELEMENTS or loads.none:
+        if elements >= MAX_ELEMENTS or loads.is_zero:
             return found, elements
         if found.done == 1.0:
             estimate = discretisation_error(rod, pressures, found.base_moment, loads, elements, found.sweep)

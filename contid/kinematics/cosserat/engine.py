@@ -6,7 +6,7 @@ The kernel `contid.kernels._cosserat` is used when it can be imported and ``CONT
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, TypeAlias
 
 import numpy as np
@@ -55,6 +55,10 @@ class RodSetup:
     direction_length: float
     full_rotation: bool
 
+    def loads(self, force: Vec3) -> Loads:
+        """The arm's own weight and a force on the tip [N]."""
+        return replace(self.weight, tip_force=np.array(force))
+
 
 class RodSolver(Protocol):
     """Forward and inverse statics of one rod."""
@@ -91,11 +95,6 @@ class NumpyEngine:
     def __init__(self, setup: RodSetup) -> None:
         self.setup = setup
 
-    def loads(self, force: Vec3) -> Loads:
-        """The arm's own weight and a force on the tip."""
-        own = self.setup.weight
-        return Loads(tip_force=np.array(force), weight=own.weight, link_weight=own.link_weight)
-
     def inverse(
         self, tip: Vec3, mid: Vec3 | None, direction: Vec3 | None, force: Vec3, seed: Sequence[float]
     ) -> InverseAnswer:
@@ -108,7 +107,7 @@ class NumpyEngine:
             full_rotation=s.full_rotation,
             length=s.direction_length,
         )
-        problem = Problem(s.rod, self.loads(force), task, s.limits, s.elements, s.tolerance)
+        problem = Problem(s.rod, self.setup.loads(force), task, s.limits, s.elements, s.tolerance)
         found = search_settled(problem, np.array(seed), s.error)
         o = found.outcome
         return (
@@ -119,7 +118,7 @@ class NumpyEngine:
     def forward(self, pressures: Sequence[float], force: Vec3) -> ForwardAnswer:
         """See `RodSolver`."""
         s = self.setup
-        loads = self.loads(force)
+        loads = self.setup.loads(force)
         p: Array = np.array(pressures)
         found, elements = fine_equilibrium(s.rod, p, loads, s.elements, s.error)
         stable, end, moment = found.done == 1.0, found.sweep, found.base_moment
@@ -134,7 +133,9 @@ class NumpyEngine:
     def near(self, pressures: Sequence[float], force: Vec3, guess: Sequence[float]) -> NearAnswer | None:
         """See `RodSolver`."""
         s = self.setup
-        found = near_equilibrium(s.rod, np.array(pressures), self.loads(force), np.array(guess), s.elements)
+        found = near_equilibrium(
+            s.rod, np.array(pressures), self.setup.loads(force), np.array(guess), s.elements
+        )
         if found is None:
             return None
         return (
@@ -156,7 +157,7 @@ class NumpyEngine:
     def critical(self, pressures: Sequence[float], force: Vec3, max_factor: float) -> float | None:
         """See `RodSolver`."""
         return critical_factor(
-            self.setup.rod, np.array(pressures), self.loads(force), max_factor, self.setup.elements
+            self.setup.rod, np.array(pressures), self.setup.loads(force), max_factor, self.setup.elements
         )
 
 

@@ -33,9 +33,9 @@ EXACT_TASK, EXACT_BALANCE = 1e-8, 1e-8
 NOISE, GAIN = 3e-3, 1e-4
 #: A step longer than this share of the one before calls for the curvature; a short one has to be shorter than
 #: that share of the one before.
-CONTRACTION, LAST = 0.3, 0.8
-#: Gain of a short step that is more than rounding, half of a squared distance [bar2].
-LEAST = 1e-9
+CONTRACTION, SHRINKING = 0.3, 0.8
+#: Gain of a short step that is more than rounding, half of a squared distance [bar^2].
+LEAST_GAIN = 1e-9
 #: Forward differences of the derivatives [bar].
 FORWARD = 1e-4
 SHRINK = 0.25
@@ -94,7 +94,7 @@ def home(problem: Problem, outcome: RodSolution) -> RodSolution:
         if there is not None and _exact(here.r, here.found):
             gain = abs(float(d @ (here.p - limits.centre + 0.5 * d)))
             nearer = _distance(problem, here.p) - _distance(problem, there[0])
-            good = nearer >= GAIN * gain if size > NOISE else size < LAST * last or nearer > LEAST
+            good = nearer >= GAIN * gain if size > NOISE else size < SHRINKING * last or nearer > LEAST_GAIN
         if good and there is not None:
             bend = curved or size > CONTRACTION * last
             trust = max(trust, 2.0 * size)

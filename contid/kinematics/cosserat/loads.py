@@ -72,12 +72,12 @@ class Loads:
         return total
 
     @property
-    def moments(self) -> bool:
+    def has_moments(self) -> bool:
         """True when a dead moment acts."""
         return any(np.any(moment) for moment in (self.tip_moment, *self.joint_moment.values()))
 
     @property
-    def none(self) -> bool:
+    def is_zero(self) -> bool:
         """True when nothing acts on the rod."""
         tables = (self.joint_force, self.joint_moment, self.weight, self.link_weight)
         vectors = (self.tip_force, self.tip_moment, *(v for table in tables for v in table.values()))

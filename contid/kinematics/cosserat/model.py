@@ -10,7 +10,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.compliance import tip_compliance
-from contid.kinematics.cosserat.engine import NumpyEngine, RodSetup, build_engine
+from contid.kinematics.cosserat.engine import RodSetup, build_engine
 from contid.kinematics.cosserat.identified import Regulators, identified_sections
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
@@ -22,7 +22,8 @@ from contid.robot_file.pneumatic.geometry import SectionGeometry
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3, Wrench6
 from contid.units import BAR, LIMIT_TOLERANCE_PA, MM_PER_M, mm_to_m
 
-STANDARD_GRAVITY: Final = 9.81  # [m/s^2], the reference's
+#: Acceleration of gravity in the reference solution [m/s^2] (Shi et al.).
+REFERENCE_GRAVITY: Final = 9.81
 ROLL_NOTE: Final = "orientation: full_rotation asks for a roll, which this arm cannot command"
 
 
@@ -52,9 +53,9 @@ def build_setup(robot: Cosserat) -> RodSetup:
     for i, (described, section) in enumerate(zip(sections, rod.sections, strict=True)):
         if described.density_kg_m3 > 0.0:
             # kg/m^3 * mm^2 is 1e-9 kg/mm.
-            weight[i] = described.density_kg_m3 * section.area * 1e-9 * STANDARD_GRAVITY * down
+            weight[i] = described.density_kg_m3 * section.area * 1e-9 * REFERENCE_GRAVITY * down
         if described.link_mass_g > 0.0:
-            link_weight[i] = described.link_mass_g * 1e-3 * STANDARD_GRAVITY / section.link * down
+            link_weight[i] = described.link_mass_g * 1e-3 * REFERENCE_GRAVITY / section.link * down
     regulators = Regulators(robot)
     lower, upper = (np.array(regulators.chambers(ends)) for ends in (robot.lower, robot.upper))
     centre = 0.5 * (lower + upper)
@@ -92,7 +93,6 @@ class CosseratModel:
         self.regulators = Regulators(robot)
         self.setup = build_setup(robot)
         self.engine = build_engine(self.setup)
-        self._spec = NumpyEngine(self.setup)
         #: Reference arc lengths of the backbone [mm].
         self._stations = stations(self.setup.rod, self.setup.elements)
 
@@ -189,7 +189,7 @@ class CosseratModel:
         """Tip by pressures in equilibrium, shape (3, 3k) [m/Pa]."""
         p = np.array(self.regulators.chambers(actuation))
         *_, base_moment, elements = self.engine.forward(p.tolist(), load_n)
-        loads = self._spec.loads(load_n)
+        loads = self.setup.loads(load_n)
         found = sweep(self.setup.rod, p, np.array(base_moment), loads, elements, tangents=True)
         assert found.tangents is not None
         by_moment, by_pressure = found.tangents.moment[:, :3], found.tangents.moment[:, 3:]
@@ -201,13 +201,13 @@ class CosseratModel:
         """Tip by a force on it at constant pressures, in equilibrium, shape (3, 3) [m/N]; symmetric."""
         p = np.array(self.regulators.chambers(actuation))
         *_, base_moment, elements = self.engine.forward(p.tolist(), load_n)
-        loads = self._spec.loads(load_n)
+        loads = self.setup.loads(load_n)
         return tip_compliance(self.setup.rod, p, np.array(base_moment), loads, elements) / MM_PER_M
 
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone from base to tip at equal arc length of the deformed arm, shape (points, 3) [m]."""
         frames = np.empty((len(self._stations), 12))
-        chambers, loads = self.regulators.chambers(actuation), self._spec.loads(load_n)
+        chambers, loads = self.regulators.chambers(actuation), self.setup.loads(load_n)
         self.engine.statics(chambers, loads, self._stations, frames)
         line = frames[:, :3]
         lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
@@ -257,7 +257,7 @@ class CosseratModel:
         else:
             why = (
                 f"the arm buckles: at the present pressures it carries {critical:.4g} N "
-                f"({critical / STANDARD_GRAVITY * 1e3:.3g} g) along the load, "
+                f"({critical / REFERENCE_GRAVITY * 1e3:.3g} g) along the load, "
                 f"not {math.hypot(*target.load_n):.4g} N"
             )
         residual = math.dist(self.forward(actuation, target.load_n).tip_m, target.tip_m)

@@ -49,7 +49,7 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
         error: estimated discretisation error [mm] at which the elements are doubled.
     """
     guess = predicted_moment(problem.rod, problem.task, problem.loads)
-    loaded = not problem.loads.none
+    loaded = not problem.loads.is_zero
     spent = 0
     best: Found | None = None
 
@@ -62,7 +62,7 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
             outcome = settled
         candidate = Found(outcome, is_stable(problem, outcome), problem.elements, spent)
         usable = outcome.met or (outcome.optimal and start is seed)
-        if loaded and not (candidate.stable and usable and stands(problem, outcome, seed)):
+        if loaded and not (candidate.stable and usable and is_on_branch(problem, outcome, seed)):
             return False
         if best is None or _rank(candidate) < _rank(best):
             best = candidate
@@ -103,12 +103,12 @@ def settle_freedom(problem: Problem, outcome: RodSolution, seed: Array) -> RodSo
     if not outcome.met or problem.task.rows >= problem.rod.pressures:
         return None
     settled = home(problem, outcome)
-    loaded = not problem.loads.none
-    counts = is_stable(problem, settled) and (not loaded or stands(problem, settled, seed))
+    loaded = not problem.loads.is_zero
+    counts = is_stable(problem, settled) and (not loaded or is_on_branch(problem, settled, seed))
     return settled if counts else None
 
 
-def stands(problem: Problem, outcome: RodSolution, seed: Array) -> bool:
+def is_on_branch(problem: Problem, outcome: RodSolution, seed: Array) -> bool:
     """True when an equilibrium is the one that counts, and the arm gets there from the seed without a jump.
 
     The kernel takes a shorter way to the same verdict next to the seed.
@@ -133,7 +133,7 @@ def is_stable(problem: Problem, outcome: RodSolution) -> bool:
     """True for an equilibrium that is a minimum of energy."""
     if outcome.statics > BALANCE_TOLERANCE:
         return False
-    if problem.loads.none:
+    if problem.loads.is_zero:
         return True
     return (
         unstable_modes(problem.rod, outcome.pressures, outcome.base_moment, problem.loads, problem.elements)
@@ -159,7 +159,7 @@ def _ramp(problem: Problem, attempt: Callable[[Array, Array, int], bool]) -> boo
     start = unloaded(rod, task, problem.limits)
     if start is None:
         return False
-    if not loads.none:
+    if not loads.is_zero:
         for k in range(1, LOAD_STEPS):
             part = replace(problem, loads=loads.scaled(k / LOAD_STEPS), tolerance=RAMP_TOLERANCE)
             start = solve(part, start, predicted_moment(rod, task, part.loads), RAMP_ITERATIONS).pressures
@@ -183,24 +183,24 @@ def refine(problem: Problem, found: Found, seed: Array, error: float, along: boo
         near = float(np.abs(outcome.pressures - o.pressures).max()) <= TRACKING
         stable = True
         # More elements can end the branch before the pressures that fewer of them reach.
-        if not (o.met and outcome.met and is_stable(finer, outcome) and near and _counts(finer, outcome)):
-            pose = _standing(finer, o.pressures, seed)
+        if not (o.met and outcome.met and is_stable(finer, outcome) and near and _on_branch(finer, outcome)):
+            pose = _pose_near(finer, o.pressures, seed)
             stable = pose is not None
             if pose is not None:
                 outcome = descend(finer, pose, StopRule(RESTART_ITERATIONS if o.met else FINER_ITERATIONS))
-                if not _counts(finer, outcome):
+                if not _on_branch(finer, outcome):
                     outcome = outcome_of(finer, pose)
             along = True
         found = Found(outcome, stable, finer.elements, found.iterations + outcome.iterations, found.snap)
     return on_the_branch(problem, found, seed) if along and found.stable else found
 
 
-def _counts(problem: Problem, outcome: RodSolution) -> bool:
+def _on_branch(problem: Problem, outcome: RodSolution) -> bool:
     at = equilibrium(problem.rod, outcome.pressures, problem.loads, problem.elements)
     return at.done == 1.0 and same_pose(problem, at.base_moment, outcome.base_moment)
 
 
-def _standing(problem: Problem, pressures: Array, seed: Array) -> BranchPose | None:
+def _pose_near(problem: Problem, pressures: Array, seed: Array) -> BranchPose | None:
     """The pose on the branch with given pressures; where there is none, one next to it, towards the seed."""
     limits, part = problem.limits, 0.0
     while part < 1.0:
@@ -215,7 +215,7 @@ def _standing(problem: Problem, pressures: Array, seed: Array) -> BranchPose | N
 def on_the_branch(problem: Problem, found: Found, seed: Array) -> Found:
     """The pose that counts for the pressures found along the branch."""
     here, o = replace(problem, elements=found.elements), found.outcome
-    pose = _standing(here, o.pressures, seed)
+    pose = _pose_near(here, o.pressures, seed)
     if pose is None:
         return replace(found, stable=False)
     same = same_pose(here, pose.base_moment, o.base_moment)

@@ -17,8 +17,8 @@ from contid.kinematics.cosserat.branch_search import Found
 from contid.kinematics.cosserat.search import TRACKING, reached_from, search
 from contid.kinematics.cosserat.solve import Problem, RodSolution
 
-#: Further searches at most, and the change of pressure below which an answer stays [bar].
-ASKS, STAYS = 4, 1e-7
+#: Further searches at most, and the change of pressure below which an answer is settled [bar].
+MOST_SEARCHES, SETTLED_BAR = 4, 1e-7
 
 
 def search_settled(problem: Problem, seed: Array, error: float = np.inf) -> Found:
@@ -32,7 +32,7 @@ def search_settled(problem: Problem, seed: Array, error: float = np.inf) -> Foun
     found = search(problem, seed, error)
     if problem.task.rows >= problem.rod.pressures:
         return found
-    for _ in range(ASKS):
+    for _ in range(MOST_SEARCHES):
         if not (found.outcome.met and found.stable) or _moved(found.outcome, seed) <= TRACKING:
             break
         again = search(problem, found.outcome.pressures, error)
@@ -40,7 +40,7 @@ def search_settled(problem: Problem, seed: Array, error: float = np.inf) -> Foun
         found = replace(found, iterations=spent)
         if (
             not (again.outcome.met and again.stable)
-            or _moved(again.outcome, found.outcome.pressures) <= STAYS
+            or _moved(again.outcome, found.outcome.pressures) <= SETTLED_BAR
         ):
             break
         if not _reached(problem, seed, again) and _reached(problem, seed, found):
@@ -58,6 +58,6 @@ def _reached(problem: Problem, seed: Array, found: Found) -> bool:
 
     Computed with the elements of that equilibrium: with fewer the same pressures hold another pose.
     """
-    if problem.loads.none:
+    if problem.loads.is_zero:
         return True
     return reached_from(replace(problem, elements=found.elements), seed, found.outcome)

@@ -32,7 +32,7 @@ STEP_TOLERANCE = 1e-9
 #: A step in the null space of the task, below which the secondary goal counts as reached [bar].
 FREEDOM_TOLERANCE = 1e-4
 #: Task error a step towards the centre may cost for the moment [mm].
-SIDEWAYS = 0.3
+NULL_SPACE_ERROR = 0.3
 #: First largest step of a pressure [bar].
 TRUST_START = 0.5
 
@@ -155,7 +155,7 @@ def solve(problem: Problem, start: Array, start_moment: Array, iterations: int =
         new_r = residual(task, trial)
         new_cost, new_away = measures(new_r, trial.moment, new_pressures)
         # In the null space of the task a straight step costs task error, which the next one removes.
-        sideways = pull > 0.0 and new_cost <= SIDEWAYS**2 and new_away < away
+        sideways = pull > 0.0 and new_cost <= NULL_SPACE_ERROR**2 and new_away < away
         better = new_cost + new_away < cost + away or (pull < weight and new_cost < cost)
         if better or sideways or (size < 1e-6 and new_cost < cost + 1e-14):
             pressures, moment, found, r = new_pressures, new_moment, trial, new_r

@@ -45,10 +45,10 @@ class Sweep:
     """One integration from base to tip.
 
     Attributes:
-        tip: tip position. rotation: tip frame, shape (3, 3). ends: end of every section.
+        tip: tip position [mm], shape (3,).
+        rotation: tip frame, shape (3, 3).
+        ends: end of every section [mm], shape (3,) each.
         moment: residual of the moment balance at the tip [N·mm]; zero in equilibrium.
-        points: backbone at every element boundary and link end, shape (n, 3), base included.
-        stations: reference length at the points.
         turns: turn of the frame by the base moment at every element boundary, base included, shape (3, 3)
             each; empty without tangents.
         tangents: derivatives, if requested.
@@ -58,8 +58,6 @@ class Sweep:
     rotation: Array
     ends: tuple[Array, ...]
     moment: Array
-    points: Array
-    stations: Array
     turns: tuple[Array, ...]
     tangents: Tangents | None
 
@@ -96,7 +94,7 @@ def sweep(
         dmu,
     )
     N = loads.base_force(rod)
-    points, stations, turns = [state.p], [0.0], [state.turn[:, :3]]
+    turns = [state.turn[:, :3]]
     ends: list[Array] = []
     end_tangents: list[Array] = []
     for i, section in enumerate(rod.sections):
@@ -107,8 +105,6 @@ def sweep(
         for _ in range(elements):
             state = step(inflated, state, N, f, h, own, tangents)
             N = N - h * f
-            points.append(state.p)
-            stations.append(stations[-1] + h)
             turns.append(state.turn[:, :3])
         ends.append(state.p)
         end_tangents.append(state.shift)
@@ -120,8 +116,6 @@ def sweep(
         if section.link > 0.0:
             state = link(state, section.link, loads.link_weight.get(i, np.zeros(3)))
             N = N - section.link * loads.link_weight.get(i, np.zeros(3))
-            points.append(state.p)
-            stations.append(stations[-1] + section.link)
     moment = state.mu - cross(state.p, loads.tip_force) - loads.tip_moment
     derived = None
     if tangents:
@@ -133,8 +127,6 @@ def sweep(
         state.R,
         tuple(ends),
         moment,
-        np.array(points),
-        np.array(stations),
         tuple(turns) if tangents else (),
         derived,
     )
