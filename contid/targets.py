@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Final, TypeAlias
+from typing import Final, Self, TypeAlias
 
 Vec3: TypeAlias = tuple[float, float, float]
 #: Force and moment at a point: fx, fy, fz [N], mx, my, mz [N·m].
@@ -125,3 +125,9 @@ class Solution:
     limited_by: tuple[str, ...] = ()
     iterations: int = 0
     note: str = ""
+
+    @classmethod
+    def not_finite(cls, seed: Actuation) -> Self:
+        """Answer to an actuation with a number that is not finite: the last command is held."""
+        note = "a requested axis is not finite; the last command is held"
+        return cls(seed, math.inf, converged=False, note=note)

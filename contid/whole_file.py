@@ -57,6 +57,16 @@ def replacing(path: Path, mode: int | None = None) -> Iterator[BinaryIO]:
 def _usual_mode(target: Path) -> int:
     with suppress(OSError):
         return stat.S_IMODE(target.stat().st_mode)
+    return new_file_mode()
+
+
+def new_file_mode() -> int:
+    """The mode of new files of this process: 0o666 without its umask."""
+    with suppress(OSError), Path("/proc/self/status").open("rb") as status:
+        for line in status:
+            if line.startswith(b"Umask:"):
+                return 0o666 & ~int(line.split()[1], 8)
+    # Files that other threads create at this moment get every right; hence only without /proc.
     mask = os.umask(0)
     os.umask(mask)
     return 0o666 & ~mask

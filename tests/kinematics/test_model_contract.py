@@ -97,6 +97,19 @@ def test_an_actuation_is_kept_or_clamped(named: tuple[str, Model]) -> None:
     assert inside(model, clamped.actuation)
 
 
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+def test_an_actuation_that_is_not_finite_leaves_the_robot_where_it_is(
+    named: tuple[str, Model], wrong: float
+) -> None:
+    _, model = named
+    seed = middle(model)
+    for number in range(len(seed)):
+        requested = (*seed[:number], wrong, *seed[number + 1 :])
+        held = model.inverse(Target(actuation=requested), seed)
+        assert (held.actuation, held.converged) == (seed, False)
+        assert "not finite" in held.note
+
+
 def test_small_steps_of_the_tip_are_small_steps_of_the_answer(named: tuple[str, Model]) -> None:
     """Seeded with the answer before, as the tick does; no step is more than a few times the median one."""
     _, model = named

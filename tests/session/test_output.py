@@ -16,7 +16,7 @@ from contid.control.engine.command_log import CommandLog
 from contid.control.engine.wiring import record_layout
 from contid.errors import ContidError
 from contid.session.compact import compact
-from contid.whole_file import replacing
+from contid.whole_file import new_file_mode, replacing
 from tests.support.fingers import load
 
 KILLED = """
@@ -65,6 +65,17 @@ def test_a_file_is_replaced_in_one_step(
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     assert path.read_bytes() == b"two"
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_the_mode_of_new_files_is_read_without_changing_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another thread that creates a file meanwhile would give every user the right to write it."""
+    before = os.umask(0o027)
+    try:
+        monkeypatch.setattr(os, "umask", lambda mask: pytest.fail("changed"))
+        assert new_file_mode() == 0o640
+    finally:
+        monkeypatch.undo()
+        os.umask(before)
 
 
 def test_a_session_is_for_its_owner_only(growing: Path, tmp_path: Path) -> None:

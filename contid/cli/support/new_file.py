@@ -20,6 +20,7 @@ from contid.errors import BadInputError, ContidError, Located
 from contid.robot_file.findings import allowed_names
 from contid.robot_file.load import LoadedFile, load_robot_file
 from contid.robot_file.shipped import configs_folder
+from contid.whole_file import new_file_mode
 
 KeyPath: TypeAlias = tuple[str, ...]
 #: Plain scalars of YAML: names, paths and numbers that need no quotes.
@@ -122,7 +123,7 @@ def write_copy(
             raise BadInputError(
                 [Located(str(path), each.line, each.column, each.message) for each in error.findings]
             ) from error
-        Path(beside).chmod(0o666 & ~_umask())
+        Path(beside).chmod(new_file_mode())
         os.link(beside, path)  # fails when another program has made the file in the meantime
     except FileExistsError as error:
         raise ContidError(f"{path}: exists already; nothing was written") from error
@@ -131,13 +132,6 @@ def write_copy(
     finally:
         Path(beside).unlink(missing_ok=True)
     return load_robot_file(path)
-
-
-def _umask() -> int:
-    """The mask of new files of this process."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _scalars_by_path(text: str) -> dict[KeyPath, yaml.ScalarNode]:

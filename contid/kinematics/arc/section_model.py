@@ -110,7 +110,8 @@ class SectionModel:
         times `Tuning.ell_m`, a fifth of the arm.
         """
         if target.actuation is not None:
-            return self._clamped(target.actuation)
+            finite = all(map(math.isfinite, target.actuation))
+            return self._clamped(target.actuation) if finite else Solution.not_finite(seed)
         if target.tip_m is None:
             raise ValueError("an arm of sections takes a tip position or lengths")
         lengths, residual_m, converged, binding, iterations, _ = self.solver.solve(

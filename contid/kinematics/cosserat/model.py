@@ -141,7 +141,8 @@ class CosseratModel:
         Where every equilibrium found is unstable, the answer is the seed.
         """
         if target.actuation is not None:
-            return self._clamped(target.actuation)
+            finite = all(map(math.isfinite, target.actuation))
+            return self._clamped(target.actuation) if finite else Solution.not_finite(seed)
         if target.tip_m is None:
             raise ValueError("a pneumatic arm takes a tip position or pressures")
         x, y, z = target.tip_m

@@ -145,7 +145,8 @@ class RackFingerModel:
         Curvature correction divides: ``k_cmd = k/(1 + a S + b)``; S is untouched, so nothing iterates.
         """
         if target.actuation is not None:
-            return self._clamped(target.actuation)
+            finite = all(map(math.isfinite, target.actuation))
+            return self._clamped(target.actuation) if finite else Solution.not_finite(seed)
         if target.tip_m is None:
             raise ValueError("a rack finger takes a tip position or rack lengths")
         x_m, y_m = (min(max(value, -_FAR_M), _FAR_M) for value in target.tip_m[:2])

@@ -128,7 +128,8 @@ class TendonModel:
         fifth of the robot's length.
         """
         if target.actuation is not None:
-            return self._clamped(target.actuation)
+            finite = all(map(math.isfinite, target.actuation))
+            return self._clamped(target.actuation) if finite else Solution.not_finite(seed)
         if target.tip_m is None:
             raise ValueError("a tendon robot takes a tip position or pulls")
         lift = self._base_m
@@ -203,13 +204,12 @@ class TendonModel:
     def _clamped(self, requested: Actuation) -> Solution:
         """The pulls themselves where every tendon stays taut and inside its limits; else near ones."""
         excess = self.excess(requested)
-        if np.all(excess <= LIMIT_TOLERANCE_M):  # a slack tendon or NaN is not inside
+        if np.all(excess <= LIMIT_TOLERANCE_M):
             return Solution(tuple(np.clip(requested, self.lower, self.upper).tolist()), 0.0, True)
-        limits = tuple(name for name, over in zip(self.limit_names, excess, strict=True) if not over <= 0.0)
-        finite = np.nan_to_num(np.array(requested), nan=0.0, posinf=1e6, neginf=-1e6)
-        pulls = self._pulls(self.feasible.pulled(self._by_pulls @ finite) / self._lengths)
-        residual_m = math.dist(self.forward(pulls).tip_m, self.forward(tuple(finite.tolist())).tip_m)
-        off_m = float(np.abs(np.array(pulls) - finite).max())
+        limits = tuple(name for name, over in zip(self.limit_names, excess, strict=True) if over > 0.0)
+        pulls = self._pulls(self.feasible.pulled(self._by_pulls @ np.array(requested)) / self._lengths)
+        residual_m = math.dist(self.forward(pulls).tip_m, self.forward(requested).tip_m)
+        off_m = max(abs(a - w) for a, w in zip(pulls, requested, strict=True))
         note = f"pulls moved by up to {m_to_mm(off_m):.6g} mm to keep every tendon taut and inside the limits"
         return Solution(pulls, residual_m, False, limits, 0, note)
 
