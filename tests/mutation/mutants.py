@@ -1,0 +1,102 @@
+"""Mutants: every small change of the tick that an operator of Cosmic Ray makes, and its source text."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from cosmic_ray import plugins
+from cosmic_ray.ast import ast_nodes, get_ast
+from cosmic_ray.mutating import mutate_code
+
+ROOT: Final = Path(__file__).parent.parent.parent
+MUTATED: Final = Path("contid/control/tick")
+#: Operators whose mutants are plausible mistakes; the others mostly raise a TypeError.
+OPERATORS: Final = (
+    *("core/NumberReplacer", "core/AddNot", "core/ReplaceAndWithOr", "core/ReplaceOrWithAnd"),
+    *("core/ReplaceTrueWithFalse", "core/ReplaceFalseWithTrue", "core/ReplaceBreakWithContinue"),
+    *("core/ReplaceContinueWithBreak", "core/ReplaceUnaryOperator_USub_UAdd", "core/ZeroIterationForLoop"),
+    *("core/ReplaceBinaryOperator_Add_Sub", "core/ReplaceBinaryOperator_Sub_Add"),
+    *("core/ReplaceBinaryOperator_Mul_Div", "core/ReplaceBinaryOperator_Div_Mul"),
+    *("core/ReplaceComparisonOperator_Lt_LtE", "core/ReplaceComparisonOperator_LtE_Lt"),
+    *("core/ReplaceComparisonOperator_Gt_GtE", "core/ReplaceComparisonOperator_GtE_Gt"),
+    *("core/ReplaceComparisonOperator_Lt_Gt", "core/ReplaceComparisonOperator_Gt_Lt"),
+    *("core/ReplaceComparisonOperator_Eq_NotEq", "core/ReplaceComparisonOperator_NotEq_Eq"),
+    *("core/ReplaceComparisonOperator_Is_IsNot", "core/ReplaceComparisonOperator_IsNot_Is"),
+)
+#: Lines without mutants: what they keep from being written is not part of what the tick does.
+_GUARDS: Final = ("@dataclass(",)
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change: the n-th place of a module where an operator applies.
+
+    Attributes:
+        module: path below the tick.
+        line: number of the line.
+        operator: of Cosmic Ray.
+        occurrence: n.
+    """
+
+    module: str
+    line: int
+    operator: str
+    occurrence: int
+
+    @property
+    def name(self) -> str:
+        """Unique, for the journal."""
+        return f"{self.module}:{self.line}:{self.operator.removeprefix('core/')}:{self.occurrence}"
+
+    @property
+    def folder(self) -> str:
+        """Of the tick; "." for its own modules."""
+        return Path(self.module).parts[0] if "/" in self.module else "."
+
+    @property
+    def module_name(self) -> str:
+        """As it is imported."""
+        return ".".join((MUTATED / self.module).with_suffix("").parts)
+
+
+def modules() -> dict[str, str]:
+    """Source texts of the tick by path below it."""
+    folder = ROOT / MUTATED
+    return {
+        path.relative_to(folder).as_posix(): path.read_text(encoding="utf-8")
+        for path in sorted(folder.rglob("*.py"))
+    }
+
+
+def mutants(sources: dict[str, str]) -> Iterator[Mutant]:
+    """Every mutant, in a fixed order."""
+    for module, text in sources.items():
+        tree, lines = get_ast(text), text.splitlines()
+        for name in OPERATORS:
+            operator = plugins.get_operator(name)()
+            places = (place for node in ast_nodes(tree) for place in operator.mutation_positions(node))
+            for occurrence, (start, _) in enumerate(places):
+                if not lines[start[0] - 1].lstrip().startswith(_GUARDS):
+                    yield Mutant(module, start[0], name, occurrence)
+
+
+def sampled(every: Sequence[Mutant], size: int, seed: int) -> list[Mutant]:
+    """A random sample over all folders."""
+    return random.Random(seed).sample(every, min(size, len(every)))
+
+
+def mutated(text: str, mutant: Mutant) -> str:
+    """The source text of the module with the change."""
+    changed: str = mutate_code(text, plugins.get_operator(mutant.operator)(), mutant.occurrence)
+    assert changed is not None
+    return changed
+
+
+def change(text: str, mutant: Mutant) -> tuple[str, str]:
+    """The changed line before and after, without indentation."""
+    pairs = zip(text.splitlines(), mutated(text, mutant).splitlines(), strict=False)
+    return next((was.strip(), now.strip()) for was, now in pairs if was != now)
