@@ -14,9 +14,18 @@ import os
 import sys
 import time
 
-from tests.mutation.baseline import FOLDER, UNTESTED, Baseline, Journal, state_of_the_sources
-from tests.mutation.executed import SUITES, Executed, measure
-from tests.mutation.mutants import Mutant, change, modules, mutants, mutated, sampled
+from tests.mutation.baseline import FOLDER, UNTESTED, Baseline, Journal
+from tests.mutation.executed import SUITES, measured
+from tests.mutation.mutants import (
+    Mutant,
+    change,
+    fingerprint,
+    modules,
+    mutants,
+    mutated,
+    sampled,
+    tracked,
+)
 from tests.mutation.selection import Selection
 from tests.mutation.trial import Task, preload, run
 
@@ -53,32 +62,27 @@ def main() -> int:
 def detected(sample: list[Mutant], sources: dict[str, str], jobs: int, budget_s: float) -> Journal:
     """Run all mutants of a sample that the journal does not have yet."""
     os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    state = state_of_the_sources()
-    measured, journal = FOLDER / f"{state}.executed.json", FOLDER / f"{state}.jsonl"
     preload()
-    if not measured.exists():
-        measure(measured)
-    executed = Executed.read(measured)
+    executed = measured(FOLDER / "executed")
     selection = Selection(sources, executed, budget_s)
-    found, begin_s = Journal(journal), time.monotonic()
+    found, begin_s = Journal(FOLDER / f"{fingerprint(tracked())}.jsonl"), time.monotonic()
     tasks = []
     progress = os.fdopen(os.dup(1), "w")  # pytest has the output of its process
     for mutant in sample:
-        if mutant.name not in found.found:
+        if not found.has(mutant, budget_s):
             selected = selection.of(mutant)
             text = mutated(sources[mutant.module], mutant)
             tasks.append(Task(mutant, text, selected.tests, selected.cold))
             if not selected.tests:
-                found.keep(mutant, UNTESTED)
+                found.keep(mutant, UNTESTED, budget_s)
 
     def keep(mutant: Mutant, by: str) -> None:
-        found.keep(mutant, by)
+        found.keep(mutant, by, budget_s)
         seconds = time.monotonic() - begin_s
         print(f"{mutant.name} {by or 'survived'} ({seconds:.0f} s)", file=progress, flush=True)
 
     run([task for task in tasks if task.tests], SUITES, executed.times_s, jobs, str(FOLDER / "log"), keep)
-    return Journal(journal)
+    return found.again()
 
 
 if __name__ == "__main__":

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import subprocess
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -20,39 +18,36 @@ SLACK: Final = 2.0
 UNTESTED: Final = "no test executes it"
 
 
-def state_of_the_sources() -> str:
-    """Changes when a file of Python, a robot file or a golden session does."""
-    listed = subprocess.run(
-        ["git", "ls-files", "-z", "contid", "drivers", "tests", "configs"],
-        cwd=ROOT, capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    found = hashlib.sha256()
-    for name in filter(None, listed.stdout.split("\0")):
-        path = ROOT / name
-        if name.startswith("tests/mutation/"):
-            continue
-        if path.is_file() and path.suffix in (".py", ".yaml", ".mcap", ".cpp", ".hpp"):
-            found.update(name.encode() + path.read_bytes())
-    return found.hexdigest()[:12]
-
-
 class Journal:
-    """The results of one state of the sources: by name of a mutant the test that detected it, "" for none.
+    """The results of one state of the sources.
 
     Args:
         path: of its file; an interrupted run goes on from it.
+
+    Attributes:
+        found: by name of a mutant the test that detected it, "" for none.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
-        self.found: dict[str, str] = dict(json.loads(line) for line in lines)
+        entries = [json.loads(line) for line in lines]
+        self.found: dict[str, str] = {name: detected for name, detected, _ in entries}
+        self._budget_s: dict[str, float] = {name: budget_s for name, _, budget_s in entries}
 
-    def keep(self, mutant: Mutant, detected: str) -> None:
-        """Add a result."""
+    def has(self, mutant: Mutant, budget_s: float) -> bool:
+        """True when the tests of a mutant need not run again."""
+        return bool(self.found.get(mutant.name)) or self._budget_s.get(mutant.name, -1.0) >= budget_s
+
+    def again(self) -> Journal:
+        """With what other processes have added."""
+        return Journal(self._path)
+
+    def keep(self, mutant: Mutant, detected: str, budget_s: float) -> None:
+        """Add a result, and the processor time that the tests had."""
         self.found[mutant.name] = detected
         with self._path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps([mutant.name, detected]) + "\n")
+            file.write(json.dumps([mutant.name, detected, budget_s]) + "\n")
 
 
 class Baseline:

@@ -1,4 +1,4 @@
-"""Which lines of the tick every test executes, and its processor time: one run of the suites under coverage."""
+"""Which lines of the tick every test executes, and its processor time: one run of all under coverage."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import importlib
 import json
 import time
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -15,7 +15,7 @@ import coverage
 import pytest
 
 from tests.mutation.forked import Forked, Result
-from tests.mutation.mutants import MUTATED, ROOT, modules
+from tests.mutation.mutants import MUTATED, ROOT, fingerprint, modules, tracked
 from tests.mutation.trial import Tests, session
 
 #: Tests of the tick that start no processes.
@@ -27,7 +27,7 @@ SUITES: Final = (
 
 @dataclass(frozen=True)
 class Executed:
-    """The result of the run.
+    """What all tests execute.
 
     Attributes:
         times_s: processor time of every test.
@@ -37,21 +37,25 @@ class Executed:
     """
 
     times_s: dict[str, float]
-    lines: dict[str, dict[int, frozenset[str]]]
-    collected: dict[str, frozenset[int]]
-    shared: frozenset[str]
+    lines: dict[str, dict[int, set[str]]]
+    collected: dict[str, set[int]]
+    shared: set[str]
 
     @classmethod
-    def read(cls, path: Path) -> Executed:
-        """From a file that `measure` wrote."""
-        found = json.loads(path.read_text(encoding="utf-8"))
-        names = list(found["times_s"])
-        lines = {
-            module: {int(line): frozenset(names[i] for i in tests) for line, tests in by_line.items()}
-            for module, by_line in found["lines"].items()
-        }
-        collected = {module: frozenset(each) for module, each in found["collected"].items()}
-        return cls(found["times_s"], lines, collected, frozenset(found["shared"]))
+    def of(cls, measured: Iterable[Result]) -> Executed:
+        """From the results of all files of tests."""
+        lines: dict[str, dict[int, set[str]]] = defaultdict(lambda: defaultdict(set))
+        whole = cls({}, lines, defaultdict(set), set())
+        for each in measured:
+            names = list(each["times_s"])
+            whole.times_s.update(each["times_s"])
+            whole.shared.update(each["shared"])
+            for module, collected in each["collected"].items():
+                whole.collected[module].update(collected)
+            for module, by_line in each["lines"].items():
+                for line, tests in by_line.items():
+                    lines[module][int(line)].update(names[i] for i in tests)
+        return whole
 
 
 class _Contexts:
@@ -113,44 +117,62 @@ class _Contexts:
         finally:
             self._coverage.switch_context(self._item)
 
-    def result(self) -> Result:
-        """What `Executed.read` reads."""
+    def results(self) -> dict[str, Result]:
+        """By file of tests, what `Executed.of` takes."""
         self._coverage.stop()
         data = self._coverage.get_data()
-        index = {name: i for i, name in enumerate(self._times_s)}
-        tests = {name: [index[item] for item in items] for name, items in self._parts.items()}
-        lines: dict[str, dict[int, list[int]]] = defaultdict(dict)
-        collected: dict[str, list[int]] = defaultdict(list)
+        found: dict[str, Result] = defaultdict(_empty)
+        index: dict[str, int] = {}
+        for name, time_s in self._times_s.items():
+            file = found[name.split("::")[0]]
+            index[name] = len(file["times_s"])
+            file["times_s"][name] = time_s
+            file["shared"] += [name] if name in self._shared else []
         for path in data.measured_files():
             module = Path(path).relative_to(ROOT / MUTATED).as_posix()
             for line, contexts in data.contexts_by_lineno(path).items():
-                found = {i for context in contexts for i in tests.get(context, ())}
-                if found:
-                    lines[module][line] = sorted(found)
-                if any(context.startswith("import ") for context in contexts):
-                    collected[module].append(line)
-        shared = sorted(self._shared)
-        return {"times_s": self._times_s, "lines": lines, "collected": collected, "shared": shared}
+                for name in sorted({test for each in contexts for test in self._parts.get(each, ())}):
+                    by_line = found[name.split("::")[0]]["lines"].setdefault(module, {})
+                    by_line.setdefault(line, []).append(index[name])
+                for file in {each.removeprefix("import ") for each in contexts} & found.keys():
+                    found[file]["collected"].setdefault(module, []).append(line)
+        return found
+
+
+def _empty() -> Result:
+    return {"times_s": {}, "lines": {}, "collected": {}, "shared": []}
 
 
 def _context(fixture: Any) -> str:
     return f"fixture {fixture.argname} of {fixture.baseid}"
 
 
-def measure(path: Path) -> None:
-    """Run all suites once and write what they execute.
+def measured(folder: Path) -> Executed:
+    """What the suites execute; files of tests that have changed since they were measured run again.
 
     Raises:
         RuntimeError: a test fails without a mutant.
     """
-    log = str(path.with_suffix(".log"))
+    folder.mkdir(parents=True, exist_ok=True)
+    base = fingerprint(name for name in tracked() if not Path(name).name.startswith("test_"))
+    tests = [name for name in tracked() if Path(name).name.startswith("test_") and name.startswith(SUITES)]
+    kept = {name: folder / f"{base}-{fingerprint([name])}.json" for name in tests}
+    if missing := [name for name, path in kept.items() if not path.exists()]:
+        for name, result in _measure(missing, str(folder / "log")).items():
+            kept[name].write_text(json.dumps(result), encoding="utf-8")
+    return Executed.of(
+        json.loads(path.read_text(encoding="utf-8")) for path in kept.values() if path.exists()
+    )
 
+
+def _measure(files: Sequence[str], log: str) -> dict[str, Result]:
     def suites() -> Result:
         tests, contexts = Tests({}), _Contexts()
-        code = session(SUITES, [tests, contexts])
-        return {"code": code, "failed": tests.failed, **contexts.result()}
+        code = session(files, [tests, contexts])
+        return {"code": code, "failed": tests.failed, "found": contexts.results()}
 
     result = Forked(suites, log=log).wait()
     if result.get("code") != 0:
         raise RuntimeError(f"without a mutant: {result.get('failed', result)} fails, see {log}")
-    path.write_text(json.dumps(result), encoding="utf-8")
+    found: dict[str, Result] = result["found"]
+    return found

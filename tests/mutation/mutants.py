@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import random
-from collections.abc import Iterator, Sequence
+import subprocess
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -29,6 +31,9 @@ OPERATORS: Final = (
 )
 #: Lines without mutants: what they keep from being written is not part of what the tick does.
 _GUARDS: Final = ("@dataclass(",)
+
+
+_DECIDING: Final = frozenset({".py", ".cpp", ".hpp", ".yaml", ".mcap"})
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,24 @@ def modules() -> dict[str, str]:
         path.relative_to(folder).as_posix(): path.read_text(encoding="utf-8")
         for path in sorted(folder.rglob("*.py"))
     }
+
+
+def tracked() -> list[str]:
+    """Files of the repository that decide what the tests find."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "-co", "--exclude-standard", "contid", "drivers", "tests", "configs"],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    names = sorted(name for name in listed.stdout.split("\0") if Path(name).suffix in _DECIDING)
+    return [name for name in names if not name.startswith("tests/mutation/") and (ROOT / name).is_file()]
+
+
+def fingerprint(names: Iterable[str]) -> str:
+    """Changes when a file does."""
+    found = hashlib.sha256()
+    for name in names:
+        found.update(name.encode() + (ROOT / name).read_bytes())
+    return found.hexdigest()[:12]
 
 
 def mutants(sources: dict[str, str]) -> Iterator[Mutant]:

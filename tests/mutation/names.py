@@ -1,4 +1,4 @@
-"""What a module evaluates inside functions, what at its import, and the names that lead from there to here."""
+"""What a module evaluates inside functions and what at its import, and the names that connect the two."""
 
 from __future__ import annotations
 
