@@ -21,7 +21,7 @@ from tests.mutation.trial import Tests, session
 #: Tests of the tick that start no processes.
 SUITES: Final = (
     *("tests/control/tick", "tests/control/engine", "tests/golden", "tests/sense", "tests/clearance"),
-    *("tests/control/daemon/test_stretch.py", "tests/session/test_replay.py", "tests/api/test_sim.py"),
+    *("tests/control/daemon/test_stretch.py", "tests/api/test_sim.py"),
 )
 
 

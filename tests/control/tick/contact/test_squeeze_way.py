@@ -1,0 +1,232 @@
+"""The way of a closing tip: its rates, its travel, and the forces that fit the currents of its axes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contid.control.engine.wiring import build_robot_configs
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.contact.squeeze import _held, _touching, next_squeeze, why_not
+from contid.control.tick.contact.squeeze_force import CLOSING_M_S, fitting_n
+from contid.control.tick.contact.squeeze_way import (
+    Squeeze,
+    SqueezeEnd,
+    device_turns,
+    greatest_rate,
+    moved,
+    tip_travel_m,
+)
+from contid.hal import Sample
+from contid.targets import Target
+from tests.sense.squeeze_runs import RATE_HZ, hand
+
+START, WAY = (0.060, 0.058), (0.010, -0.006)
+NM_PER_A = 0.354
+
+
+@pytest.fixture
+def config() -> RobotConfig:
+    return build_robot_configs(hand(3.0), RATE_HZ)[0]
+
+
+def closing(goal_n: float = 3.0, share: float = 0.0) -> Squeeze:
+    return Squeeze(goal_n, START, WAY, share=share)
+
+
+def tip(config: RobotConfig, actuation: np.ndarray) -> np.ndarray:
+    return np.array(config.model.forward(tuple(actuation.tolist())).tip_m)
+
+
+@pytest.mark.parametrize("rate", [0.2, 50.0])
+def test_the_share_keeps_the_rates_of_every_axis_and_arrives(config: RobotConfig, rate: float) -> None:
+    squeeze, shares = closing(), [0.0]
+    for _ in range(4000):
+        squeeze = moved(config, squeeze, rate)
+        shares.append(squeeze.share)
+    assert max(shares) <= 1.0
+    assert shares[-1] == pytest.approx(1.0, abs=1e-6)
+    path = np.array(START) + np.outer(shares, WAY)
+    # A rate is reached to within the changes of two ticks, by the jerk.
+    changes = 2.0 * np.array(config.jerk) / RATE_HZ**2
+    for order, limits in ((1, config.velocity + changes), (2, np.array(config.acceleration))):
+        most = np.abs(np.diff(path, n=order, axis=0)).max(axis=0) * RATE_HZ**order
+        assert np.all(most <= limits * (1.0 + 1e-6))
+    fastest = np.diff(shares).max() * RATE_HZ
+    goal = min(rate, greatest_rate(config, squeeze))
+    assert 0.99 * goal <= fastest <= goal + min(changes / np.abs(WAY))
+    assert squeeze.reference == pytest.approx(np.add(START, WAY), abs=1e-7)
+
+
+def test_it_comes_back_to_the_start_and_no_further(config: RobotConfig) -> None:
+    squeeze = closing(share=0.4)
+    for _ in range(4000):
+        squeeze = moved(config, squeeze, -0.5)
+        assert squeeze.share >= 0.0
+    assert squeeze.share == pytest.approx(0.0, abs=1e-6)
+    assert squeeze.reference == pytest.approx(START, abs=1e-7)
+
+
+def test_a_constant_rate_is_reached_exactly_and_kept(config: RobotConfig) -> None:
+    squeeze = closing()
+    for _ in range(400):
+        squeeze = moved(config, squeeze, 0.1)
+    assert squeeze.rate == 0.1
+    before = squeeze.share
+    assert moved(config, squeeze, 0.1).share == pytest.approx(before + 0.1 / RATE_HZ, rel=1e-12)
+
+
+def test_the_greatest_rate_moves_the_fastest_axis_at_its_velocity(config: RobotConfig) -> None:
+    rate = greatest_rate(config, closing())
+    used = [rate * abs(part) / limit for part, limit in zip(WAY, config.velocity, strict=True)]
+    assert max(used) == pytest.approx(1.0)
+    assert greatest_rate(config, replace(closing(), way=(0.0, 0.02))) == pytest.approx(config.velocity[1] / 0.02)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_the_travel_of_the_tip_is_that_of_the_model(config: RobotConfig, share: float) -> None:
+    step = 1e-3
+    ends = [tip(config, np.array(START) + (share + d) * np.array(WAY)) for d in (-step, step)]
+    expected = float(np.linalg.norm(ends[1] - ends[0])) / (2.0 * step)
+    assert tip_travel_m(config, closing(share=share)) == pytest.approx(expected, rel=1e-4)
+    to_device = config.transmission.to_device
+    turned = np.subtract(to_device(tuple(np.add(START, WAY).tolist())), to_device(START))
+    assert device_turns(config, closing(share=share)) == pytest.approx(turned)
+
+
+def needed_a(config: RobotConfig, squeeze: Squeeze, force_n: float) -> np.ndarray:
+    """Currents that hold a force against the motion of the tip, by virtual work of every device."""
+    at = np.array(squeeze.reference)
+    along = tip(config, at + 1e-5 * np.array(squeeze.way)) - tip(config, at - 1e-5 * np.array(squeeze.way))
+    along /= np.linalg.norm(along)
+    device = np.array(config.transmission.to_device(tuple(at.tolist())))
+    found = []
+    for axis in range(len(at)):
+        tips = []
+        for turn in (-1e-4, 1e-4):
+            shifted = device.copy()
+            shifted[axis] += turn
+            tips.append(tip(config, np.array(config.transmission.to_actuation(tuple(shifted.tolist())))))
+        found.append(force_n * float((tips[1] - tips[0]) @ along) / 2e-4 / NM_PER_A)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("force_n", [-2.0, 0.0, 0.5, 4.0])
+def test_the_forces_that_fit_the_currents_are_those_within_friction(config: RobotConfig, force_n: float) -> None:
+    squeeze = closing(share=0.3)
+    currents = needed_a(config, squeeze, force_n)
+    exact = replace(squeeze, currents=tuple(currents.tolist()), free=((0.0, 0.0), ()))
+    assert fitting_n(config, exact) == pytest.approx((force_n, force_n), abs=0.02)
+    friction = np.array([0.03, -0.05])
+    loose = replace(exact, free=(tuple(friction.tolist()), ()))
+    least, most = fitting_n(config, loose)
+    assert least < force_n < most
+    # At either end one axis needs all of its friction, and none needs more.
+    for end in (least, most):
+        used = np.abs(needed_a(config, squeeze, end) - currents) / np.abs(friction)
+        assert used.max() == pytest.approx(1.0, abs=0.02)
+
+
+def samples(*currents: float | None) -> list[Sample]:
+    return [Sample(0.0, 0.0, True, 0.0, effort=each) for each in currents]
+
+
+def test_without_a_current_of_every_axis_it_stops(config: RobotConfig) -> None:
+    squeeze = closing()
+    for _ in range(100):
+        squeeze, report = next_squeeze(config, squeeze, samples(0.04, -0.02))
+        assert report is None
+    assert squeeze.rate > 0.0
+    for _ in range(200):
+        squeeze, report = next_squeeze(config, squeeze, samples(0.04, None))
+        assert report is None
+    assert squeeze.rate == 0.0
+
+
+def test_the_tip_closes_at_its_speed_whatever_the_length_of_the_way(config: RobotConfig) -> None:
+    for scale in (0.5, 1.0, 2.0):
+        squeeze = replace(closing(), way=tuple(scale * part for part in WAY))
+        for _ in range(60):
+            squeeze, _ = next_squeeze(config, squeeze, samples(0.04, -0.02))
+        assert squeeze.rate * tip_travel_m(config, squeeze) == pytest.approx(CLOSING_M_S, rel=0.02)
+
+
+def test_a_touch_measures_the_stiffness_between_half_of_it_and_all(config: RobotConfig) -> None:
+    """An object of 400 N/m: the force grows with the way of the tip behind its surface."""
+    travel_m, goal_n, stiffness = 0.02, 3.0, 400.0
+    squeeze = closing(goal_n, share=0.2)
+    for k in range(1000):
+        share = 0.2 + 2e-4 * k
+        force_n = stiffness * max(0.0, (share - 0.25) * travel_m)
+        squeeze = _touching(replace(squeeze, share=share, force_n=force_n), travel_m)
+        if share < 0.25:
+            assert squeeze.touched is None
+        if force_n < 0.29 * goal_n:
+            assert squeeze.stiffness == 0.0
+    assert squeeze.stiffness == pytest.approx(stiffness * travel_m, rel=0.02)
+    assert squeeze.touched == pytest.approx(0.25 + 0.15 * goal_n / stiffness / travel_m, abs=3e-4)
+    first = squeeze
+    assert _touching(replace(squeeze, force_n=10.0 * goal_n), travel_m).stiffness == first.stiffness
+
+
+def test_half_a_touch_that_goes_away_was_none(config: RobotConfig) -> None:
+    squeeze = _touching(replace(closing(3.0, share=0.2), force_n=0.5), 0.02)
+    assert squeeze.touched == 0.2
+    assert _touching(replace(squeeze, force_n=0.1), 0.02).touched is None
+
+
+@pytest.mark.parametrize(("stiffness", "kept"), [(5.0, 20.0), (1e6, 1e4)])
+def test_the_stiffness_has_bounds(config: RobotConfig, stiffness: float, kept: float) -> None:
+    goal_n, travel_m = 3.0, 0.02
+    touch_n = 0.3 * goal_n
+    squeeze = replace(closing(goal_n, share=0.5), touched=0.5 - 0.5 * touch_n / stiffness / travel_m)
+    found = _touching(replace(squeeze, force_n=touch_n), travel_m)
+    assert found.stiffness == pytest.approx(kept * travel_m)
+
+
+def test_a_force_counts_once_it_was_near_for_long_enough_without_a_break() -> None:
+    period_s, squeeze, report = 0.01, closing(3.0, share=0.5), None
+    missing = [0.2] * 8 + [-1.0] + [-0.2] * 30
+    for number, each in enumerate(missing):
+        squeeze, report = _held(replace(squeeze, force_n=3.0 - each), each, 0.02, period_s)
+        if report is not None:
+            break
+    assert report is not None
+    assert (report.end, report.force_n) == (SqueezeEnd.REACHED, 3.2)
+    assert squeeze.reached
+    assert (number - 8) * period_s == pytest.approx(0.1, abs=1.01 * period_s)
+
+
+def test_a_force_that_is_gone_for_long_enough_is_lost() -> None:
+    period_s, report = 0.01, None
+    squeeze = replace(closing(3.0, share=0.5), reached=True)
+    forces = [0.4] * 8 + [1.0] + [0.4] * 30
+    for number, each in enumerate(forces):
+        squeeze, report = _held(replace(squeeze, force_n=each), 3.0 - each, 0.02, period_s)
+        if report is not None:
+            break
+    assert report is not None
+    assert report.end is SqueezeEnd.LOST
+    assert (number - 8) * period_s == pytest.approx(0.1, abs=1.01 * period_s)
+
+
+def test_at_the_target_a_missing_force_ends_it() -> None:
+    squeeze = closing(3.0, share=1.0)
+    _, report = _held(replace(squeeze, force_n=1.0), 2.0, 0.02, 0.01)
+    assert report is not None
+    assert report.end is SqueezeEnd.NOTHING
+    for share, missing_n in ((1.0, -2.0), (0.99, 2.0)):
+        assert _held(replace(squeeze, share=share), missing_n, 0.02, 0.01)[1] is None
+
+
+def test_it_needs_a_way_and_a_torque_per_current(config: RobotConfig) -> None:
+    start = config.model.inverse(Target(tip_m=(0.030, 0.075, 0.0)), config.rest).actuation
+    for way_m, allowed in ((0.0029, False), (0.0031, True)):
+        why = why_not(config, start, Target(tip_m=(0.030 + way_m, 0.075, 0.0)))
+        assert (why == "") == allowed
+        assert allowed or f"{1e3 * way_m:.1f} mm from the target, 3 mm" in why
+    assert "nm_per_a" in why_not(replace(config, nm_per_a=0.0), start, Target(tip_m=(0.05, 0.075, 0.0)))
+    assert math.isfinite(greatest_rate(config, closing()))
