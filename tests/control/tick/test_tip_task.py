@@ -1,4 +1,4 @@
-"""What a target asks for, by rotations of SciPy: turns between directions and frames, and their derivatives."""
+"""What a target asks for, by rotations of SciPy: turns between directions or frames, and derivatives."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ from tests.support.robot_configs import config_of, postures
 
 def unit(rng: np.random.Generator) -> np.ndarray:
     vector: np.ndarray = rng.normal(size=3)
-    return vector / np.linalg.norm(vector)
+    vector /= np.linalg.norm(vector)
+    return vector
 
 
 def vec(array: np.ndarray) -> Vec3:

@@ -179,7 +179,7 @@ def test_the_noise_of_pressures_is_learnt_between_its_bounds():
     slopes = np.linalg.qr(rng.normal(size=(6, 6)))[0][:3] * 50.0
     for bar in (0.0, 0.01):
         test = InnovationTest(NOISE_MM)
-        for _ in range(4000):
+        for _ in range(1500):
             missed = rng.normal(0.0, NOISE_MM, 3) + slopes @ rng.normal(0.0, bar, 6)
             test.add(TipResidual(missed, np.zeros(3), slopes, ZERO, np.eye(3), ZERO))
         still = TipResidual(np.zeros(3), np.zeros(3), slopes, ZERO, np.eye(3), ZERO)

@@ -19,8 +19,10 @@ FORCE = (0.01, -0.02, 0.05)
 AXIS_BAR, TIP_MM = 0.004, 0.2
 #: Offsets, gains and loops of six axes, moduli and moments of two sections.
 NUMBERS = np.array(
-    [0.03, -0.02, 0.01, 0.0, -0.03, 0.02, 0.02, -0.03, 0.01, 0.0, -0.01, 0.04]
-    + [0.02, 0.01, 0.0, 0.015, -0.02, 0.03, 0.04, -0.03, -0.02, 0.01]
+    [
+        *(0.03, -0.02, 0.01, 0.0, -0.03, 0.02, 0.02, -0.03, 0.01, 0.0, -0.01, 0.04),
+        *(0.02, 0.01, 0.0, 0.015, -0.02, 0.03, 0.04, -0.03, -0.02, 0.01),
+    ]
 )
 
 
@@ -52,9 +54,7 @@ def tip_of(arm, **keys):
 def derivatives(arm):
     """Of the tip, by pressures [mm/bar] and by the scales of moduli and moments [mm]."""
     here = near(arm)
-    by_scale = [
-        (tip_of(arm, scale=k) - np.array(here[0])) / SCALE_STEP for k in range(arm.scales)
-    ]
+    by_scale = [(tip_of(arm, scale=k) - np.array(here[0])) / SCALE_STEP for k in range(arm.scales)]
     return np.array(here[3]).reshape(3, -1), np.array(by_scale).T
 
 
@@ -63,7 +63,7 @@ def test_it_is_the_model_with_other_sections_at_other_pressures():
     middle = 0.5 * (np.array(robot.lower) + np.array(robot.upper)) / BAR
     offset, gain, loop, modulus, moment = np.split(NUMBERS, [6, 12, 18, 20])
     chambers = np.array(PRESSURES) + offset + gain * (np.array(PRESSURES) - middle) + loop * np.array(SIDES)
-    model = CosseratModel(scaled_arm(robot, modulus, moment))
+    model = CosseratModel(scaled_arm(robot, modulus.tolist(), moment.tolist()))
     expected = 1e3 * np.array(model.forward(tuple((BAR * chambers).tolist()), FORCE).tip_m)
     # Six steps per section, without the doubling of the model.
     assert tip_of(arm_of(NUMBERS)) == pytest.approx(expected, abs=0.02)
@@ -101,7 +101,8 @@ def test_an_unknown_side_is_anywhere_between_the_branches():
     sides = rng.uniform(-1.0, 1.0, (50_000, 6)) * unknown
     moved = np.array([arm.corrected(PRESSURES, each) for each in sides.tolist()]) @ by_pressure.T
     expected = np.cov(moved.T)
-    assert arm.sides_mm2(tuple(unknown), by_pressure) == pytest.approx(expected, abs=0.03 * np.trace(expected))
+    found = arm.sides_mm2(tuple(unknown), by_pressure)
+    assert found == pytest.approx(expected, abs=0.03 * np.trace(expected))
 
 
 def test_the_play_of_an_axis_is_half_its_loop_within_bounds():

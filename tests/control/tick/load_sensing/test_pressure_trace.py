@@ -96,12 +96,12 @@ def test_a_capture_that_is_too_old_finds_nothing():
 
 
 def test_sides_follow_the_commands_as_the_play_operator_does():
-    """The place between the branches is how far the command is ahead of a follower with half the loop as play."""
+    """Between the branches it is how far the command is ahead of a follower with half the loop as play."""
     rng = np.random.default_rng(5)
     trace = PressureTrace(HALF_LOOP, PERIOD_S)
-    follower = np.full(2, 0.5)
+    command, follower = np.full(2, 0.5), np.full(2, 0.5)
     for k in range(300):
-        command = np.array([0.5, 0.5]) if not k else command + rng.normal(0.0, 0.006, 2)
+        command = command + rng.normal(0.0, 0.006, 2) * bool(k)
         follower = np.clip(follower, command - HALF_LOOP, command + HALF_LOOP)
         for _ in range(4):  # reports need a while; a command that stays moves nothing
             trace.tick(k * 4 * PERIOD_S, tuple(command), tuple(command))

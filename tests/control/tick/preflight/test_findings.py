@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid.control.engine.wiring import build_preflight, build_robot_configs, driven_robots
+from contid.control.engine.wiring import build_preflight, build_robot_configs
 from contid.control.tick.preflight.path import rounded_up, slower
 from contid.control.tick.preflight.rows import MAX_LISTED, Preflight, TooFastError, Unreachable
 from contid.errors import BadInputError
@@ -25,7 +25,7 @@ TIPS, AXES = "t_s,x_mm,y_mm", "t_s,left_mm,right_mm"
 
 def trajectory_of(header: str, *rows: tuple[float, ...]) -> Trajectory:
     text = "\n".join([header, *(",".join(map(repr, row)) for row in rows)])
-    return read_trajectory(io.StringIO(text), "t.csv", driven_robots(load(1)))
+    return read_trajectory(io.StringIO(text), "t.csv", load(1).driven)
 
 
 def refused(trajectory: Trajectory) -> BadInputError:
@@ -40,7 +40,8 @@ def test_a_factor_is_never_rounded_down_and_has_two_digits(factor: float) -> Non
     assert factor * (1.0 - 1e-8) <= rounded < 1.1 * factor
     digits = f"{rounded:.10e}".split("e")[0].replace(".", "").rstrip("0")
     assert len(digits) <= 2
-    assert slower(factor) == (f"slow down at least {rounded_up(factor)} times" if factor > 1.0 else "slow down")
+    at_least = f" at least {rounded_up(factor)} times" if factor > 1.0 else ""
+    assert slower(factor) == f"slow down{at_least}"
 
 
 def tips(*y_mm: float) -> Trajectory:
@@ -55,7 +56,9 @@ def test_a_few_rows_are_listed_and_all_are_counted_with_the_worst() -> None:
     assert [each.line for each in findings[:-1]] == [3 + k for k in range(MAX_LISTED)]
     last = findings[-1]
     assert last.line == 3 + 12
-    assert last.message.startswith("30 of 31 rows are refused, the first on line 3; the worst is this one, by ")
+    assert last.message.startswith(
+        "30 of 31 rows are refused, the first on line 3; the worst is this one, by "
+    )
     (config,) = build_robot_configs(load(1), RATE)
     model = config.model
     nearest = model.inverse(config.frame.target_in_base(Target(tip_m=(0.05, 0.4, 0.0))), config.rest)
@@ -80,11 +83,13 @@ def test_positions_of_a_few_millimetres_are_taken_for_metres() -> None:
 
 
 def test_a_fast_path_states_the_slowdown_of_its_worst_part() -> None:
-    rows = trajectory_of(AXES, (0.0, 50.0, 50.0), (1.0, 70.0, 50.0), (1.1, 80.0, 50.0), (1.3, 50.0, 50.0))
+    corners = (0.0, 50.0), (1.0, 70.0), (1.1, 80.0), (1.3, 50.0)
+    rows = trajectory_of(AXES, *((t_s, left_mm, 50.0) for t_s, left_mm in corners))
     error = refused(rows)
     assert isinstance(error, TooFastError)
     assert error.slowdown > 1.0
-    stated = [float(s) for each in error.findings for s in re.findall(r"at least ([\d.]+) times", each.message)]
+    messages = " ".join(each.message for each in error.findings)
+    stated = map(float, re.findall(r"at least ([\d.]+) times", messages))
     assert max(stated) == float(rounded_up(error.slowdown))
     assert "rows are too fast" in error.findings[-1].message
     # Both figures of an axis are beyond their limits by no more than the slowdown that is stated.
@@ -93,7 +98,9 @@ def test_a_fast_path_states_the_slowdown_of_its_worst_part() -> None:
         if needs:
             assert float(needs[1]) / float(needs[2]) <= error.slowdown * 1.01
     with pytest.raises(TooFastError):
-        Preflight(build_robot_configs(load(1), RATE)).trajectory(rows.stretched(0.9 * error.slowdown), "t.csv")
+        Preflight(build_robot_configs(load(1), RATE)).trajectory(
+            rows.stretched(0.9 * error.slowdown), "t.csv"
+        )
 
 
 def test_a_row_out_of_reach_beside_fast_ones_is_no_matter_of_speed() -> None:
