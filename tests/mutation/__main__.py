@@ -3,8 +3,8 @@
 ``python -m tests.mutation [--sample N] [--seed S] [--jobs J] [--write]`` draws N mutants of
 ``contid/control/tick`` with operators of Cosmic Ray and runs, for each, the tests that execute its line. A
 mutant survives when all of them pass. Exit 1 when more survive than the share in ``baseline.json`` allows;
-``--write`` writes that file. The results are kept in ``build/mutation`` until a source changes, so an
-interrupted run goes on. Needs ``pip install '.[mutation]'``.
+``--write`` writes that file. The results are kept in ``build/mutation``: an interrupted run goes on, and
+after a change of tests only the mutants run again that they concern. Needs ``pip install '.[mutation]'``.
 """
 
 from __future__ import annotations
@@ -19,12 +19,11 @@ from tests.mutation.executed import SUITES, measured
 from tests.mutation.mutants import (
     Mutant,
     change,
-    fingerprint,
+    fingerprint_of_the_rest,
     modules,
     mutants,
     mutated,
     sampled,
-    tracked,
 )
 from tests.mutation.selection import Selection
 from tests.mutation.trial import Task, preload, run
@@ -65,23 +64,25 @@ def detected(sample: list[Mutant], sources: dict[str, str], jobs: int, budget_s:
     preload()
     executed = measured(FOLDER / "executed")
     selection = Selection(sources, executed, budget_s)
-    found, begin_s = Journal(FOLDER / f"{fingerprint(tracked())}.jsonl"), time.monotonic()
-    tasks = []
+    found, begin_s = Journal(FOLDER / f"{fingerprint_of_the_rest()}.jsonl"), time.monotonic()
+    tasks = dict[str, Task]()
     progress = os.fdopen(os.dup(1), "w")  # pytest has the output of its process
     for mutant in sample:
-        if not found.has(mutant, budget_s):
-            selected = selection.of(mutant)
+        selected = selection.of(mutant)
+        if found.has(mutant, selected.tests):
+            continue
+        if selected.tests:
             text = mutated(sources[mutant.module], mutant)
-            tasks.append(Task(mutant, text, selected.tests, selected.cold))
-            if not selected.tests:
-                found.keep(mutant, UNTESTED, budget_s)
+            tasks[mutant.name] = Task(mutant, text, selected.tests, selected.cold)
+        else:
+            found.keep(mutant, UNTESTED, ())
 
     def keep(mutant: Mutant, by: str) -> None:
-        found.keep(mutant, by, budget_s)
+        found.keep(mutant, by, tasks[mutant.name].tests)
         seconds = time.monotonic() - begin_s
         print(f"{mutant.name} {by or 'survived'} ({seconds:.0f} s)", file=progress, flush=True)
 
-    run([task for task in tasks if task.tests], SUITES, executed.times_s, jobs, str(FOLDER / "log"), keep)
+    run(list(tasks.values()), SUITES, executed.times_s, jobs, str(FOLDER / "log"), keep)
     return found.again()
 
 

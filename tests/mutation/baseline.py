@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from tests.mutation.mutants import ROOT, Mutant, change
+from tests.mutation.mutants import ROOT, Mutant, change, fingerprint
 
 BASELINE: Final = Path(__file__).parent / "baseline.json"
 FOLDER: Final = ROOT / "build" / "mutation"
@@ -19,7 +20,7 @@ UNTESTED: Final = "no test executes it"
 
 
 class Journal:
-    """The results of one state of the sources.
+    """The results of one state of all files but those of tests; a result holds while its tests stay the same.
 
     Args:
         path: of its file; an interrupted run goes on from it.
@@ -33,36 +34,43 @@ class Journal:
         lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
         entries = [json.loads(line) for line in lines]
         self.found: dict[str, str] = {name: detected for name, detected, _ in entries}
-        self._budget_s: dict[str, float] = {name: budget_s for name, _, budget_s in entries}
+        self._stamps: dict[str, str] = {name: stamp for name, _, stamp in entries}
 
-    def has(self, mutant: Mutant, budget_s: float) -> bool:
+    def has(self, mutant: Mutant, tests: Sequence[str]) -> bool:
         """True when the tests of a mutant need not run again."""
-        return bool(self.found.get(mutant.name)) or self._budget_s.get(mutant.name, -1.0) >= budget_s
+        detected = self.found.get(mutant.name)
+        return detected is not None and self._stamps[mutant.name] == _stamp(detected, tests)
 
     def again(self) -> Journal:
         """With what other processes have added."""
         return Journal(self._path)
 
-    def keep(self, mutant: Mutant, detected: str, budget_s: float) -> None:
-        """Add a result, and the processor time that the tests had."""
+    def keep(self, mutant: Mutant, detected: str, tests: Sequence[str]) -> None:
+        """Add a result."""
         self.found[mutant.name] = detected
+        self._stamps[mutant.name] = stamp = _stamp(detected, tests)
         with self._path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps([mutant.name, detected, budget_s]) + "\n")
+            file.write(json.dumps([mutant.name, detected, stamp]) + "\n")
+
+
+def _stamp(detected: str, tests: Sequence[str]) -> str:
+    """What a result depends on: the file of the test that detected the mutant, or all tests that ran."""
+    ran = [detected] if "::" in detected else sorted(tests)
+    files = fingerprint(sorted({name.split("::")[0] for name in ran}))
+    return f"{files}-{hashlib.sha256(' '.join(ran).encode()).hexdigest()[:12]}"
 
 
 class Baseline:
     """The file in the repository.
 
     Attributes:
-        equivalent: by module, line before and after: why the change changes nothing.
+        equivalent: by module, line before and after: why the change has no effect.
     """
 
     def __init__(self) -> None:
         self._kept = json.loads(BASELINE.read_text(encoding="utf-8"))
         self.equivalent = {
-            (module, was, now): each["reason"]
-            for each in self._kept.get("equivalent", [])
-            for module, was, now in each["changes"]
+            (module, was, now): why for module, was, now, why in self._kept.get("equivalent", [])
         }
 
     def is_equivalent(self, text: str, mutant: Mutant) -> bool:
@@ -98,22 +106,16 @@ class Baseline:
             ],
             "equivalent": self._kept.get("equivalent", []),
         }
-        BASELINE.write_text("".join(_lines(found)), encoding="utf-8")
+        BASELINE.write_text(_json(found), encoding="utf-8")
 
 
-def _lines(found: Mapping[str, Any]) -> Iterator[str]:
-    """JSON with one line per mutant."""
-    indented = json.dumps(found, indent=1, ensure_ascii=False)
-    depth, text = 0, ""
-    for line in indented.splitlines():
-        stripped = line.strip()
-        opens = stripped.endswith("[") and stripped == "["
-        if opens and not depth:
-            depth, text = 1, line
-        elif depth and stripped in ("]", "],"):
-            yield text + stripped + "\n"
-            depth = 0
-        elif depth:
-            text += stripped + (" " if stripped.endswith(",") else "")
-        else:
-            yield line + "\n"
+def _json(found: Mapping[str, Any]) -> str:
+    """With one line per mutant."""
+    parts = []
+    for key, value in found.items():
+        text = json.dumps(value)
+        if isinstance(value, list) and value:
+            rows = ",\n  ".join(json.dumps(row, ensure_ascii=False) for row in value)
+            text = f"[\n  {rows}\n ]"
+        parts.append(f" {json.dumps(key)}: {text}")
+    return "{\n" + ",\n".join(parts) + "\n}\n"

@@ -15,7 +15,15 @@ import coverage
 import pytest
 
 from tests.mutation.forked import Forked, Result
-from tests.mutation.mutants import MUTATED, ROOT, fingerprint, modules, tracked
+from tests.mutation.mutants import (
+    MUTATED,
+    ROOT,
+    fingerprint,
+    fingerprint_of_the_rest,
+    is_test,
+    modules,
+    tracked,
+)
 from tests.mutation.trial import Tests, session
 
 #: Tests of the tick that start no processes.
@@ -154,8 +162,8 @@ def measured(folder: Path) -> Executed:
         RuntimeError: a test fails without a mutant.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    base = fingerprint(name for name in tracked() if not Path(name).name.startswith("test_"))
-    tests = [name for name in tracked() if Path(name).name.startswith("test_") and name.startswith(SUITES)]
+    base = fingerprint_of_the_rest()
+    tests = [name for name in tracked() if is_test(name) and name.startswith(SUITES)]
     kept = {name: folder / f"{base}-{fingerprint([name])}.json" for name in tests}
     if missing := [name for name, path in kept.items() if not path.exists()]:
         for name, result in _measure(missing, str(folder / "log")).items():

@@ -31,8 +31,6 @@ OPERATORS: Final = (
 )
 #: Lines without mutants: what they keep from being written is not part of what the tick does.
 _GUARDS: Final = ("@dataclass(",)
-
-
 _DECIDING: Final = frozenset({".py", ".cpp", ".hpp", ".yaml", ".mcap"})
 
 
@@ -62,11 +60,6 @@ class Mutant:
         """Of the tick; "." for its own modules."""
         return Path(self.module).parts[0] if "/" in self.module else "."
 
-    @property
-    def module_name(self) -> str:
-        """As it is imported."""
-        return ".".join((MUTATED / self.module).with_suffix("").parts)
-
 
 def modules() -> dict[str, str]:
     """Source texts of the tick by path below it."""
@@ -85,6 +78,16 @@ def tracked() -> list[str]:
     )  # fmt: skip
     names = sorted(name for name in listed.stdout.split("\0") if Path(name).suffix in _DECIDING)
     return [name for name in names if not name.startswith("tests/mutation/") and (ROOT / name).is_file()]
+
+
+def is_test(name: str) -> bool:
+    """True for a file of tests; what all of them share is none."""
+    return Path(name).name.startswith("test_")
+
+
+def fingerprint_of_the_rest() -> str:
+    """Changes when a file does that is no file of tests."""
+    return fingerprint(name for name in tracked() if not is_test(name))
 
 
 def fingerprint(names: Iterable[str]) -> str:

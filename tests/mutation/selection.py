@@ -21,12 +21,10 @@ class Selected:
     Attributes:
         tests: node ids, the fastest first.
         cold: the change takes effect at import.
-        left_out: number of further ones, beyond the budget.
     """
 
     tests: tuple[str, ...]
     cold: bool
-    left_out: int
 
 
 class Selection:
@@ -63,7 +61,7 @@ class Selection:
             if chosen and spent_s > self._budget_s:
                 break
             chosen.append(name)
-        return Selected(tuple(chosen), cold, len(tests) - len(chosen))
+        return Selected(tuple(chosen), cold)
 
     def _statement(self, module: str, line: int) -> range:
         first, last = self._names[module].inside.get(line, (line, line))
