@@ -34,7 +34,9 @@ TIMES: Final = 4.0
 MORE_S: Final = 2.0
 #: Processor time for importing and collecting [s].
 _IMPORTS_S: Final = 30.0
+#: A module of the tick may end with _test: pytest would import its file instead of the mutant.
 _OPTIONS: Final = (
+    *("-o", "python_files=test_*.py"),
     *("-x", "-q", "-p", "no:cacheprovider", "-o", "timeout=0", "--hypothesis-profile=mutants"),
     *("-W", "ignore:Module already imported:pytest.PytestAssertRewriteWarning"),
 )

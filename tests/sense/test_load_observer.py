@@ -79,3 +79,16 @@ def test_without_reports_or_a_tracker_there_is_no_estimate(weighed):
     for k in range(50, 100):
         observer.tick(k / RATE_HZ, (0.5,) * 6, (0.5,) * 6, None)
     assert observer.found is None
+
+
+@pytest.mark.parametrize("load", ["estimated", "measured"])
+def test_stability_under_greater_forces_is_examined_where_the_solver_takes_them(weighed, load):
+    """Pulled along its axis the arm is stable under any force; pushed with 20 g it is under none."""
+    run = Run(weighed[0].model_copy(update={"load": load}), plant(), np.random.default_rng(5))
+    run.move(np.full(6, 0.5), 0.3)
+    for grams, stable in ((5.0, True), (-20.0, False)):
+        run.body.force = (0.0, 0.0, grams * GRAM_N)
+        run.rest(0.8)
+        found = run.observer.found
+        assert found is not None
+        assert (found.held, found.margin) == (stable and load == "estimated",) * 2

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from contid.control.tick.load_sensing.load_filter import LoadFilter
+from contid.control.tick.load_sensing.load_filter import GATE, WIDTHS, LoadFilter
 
 NOISE_MM, EXPECTED_N = 0.3, 0.2
 MODEL_MM2 = 1e-4 * np.eye(3)
@@ -104,3 +104,19 @@ def test_no_false_jump_in_noise():
     """20 000 measurements, 7 minutes at 50 Hz."""
     rng, found = np.random.default_rng(3), LoadFilter(NOISE_MM, 0.4, EXPECTED_N)
     assert not any(linear((0.0, 0.0, 0.02), rng, found, 0.02 * k) for k in range(20_000))
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_jump_is_seen_once_enough_measurements_show_it(width):
+    """Of a mean of w measurements the gate is a squared distance by the covariance of the mean."""
+    found = LoadFilter(NOISE_MM, 0.4, EXPECTED_N)
+    for k in range(100):
+        assert not added(found, 0.02 * k, np.zeros(3), 50.0 * np.eye(3), MODEL_MM2)
+    spread = MODEL_MM2[0, 0] + 50.0**2 * found.covariance[0, 0] + NOISE_MM**2 / width
+    size = 1.0001 * np.sqrt(GATE * spread)
+    jumps = [
+        added(found, 2.0 + 0.02 * k, size * np.eye(3)[1], 50.0 * np.eye(3), MODEL_MM2) for k in range(width)
+    ]
+    assert jumps == [False] * (width - 1) + [True]
+    assert found.count == width
+    assert not found.settled

@@ -200,3 +200,21 @@ def test_the_covariance_of_a_residual_grows_with_the_speed_of_the_tip():
     assert test.noise(residual(np.zeros(3), shared=shared)) - test.noise(
         residual(np.zeros(3))
     ) == pytest.approx(shared)
+
+
+@pytest.mark.parametrize("size", [5.0, 2.4, 1.9, 1.7])
+def test_the_covariance_of_a_shift_is_that_of_the_difference_of_two_means(size):
+    """Of n residuals and of the pattern, each with the noise of the tracker, and what the former share."""
+    test, shared = InnovationTest(NOISE_MM), 0.01 * np.eye(3)
+    exact = np.full((3, 6), 1e-6)
+
+    def new(missed):
+        return TipResidual(np.array(missed), np.zeros(3), exact, shared, np.eye(3), ZERO)
+
+    for _ in range(NEWEST + REFERENCE):
+        test.add(new((0.0, 0.0, 0.0)))
+    number, found = first_departure(test, [new((0.0, size, 0.0))] * 4)
+    assert found is not None
+    expected = NOISE_MM**2 * (1.0 / number + 1.0 / REFERENCE) * np.eye(3) + shared
+    assert found.covariance == pytest.approx(expected, rel=1e-6)
+    assert found.shift_mm == pytest.approx([0.0, size, 0.0])

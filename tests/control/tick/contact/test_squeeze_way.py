@@ -242,3 +242,18 @@ def test_it_needs_a_way_and_a_torque_per_current(config: RobotConfig) -> None:
         assert allowed or f"{1e3 * way_m:.1f} mm from the target, 3 mm" in why
     assert "nm_per_a" in why_not(replace(config, nm_per_a=0.0), start, Target(tip_m=(0.05, 0.075, 0.0)))
     assert math.isfinite(greatest_rate(config, closing()))
+
+
+def test_an_axis_that_moves_the_tip_across_its_way_does_not_count(config: RobotConfig) -> None:
+    """Its current says nothing about the force along the way."""
+    start, step = np.array(START), 1e-5
+    columns = np.array(
+        [tip(config, start + step * each) - tip(config, start - step * each) for each in np.eye(2)]
+    )
+    x, y = columns[0, :2]
+    way = 0.01 * np.linalg.solve(columns[:, :2].T, np.array([-y, x])) * step / np.hypot(x, y)
+    squeeze = replace(closing(), way=tuple(way.tolist()))
+    currents = needed_a(config, squeeze, 2.0)
+    pushed = (currents[0] + 9.0, currents[1])
+    found = fitting_n(config, replace(squeeze, currents=pushed, free=((0.0, 0.0), ())))
+    assert found == pytest.approx((2.0, 2.0), rel=0.02)
