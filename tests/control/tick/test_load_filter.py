@@ -120,3 +120,14 @@ def test_a_jump_is_seen_once_enough_measurements_show_it(width):
     assert jumps == [False] * (width - 1) + [True]
     assert found.count == width
     assert not found.settled
+
+
+def test_it_is_settled_when_its_average_is_as_long_as_the_time_constant():
+    found = LoadFilter(NOISE_MM, 0.5, EXPECTED_N)
+    for k in range(8):
+        added(found, 0.125 * k, np.zeros(3), 50.0 * np.eye(3), MODEL_MM2)
+        assert found.settled == (0.125 * k >= 0.5)
+
+
+def test_without_a_measurement_no_force_is_proposed():
+    assert LoadFilter(NOISE_MM, 0.4, EXPECTED_N).proposed() is None

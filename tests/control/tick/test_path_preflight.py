@@ -105,6 +105,15 @@ def test_what_is_accepted_is_followed_and_what_is_refused_is_not(
         assert off_m <= tolerance_m * (1 + 1e-3)
 
 
+@pytest.mark.parametrize("left_mm", [(50.0, 51.0, 66.0), (66.0, 51.0, 50.0)], ids=["end", "start"])
+def test_a_speed_that_the_soft_start_or_end_takes_away_is_accepted(left_mm: tuple[float, ...]) -> None:
+    """At its end the curve itself is faster than the axis, 109 mm/s of 100."""
+    loaded = load(1)
+    trajectory = trajectory_of(loaded, AXES, *((0.2 * k, each, 50.0) for k, each in enumerate(left_mm)))
+    assert refused(loaded, trajectory) == []
+    assert off_path(loaded, trajectory) <= tip_tolerance_m(Quantity.LENGTH) * (1 + 1e-3)
+
+
 def no_corners(samples: Sequence[Tick]) -> set[int]:
     return set()
 
@@ -127,10 +136,10 @@ def test_ticks_of_short_intervals_are_all_there(ease: tuple[int, int]) -> None:
         assert trajectory.time_of_row(each.row - 1) <= each.time_s <= trajectory.time_of_row(each.row)
 
 
-def test_single_ticks_next_to_a_corner_and_samples_elsewhere() -> None:
+@pytest.mark.parametrize("place", [150, 12_345_678, 19_999_850])
+def test_single_ticks_next_to_a_corner_and_samples_elsewhere(place: int) -> None:
     loaded = load(1)
     trajectory = trajectory_of(loaded, AXES, (0.0, 50.0, 50.0), (1e5, 60.0, 50.0))
-    place = 12_345_678
 
     def corners(samples: Sequence[Tick]) -> set[int]:
         return {k for k, each in enumerate(samples) if each.number - each.ticks < place <= each.number}
@@ -139,9 +148,18 @@ def test_single_ticks_next_to_a_corner_and_samples_elsewhere() -> None:
     assert len(ticks) < 1000
     for before, each in itertools.pairwise(ticks):
         assert each.number - before.number == each.ticks
-    around = [each.ticks for each in ticks if abs(each.number - place) < 8]
-    assert len(around) > 8
-    assert set(around) == {1}
+    assert [each.ticks for each in ticks if abs(each.number - place) < 2] == [1, 1, 1]
+
+
+@pytest.mark.parametrize("row_s", [2.5, 3.1, 10.0])
+def test_where_every_interval_has_a_corner_no_tick_is_left_out(row_s: float) -> None:
+    loaded = load(1)
+    trajectory = trajectory_of(loaded, AXES, *((row_s * k, 50.0 + k, 50.0) for k in range(4)))
+    sampled = list(run_ticks(trajectory, RATE, 0, 0, no_corners))
+    assert max(each.ticks for each in sampled) == row_s * RATE // 200
+    every = list(run_ticks(trajectory, RATE, 0, 0, lambda samples: set(range(len(samples)))))
+    assert [each.ticks for each in every] == [1] * len(every)
+    assert [each.number for each in every] == list(range(round(3 * row_s * RATE) + 1))
 
 
 def test_a_corner_of_the_answers_amid_a_long_interval_is_found() -> None:

@@ -117,14 +117,18 @@ def test_residuals_under_another_load_are_those_of_a_test_that_began_with_it():
 def test_the_confirmed_residual_is_the_oldest_of_the_newest():
     rng = np.random.default_rng(9)
     test = InnovationTest(NOISE_MM)
+    test.lag_s = 0.002
     seen = []
     for number in range(40):
         assert test.confirms == (number >= NEWEST)
-        seen.append(residual(rng.normal(0.0, 0.1, 3), by_force=rng.normal(0.0, 20.0, (3, 3))))
+        missed, velocity = rng.normal(0.0, 0.1, 3), rng.normal(0.0, 10.0, 3)
+        seen.append(residual(missed, velocity, by_force=rng.normal(0.0, 20.0, (3, 3))))
         test.add(seen[-1])
         if test.confirms:
             missed, by_force, noise = test.confirmed
-            assert missed == pytest.approx(seen[-NEWEST].residual_mm)
+            # A velocity is known one measurement late.
+            late = test.lag_s * seen[1 - NEWEST].velocity
+            assert missed == pytest.approx(seen[-NEWEST].residual_mm - late)
             assert by_force == pytest.approx(seen[-NEWEST].by_force)
             assert np.all(np.linalg.eigvalsh(noise - NOISE_MM**2 * np.eye(3)) > -1e-12)
 
