@@ -151,3 +151,12 @@ def test_several_axes_are_independent() -> None:
     assert commands == pytest.approx((0.55, 0.6))
     assert flags[0] == 0
     assert flags[1] == VELOCITY | ACCELERATION
+
+
+@pytest.mark.parametrize("change", [1.0, 0.03])
+def test_an_axis_that_brakes_from_the_greatest_step_needs_all_of_its_room(change: float) -> None:
+    """The steps of the ticks, each less by the greatest change until it stands, add up to the room."""
+    for room in (0.05 * k * change for k in range(1, 250)):
+        step = brake_step(room, change)
+        needed = sum(max(step - k * change, 0.0) for k in range(int(step / change) + 2))
+        assert needed == pytest.approx(room, rel=1e-9)

@@ -50,8 +50,13 @@ def refused(loaded: LoadedFile, trajectory: Trajectory, rate_hz: float = RATE) -
         # Both tips are within reach; the straight way between them passes below the reach of the finger.
         (TIPS, [(0.0, 45.0, 14.0), (20.0, -45.0, 14.0)], 3, "f0: tip ("),
         (AXES, [(0.0, 50.0, 50.0), (1.0, 90.0, 90.0), (2.0, 100.0, 98.0), (3.0, 99.0, 98.0)], 5, "100.9"),
-        (AXES, [(0.0, 50.0, 50.0), (0.2, 80.0, 50.0)], 3, "f0.left needs"),
-        (AXES, [(0.0, 50.0, 50.0), (1.0, 99.0, 50.0), (2.0, 50.0, 50.0), (2.0001, 60.0, 50.0)], 5, "limit"),
+        (AXES, [(0.0, 50.0, 50.0), (0.2, 80.0, 50.0)], 3, " mm/s, limit 100: slow down at least 1.5 times"),
+        (
+            AXES,
+            [(0.0, 50.0, 50.0), (1.0, 99.0, 50.0), (2.0, 50.0, 50.0), (2.0001, 60.0, 50.0)],
+            5,
+            " mm/s2, limit 1000: ",
+        ),
         (AXES, [(0.0, 50.0, 50.0), (100.0, 50.0, 50.0), (100.001, 60.0, 50.0)], 4, "f0.left needs"),
     ],
     ids=["reach", "overshoot", "speed", "jump", "after a dwell"],
@@ -151,7 +156,7 @@ def test_single_ticks_next_to_a_corner_and_samples_elsewhere(place: int) -> None
     assert [each.ticks for each in ticks if abs(each.number - place) < 2] == [1, 1, 1]
 
 
-@pytest.mark.parametrize("row_s", [2.5, 3.1, 10.0])
+@pytest.mark.parametrize("row_s", [2.5, 3.5, 10.0])
 def test_where_every_interval_has_a_corner_no_tick_is_left_out(row_s: float) -> None:
     loaded = load(1)
     trajectory = trajectory_of(loaded, AXES, *((row_s * k, 50.0 + k, 50.0) for k in range(4)))

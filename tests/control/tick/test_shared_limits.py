@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.next_command import next_command
+from contid.control.tick.shared_limits import _Bound, _braked
 from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.model import build_model
 from contid.kinematics.rack.finger import RackFingerModel
@@ -129,3 +130,22 @@ def test_a_path_that_touches_a_shared_limit_in_passing_is_followed_exactly(share
         assert after == goal, flags
         steps = tuple(new - old for new, old in zip(after, command, strict=True))
         command = after
+
+
+@pytest.mark.parametrize(("too_far", "share"), [(0.1, 0.05), (0.5, 0.25), (1.9, 0.95), (2.1, 1.0)])
+def test_axes_brake_by_the_share_that_a_limit_needs(too_far: float, share: float) -> None:
+    """Slopes 1 and -0.5 of axes that can each go back by twice 0.5 and 1; the third one has no part in it."""
+    brakes, ends = (0.5, 1.0, 1.0), [(-9.0, 9.0)] * 3
+    command = (3.0, 4.0, 5.0)
+    bound = _Bound(too_far, (1.0, -0.5, 0.0))
+    braked, enough = _braked(brakes, ends, (2.0, 5.0, 4.0), command, bound)
+    assert enough == (too_far <= 2.0)
+    assert braked == pytest.approx((3.0 - share, 4.0 + 2.0 * share, 5.0))
+
+
+def test_an_axis_brakes_no_further_than_its_own_limits_allow() -> None:
+    braked, enough = _braked(
+        (5.0, 5.0), [(0.5, 2.0), (-2.0, -0.5)], (2.0, 5.0), (3.0, 4.0), _Bound(9.0, (1.0, -1.0))
+    )
+    assert not enough
+    assert braked == (2.5, 4.5)

@@ -23,13 +23,13 @@ def rising(t_s):
     return (0.2 + 0.4 * t_s, 1.0 - 0.7 * t_s)
 
 
-@pytest.mark.parametrize("period_s", [0.002, 0.005, 0.02])
+@pytest.mark.parametrize("period_s", [0.002, 0.005, 0.02, 0.05])
 def test_on_a_ramp_the_pressures_are_those_of_the_capture(period_s):
-    ticks = round(0.5 / period_s)
+    ticks = max(round(0.5 / period_s), 20)
     trace = trace_of(rising, rising, ticks, period_s)
     # By the rounding of times a report at one end of the average may be left out: half a tick.
     off = 0.51 * period_s * 0.7
-    for behind in (8, 11, 15):
+    for behind in (8, 11):
         capture_s = (ticks - behind) * period_s
         pose = trace.at(capture_s)
         assert pose is not None
