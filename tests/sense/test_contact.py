@@ -11,7 +11,8 @@ from contid.control.tick.contact.innovation_test import GATE, NEWEST, REFERENCE,
 from contid.errors import BadInputError
 from contid.robot_file.load import load_robot_file, parse_robot_file
 from tests.sense.commands import SIM, contid, rests
-from tests.sense.contact_runs import push, spiral, with_wall
+from tests.sense.contact_runs import ContactRun, push, spiral, with_wall
+from tests.sense.observed import calibrated, plant
 
 pytestmark = pytest.mark.skipif(kernels.load("cosserat") is None, reason="NumPy takes minutes")
 
@@ -38,6 +39,21 @@ def test_a_spiral_has_no_contact():
     assert contacts == []
     assert largest < GATE
     assert looked > 0.9
+
+
+def test_the_end_of_a_contact_is_no_contact_and_the_next_one_is():
+    rng = np.random.default_rng(7)
+    robot, free, pushed = calibrated(plant(), rng), (0.0, 0.0, 0.0), (0.04, 0.0, 0.0)
+    run = ContactRun(robot, plant(), rng)
+    run.begin(np.full(6, 0.5))
+    for force, contacts in ((pushed, 1), (free, 1), (pushed, 2), (free, 2)):
+        assert run.contact.armed
+        run.body.force = force
+        run.rest(3.5)
+        assert len(run.contacts) == contacts
+    for _, found in run.contacts:
+        assert found.direction_in_base[0] > 0.9
+        assert found.force_n == pytest.approx(pushed[0], rel=0.5)
 
 
 def test_noise_alone_stays_inside_and_a_step_leaves():

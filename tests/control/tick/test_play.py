@@ -11,7 +11,7 @@ import pytest
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits
-from contid.control.tick.play import NO_LEAD, TURN, led, next_lead, taken_up
+from contid.control.tick.play import NO_LEAD, TURN, led, next_lead, next_senses, taken_up
 from contid.control.tick.robot_tick import tick
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
@@ -170,3 +170,13 @@ def test_a_target_that_stands_does_not_turn_the_lead(configs):
 def test_a_wrong_number_of_plays_is_refused(configs):
     with pytest.raises(BadInputError, match=r"friction\.play_mm has 2 numbers; allowed: 1, 3 or 9"):
         config_of(configs, "    friction: {play_mm: [0.1, 0.2]}\n")
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_a_sense_of_motion_begins_and_turns_after_a_tenth_of_the_play(sense):
+    play_m = (1.0, 1.0)
+    assert next_senses(play_m, (), (5.0, 5.0), (5.0 + sense * 0.09, 5.0)) == (0.0, 0.0)
+    begun = next_senses(play_m, (), (5.0, 5.0), (5.0 + sense * 0.11, 5.0))
+    assert begun == (sense, 0.0)
+    assert next_senses(play_m, begun, (5.0, 5.0), (5.0 - sense * 0.09, 5.0)) == begun
+    assert next_senses(play_m, begun, (5.0, 5.0), (5.0 - sense * 0.11, 5.0)) == (-sense, 0.0)

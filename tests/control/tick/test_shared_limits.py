@@ -13,8 +13,9 @@ import pytest
 from scipy.optimize import brentq
 
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.limits import AxisLimits
 from contid.control.tick.next_command import next_command
-from contid.control.tick.shared_limits import _Bound, _braked
+from contid.control.tick.shared_limits import _ahead, _Bound, _braked
 from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.model import build_model
 from contid.kinematics.rack.finger import RackFingerModel
@@ -149,3 +150,11 @@ def test_an_axis_brakes_no_further_than_its_own_limits_allow() -> None:
     )
     assert not enough
     assert braked == (2.5, 4.5)
+
+
+@pytest.mark.parametrize("ticks", [1, 2, 5, 40])
+def test_axes_that_stop_together_go_on_by_all_shorter_steps(ticks: int) -> None:
+    limits = [AxisLimits(-9.0, 9.0, 9.0, 0.25), AxisLimits(-9.0, 9.0, 9.0, 0.25)]
+    slowed = sum(0.25 * k for k in range(ticks))
+    assert _ahead([0.25 * ticks, 0.125 * ticks], limits) * 0.25 * ticks == pytest.approx(slowed)
+    assert _ahead([0.1, 0.0], limits) == 0.0
