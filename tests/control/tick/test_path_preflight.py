@@ -15,6 +15,7 @@ from contid import kernels
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.on_path import tip_tolerance_m
+from contid.control.tick.preflight.path import _Follower
 from contid.control.tick.preflight.rows import Preflight
 from contid.control.tick.preflight.ticks import Tick, run_ticks
 from contid.control.tick.supervisor import Mode
@@ -22,6 +23,7 @@ from contid.errors import BadInputError
 from contid.robot_file.base import Quantity
 from contid.robot_file.load import LoadedFile, with_mock
 from contid.robot_file.shipped import load_named
+from contid.targets import Target
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
 from tests.golden import make
@@ -186,6 +188,16 @@ def test_a_corner_of_the_answers_amid_a_long_interval_is_found() -> None:
     slower = trajectory.stretched(2.0)
     assert refused(loaded, slower, 100.0) == []
     assert run_virtual(loaded, 100.0, slower).exit_code == 0
+
+
+@pytest.mark.parametrize(("rate_hz", "lag_s"), [(20.0, 0.05), (50.0, 0.02), (500.0, 0.02)])
+def test_an_extra_axis_may_be_behind_by_its_speed_in_20_ms_or_in_a_tick(rate_hz: float, lag_s: float) -> None:
+    (config,) = build_robot_configs(with_mock(load_named("cbha")), rate_hz)
+    target = Target(tip_m=config.model.forward(config.rest).tip_m)
+    goal = config.model.inverse(target, config.rest).actuation
+    late = (*goal[:-1], goal[-1] + 0.5 * lag_s * config.velocity[-1])
+    follower = _Follower(config, target, config.rest)
+    assert follower._behind(late, goal, target) == pytest.approx([0.0] * (len(goal) - 1) + [0.5])
 
 
 @pytest.mark.skipif(kernels.load("cosserat") is None, reason="needs compiled kernels")
