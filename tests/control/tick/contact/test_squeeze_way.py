@@ -245,7 +245,7 @@ def test_it_needs_a_way_and_a_torque_per_current(config: RobotConfig) -> None:
 
 
 def test_an_axis_that_moves_the_tip_across_its_way_does_not_count(config: RobotConfig) -> None:
-    """Its current says nothing about the force along the way."""
+    """Its current shows nothing of the force along the way."""
     start, step = np.array(START), 1e-5
     columns = np.array(
         [tip(config, start + step * each) - tip(config, start - step * each) for each in np.eye(2)]
