@@ -40,21 +40,19 @@ def main() -> int:
     asked = parser.parse_args()
     sources = modules()
     every = [mutant for mutant in mutants(sources) if mutant.module.startswith(asked.module)]
-    sample = sampled(every, asked.sample, asked.seed)
+    drawn, baseline = sampled(every, asked.sample, asked.seed), Baseline()
+    sample = [mutant for mutant in drawn if not baseline.is_equivalent(sources[mutant.module], mutant)]
     journal = detected(sample, sources, asked.jobs, asked.budget)
-    left = [mutant for mutant in sample if journal.found[mutant.name] in ("", UNTESTED)]
-    baseline = Baseline()
-    survivors = [mutant for mutant in left if not baseline.is_equivalent(sources[mutant.module], mutant)]
+    survivors = [mutant for mutant in sample if journal.found[mutant.name] in ("", UNTESTED)]
     for mutant in sorted(survivors, key=lambda each: (each.module, each.line)):
         was, now = change(sources[mutant.module], mutant)
         print(f"{mutant.module}:{mutant.line} {journal.found[mutant.name]}\n  - {was}\n  + {now}")
     if asked.write:
-        baseline.write(len(every), asked.seed, sample, left, sources)
+        baseline.write(len(every), asked.seed, len(drawn), sample, survivors, sources)
         return 0
     allowed = baseline.allowed(len(sample))
-    equivalent = len(left) - len(survivors)
-    figures = f"{len(survivors)} survived, {allowed:.1f} allowed; {equivalent} equivalent ones not counted"
-    print(f"of {len(sample)} mutants {figures}")
+    print(f"{len(drawn)} mutants, {len(drawn) - len(sample)} of them equivalent; of the other {len(sample)}")
+    print(f"{len(survivors)} survived, {allowed:.1f} allowed")
     return int(len(survivors) > allowed)
 
 

@@ -86,21 +86,20 @@ class Baseline:
         self,
         every: int,
         seed: int,
+        drawn: int,
         sample: Sequence[Mutant],
-        left: Sequence[Mutant],
+        survivors: Sequence[Mutant],
         sources: Mapping[str, str],
     ) -> None:
-        """Replace the figures; the equivalent mutants stay."""
-        equivalent = [mutant for mutant in left if self.is_equivalent(sources[mutant.module], mutant)]
-        survivors = [mutant for mutant in left if mutant not in equivalent]
-        drawn, survived = (Counter(each.folder for each in some) for some in (sample, survivors))
+        """Replace the figures of a sample without its equivalent mutants; the list of these stays."""
+        count, survived = (Counter(each.folder for each in some) for some in (sample, survivors))
         found: dict[str, Any] = {
             "mutants": every,
-            "sample": len(sample),
             "seed": seed,
-            "equivalents": len(equivalent),
+            "equivalents": drawn - len(sample),
+            "sample": len(sample),
             "survived": len(survivors),
-            "folders": {name: [survived[name], drawn[name]] for name in sorted(drawn)},
+            "folders": {name: [survived[name], count[name]] for name in sorted(count)},
             "survivors": [
                 [mutant.module, mutant.line, *change(sources[mutant.module], mutant)] for mutant in survivors
             ],
