@@ -50,6 +50,14 @@ def test_the_time_of_moving_pressures_is_uncertain(period_s):
         assert pose.late == (0.0, 0.0)
 
 
+@pytest.mark.parametrize("part", [-0.4, 0.4])
+def test_between_slow_ticks_the_nearest_report_counts(part):
+    trace = trace_of(rising, rising, 20, 0.05)
+    pose = trace.at((12 + part) * 0.05)
+    assert pose is not None
+    assert pose.pressures == pytest.approx(rising(12 * 0.05))
+
+
 def test_at_rest_the_time_does_not_matter():
     still = (0.4, 0.5)
 
