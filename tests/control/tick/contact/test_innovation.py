@@ -222,3 +222,20 @@ def test_the_covariance_of_a_shift_is_that_of_the_difference_of_two_means(size):
     expected = NOISE_MM**2 * (1.0 / number + 1.0 / REFERENCE) * np.eye(3) + shared
     assert found.covariance == pytest.approx(expected, rel=1e-6)
     assert found.shift_mm == pytest.approx([0.0, size, 0.0])
+
+
+@pytest.mark.parametrize(
+    "newest", [(7, 6, 5, 4, 3, 2), (6, 5, 4, 3, 2, 1), (1, 1, 1, 1, 1, 1), (2, 1, 0, 0, 0, 0)]
+)
+def test_the_distance_is_the_largest_of_steps_and_ramps_that_begin_in_the_newest(newest):
+    """T of the module's text in one dimension, with steps of 1 to 4 residuals and ramps of 2 to 6."""
+    test, missed = InnovationTest(NOISE_MM), 0.1 * np.array(newest)
+    for each in [*np.zeros(REFERENCE), *missed[::-1]]:
+        test.add(
+            TipResidual(np.array([0, each, 0]), np.zeros(3), np.full((3, 6), 1e-6), ZERO, np.eye(3), ZERO)
+        )
+    shapes = [np.arange(6) < n for n in (1, 2, 3, 4)] + [np.maximum(n - np.arange(6), 0) for n in range(2, 7)]
+    noise = NOISE_MM**2
+    spreads = [noise * (a**2).sum() + noise / REFERENCE * a.sum() ** 2 for a in np.array(shapes, dtype=float)]
+    expected = [(a @ missed) ** 2 / spread for a, spread in zip(shapes, spreads, strict=True)]
+    assert test.distance == pytest.approx(max(expected), rel=1e-6)
