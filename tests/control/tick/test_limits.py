@@ -160,3 +160,8 @@ def test_an_axis_that_brakes_from_the_greatest_step_needs_all_of_its_room(change
         step = brake_step(room, change)
         needed = sum(max(step - k * change, 0.0) for k in range(int(step / change) + 2))
         assert needed == pytest.approx(room, rel=1e-9)
+
+
+@pytest.mark.parametrize("room", [0.0, -1e-3, -0.5, -3.0])
+def test_without_room_there_is_no_step(room: float) -> None:
+    assert brake_step(room, 0.1) == 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -180,3 +181,22 @@ def test_a_sense_of_motion_begins_and_turns_after_a_tenth_of_the_play(sense):
     assert begun == (sense, 0.0)
     assert next_senses(play_m, begun, (5.0, 5.0), (5.0 - sense * 0.09, 5.0)) == begun
     assert next_senses(play_m, begun, (5.0, 5.0), (5.0 - sense * 0.11, 5.0)) == (-sense, 0.0)
+
+
+class _Capstan:
+    """Friction that asks for a lead of 1 and 0.5 at once."""
+
+    def slides(self, before, command, increments):
+        return (1.0, 1.0)
+
+    def lead(self, command, slides):
+        return np.array([1.0, 0.5])
+
+
+@pytest.mark.parametrize("before", [(), (0.0, 0.0), (0.4, 0.2), (0.95, 0.475)])
+def test_a_lead_of_friction_goes_on_from_where_it_was_within_the_step_of_every_axis(before):
+    limits = [AxisLimits(-9.0, 9.0, 0.1, 1.0)] * 2
+    lead = next_lead(None, _Capstan(), replace(NO_LEAD, friction=before), (5.0, 5.0), (0.1, 0.1), limits)
+    expected = min((before or (0.0,))[0] + 0.1, 1.0)
+    assert lead.friction == pytest.approx((expected, 0.5 * expected))
+    assert lead.added == lead.friction

@@ -10,6 +10,7 @@ import pytest
 
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick import transitions
+from contid.control.tick.arming import next_arming
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.robot_tick import tick
@@ -222,3 +223,13 @@ def test_a_command_beside_its_motion_is_marked_until_it_is_back(config: RobotCon
         state = out.state
     assert marked[0]
     assert not marked[-1]
+
+
+@pytest.mark.parametrize(("waited_s", "mode"), [(1.9, Mode.CONNECTING), (2.1, Mode.FAULT)])
+def test_a_first_sample_is_waited_for_two_seconds_from_connecting(
+    config: RobotConfig, waited_s: float, mode: Mode
+) -> None:
+    state = RobotState(mode=Mode.CONNECTING, since_s=10.0)
+    after = next_arming(config, state, 10.0 + waited_s, sampled(config, valid=False), None)
+    assert after.mode is mode
+    assert (after.fault is Fault.NO_SAMPLE) == (mode is Mode.FAULT)

@@ -13,9 +13,9 @@ import pytest
 from scipy.optimize import brentq
 
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.limits import AxisLimits
+from contid.control.tick.limits import POSITION, VELOCITY, AxisLimits
 from contid.control.tick.next_command import next_command
-from contid.control.tick.shared_limits import _ahead, _Bound, _braked
+from contid.control.tick.shared_limits import _ahead, _Bound, _braked, limit_shared
 from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.model import build_model
 from contid.kinematics.rack.finger import RackFingerModel
@@ -158,3 +158,23 @@ def test_axes_that_stop_together_go_on_by_all_shorter_steps(ticks: int) -> None:
     slowed = sum(0.25 * k for k in range(ticks))
     assert _ahead([0.25 * ticks, 0.125 * ticks], limits) * 0.25 * ticks == pytest.approx(slowed)
     assert _ahead([0.1, 0.0], limits) == 0.0
+
+
+class _Sum:
+    """The first two of three axes may not add up to more than 1."""
+
+    def excess(self, actuation: Actuation) -> list[float]:
+        return [actuation[0] + actuation[1] - 1.0]
+
+    def gradient(self, actuation: Actuation, number: int) -> list[float]:
+        return [1.0, 1.0, 0.0]
+
+
+def test_only_axes_that_a_shared_limit_brakes_are_flagged() -> None:
+    """From a step of 0.03 of the sum, with 0.02 less per tick, it stops within the room of 0.04."""
+    limits = [AxisLimits(-9.0, 9.0, 0.1, 0.01)] * 3
+    last, steps, command = (0.48, 0.48, 0.0), (0.02,) * 3, (0.5, 0.5, 0.02)
+    kept, flags = limit_shared(_Sum(), limits, last, steps, (command, (VELOCITY, 0, VELOCITY)))
+    assert kept == pytest.approx((0.495, 0.495, 0.02))
+    assert kept[2] == 0.02
+    assert flags == (VELOCITY | POSITION, POSITION, VELOCITY)

@@ -32,6 +32,7 @@ def test_one_lateness_is_kept_to_a_microsecond_or_three_digits(us: int) -> None:
     kept = lateness.quantile_us(0.5)
     assert kept <= us < kept + max(1.0, 0.01 * us)
     assert kept == us or us > 999
+    assert not str(int(kept))[3:].strip("0")
     assert lateness.as_dict()["max_us"] == us + 0.5
 
 

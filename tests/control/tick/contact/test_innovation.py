@@ -45,6 +45,7 @@ def test_the_confidence_is_the_chance_of_no_such_noise_in_an_hour(squared):
     found = Departure(np.zeros(3), np.eye(3), squared)
     assert found.confidence == pytest.approx(max(0.0, 1.0 - TESTS_PER_HOUR * chi2.sf(squared, 3)), abs=1e-9)
     assert 0.0 <= Departure(np.zeros(3), np.eye(3), 5.0).confidence < 1e-12
+    assert chi2.sf(GATE, 3) == pytest.approx(1.0 / 2e6, rel=0.1)  # in one test
 
 
 @pytest.mark.parametrize("shape", ["step", "ramp"])

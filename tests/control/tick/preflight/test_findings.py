@@ -106,7 +106,7 @@ def test_a_fast_path_states_the_slowdown_of_its_worst_part() -> None:
 def test_a_row_out_of_reach_beside_fast_ones_is_no_matter_of_speed() -> None:
     """The straight way between the first two rows leaves the reach; the last step is far too fast."""
     rows = trajectory_of(
-        TIPS, (0.0, 45.0, 14.0), (20.0, -45.0, 14.0), (21.0, -45.0, 14.0), (21.005, -30.0, 40.0)
+        TIPS, (0.0, 45.0, 14.0), (3.0, -45.0, 14.0), (3.5, -45.0, 14.0), (3.505, -30.0, 40.0)
     )
     error = refused(rows)
     assert not isinstance(error, TooFastError)
