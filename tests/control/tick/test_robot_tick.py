@@ -233,3 +233,12 @@ def test_a_first_sample_is_waited_for_two_seconds_from_connecting(
     after = next_arming(config, state, 10.0 + waited_s, sampled(config, valid=False), None)
     assert after.mode is mode
     assert (after.fault is Fault.NO_SAMPLE) == (mode is Mode.FAULT)
+
+
+def test_recovering_from_a_fault_enables_the_devices_anew(config: RobotConfig) -> None:
+    fault = RobotState(Mode.FAULT, fault=Fault.OUTSIDE_LIMITS, message="far", enabled=True, misses=(3, 0))
+    after = transitions.recover(config, fault, 5.0)
+    assert (after.fault, after.message, after.misses) == (Fault.NONE, "", (0, 0))
+    assert not after.enabled
+    assert after.arm_requested
+    assert after.recovering
