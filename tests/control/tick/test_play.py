@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -196,7 +197,8 @@ class _Capstan:
 @pytest.mark.parametrize("before", [(), (0.0, 0.0), (0.4, 0.2), (0.95, 0.475)])
 def test_a_lead_of_friction_goes_on_from_where_it_was_within_the_step_of_every_axis(before):
     limits = [AxisLimits(-9.0, 9.0, 0.1, 1.0)] * 2
-    lead = next_lead(None, _Capstan(), replace(NO_LEAD, friction=before), (5.0, 5.0), (0.1, 0.1), limits)
+    capstan: Any = _Capstan()
+    lead = next_lead(None, capstan, replace(NO_LEAD, friction=before), (5.0, 5.0), (0.1, 0.1), limits)
     expected = min((before or (0.0,))[0] + 0.1, 1.0)
     assert lead.friction == pytest.approx((expected, 0.5 * expected))
     assert lead.added == lead.friction
