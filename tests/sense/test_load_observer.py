@@ -98,7 +98,8 @@ def test_stability_under_greater_forces_is_examined_where_the_solver_takes_them(
 
 @pytest.mark.parametrize(("rate_hz", "parts"), [(1000.0, 1), (500.0, 1), (250.0, 2), (100.0, 5)])
 def test_a_tick_does_one_part_of_the_work_and_slower_ones_do_more(weighed, monkeypatch, rate_hz, parts):
-    observer, done = LoadObserver(weighed[0], 1.0 / rate_hz), []
+    observer = LoadObserver(weighed[0], 1.0 / rate_hz)
+    done: list[int] = []
     monkeypatch.setattr(observer, "_work", map(done.append, itertools.count()))
     observer.tick(0.0, None, None, None)
     assert len(done) == parts
