@@ -54,6 +54,10 @@ def test_the_end_of_a_contact_is_no_contact_and_the_next_one_is():
     for _, found in run.contacts:
         assert found.direction_in_base[0] > 0.9
         assert found.force_n == pytest.approx(pushed[0], rel=0.5)
+    # The velocity of the pressures is that over the newest three measurements.
+    run.contact._poses.clear()
+    rates = [run.contact._rate(0.02 * k, 0.1 * k**2 * np.ones(6))[0] for k in range(4)]
+    assert rates == pytest.approx([0.0, 0.1 / 0.02, 0.4 / 0.04, (0.9 - 0.1) / 0.04])
 
 
 def test_noise_alone_stays_inside_and_a_step_leaves():

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from contid.control.tick.config import FeedbackConfig
+from contid.control.tick.config import FeedbackConfig, _loops
 from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.pneumatic.sense import LoadSensing, ModelErrors, Sense
 from contid.robot_file.shipped import load_named
 from tests.support.robot_configs import config_of
 
@@ -24,3 +25,17 @@ def test_measurements_move_targets_by_feedback_or_an_estimated_load(
     sensing = None if load is None else robot.model_copy(update={"load": load})
     config = replace(config_of("stiffflop2"), sensing=sensing, feedback=feedback)
     assert config.measurements_move_targets == (feedback is not None or load == "estimated")
+
+
+def test_a_loop_of_a_chamber_that_leads_is_none() -> None:
+    """Of a calibration of the robot: half the loops in bar, negative where the pressure lags."""
+    robot = load_named("stiffflop2").file.robots["arm"]
+    assert isinstance(robot, Cosserat)
+    half = (-0.02, 0.03, 0.0, -0.001, 0.5, -0.3)
+    errors = ModelErrors(
+        offset_bar=(0.0,) * 6, gain=(0.0,) * 6, loop_bar=half, modulus=(0.0,) * 2, moment=(0.0,) * 2,
+        axis_sigma_bar=0.0, tip_sigma_mm=0.0, covariance_factor=((0.0,),), corrects="robot",
+    )  # fmt: skip
+    calibrated = robot.model_copy(update={"sense": Sense(load=LoadSensing(calibration=errors))})
+    assert _loops(calibrated) == pytest.approx((2e3, 0.0, 0.0, 1e2, 0.0, 3e4))
+    assert _loops(robot) is None

@@ -190,6 +190,15 @@ def test_a_corner_of_the_answers_amid_a_long_interval_is_found() -> None:
     assert run_virtual(loaded, 100.0, slower).exit_code == 0
 
 
+def test_a_corner_has_more_ticks_on_both_of_its_sides() -> None:
+    """An axis that stands until the fourth of six targets and then goes at 20 mm/s: 0.1 mm per tick."""
+    (config,) = build_robot_configs(load(1), RATE)
+    lengths = [0.05 + 1e-4 * max(0, k - 2) for k in range(6)]
+    targets = [Target(actuation=(left_m, 0.05)) for left_m in lengths]
+    follower = _Follower(config, Target(actuation=(0.05, 0.05)), config.rest)
+    assert follower.corners(targets, [1] * 6) == {2, 3}
+
+
 @pytest.mark.parametrize(("rate_hz", "lag_s"), [(20.0, 0.05), (50.0, 0.02), (500.0, 0.02)])
 def test_an_extra_axis_may_be_behind_by_its_speed_in_20_ms_or_in_a_tick(rate_hz: float, lag_s: float) -> None:
     (config,) = build_robot_configs(with_mock(load_named("cbha")), rate_hz)

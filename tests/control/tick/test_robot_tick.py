@@ -230,8 +230,12 @@ def test_a_first_sample_is_waited_for_two_seconds_from_connecting(
     config: RobotConfig, waited_s: float, mode: Mode
 ) -> None:
     state = RobotState(mode=Mode.CONNECTING, since_s=10.0)
-    after = next_arming(config, state, 10.0 + waited_s, sampled(config, valid=False), None)
+    first, second = sampled(config)
+    samples = (first, replace(second, valid=False))
+    after = next_arming(config, state, 10.0 + waited_s, samples, None)
     assert after.mode is mode
+    silent = f"no valid sample of {config.axes[1]} within 2 s"
+    assert after.message == (silent if mode is Mode.FAULT else "")
     assert (after.fault is Fault.NO_SAMPLE) == (mode is Mode.FAULT)
 
 

@@ -126,5 +126,10 @@ def test_the_base_moment_is_that_of_an_equilibrium_and_none_where_there_is_no_st
     unloaded = arm.near(corrected, (0.0, 0.0, 0.0), moment)
     assert unloaded is not None
     assert unloaded[1] == pytest.approx(moment, abs=1e-6)
+    under = arm.base_moment(corrected, FORCE)
+    assert under is not None
+    loaded = arm.near(corrected, FORCE, under)
+    assert loaded is not None
+    assert loaded[1] == pytest.approx(under, abs=1e-4)
     crushed = (0.0, 0.0, -5.0)
     assert arm.base_moment(corrected, crushed) is None
