@@ -23,7 +23,7 @@ def redundant(low: np.ndarray = LOW, high: np.ndarray = HIGH) -> Redundant:
         ((1.0, -2.0), (0.0, 0.0), 0.25),
         ((1.0, 0.0), (0.25, 0.0), 0.25),
         ((-1.0, 0.0), (0.25, 0.0), 0.75),
-        ((1.0, 1e-9), (0.0, 3.0), 0.5),  # an axis that hardly moves has no say
+        ((1.0, 1e-9), (0.0, 3.0), 0.5),  # an axis that hardly moves does not count
         ((1.0, 0.5), (1.0, 0.0), -0.5),  # one that is too far ahead has to come back
         ((1.0, 1.0), (2.0, -2.0), 1.0),  # no share keeps both bounds
     ],
