@@ -78,8 +78,9 @@ class Baseline:
         return (mutant.module, *change(text, mutant)) in self.equivalent
 
     def allowed(self, sample: int) -> float:
-        """Survivors that a sample of this size may have."""
-        share = (self._kept["survived"] + 1) / (self._kept["sample"] + 2)
+        """Survivors that a sample of this size may have, by one for which no test had been written yet."""
+        fresh = self._kept["fresh"]
+        share = (fresh["survived"] + 1) / (fresh["sample"] + 2)
         return float(sample * share + SLACK * (sample * share * (1.0 - share)) ** 0.5)
 
     def write(
@@ -91,7 +92,7 @@ class Baseline:
         survivors: Sequence[Mutant],
         sources: Mapping[str, str],
     ) -> None:
-        """Replace the figures of a sample without its equivalent mutants; the list of these stays."""
+        """Replace the figures of a sample without its equivalent mutants; the rest of the file stays."""
         count, survived = (Counter(each.folder for each in some) for some in (sample, survivors))
         found: dict[str, Any] = {
             "mutants": every,
@@ -99,6 +100,7 @@ class Baseline:
             "equivalents": drawn - len(sample),
             "sample": len(sample),
             "survived": len(survivors),
+            "fresh": self._kept["fresh"],
             "folders": {name: [survived[name], count[name]] for name in sorted(count)},
             "survivors": [
                 [mutant.module, mutant.line, *change(sources[mutant.module], mutant)] for mutant in survivors
