@@ -13,10 +13,13 @@ from scipy.optimize import root
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.section import Rod, Section
 
-#: Parts in which pressures and load grow; one that moves the tip by more of the reach than this is halved.
+#: Parts in which pressures and load grow; one that moves the tip by more of the reach than this is halved,
+#: also one whose base moment is farther from its prediction than this part of force times reach: else the
+#: solver finds an equilibrium on the other side of a fork.
 RAMP_STEPS = 24
 MOST_MOVED = 0.08
-LEAST_STEP = 1e-4
+NEAR = 0.005
+LEAST_STEP = 1e-6
 
 
 def _rotation(q: Array) -> Array:
@@ -77,10 +80,13 @@ def ramped_tip(rod: Rod, pressures: Array, force: Array, steps: int = RAMP_STEPS
             return shoot(rod, part * pressures, part * force, m)[1]
 
         slope = (moment - before) / (done - behind) if done > 0.0 else np.zeros(3)
-        found = root(unbalanced, moment + (part - done) * slope, options={"xtol": 1e-9})
+        predicted = moment + (part - done) * slope
+        found = root(unbalanced, predicted, options={"xtol": 1e-9})
         reached = shoot(rod, part * pressures, part * force, found.x)[0]
-        if found.success and np.linalg.norm(reached - tip) < MOST_MOVED * rod.reach:
+        near = np.linalg.norm(found.x - predicted) < NEAR * np.linalg.norm(force) * rod.reach
+        if found.success and near and np.linalg.norm(reached - tip) < MOST_MOVED * rod.reach:
             before, moment, behind, done, tip = moment, found.x, done, part, reached
+            step = min(2.0 * step, 1.0 / steps)
         else:
             step *= 0.5
             if step < LEAST_STEP:

@@ -86,6 +86,7 @@ def shoot(rod: Rod, pressures: Array, loads: Loads, share: Array, moment: Array)
     return state[2], state[0]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of trials that diverge; they are not taken
 def walk(rod: Rod, loads: Loads, scale: float, pressures: Array) -> Walked:
     """Paths from rest to pressures (n, 3k) [bar] under loads, whose moment is about ``scale`` [N·mm].
 

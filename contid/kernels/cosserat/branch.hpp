@@ -11,7 +11,11 @@ constexpr int kCorrections = 8, kMaxElements = 48;
 // A correction that does not shrink the balance to this part has started outside the neighbourhood of its solution:
 // this is what keeps a path on its branch.
 constexpr double kContraction = 0.3;
-constexpr double kFirstStep = 0.25, kLeastStep = 1e-3, kTinyStep = 1e-6, kOnTheWay = 1e-5, kRough = 1e-2, kNear = 0.02,
+// How far the stiffness may be from its prediction, as a part of the smaller one at both ends of a step: a path that
+// passes near a fork changes it abruptly, and a longer step could end on the other side. Steps of less than this part
+// are short enough; towards a critical load the stiffness of some rods is a square.
+constexpr double kPredicted = 2.0, kShortStep = 4e-3;
+constexpr double kFirstStep = 0.25, kLeastStep = 2e-4, kTinyStep = 1e-6, kOnTheWay = 1e-5, kRough = 1e-2, kNear = 0.02,
                  kSameFactor = 5e-3, kSamePose = 1e-4;
 constexpr double kLeastScale = 1e-4;  // of loads [N*mm]: parts of less than this are rounding
 
@@ -49,6 +53,9 @@ bool settle(const Rod<K>& rod, const double* pressures, Vec& moment, Vec tip_for
   return false;
 }
 
+// Determinant of the moment balance by the base moment: 1 without load, 0 at a critical load.
+inline double stiffness(const Judged& at) { return 1.0 / determinant(at.moment_by_balance); }
+
 // One end of a straight way in pressures, tip force and share of the own weight.
 struct Station {
   const double* pressures;
@@ -61,7 +68,7 @@ struct Unheeded {
 };
 
 // Follows stable equilibria from one station to another. `moment` and `out` are those of the last one reached; returns
-// the part of the way done, 1 for all of it, to 0.1 %. `passed` gets the part and the moment of each.
+// the part of the way done, 1 for all of it, to 0.02 %. `passed` gets the part and the moment of each.
 template <int K, class Passed = Unheeded>
 double follow(const Rod<K>& rod, const Station& from, const Station& to, int elements, Vec& moment, Judged& out,
               const Passed& passed = {}) {
@@ -69,18 +76,26 @@ double follow(const Rod<K>& rod, const Station& from, const Station& to, int ele
   double done = 0.0, behind = 0.0, step = kFirstStep, p[3 * K];
   Vec before = moment;
   judge<K>(rod, from.pressures, moment, from.tip_force, from.share, elements, out);
+  double stiff = stiffness(out), stiff_before = stiff;
   while (done < 1.0) {
     const double goal = std::fmin(1.0, done + step), share = from.share + goal * (to.share - from.share);
     const Vec rise = goal * (to.tip_force - from.tip_force);
     for (int j = 0; j < 3 * K; ++j) p[j] = from.pressures[j] + goal * (to.pressures[j] - from.pressures[j]);
     // A dead tip force has a moment about the base that follows from the tip; afterwards the secant predicts.
-    const Vec predicted =
-        done > 0.0 ? moment + ((goal - done) / (done - behind)) * (moment - before) : moment + cross(out.ends.p, rise);
+    const double ahead = done > 0.0 ? (goal - done) / (done - behind) : 0.0;
+    const Vec predicted = done > 0.0 ? moment + ahead * (moment - before) : moment + cross(out.ends.p, rise);
     Vec corrected = predicted;
     Judged trial;
     const double tolerance = goal < 1.0 ? kOnTheWay * scale : statics_tolerance(scale);
-    if (settle<K>(rod, p, corrected, from.tip_force + rise, share, elements, tolerance, trial)) {
-      before = moment, behind = done;
+    bool near = settle<K>(rod, p, corrected, from.tip_force + rise, share, elements, tolerance, trial);
+    double stiff_there = 0.0;
+    if (near) {
+      stiff_there = stiffness(trial);
+      const double away = std::fabs(stiff_there - stiff - ahead * (stiff - stiff_before));
+      near = goal - done <= kShortStep * goal || away <= kPredicted * std::fmin(std::fabs(stiff), std::fabs(stiff_there));
+    }
+    if (near) {
+      before = moment, behind = done, stiff_before = stiff, stiff = stiff_there;
       moment = corrected, done = goal;
       out = trial;
       passed(done, moment);

@@ -8,6 +8,7 @@ namespace contid {
 struct Settings {
   int elements;
   double tolerance, error;
+  bool thorough;  // false: a search fits into a few ticks
 };
 
 // Estimated error of the tip and of the end of the first section from a sweep with fewer elements (n and m differ by
@@ -25,15 +26,13 @@ double discretisation_error(const Rod<K>& rod, const double* pressures, Vec mome
   return std::fmax(norm(tip), norm(mid)) / std::fabs(ratio * ratio * ratio * ratio - 1.0);
 }
 
-// `equilibrium` with as many elements as the load demands, and with more before it ends short of the full load.
+// `equilibrium` with as many elements as the load demands, and with more before it ends short of the full load. Each
+// number of elements follows the path anew: where it passes near a fork, they decide on which side it goes on.
 template <int K>
 double fine_equilibrium(const Rod<K>& rod, const double* pressures, Vec tip_force, const Settings& settings,
                         Vec& moment, Judged& out, int& elements) {
-  const double tolerance = statics_tolerance(load_scale<K>(rod, tip_force));
-  double done = 0.0;
   for (elements = settings.elements;; elements *= 2) {
-    if (done < 1.0 || !settle<K>(rod, pressures, moment, tip_force, 1.0, elements, tolerance, out))
-      done = equilibrium<K>(rod, pressures, tip_force, elements, moment, out);
+    const double done = equilibrium<K>(rod, pressures, tip_force, elements, moment, out);
     if (elements >= kMaxElements || !loaded<K>(rod, tip_force)) return done;
     if (done == 1.0 && discretisation_error<K>(rod, pressures, moment, out, tip_force, elements) <= settings.error)
       return done;

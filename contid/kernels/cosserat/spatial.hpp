@@ -40,6 +40,12 @@ inline Mat operator*(const Mat& a, const Mat& b) {
   return c;
 }
 
+inline double determinant(const Mat& a) {
+  const auto& m = a.m;
+  return m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) + m[0][1] * (m[1][2] * m[2][0] - m[1][0] * m[2][2]) +
+         m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
+}
+
 // Inverse by cofactors; false for a singular matrix.
 inline bool inverse(const Mat& a, Mat& out) {
   const auto& m = a.m;

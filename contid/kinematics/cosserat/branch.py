@@ -4,9 +4,9 @@ A loaded rod has several equilibria, some of them stable. The one that counts is
 loads grow together from zero, without a jump; where it loses its stability on the way, the arm snaps through
 to an equilibrium that statics does not determine. Forward and inverse share this definition.
 
-A path stays on its branch because each point must be stable and lie in the neighbourhood of its prediction in
-which Newton's method contracts; otherwise the step is halved. Specification of
-``contid/kernels/cosserat/branch.hpp``.
+A path stays on its branch because each point must be stable, lie in the neighbourhood of its prediction in
+which Newton's method contracts, and have about the stiffness predicted; otherwise the step is halved.
+Specification of ``contid/kernels/cosserat/branch.hpp``.
 """
 
 from __future__ import annotations
@@ -26,9 +26,13 @@ from contid.kinematics.cosserat.statics import Sweep, sweep
 #: Steps of Newton's method at one point of a path, and how much each must shrink the balance.
 CORRECTIONS = 8
 CONTRACTION = 0.3
+#: How far the stiffness may be from its prediction, as a part of the smaller one at both ends of a step: it
+#: changes abruptly where a path passes near a fork, and a longer step could end on the other side. Steps of
+#: less than this part are short enough; towards a critical load the stiffness of some rods is a square.
+PREDICTED, SHORT_STEP = 2.0, 4e-3
 #: Parts of a path: first and least step, and the least one of all: a path that fails at its start ends.
 FIRST_STEP = 0.25
-LEAST_STEP = 1e-3
+LEAST_STEP = 2e-4
 TINY_STEP = 1e-6
 #: Moment balance at the points before the last, as a part of `load_scale`.
 ON_THE_WAY = 1e-5
@@ -56,12 +60,14 @@ class Followed:
     Attributes:
         base_moment: of the last equilibrium reached [N·mm].
         sweep: the integration that belongs to it.
-        done: part of the path that was possible, to 0.1 %; 1.0 for all of it.
+        done: part of the path that was possible, to 0.02 %; 1.0 for all of it.
+        least: the least `stiffness` on the path, at most 1.
     """
 
     base_moment: Array
     sweep: Sweep
     done: float
+    least: float = 1.0
 
 
 def load_scale(rod: Rod, loads: Loads) -> float:
@@ -107,6 +113,12 @@ def settle(
     return None
 
 
+def stiffness(at: Sweep) -> float:
+    """Determinant of the moment balance by the base moment: 1 without load, 0 at a critical load."""
+    assert at.tangents is not None
+    return float(np.linalg.det(at.tangents.moment[:, :3]))
+
+
 def follow(
     rod: Rod,
     start: Station,
@@ -123,21 +135,27 @@ def follow(
     scale = max(load_scale(rod, start.loads), load_scale(rod, end.loads))
     moment = before = np.array(base_moment, float)
     at = sweep(rod, start.pressures, moment, start.loads, elements, tangents=True)
-    done, behind, step = 0.0, 0.0, FIRST_STEP
+    done, behind, step, least = 0.0, 0.0, FIRST_STEP, 1.0
+    stiff = stiff_before = stiffness(at)
     while done < 1.0:
         goal = min(1.0, done + step)
         pressures = start.pressures + goal * (end.pressures - start.pressures)
         loads = start.loads.towards(end.loads, goal)
+        ahead = (goal - done) / (done - behind) if done > 0.0 else 0.0
         if done > 0.0:
-            predicted = moment + (goal - done) / (done - behind) * (moment - before)
+            predicted = moment + ahead * (moment - before)
         else:
             # A dead tip force has a moment about the base that follows from the tip.
             predicted = moment + goal * cross(at.tip, end.loads.tip_force - start.loads.tip_force)
         tolerance = ON_THE_WAY * scale if goal < 1.0 else statics_tolerance(scale)
         trial = settle(rod, pressures, predicted, loads, elements, tolerance)
-        if trial is not None:
-            before, behind = moment, done
+        stiff_there = 0.0 if trial is None else stiffness(trial.sweep)
+        away = abs(stiff_there - stiff - ahead * (stiff - stiff_before))
+        near = away <= PREDICTED * min(abs(stiff), abs(stiff_there)) or goal - done <= SHORT_STEP * goal
+        if trial is not None and near:
+            before, behind, stiff_before, stiff = moment, done, stiff, stiff_there
             moment, done, at = trial.base_moment, goal, trial.sweep
+            least = min(least, stiff)
             if passed is not None:
                 passed.append((done, moment))
             step *= 2.0
@@ -145,7 +163,7 @@ def follow(
             step = 0.5 * (goal - done)
             if step < LEAST_STEP * goal + TINY_STEP:
                 break
-    return Followed(moment, at, done)
+    return Followed(moment, at, done, least)
 
 
 def equilibrium(rod: Rod, pressures: Array, loads: Loads, elements: int = 3) -> Followed:

@@ -5,14 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.branch import (
-    MAX_ELEMENTS,
-    Followed,
-    equilibrium,
-    load_scale,
-    settle,
-    statics_tolerance,
-)
+from contid.kinematics.cosserat.branch import MAX_ELEMENTS, Followed, equilibrium
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
 from contid.kinematics.cosserat.statics import Sweep, sweep
@@ -41,18 +34,11 @@ def fine_equilibrium(
 ) -> tuple[Followed, int]:
     """`branch.equilibrium` with as many elements as ``error`` [mm] demands; also their number.
 
-    A branch that ends short of the full load is followed with more elements before that counts.
+    Each number of elements follows the path anew: where it passes near a fork, they decide on which side it
+    goes on. A branch that ends short of the full load is followed with more elements before that counts.
     """
-    tolerance = statics_tolerance(load_scale(rod, loads))
-    found: Followed | None = None
     while True:
-        if found is not None and found.done == 1.0:
-            finer = settle(rod, pressures, found.base_moment, loads, elements, tolerance)
-            found = None if finer is None else Followed(finer.base_moment, finer.sweep, 1.0)
-        else:
-            found = None
-        if found is None:
-            found = equilibrium(rod, pressures, loads, elements)
+        found = equilibrium(rod, pressures, loads, elements)
         if elements >= MAX_ELEMENTS or loads.is_zero:
             return found, elements
         if found.done == 1.0:
