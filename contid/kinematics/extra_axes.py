@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.model import Model, build_model
+from contid.kinematics.model import Model, build_model_for_ticks
 from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 
@@ -82,6 +82,6 @@ class WithExtraAxes:
 
 def build_whole_model(robot: RobotDescription) -> Model:
     """The model of a robot including its extra axes: what the control loop drives."""
-    model = build_model(robot)
+    model = build_model_for_ticks(robot)
     names = robot.extra_axis_names
     return WithExtraAxes(model, names, robot.extra_limits) if names else model

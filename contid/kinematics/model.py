@@ -45,6 +45,14 @@ class Model(Protocol):
 
 
 @runtime_checkable
+class Searching(Protocol):
+    """A model that searches for the nearest pose to a target out of reach, longer than a tick can wait."""
+
+    def for_ticks(self) -> Model:
+        """The same model with short searches: their answers may be farther from such targets."""
+
+
+@runtime_checkable
 class Compliant(Protocol):
     """A model that bends under a force on its tip."""
 
@@ -80,3 +88,9 @@ def build_model(robot: RobotDescription) -> Model:
     module, _, name = MODELS[robot.kinematics].partition(":")
     model: Model = getattr(import_module(module), name)(robot)
     return model
+
+
+def build_model_for_ticks(robot: RobotDescription) -> Model:
+    """The model of a robot description as the control loop has it: with short searches."""
+    model = build_model(robot)
+    return model.for_ticks() if isinstance(model, Searching) else model

@@ -24,7 +24,7 @@ from contid.control.tick.load_sensing.identified_arm import SCALE_STEP, Identifi
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.kinematics.frames import BaseFrame
-from contid.kinematics.model import Compliant, Model, build_model
+from contid.kinematics.model import Compliant, Model, build_model_for_ticks
 from contid.reach.spatial import Progress, reachable_volume
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.robot import RobotDescription
@@ -102,7 +102,7 @@ def quality_map(
     Raises:
         ContidError: the model has no compliance, errors of the axes are not stated, or nothing is reached.
     """
-    model, planar = build_model(robot), robot.dimension == 2
+    model, planar = build_model_for_ticks(robot), robot.dimension == 2
     of = _measure_of(name, robot, model, measure, axis_sigma)
     frame = BaseFrame.of(robot.base)
     volume = reachable_volume(model, frame, edge_m=edge_m, across=across, progress=progress, planar=planar)

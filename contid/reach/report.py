@@ -11,7 +11,7 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from contid.kinematics.frames import BaseFrame
-from contid.kinematics.model import build_model
+from contid.kinematics.model import build_model_for_ticks
 from contid.kinematics.rack.finger import RackFingerModel
 from contid.reach.planar import area_cm2, overlapping, planar_regions
 from contid.reach.spatial import Progress, Volume, reachable_volume, shared
@@ -114,7 +114,7 @@ def spatial_report(
     volumes: dict[str, Volume] = {}
     edge_m = None if edge_mm is None else edge_mm / MM_PER_M
     for name, robot in robots.items():
-        model, frame = build_model(robot), BaseFrame.of(robot.base)
+        model, frame = build_model_for_ticks(robot), BaseFrame.of(robot.base)
         volumes[name] = reachable_volume(model, frame, edge_m=edge_m, across=across, progress=progress)
         edge_m = volumes[name].edge_m
     return ReachReport(

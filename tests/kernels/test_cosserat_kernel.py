@@ -17,6 +17,7 @@ from contid.kinematics.cosserat.engine import NumpyEngine, RodSetup, RodSolver
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
 from tests.kinematics.cosserat_cases import GRAM, lean, limits, section
+from tests.oracles.bounded import models
 
 pytestmark = pytest.mark.skipif(
     load("cosserat") is None, reason="the kernel is not built, or CONTID_PURE_PYTHON is set"
@@ -29,7 +30,7 @@ def setup(sections: int, weighs: bool = False, tip_link: float = 0.0, **changes:
     )
     w = np.array([1e-4, -2e-4, 1e-3])
     weight = Loads(weight=dict.fromkeys(range(sections), w), link_weight={0: 2.0 * w}) if weighs else Loads()
-    whole = RodSetup(Rod(parts), weight, limits(sections), 3, 1e9, 1e-7, 42.0, False)
+    whole = RodSetup(Rod(parts), weight, limits(sections), 3, 1e9, 1e-7, 42.0, False, thorough=False)
     return dataclasses.replace(whole, **changes)  # type: ignore[arg-type]
 
 
@@ -111,6 +112,27 @@ def test_out_of_reach_ends_at_the_same_bounds() -> None:
         assert b[7] < 1e-9
         assert b[1] == pytest.approx(a[1], abs=1e-6)
         assert np.abs(np.array(a[0]) - b[0]).max() < 1e-4
+
+
+def test_a_thorough_search_finds_the_same_nearest_pose() -> None:
+    numpy, kernel = both(setup(1, True, thorough=True))
+    arguments = ((30.0, -22.0, -5.0), None, None, (0.004, 0.0, 0.03), [0.5] * 3)
+    a, b = numpy.inverse(*arguments), kernel.inverse(*arguments)
+    assert not b[2]
+    assert a[1:] == pytest.approx(b[1:], rel=1e-9)
+    assert a[0] == pytest.approx(b[0], abs=1e-9)
+
+
+def test_a_short_search_with_more_elements_finds_the_same_nearest_pose() -> None:
+    """A tilted arm with own weight that needs more than three elements."""
+    numpy, kernel = both(models()[1].for_ticks().setup)
+    seed = [0.764, 0.5038, 0.7511, 1.2702, 1.217, 0.6399]
+    arguments = ((-4.9202, -60.1073, -11.1217), None, None, (0.0246, -0.0147, 0.0398), seed)
+    a, b = numpy.inverse(*arguments), kernel.inverse(*arguments)
+    assert not b[2]
+    assert b[6] > 3
+    assert a[1] == pytest.approx(b[1], rel=1e-9)
+    assert a[0] == pytest.approx(b[0], abs=1e-6)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 20.0])

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
+from contid.kinematics.cosserat.along_branch.branch_search import TICK
 from contid.kinematics.cosserat.box_step import box_step
 from contid.kinematics.cosserat.branch import critical_factor, equilibrium
 from contid.kinematics.cosserat.closed_form import (
@@ -126,7 +127,7 @@ def test_infeasible_target_ends_at_the_bounded_optimum_in_equilibrium() -> None:
     assert found.outcome.optimal
     assert found.stable
     assert np.abs(found.outcome.pressures - golden).max() < 4e-5
-    loaded = search(Problem(two(), hanging(10.0), task, limits(2)), np.full(6, 0.5))
+    loaded = search(Problem(two(), hanging(10.0), task, limits(2)), np.full(6, 0.5), effort=TICK)
     assert not loaded.outcome.met
     assert loaded.outcome.statics < 1e-9
 

@@ -1,4 +1,4 @@
-// Descents along the branch from several starts: twin of contid/kinematics/cosserat/branch_search.py.
+// Descents along the branch from several starts: twin of contid/kinematics/cosserat/along_branch/branch_search.py.
 #pragma once
 
 #include "../halton.hpp"
@@ -7,15 +7,28 @@
 
 namespace contid {
 
-constexpr int kRestarts = 20, kCorners = 64, kWork = 280, kTryWork = 40, kRefusalElements = 12;
-constexpr int kLookElements = 2, kLookShare = 4;
+constexpr int kRestarts = 20, kCorners = 64, kTryWork = 60, kCandidates = 12, kRefusalElements = 12;
+constexpr int kLookElements = 2, kLookShare = 4, kLookSteps = 4, kLookCorrections = 4;
 // Corner starts lie up to this part of the range inside the box.
 constexpr double kInset = 0.06, kTracking = 0.05;
 constexpr double kFine = 1.0;  // [mm]
-constexpr double kTryGain = 1e-2, kTryAhead = 8.0, kTryTrust = 1e-2;
+constexpr double kTryGain = 1e-2, kTryAhead = 8.0, kTryTrust = 1e-2, kTryRoom = 1e-2;
 
-// Work that a search elsewhere may take: the cost of a step grows with elements and sections.
-template <int K> constexpr int allowed_work(int elements) { return 6 * kWork / (elements * K); }
+// How much a search may do: work of short descents, starts on both sides of planes of symmetry, number and work of
+// longer descents of the best, work of the last ones; most elements with which it is made again where these lose an
+// answer.
+struct Effort {
+  int work;
+  bool mirrored;
+  int longer, long_work, last_work;
+  int again;
+};
+
+constexpr Effort kTickEffort{450, false, 1, 60, 140, 6}, kThoroughEffort{1400, true, 12, 200, 3000, kMaxElements};
+
+// What steps of descents cost, in those of two sections of three elements; and how many a cost allows.
+template <int K> constexpr int cost_of(int steps, int elements) { return (steps * elements * K + 5) / 6; }
+template <int K> constexpr int steps_for(int cost, int elements) { return 6 * cost / (elements * K); }
 
 template <int K> struct Found {
   Outcome<K> outcome;
@@ -50,25 +63,30 @@ template <int K> bool continues(const Limits<K>& limits, const Outcome<K>& o, co
 }
 
 // Search for a loaded arm where a descent from the last command did not end on the target and on the branch: from
-// several starts, only through equilibria of the branch that the present state reaches on a straight path.
+// several starts, only through equilibria of the branch that the present state reaches on a straight path. Short
+// descents of many starts, longer ones of the best of them.
 template <int K> struct BranchSearch {
-  static constexpr int n = 3 * K, kCornerStarts = n < 6 ? 1 << n : kCorners, kStarts = kCornerStarts + 1;
+  static constexpr int n = 3 * K, kCornerStarts = n < 6 ? 1 << n : kCorners, kStarts = 2 * kCornerStarts + 1;
   const Rod<K>& rod;
   const Task& task;
   Vec force;
   const Limits<K>& limits;
   int elements;
   double tolerance;
+  const Effort& effort;
   int work = 0;  // about the number of steps that descents could have made; bounds the time
-  bool any = false;
+  bool over = false;
   double snap = 1.0;
-  BranchPose<K> present{};
+  BranchPose<K> present{}, candidates[kCandidates]{};  // nearest to the target first
+  double errors[kCandidates]{};
+  int count = 0;
   Found<K> best{};
 
   // False where no equilibrium of the branch has the pressures of a pose.
   bool pose_at(BranchPose<K>& pose) {
-    work += kRampWork;
-    return ramped<K>(rod, pose.pressures, force, elements, pose.moment, pose.at, pose.ramp) == 1.0;
+    const double done = ramped<K>(rod, pose.pressures, force, elements, pose.moment, pose.at, pose.ramp);
+    work += pose.ramp.work();
+    return done == 1.0;
   }
 
   bool same(Vec moment, Vec other) const { return norm(moment - other) <= kSamePose * load_scale<K>(rod, force); }
@@ -97,68 +115,105 @@ template <int K> struct BranchSearch {
     return equilibrium<K>(rod, o.pressures, force, 2 * elements, moment, at) == 1.0 && error(at) <= o.residual + kFine;
   }
 
-  // A descent; it ends on the branch.
-  Outcome<K> descended(const BranchPose<K>& start, const StopRule& stop) {
-    Outcome<K> o = descend<K>(rod, task, force, limits, start, elements, tolerance, stop);
-    work += o.iterations;
-    if (any && !(o.residual < best.outcome.residual)) return o;
-    BranchPose<K> end;
-    std::copy(o.pressures, o.pressures + n, end.pressures);
-    if (pose_at(end) && same(end.moment, o.moment) && agrees_with_finer(o)) return o;
-    return outcome_of<K>(task, start, tolerance);
+  // Adds the end of a descent to the best, in place of a worse one next to it.
+  void add(const BranchPose<K>& pose, double residual) {
+    int at = 0;
+    for (; at < count; ++at) {
+      double apart = 0.0;
+      for (int j = 0; j < n; ++j)
+        apart = std::fmax(apart, std::fabs(pose.pressures[j] - candidates[at].pressures[j]));
+      if (apart > kTracking) continue;
+      if (!(residual < errors[at])) return;
+      break;
+    }
+    if (at == count && count < kCandidates) ++count;
+    if (at == kCandidates && !(residual < errors[--at])) return;
+    for (; at > 0 && residual < errors[at - 1]; --at) candidates[at] = candidates[at - 1], errors[at] = errors[at - 1];
+    candidates[at] = pose, errors[at] = residual;
   }
 
-  // Descends from one start; true when the search is over.
-  bool attempt(const BranchPose<K>& start, bool here) {
-    const StopRule stop =
-        any ? StopRule{kTryWork, kTryGain, best.outcome.residual, kTryAhead, kTryTrust} : StopRule{kTryWork};
-    const Outcome<K> o = descended(start, stop);
-    if (any && !(o.residual < best.outcome.residual)) return false;
+  // Descends from a pose; the search is over on the target.
+  void attempt(const BranchPose<K>& start, int most, bool here = false) {
+    Descent<K> descent{rod, task, force, limits, elements, tolerance};
+    const Outcome<K> o =
+        descent.run(start, {most, kTryGain, count ? errors[0] : 0.0, count ? kTryAhead : 0.0, kTryTrust, kTryRoom});
+    work += o.iterations;
     double done = 1.0;
+    if (count == kCandidates && !(o.residual < errors[kCandidates - 1])) return;
     if (o.met && !here && !reaches(o, done)) {
       snap = std::fmin(snap, done);
-      return false;
+      return;
     }
-    any = true;
-    best.outcome = o;
-    return o.met;
+    if (o.met && !agrees_with_finer(o)) return;
+    BranchPose<K> end;
+    std::copy(o.pressures, o.pressures + n, end.pressures);
+    end.moment = o.moment, end.at = o.at, end.ramp = descent.ramp;
+    if (o.met) best.outcome = o, over = true;
+    add(end, o.residual);
   }
 
-  // Points next to the corners of the box, off planes of symmetry, where ways fork; then its centre.
+  // Points next to the corners of the box, off planes of symmetry, where paths fork; its centre; points on other sides
+  // of those planes.
   void point(int index, double* p) const {
+    const bool mirrored = index > kCornerStarts;
+    const int corner = mirrored ? index - kCornerStarts - 1 : index;
     for (int i = 0; i < n; ++i) {
       const double range = limits.upper[i] - limits.lower[i];
-      if (index < kCornerStarts) {
-        const double inset = kInset * radical_inverse(index + 1, kPrimes[i]) * range;
-        const bool high = n <= 6 ? (index >> i) & 1 : radical_inverse(index + 1, kPrimes[i]) >= 0.5;
-        p[i] = high ? limits.upper[i] - inset : limits.lower[i] + inset;
-      } else {
+      if (index == kCornerStarts) {
         p[i] = limits.centre[i];
+        continue;
       }
+      const double share = radical_inverse(corner + 1, kPrimes[i]);
+      const double inset = kInset * (mirrored ? 1.0 - share : share) * range;
+      const bool high = n <= 6 ? (corner >> i) & 1 : share >= 0.5;
+      p[i] = high ? limits.upper[i] - inset : limits.lower[i] + inset;
     }
+  }
+
+  // About where the arm is with the pressures of a pose: in few steps from rest, stable or not.
+  bool roughly_at(BranchPose<K>& pose) const {
+    const double enough = kRough * load_scale<K>(rod, force);
+    double p[n];
+    Vec last{}, before{};
+    for (int k = 1; k <= kLookSteps; ++k) {
+      const double part = static_cast<double>(k) / kLookSteps;
+      for (int j = 0; j < n; ++j) p[j] = part * pose.pressures[j];
+      Vec moment = k == 1 ? predicted_moment<K>(rod, {0, 0, rod.reach}, part * force, part) : 2.0 * last - before;
+      bool near = false;
+      for (int i = 0; i < kLookCorrections && !near; ++i) {
+        judge<K>(rod, p, moment, part * force, part, kLookElements, pose.at);
+        near = norm(pose.at.ends.moment) <= enough;
+        if (!pose.at.regular) return false;
+        moment = moment - pose.at.moment_by_balance * pose.at.ends.moment;
+      }
+      if (!near) return false;
+      before = last, last = moment;
+    }
+    return true;
   }
 
   // Starts nearest to the target first, by a coarse look at all.
-  bool elsewhere(int most) {
+  void elsewhere(int most) {
     double away[kStarts];
-    int order[kStarts], count = 0;
-    const int looks = std::min(kStarts, (most - work) / kLookShare);
+    int order[kStarts], seen = 0;
+    const int looks = std::min(effort.mirrored ? kStarts : kCornerStarts + 1, most / kLookShare);
     for (int index = 0; index < looks; ++index) {
       BranchPose<K> coarse;
       point(index, coarse.pressures);
-      ++work;
-      if (equilibrium<K>(rod, coarse.pressures, force, kLookElements, coarse.moment, coarse.at) < 1.0) continue;
-      away[count] = error(coarse.at);
-      int at = count++;
+      if ((!roughly_at(coarse) || coarse.at.modes != 0) &&
+          equilibrium<K>(rod, coarse.pressures, force, kLookElements, coarse.moment, coarse.at) < 1.0)
+        continue;
+      away[seen] = error(coarse.at);
+      int at = seen++;
       for (; at > 0 && away[at - 1] > away[at]; --at) std::swap(away[at - 1], away[at]), order[at] = order[at - 1];
       order[at] = index;
     }
-    for (int k = 0; k < count && work < most; ++k) {
+    work += looks;
+    for (int k = 0; k < seen && work < most && !over; ++k) {
       BranchPose<K> start;
       point(order[k], start.pressures);
-      if (pose_at(start) && attempt(start, false)) return true;
+      if (pose_at(start)) attempt(start, kTryWork);
     }
-    return false;
   }
 
   // False when the branch has no pose at the seed: the arm is left alone.
@@ -166,12 +221,17 @@ template <int K> struct BranchSearch {
     std::copy(seed, seed + n, present.pressures);
     clamp<K>(limits, present.pressures);
     if (!pose_at(present)) return false;
-    bool over = attempt(present, true);
+    attempt(present, kTryWork, true);
     BranchPose<K> start;
-    if (!over && unloaded<K>(rod, task, limits, start.pressures) && pose_at(start)) over = attempt(start, false);
-    if (!over) over = elsewhere(work + allowed_work<K>(elements));
+    if (!over && unloaded<K>(rod, task, limits, start.pressures) && pose_at(start)) attempt(start, kTryWork);
+    if (!over) elsewhere(steps_for<K>(effort.work, elements));
+    for (int k = 0; k < effort.longer && k < count && !over; ++k) {
+      const BranchPose<K> from = candidates[k];
+      attempt(from, effort.long_work);
+    }
+    if (!over) best.outcome = outcome_of<K>(task, candidates[0], tolerance);
     best.stable = true;
-    best.snap = best.outcome.met ? 1.0 : snap;
+    best.snap = over ? 1.0 : snap;
     best.elements = elements;
     best.iterations = work;
     return true;

@@ -84,7 +84,7 @@ template <int K> struct ArmOf final : Arm {
       limits.centre[i] = nb::cast<double>(box.attr("centre")[i]);
     }
     settings = {nb::cast<int>(setup.attr("elements")), nb::cast<double>(setup.attr("tolerance")),
-                nb::cast<double>(setup.attr("error"))};
+                nb::cast<double>(setup.attr("error")), nb::cast<bool>(setup.attr("thorough"))};
   }
 
   nb::tuple inverse(const Task& task, Vec force, nb::handle seed) const override {

@@ -2,16 +2,15 @@
 #pragma once
 
 #include "branch_search.hpp"
-#include "discretisation.hpp"
+#include "last_descents.hpp"
 #include "track.hpp"
 #include "track_home.hpp"
 
 namespace contid {
 
 constexpr int kIterations = 60, kRestartIterations = 25, kLoadSteps = 3, kRampIterations = 10;
-constexpr double kRampTolerance = 1e-2;
-constexpr double kRetreat = 2e-3;
 constexpr int kFinerIterations = 6;
+constexpr double kRampTolerance = 1e-2;
 
 // True when the arm gets from the seed to an equilibrium on a straight path, or has none at the seed.
 template <int K>
@@ -125,12 +124,19 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
   };
   // A bounded optimum next to the last command continues a motion; another start would only jump.
   const auto tracked = [&] { return any && best.outcome.optimal && continues<K>(limits, best.outcome, seed); };
+  const Effort& effort = settings.thorough ? kThoroughEffort : kTickEffort;
   bool descended = false;
   if (!attempt(seed, kIterations) && !tracked() && !everywhere()) {
     for (int elements = settings.elements;; elements = kRefusalElements) {
-      BranchSearch<K> branch{rod, task, tip_force, limits, elements, settings.tolerance};
+      BranchSearch<K> branch{rod, task, tip_force, limits, elements, settings.tolerance, effort};
       descended = branch.run(seed);
       spent += branch.work;
+      if (descended && !branch.over) {
+        LastDescents<K> last{rod, task, tip_force, limits, seed, settings, effort.last_work};
+        descended = last.run(branch);
+        spent += last.spent;
+        branch.best = last.best;
+      }
       if (descended && any && !branch.best.outcome.met && best.outcome.residual <= branch.best.outcome.residual)
         best.snap = branch.best.snap, descended = false;
       else if (descended)
@@ -139,23 +145,13 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
       if (descended || any || elements >= kRefusalElements) break;
     }
   }
-  // The pose on the branch with the pressures of an answer; where more elements have none, one next to it, towards the
-  // seed.
-  const auto pose_near = [&](int elements, const Outcome<K>& o, BranchPose<K>& pose) {
-    bool on_branch = false;
-    for (double part = 0.0; !on_branch && part < 1.0; part = part > 0.0 ? 4.0 * part : kRetreat) {
-      for (int i = 0; i < n; ++i) pose.pressures[i] = o.pressures[i] + part * (seed[i] - o.pressures[i]);
-      clamp<K>(limits, pose.pressures);
-      on_branch = ramped<K>(rod, pose.pressures, tip_force, elements, pose.moment, pose.at, pose.ramp) == 1.0;
-    }
-    return on_branch;
-  };
   const auto on_branch_at = [&](int elements, const Outcome<K>& o) {
     Vec moment;
     Judged at;
     return equilibrium<K>(rod, o.pressures, tip_force, elements, moment, at) == 1.0 &&
            norm(moment - o.moment) <= kSamePose * scale;
   };
+  const bool met = best.outcome.met;
   bool along = descended;  // the branch; what counts is the pose that the straight path from rest reaches
   while (weighs && best.stable && best.elements < kMaxElements) {
     const Outcome<K> o = best.outcome;
@@ -168,7 +164,7 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
     if (!o.met || !best.outcome.met || !stable(best.outcome, best.elements) ||
         moved(best.outcome, o.pressures) > kTracking || !on_branch_at(best.elements, best.outcome)) {
       BranchPose<K> pose;
-      best.stable = pose_near(best.elements, o, pose);
+      best.stable = pose_near<K>(rod, tip_force, limits, seed, o.pressures, best.elements, pose);
       if (best.stable) {
         best.outcome = descend<K>(rod, task, tip_force, limits, pose, best.elements, settings.tolerance,
                                   {o.met ? kRestartIterations : kFinerIterations});
@@ -181,11 +177,19 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
   if (along && best.stable) {
     Outcome<K>& o = best.outcome;
     BranchPose<K> pose;
-    best.stable = pose_near(best.elements, o, pose);
+    best.stable = pose_near<K>(rod, tip_force, limits, seed, o.pressures, best.elements, pose);
     if (best.stable && (norm(pose.moment - o.moment) > kSamePose * scale || moved(o, pose.pressures) > 0.0))
       o = outcome_of<K>(task, pose, settings.tolerance);
   }
   best.iterations = spent;
+  if (best.elements <= effort.again && met && !(best.stable && best.outcome.met)) {
+    const Settings finer{best.elements, settings.tolerance, settings.error, settings.thorough};
+    Found<K> again = search<K>(rod, task, tip_force, limits, seed, finer);
+    again.iterations += spent;
+    if (again.stable && (!best.stable || again.outcome.met || again.outcome.residual < best.outcome.residual))
+      return again;
+    best.iterations = again.iterations;
+  }
   return best;
 }
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from contid.kernels import load
 from contid.kinematics.array import Array
+from contid.kinematics.cosserat.along_branch.branch_search import THOROUGH, TICK
 from contid.kinematics.cosserat.branch import buckled, critical_factor
 from contid.kinematics.cosserat.discretisation import fine_equilibrium
 from contid.kinematics.cosserat.loads import Loads
@@ -44,7 +45,10 @@ KERNEL_SECTIONS = 8
 
 @dataclass(frozen=True)
 class RodSetup:
-    """The rod, its own weight, limits and solver settings."""
+    """The rod, its own weight, limits and solver settings.
+
+    ``thorough`` is False where searches for targets out of reach must fit into a few ticks.
+    """
 
     rod: Rod
     weight: Loads
@@ -54,6 +58,7 @@ class RodSetup:
     tolerance: float
     direction_length: float
     full_rotation: bool
+    thorough: bool = True
 
     def loads(self, force: Vec3) -> Loads:
         """The arm's own weight and a force on the tip [N]."""
@@ -108,7 +113,7 @@ class NumpyEngine:
             length=s.direction_length,
         )
         problem = Problem(s.rod, self.setup.loads(force), task, s.limits, s.elements, s.tolerance)
-        found = search_settled(problem, np.array(seed), s.error)
+        found = search_settled(problem, np.array(seed), s.error, THOROUGH if s.thorough else TICK)
         o = found.outcome
         return (
             tuple(o.pressures.tolist()), o.residual, o.met, o.optimal, found.stable, found.iterations,
@@ -162,9 +167,9 @@ class NumpyEngine:
 
 
 def build_engine(setup: RodSetup) -> RodSolver:
-    """The kernel where available, else NumPy."""
+    """The kernel where available, else NumPy, where a thorough search would take a minute."""
     kernel = load("cosserat") if len(setup.rod.sections) <= KERNEL_SECTIONS else None
     if kernel is None:
-        return NumpyEngine(setup)
+        return NumpyEngine(replace(setup, thorough=False))
     engine: RodSolver = kernel.Engine(setup)
     return engine

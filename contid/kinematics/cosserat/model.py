@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -95,6 +97,13 @@ class CosseratModel:
         self.engine = build_engine(self.setup)
         #: Reference arc lengths of the backbone [mm].
         self._stations = stations(self.setup.rod, self.setup.elements)
+
+    def for_ticks(self) -> CosseratModel:
+        """The same arm; searches for the nearest pose to a target out of reach are short: see `Effort`."""
+        short = copy(self)
+        short.setup = replace(self.setup, thorough=False)
+        short.engine = build_engine(short.setup)
+        return short
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Pose on the branch that grows from the unloaded shape; ``stable`` is False once it has buckled."""

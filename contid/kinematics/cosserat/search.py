@@ -13,12 +13,19 @@ from dataclasses import replace
 import numpy as np
 
 from contid.kinematics.array import Array
+from contid.kinematics.cosserat.along_branch.branch_search import (
+    THOROUGH,
+    BranchSearch,
+    Effort,
+    Found,
+    reaches,
+)
+from contid.kinematics.cosserat.along_branch.descent import StopRule, descend, outcome_of
+from contid.kinematics.cosserat.along_branch.last_descents import LastDescents, pose_near
+from contid.kinematics.cosserat.along_branch.ramp import same_pose
 from contid.kinematics.cosserat.branch import MAX_ELEMENTS, equilibrium
-from contid.kinematics.cosserat.branch_search import BranchSearch, Found, reaches
-from contid.kinematics.cosserat.descent import StopRule, descend, outcome_of
 from contid.kinematics.cosserat.discretisation import discretisation_error
 from contid.kinematics.cosserat.home import home
-from contid.kinematics.cosserat.ramp import BranchPose, ramped, same_pose
 from contid.kinematics.cosserat.solve import BALANCE_TOLERANCE, Problem, RodSolution, solve
 from contid.kinematics.cosserat.stability import unstable_modes
 from contid.kinematics.cosserat.starts import predicted_moment, starts, unloaded
@@ -30,23 +37,22 @@ RESTART_ITERATIONS = 25
 TRACKING = 0.05
 #: The load is ramped from the closed form in this many steps, the early ones solved roughly [mm].
 LOAD_STEPS = 3
-#: Iterations with more elements after a search on the branch.
+#: Iterations of a bounded optimum with more elements.
 FINER_ITERATIONS = 6
 #: Elements with which a search that found no stable pose is repeated before the target is refused.
 REFUSAL_ELEMENTS = 12
-#: First part of the path back to the seed where more elements find an answer unstable.
-RETREAT = 2e-3
 RAMP_TOLERANCE = 1e-2
 RAMP_ITERATIONS = 10
 
 
-def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
+def search(problem: Problem, seed: Array, error: float = np.inf, effort: Effort = THOROUGH) -> Found:
     """Solve from the seed; where that does not end on the target and on the branch, from elsewhere.
 
     Args:
         problem: what to solve, with the minimum number of elements.
         seed: the last commanded pressures [bar].
         error: estimated discretisation error [mm] at which the elements are doubled.
+        effort: of a search on the branch.
     """
     guess = predicted_moment(problem.rod, problem.task, problem.loads)
     loaded = not problem.loads.is_zero
@@ -80,7 +86,7 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
                 if attempt(start, guess, RESTART_ITERATIONS):
                     break
         for elements in dict.fromkeys((problem.elements, REFUSAL_ELEMENTS)) if loaded else ():
-            found = BranchSearch(replace(problem, elements=elements), seed).run()
+            found = _along_branch(problem, elements, seed, error, effort)
             if found is not None:
                 spent += found.iterations
                 settled = settle_freedom(replace(problem, elements=found.elements), found.outcome, seed)
@@ -95,7 +101,26 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
         held = solve(problem, seed, guess, 1)
         return Found(held, False, problem.elements, spent)
     best = replace(best, iterations=spent)
-    return refine(problem, best, seed, error, descended) if best.stable and loaded else best
+    if not (best.stable and loaded):
+        return best
+    refined = refine(problem, best, seed, error, descended)
+    lost = best.outcome.met and not (refined.stable and refined.outcome.met)
+    if not lost or refined.elements > effort.again:
+        return refined
+    again = search(replace(problem, elements=refined.elements), seed, error, effort)
+    spent = refined.iterations + again.iterations
+    better = not refined.stable or again.outcome.met or again.outcome.residual < refined.outcome.residual
+    return replace(again if again.stable and better else refined, iterations=spent)
+
+
+def _along_branch(problem: Problem, elements: int, seed: Array, error: float, effort: Effort) -> Found | None:
+    """What a search along the branch finds; out of reach, its candidates descend once more."""
+    branch = BranchSearch(replace(problem, elements=elements), seed, effort)
+    found = branch.run()
+    if found is None or branch.met is not None:
+        return found
+    last = LastDescents(problem, seed, error, effort.last_work).run(branch)
+    return None if last is None else replace(last, iterations=last.iterations + branch.work)
 
 
 def settle_freedom(problem: Problem, outcome: RodSolution, seed: Array) -> RodSolution | None:
@@ -184,7 +209,7 @@ def refine(problem: Problem, found: Found, seed: Array, error: float, along: boo
         stable = True
         # More elements can end the branch before the pressures that fewer of them reach.
         if not (o.met and outcome.met and is_stable(finer, outcome) and near and _on_branch(finer, outcome)):
-            pose = _pose_near(finer, o.pressures, seed)
+            pose, _ = pose_near(finer, o.pressures, seed)
             stable = pose is not None
             if pose is not None:
                 outcome = descend(finer, pose, StopRule(RESTART_ITERATIONS if o.met else FINER_ITERATIONS))
@@ -200,22 +225,10 @@ def _on_branch(problem: Problem, outcome: RodSolution) -> bool:
     return at.done == 1.0 and same_pose(problem, at.base_moment, outcome.base_moment)
 
 
-def _pose_near(problem: Problem, pressures: Array, seed: Array) -> BranchPose | None:
-    """The pose on the branch with given pressures; where there is none, one next to it, towards the seed."""
-    limits, part = problem.limits, 0.0
-    while part < 1.0:
-        p = np.clip(pressures + part * (seed - pressures), limits.lower, limits.upper)
-        pose = ramped(problem, p)
-        if pose is not None:
-            return pose
-        part = 4.0 * part if part > 0.0 else RETREAT
-    return None
-
-
 def on_the_branch(problem: Problem, found: Found, seed: Array) -> Found:
     """The pose that counts for the pressures found along the branch."""
     here, o = replace(problem, elements=found.elements), found.outcome
-    pose = _pose_near(here, o.pressures, seed)
+    pose, _ = pose_near(here, o.pressures, seed)
     if pose is None:
         return replace(found, stable=False)
     same = same_pose(here, pose.base_moment, o.base_moment)

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.branch_search import Found
+from contid.kinematics.cosserat.along_branch.branch_search import THOROUGH, Effort, Found
 from contid.kinematics.cosserat.search import TRACKING, reached_from, search
 from contid.kinematics.cosserat.solve import Problem, RodSolution
 
@@ -21,21 +21,22 @@ from contid.kinematics.cosserat.solve import Problem, RodSolution
 MOST_SEARCHES, SETTLED_BAR = 4, 1e-7
 
 
-def search_settled(problem: Problem, seed: Array, error: float = np.inf) -> Found:
+def search_settled(problem: Problem, seed: Array, error: float = np.inf, effort: Effort = THOROUGH) -> Found:
     """`search`, repeated from its own answer to a redundant target until that stays.
 
     Args:
         problem: what to solve, with the minimum number of elements.
         seed: the last commanded pressures [bar].
         error: estimated discretisation error [mm] at which the elements are doubled.
+        effort: of a search on the branch.
     """
-    found = search(problem, seed, error)
+    found = search(problem, seed, error, effort)
     if problem.task.rows >= problem.rod.pressures:
         return found
     for _ in range(MOST_SEARCHES):
         if not (found.outcome.met and found.stable) or _moved(found.outcome, seed) <= TRACKING:
             break
-        again = search(problem, found.outcome.pressures, error)
+        again = search(problem, found.outcome.pressures, error, effort)
         spent = found.iterations + again.iterations
         found = replace(found, iterations=spent)
         if (

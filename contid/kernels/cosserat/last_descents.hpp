@@ -1,0 +1,121 @@
+// The last descents of answers out of reach: twin of contid/kinematics/cosserat/along_branch/last_descents.py, its specification.
+#pragma once
+
+#include "branch_search.hpp"
+#include "discretisation.hpp"
+
+namespace contid {
+
+constexpr double kRetreat = 2e-3;
+constexpr int kLeastWork = 12, kFinishWork = 40;
+constexpr double kLastGain = 1e-3, kLastTrust = 1e-5, kLastAhead = 8.0, kCertain = 3.0;
+
+// The pose on the branch with the pressures of an answer; where more elements have none, one next to it, towards the
+// seed.
+template <int K>
+bool pose_near(const Rod<K>& rod, Vec force, const Limits<K>& limits, const double* seed, const double* pressures,
+               int elements, BranchPose<K>& pose) {
+  for (double part = 0.0; part < 1.0; part = part > 0.0 ? 4.0 * part : kRetreat) {
+    for (int i = 0; i < 3 * K; ++i) pose.pressures[i] = pressures[i] + part * (seed[i] - pressures[i]);
+    clamp<K>(limits, pose.pressures);
+    if (ramped<K>(rod, pose.pressures, force, elements, pose.moment, pose.at, pose.ramp) == 1.0) return true;
+  }
+  return false;
+}
+
+// Descends from the candidates of a search with the elements that they need.
+template <int K> struct LastDescents {
+  const Rod<K>& rod;
+  const Task& task;
+  Vec force;
+  const Limits<K>& limits;
+  const double* seed;
+  const Settings& settings;
+  int cost_left;
+  int spent = 0;
+  bool any = false;
+  Found<K> best{};
+
+  bool is_fine(const Outcome<K>& o, int elements) const {
+    return elements >= kMaxElements ||
+           discretisation_error<K>(rod, o.pressures, o.moment, o.at, force, elements) <= settings.error;
+  }
+
+  // True where `forward` has the tip of an outcome, and a path with twice the elements too: next to the boundary the
+  // elements decide on which side the arm is.
+  bool is_certain(const Outcome<K>& o, int count) {
+    Vec moment;
+    Judged at;
+    int elements;
+    spend(2 * kRampWork, 2 * count);
+    return fine_equilibrium<K>(rod, o.pressures, force, settings, moment, at, elements) == 1.0 &&
+           norm(at.ends.p - o.at.ends.p) <= settings.error &&
+           equilibrium<K>(rod, o.pressures, force, 2 * count, moment, at) == 1.0 &&
+           norm(at.ends.p - o.at.ends.p) <= kCertain * settings.error;
+  }
+
+  void spend(int steps, int elements) { spent += steps, cost_left -= cost_of<K>(steps, elements); }
+
+  // Takes a pose with given pressures, or the end of a descent from it, or one on the way back from there, if that is
+  // better than the best.
+  void attempt(const double* pressures, int elements, bool descends) {
+    Found<K> found{};
+    found.elements = elements, found.stable = true, found.snap = 1.0;
+    Outcome<K>& o = found.outcome;
+    std::copy(pressures, pressures + 3 * K, o.pressures);
+    for (;; found.elements *= 2) {
+      BranchPose<K> pose;
+      if (!pose_near<K>(rod, force, limits, seed, o.pressures, found.elements, pose)) return;
+      spend(pose.ramp.work(), found.elements);
+      o = outcome_of<K>(task, pose, settings.tolerance);
+      if (!is_fine(o, found.elements)) continue;
+      if (!descends) break;
+      const StopRule stop{std::max(steps_for<K>(cost_left, found.elements), kLeastWork), kLastGain,
+                          best.outcome.residual, any ? kLastAhead : 0.0, kLastTrust};
+      o = descend<K>(rod, task, force, limits, pose, found.elements, settings.tolerance, stop);
+      spend(o.iterations, found.elements);
+      if (is_fine(o, found.elements)) break;
+    }
+    const Outcome<K> end = o;
+    for (double part = 0.0; part < 1.0; part = part > 0.0 ? 4.0 * part : kRetreat) {
+      if (part > 0.0) {
+        BranchPose<K> pose;
+        for (int i = 0; i < 3 * K; ++i)
+          pose.pressures[i] = end.pressures[i] + part * (pressures[i] - end.pressures[i]);
+        spend(kRampWork, found.elements);
+        if (ramped<K>(rod, pose.pressures, force, found.elements, pose.moment, pose.at, pose.ramp) < 1.0) continue;
+        o = outcome_of<K>(task, pose, settings.tolerance);
+      }
+      if (any && !(o.residual < best.outcome.residual)) return;
+      if (!is_fine(o, found.elements) || !is_certain(o, found.elements)) continue;
+      best = found, any = true;
+      return;
+    }
+  }
+
+  // Goes on from the best one until no step helps: only then it is known to be an optimum.
+  void finish() {
+    BranchPose<K> pose;
+    std::copy(best.outcome.pressures, best.outcome.pressures + 3 * K, pose.pressures);
+    if (ramped<K>(rod, pose.pressures, force, best.elements, pose.moment, pose.at, pose.ramp) < 1.0) return;
+    Outcome<K> o = descend<K>(rod, task, force, limits, pose, best.elements, settings.tolerance,
+                              {std::max(steps_for<K>(kFinishWork, best.elements), kLeastWork)});
+    spend(pose.ramp.work() + o.iterations, best.elements);
+    if (o.residual <= best.outcome.residual && is_fine(o, best.elements) && is_certain(o, best.elements))
+      best.outcome = o;
+  }
+
+  // False where no outcome of a search counts.
+  bool run(const BranchSearch<K>& search) {
+    for (int k = 0; k < search.count && cost_left > 0; ++k)
+      attempt(search.candidates[k].pressures, search.elements, true);
+    for (int k = 0; k < search.count && !any; ++k) attempt(search.candidates[k].pressures, search.elements, false);
+    if (!any) attempt(search.present.pressures, search.elements, false);
+    if (any && !best.outcome.optimal) finish();
+    best.snap = search.snap;
+    best.iterations = spent;
+    return any;
+  }
+};
+
+}  // namespace contid

@@ -1,0 +1,148 @@
+"""The last descents of answers out of reach: from the candidates of a search, with the elements they need.
+
+Specification of ``contid/kernels/cosserat/last_descents.hpp``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from contid.kinematics.array import Array
+from contid.kinematics.cosserat.along_branch.branch_search import BranchSearch, Found, steps_for
+from contid.kinematics.cosserat.along_branch.descent import StopRule, descend, outcome_of
+from contid.kinematics.cosserat.along_branch.ramp import RAMP_WORK, BranchPose, ramped, ramped_work
+from contid.kinematics.cosserat.branch import MAX_ELEMENTS, equilibrium
+from contid.kinematics.cosserat.discretisation import discretisation_error, fine_equilibrium
+from contid.kinematics.cosserat.solve import Problem, RodSolution
+
+#: The least work of one of them, and that of going on from the best (as `Effort.last_work`).
+LEAST_WORK, FINISH_WORK = 12, 40
+#: Their `StopRule`.
+LAST_GAIN, LAST_AHEAD, LAST_TRUST = 1e-3, 8.0, 1e-5
+#: How far twice the elements may be from an outcome, in units of ``error``.
+CERTAIN = 3.0
+#: First part of the path back to the seed where more elements find an answer unstable.
+RETREAT = 2e-3
+
+
+def pose_near(problem: Problem, pressures: Array, seed: Array) -> tuple[BranchPose | None, int]:
+    """The pose on the branch with given pressures; where there is none, one next to it, towards the seed.
+
+    With the work of the path to it.
+    """
+    limits, part = problem.limits, 0.0
+    while part < 1.0:
+        p = np.clip(pressures + part * (seed - pressures), limits.lower, limits.upper)
+        pose, work = ramped_work(problem, p)
+        if pose is not None:
+            return pose, work
+        part = 4.0 * part if part > 0.0 else RETREAT
+    return None, 0
+
+
+class LastDescents:
+    """Descends from the candidates of a search with the elements that they need.
+
+    ``error`` is the estimated discretisation error [mm] at which the elements are doubled.
+    """
+
+    def __init__(self, problem: Problem, seed: Array, error: float, cost: int) -> None:
+        self.problem, self.seed, self.error = problem, seed, error
+        self.cost_left, self.spent = cost, 0
+        self.best: Found | None = None
+
+    def run(self, search: BranchSearch) -> Found | None:
+        """The best outcome; None where none counts."""
+        elements = search.problem.elements
+        for _, pose in search.candidates:
+            if self.cost_left > 0:
+                self._attempt(pose.pressures, elements, descends=True)
+        for _, pose in search.candidates:
+            if self.best is None:
+                self._attempt(pose.pressures, elements, descends=False)
+        if self.best is None:
+            self._attempt(search.present.pressures, elements, descends=False)
+        if self.best is None:
+            return None
+        if not self.best.outcome.optimal:
+            self._finish(self.best)
+        return replace(self.best, snap=search.snap, iterations=self.spent)
+
+    def _spend(self, steps: int, elements: int) -> None:
+        self.spent += steps
+        self.cost_left -= (steps * elements * len(self.problem.rod.sections) + 5) // 6
+
+    def _attempt(self, start: Array, elements: int, descends: bool) -> None:
+        """Take a pose with given pressures, or the end of a descent from it, if better than the best."""
+        pressures = start
+        while True:
+            finer = replace(self.problem, elements=elements)
+            pose, work = pose_near(finer, pressures, self.seed)
+            if pose is None:
+                return
+            self._spend(work, elements)
+            o = outcome_of(finer, pose)
+            if self._is_fine(o, elements):
+                if not descends:
+                    break
+                best, ahead = (0.0, 0.0) if self.best is None else (self.best.outcome.residual, LAST_AHEAD)
+                work = max(steps_for(finer, self.cost_left), LEAST_WORK)
+                o = descend(finer, pose, StopRule(work, LAST_GAIN, best, ahead, LAST_TRUST))
+                self._spend(o.iterations, elements)
+                if self._is_fine(o, elements):
+                    break
+            pressures = o.pressures
+            elements *= 2
+        self._take(finer, o, start)
+
+    def _take(self, problem: Problem, end: RodSolution, start: Array) -> None:
+        """Take an outcome, or one on the way back to ``start``, if it is certain and better than the best."""
+        o, part = end, 0.0
+        while part < 1.0:
+            pose: BranchPose | None = None
+            if part > 0.0:
+                self._spend(RAMP_WORK, problem.elements)
+                pose = ramped(problem, end.pressures + part * (start - end.pressures))
+                o = o if pose is None else outcome_of(problem, pose)
+            if part == 0.0 or pose is not None:
+                if self.best is not None and not o.residual < self.best.outcome.residual:
+                    return
+                if self._is_fine(o, problem.elements) and self._is_certain(o, problem.elements):
+                    self.best = Found(o, True, problem.elements, 0)
+                    return
+            part = 4.0 * part if part > 0.0 else RETREAT
+
+    def _finish(self, best: Found) -> None:
+        """Go on from the best one until no step helps: only then it is known to be an optimum."""
+        finer = replace(self.problem, elements=best.elements)
+        pose, work = ramped_work(finer, best.outcome.pressures)
+        if pose is None:
+            return
+        o = descend(finer, pose, StopRule(max(steps_for(finer, FINISH_WORK), LEAST_WORK)))
+        self._spend(work + o.iterations, best.elements)
+        nearer = o.residual <= best.outcome.residual and self._is_fine(o, best.elements)
+        if nearer and self._is_certain(o, best.elements):
+            self.best = replace(best, outcome=o)
+
+    def _is_fine(self, o: RodSolution, elements: int) -> bool:
+        p = self.problem
+        if elements >= MAX_ELEMENTS:
+            return True
+        found = discretisation_error(p.rod, o.pressures, o.base_moment, p.loads, elements, o.sweep)
+        return found <= self.error
+
+    def _is_certain(self, o: RodSolution, elements: int) -> bool:
+        """True where `forward` has the tip of an outcome, and a path with twice the elements too.
+
+        Next to the boundary the elements decide on which side the arm is.
+        """
+        p = self.problem
+        self._spend(2 * RAMP_WORK, 2 * elements)
+        at, _ = fine_equilibrium(p.rod, o.pressures, p.loads, p.elements, self.error)
+        if at.done < 1.0 or float(np.linalg.norm(at.sweep.tip - o.sweep.tip)) > self.error:
+            return False
+        finer = equilibrium(p.rod, o.pressures, p.loads, 2 * elements)
+        away = float(np.linalg.norm(finer.sweep.tip - o.sweep.tip))
+        return finer.done == 1.0 and away <= CERTAIN * self.error
