@@ -182,7 +182,8 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
       o = outcome_of<K>(task, pose, settings.tolerance);
   }
   best.iterations = spent;
-  if (best.elements <= effort.again && met && !(best.stable && best.outcome.met)) {
+  const bool lost = met && !(best.stable && best.outcome.met);
+  if (lost && best.elements > settings.elements && best.elements <= effort.again) {
     const Settings finer{best.elements, settings.tolerance, settings.error, settings.thorough};
     Found<K> again = search<K>(rod, task, tip_force, limits, seed, finer);
     again.iterations += spent;

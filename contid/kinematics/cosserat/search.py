@@ -105,7 +105,7 @@ def search(problem: Problem, seed: Array, error: float = np.inf, effort: Effort 
         return best
     refined = refine(problem, best, seed, error, descended)
     lost = best.outcome.met and not (refined.stable and refined.outcome.met)
-    if not lost or refined.elements > effort.again:
+    if not lost or not problem.elements < refined.elements <= effort.again:
         return refined
     again = search(replace(problem, elements=refined.elements), seed, error, effort)
     spent = refined.iterations + again.iterations
