@@ -92,7 +92,8 @@ double follow(const Rod<K>& rod, const Station& from, const Station& to, int ele
     if (near) {
       stiff_there = stiffness(trial);
       const double away = std::fabs(stiff_there - stiff - ahead * (stiff - stiff_before));
-      near = goal - done <= kShortStep * goal || away <= kPredicted * std::fmin(std::fabs(stiff), std::fabs(stiff_there));
+      near =
+          goal - done <= kShortStep * goal || away <= kPredicted * std::fmin(std::fabs(stiff), std::fabs(stiff_there));
     }
     if (near) {
       before = moment, behind = done, stiff_before = stiff, stiff = stiff_there;

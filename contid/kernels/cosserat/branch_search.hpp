@@ -120,8 +120,7 @@ template <int K> struct BranchSearch {
     int at = 0;
     for (; at < count; ++at) {
       double apart = 0.0;
-      for (int j = 0; j < n; ++j)
-        apart = std::fmax(apart, std::fabs(pose.pressures[j] - candidates[at].pressures[j]));
+      for (int j = 0; j < n; ++j) apart = std::fmax(apart, std::fabs(pose.pressures[j] - candidates[at].pressures[j]));
       if (apart > kTracking) continue;
       if (!(residual < errors[at])) return;
       break;
@@ -133,14 +132,14 @@ template <int K> struct BranchSearch {
   }
 
   // Descends from a pose; the search is over on the target.
-  void attempt(const BranchPose<K>& start, int most, bool here = false) {
+  void attempt(const BranchPose<K>& start, int most) {
     Descent<K> descent{rod, task, force, limits, elements, tolerance};
     const Outcome<K> o =
         descent.run(start, {most, kTryGain, count ? errors[0] : 0.0, count ? kTryAhead : 0.0, kTryTrust, kTryRoom});
     work += o.iterations;
     double done = 1.0;
     if (count == kCandidates && !(o.residual < errors[kCandidates - 1])) return;
-    if (o.met && !here && !reaches(o, done)) {
+    if (o.met && !reaches(o, done)) {
       snap = std::fmin(snap, done);
       return;
     }
@@ -221,7 +220,7 @@ template <int K> struct BranchSearch {
     std::copy(seed, seed + n, present.pressures);
     clamp<K>(limits, present.pressures);
     if (!pose_at(present)) return false;
-    attempt(present, kTryWork, true);
+    attempt(present, kTryWork);
     BranchPose<K> start;
     if (!over && unloaded<K>(rod, task, limits, start.pressures) && pose_at(start)) attempt(start, kTryWork);
     if (!over) elsewhere(steps_for<K>(effort.work, elements));

@@ -1,5 +1,5 @@
-// Descent of the task error along the branch and along its boundary: twin of contid/kinematics/cosserat/along_branch/descent.py, its
-// specification.
+// Descent of the task error along the branch and along its boundary: twin of
+// contid/kinematics/cosserat/along_branch/descent.py, its specification.
 #pragma once
 
 #include "boundary.hpp"
@@ -65,8 +65,7 @@ template <int K> struct Descent {
     Judged at;
     const double done = ramped<K>(rod, point.p, force, elements, found, at, path);
     work += path.work();
-    return done == 1.0 && path.least >= margin &&
-           norm(found - point.moment) <= kSamePose * load_scale<K>(rod, force);
+    return done == 1.0 && path.least >= margin && norm(found - point.moment) <= kSamePose * load_scale<K>(rod, force);
   }
 
   // After a step from the first point led off the branch: the next ones keep in front of its boundary.

@@ -1,4 +1,5 @@
-// The last descents of answers out of reach: twin of contid/kinematics/cosserat/along_branch/last_descents.py, its specification.
+// The last descents of answers out of reach: twin of contid/kinematics/cosserat/along_branch/last_descents.py, its
+// specification.
 #pragma once
 
 #include "branch_search.hpp"
@@ -41,6 +42,18 @@ template <int K> struct LastDescents {
            discretisation_error<K>(rod, o.pressures, o.moment, o.at, force, elements) <= settings.error;
   }
 
+  // True when the arm gets from the seed to an answer on a straight path.
+  bool reached(const Outcome<K>& o, int elements) const {
+    double from[3 * K];
+    std::copy(seed, seed + 3 * K, from);
+    clamp<K>(limits, from);
+    Vec moment;
+    Judged at;
+    return equilibrium<K>(rod, from, force, elements, moment, at) == 1.0 &&
+           follow<K>(rod, {from, force, 1.0}, {o.pressures, force, 1.0}, elements, moment, at) == 1.0 &&
+           norm(moment - o.moment) <= kSamePose * load_scale<K>(rod, force);
+  }
+
   // True where `forward` has the tip of an outcome, and a path with twice the elements too: next to the boundary the
   // elements decide on which side the arm is.
   bool is_certain(const Outcome<K>& o, int count) {
@@ -48,6 +61,7 @@ template <int K> struct LastDescents {
     Judged at;
     int elements;
     spend(2 * kRampWork, 2 * count);
+    if (o.met && !reached(o, count)) return false;
     return fine_equilibrium<K>(rod, o.pressures, force, settings, moment, at, elements) == 1.0 &&
            norm(at.ends.p - o.at.ends.p) <= settings.error &&
            equilibrium<K>(rod, o.pressures, force, 2 * count, moment, at) == 1.0 &&
@@ -80,8 +94,7 @@ template <int K> struct LastDescents {
     for (double part = 0.0; part < 1.0; part = part > 0.0 ? 4.0 * part : kRetreat) {
       if (part > 0.0) {
         BranchPose<K> pose;
-        for (int i = 0; i < 3 * K; ++i)
-          pose.pressures[i] = end.pressures[i] + part * (pressures[i] - end.pressures[i]);
+        for (int i = 0; i < 3 * K; ++i) pose.pressures[i] = end.pressures[i] + part * (pressures[i] - end.pressures[i]);
         spend(kRampWork, found.elements);
         if (ramped<K>(rod, pose.pressures, force, found.elements, pose.moment, pose.at, pose.ramp) < 1.0) continue;
         o = outcome_of<K>(task, pose, settings.tolerance);

@@ -217,7 +217,13 @@ def refine(problem: Problem, found: Found, seed: Array, error: float, along: boo
                     outcome = outcome_of(finer, pose)
             along = True
         found = Found(outcome, stable, finer.elements, found.iterations + outcome.iterations, found.snap)
-    return on_the_branch(problem, found, seed) if along and found.stable else found
+    if not (along and found.stable):
+        return found
+    found = on_the_branch(problem, found, seed)
+    finer = replace(problem, elements=found.elements)
+    if not (found.stable and found.outcome.met) or reached_from(finer, seed, found.outcome):
+        return found
+    return replace(found, outcome=replace(found.outcome, met=False, optimal=False, blocked=True))
 
 
 def _on_branch(problem: Problem, outcome: RodSolution) -> bool:

@@ -100,7 +100,7 @@ class BranchSearch:
         if present is None:
             return None
         self.present = present
-        self._attempt(present, TRY_WORK, here=True)
+        self._attempt(present, TRY_WORK)
         if self.met is None:
             closed = unloaded(problem.rod, problem.task, problem.limits)
             start = None if closed is None else self._pose_at(closed)
@@ -119,7 +119,7 @@ class BranchSearch:
         self.work += work
         return pose
 
-    def _attempt(self, start: BranchPose, most: int, here: bool = False) -> None:
+    def _attempt(self, start: BranchPose, most: int) -> None:
         """Descend from one start; the search is over on the target."""
         best, ahead = (self.candidates[0][0], TRY_AHEAD) if self.candidates else (0.0, 0.0)
         descent = BranchDescent(self.problem, start)
@@ -127,7 +127,7 @@ class BranchSearch:
         self.work += o.iterations
         if len(self.candidates) == CANDIDATES and not o.residual < self.candidates[-1][0]:
             return
-        if o.met and not here:
+        if o.met:
             reached, done = self._reaches(o)
             if not reached:
                 self.snap = min(self.snap, done)

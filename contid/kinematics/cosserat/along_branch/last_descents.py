@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.along_branch.branch_search import BranchSearch, Found, steps_for
+from contid.kinematics.cosserat.along_branch.branch_search import BranchSearch, Found, reaches, steps_for
 from contid.kinematics.cosserat.along_branch.descent import StopRule, descend, outcome_of
 from contid.kinematics.cosserat.along_branch.ramp import RAMP_WORK, BranchPose, ramped, ramped_work
 from contid.kinematics.cosserat.branch import MAX_ELEMENTS, equilibrium
@@ -133,6 +133,13 @@ class LastDescents:
         found = discretisation_error(p.rod, o.pressures, o.base_moment, p.loads, elements, o.sweep)
         return found <= self.error
 
+    def _reached(self, o: RodSolution, elements: int) -> bool:
+        """True when the arm gets from the seed to an answer on a straight path."""
+        finer = replace(self.problem, elements=elements)
+        here = np.clip(self.seed, finer.limits.lower, finer.limits.upper)
+        at = equilibrium(finer.rod, here, finer.loads, elements)
+        return at.done == 1.0 and reaches(finer, here, at.base_moment, o)[0]
+
     def _is_certain(self, o: RodSolution, elements: int) -> bool:
         """True where `forward` has the tip of an outcome, and a path with twice the elements too.
 
@@ -140,6 +147,8 @@ class LastDescents:
         """
         p = self.problem
         self._spend(2 * RAMP_WORK, 2 * elements)
+        if o.met and not self._reached(o, elements):
+            return False
         at, _ = fine_equilibrium(p.rod, o.pressures, p.loads, p.elements, self.error)
         if at.done < 1.0 or float(np.linalg.norm(at.sweep.tip - o.sweep.tip)) > self.error:
             return False

@@ -131,5 +131,5 @@ def test_the_base_moment_is_that_of_an_equilibrium_and_none_where_there_is_no_st
     loaded = arm.near(corrected, FORCE, under)
     assert loaded is not None
     assert loaded[1] == pytest.approx(under, abs=1e-4)
-    crushed = (0.0, 0.0, -5.0)
+    crushed = (0.0, 0.0, -20.0)
     assert arm.base_moment(corrected, crushed) is None
