@@ -51,6 +51,9 @@ template <int K> Outcome<K> outcome_of(const Task& task, const BranchPose<K>& po
   return o;
 }
 
+// True for an outcome on the target or next to it: the arm must get there on the straight path.
+template <int K> bool at_target(const Outcome<K>& o) { return o.met || o.residual <= kFine; }
+
 // True where an answer is next to the last command of an arm in motion; one at its lower limits is at rest.
 template <int K> bool continues(const Limits<K>& limits, const Outcome<K>& o, const double* seed) {
   bool rests = true;
@@ -139,7 +142,7 @@ template <int K> struct BranchSearch {
     work += o.iterations;
     double done = 1.0;
     if (count == kCandidates && !(o.residual < errors[kCandidates - 1])) return;
-    if (o.met && !reaches(o, done)) {
+    if (at_target(o) && !reaches(o, done)) {
       snap = std::fmin(snap, done);
       return;
     }

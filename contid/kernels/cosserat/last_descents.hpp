@@ -61,7 +61,7 @@ template <int K> struct LastDescents {
     Judged at;
     int elements;
     spend(2 * kRampWork, 2 * count);
-    if (o.met && !reached(o, count)) return false;
+    if (at_target(o) && !reached(o, count)) return false;
     return fine_equilibrium<K>(rod, o.pressures, force, settings, moment, at, elements) == 1.0 &&
            norm(at.ends.p - o.at.ends.p) <= settings.error &&
            equilibrium<K>(rod, o.pressures, force, 2 * count, moment, at) == 1.0 &&

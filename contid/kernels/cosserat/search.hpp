@@ -181,9 +181,8 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
     if (best.stable && (norm(pose.moment - o.moment) > kSamePose * scale || moved(o, pose.pressures) > 0.0))
       o = outcome_of<K>(task, pose, settings.tolerance);
   }
-  if (along && best.stable && best.outcome.met &&
-      !reached_from<K>(rod, tip_force, limits, seed, best.outcome, best.elements))
-    best.outcome.met = best.outcome.optimal = false, best.outcome.blocked = true;
+  if (along && best.stable && at_target(best.outcome))
+    best.stable = reached_from<K>(rod, tip_force, limits, seed, best.outcome, best.elements);
   best.iterations = spent;
   const bool lost = met && !(best.stable && best.outcome.met);
   if (lost && best.elements > settings.elements && best.elements <= effort.again) {

@@ -18,6 +18,7 @@ from contid.kinematics.cosserat.along_branch.branch_search import (
     BranchSearch,
     Effort,
     Found,
+    at_target,
     reaches,
 )
 from contid.kinematics.cosserat.along_branch.descent import StopRule, descend, outcome_of
@@ -221,9 +222,9 @@ def refine(problem: Problem, found: Found, seed: Array, error: float, along: boo
         return found
     found = on_the_branch(problem, found, seed)
     finer = replace(problem, elements=found.elements)
-    if not (found.stable and found.outcome.met) or reached_from(finer, seed, found.outcome):
+    if not (found.stable and at_target(found.outcome)):
         return found
-    return replace(found, outcome=replace(found.outcome, met=False, optimal=False, blocked=True))
+    return replace(found, stable=reached_from(finer, seed, found.outcome))
 
 
 def _on_branch(problem: Problem, outcome: RodSolution) -> bool:

@@ -127,7 +127,7 @@ class BranchSearch:
         self.work += o.iterations
         if len(self.candidates) == CANDIDATES and not o.residual < self.candidates[-1][0]:
             return
-        if o.met:
+        if at_target(o):
             reached, done = self._reaches(o)
             if not reached:
                 self.snap = min(self.snap, done)
@@ -217,6 +217,11 @@ def reaches(problem: Problem, here: Array, base_moment: Array, outcome: RodSolut
     start, end = Station(here, problem.loads), Station(outcome.pressures, problem.loads)
     path = follow(problem.rod, start, end, base_moment, problem.elements)
     return path.done == 1.0 and same_pose(problem, path.base_moment, outcome.base_moment), path.done
+
+
+def at_target(outcome: RodSolution) -> bool:
+    """True for an outcome on the target or next to it: the arm must get there on the straight path."""
+    return outcome.met or outcome.residual <= FINE
 
 
 def steps_for(problem: Problem, cost: int) -> int:

@@ -10,7 +10,13 @@ from dataclasses import replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.along_branch.branch_search import BranchSearch, Found, reaches, steps_for
+from contid.kinematics.cosserat.along_branch.branch_search import (
+    BranchSearch,
+    Found,
+    at_target,
+    reaches,
+    steps_for,
+)
 from contid.kinematics.cosserat.along_branch.descent import StopRule, descend, outcome_of
 from contid.kinematics.cosserat.along_branch.ramp import RAMP_WORK, BranchPose, ramped, ramped_work
 from contid.kinematics.cosserat.branch import MAX_ELEMENTS, equilibrium
@@ -147,7 +153,7 @@ class LastDescents:
         """
         p = self.problem
         self._spend(2 * RAMP_WORK, 2 * elements)
-        if o.met and not self._reached(o, elements):
+        if at_target(o) and not self._reached(o, elements):
             return False
         at, _ = fine_equilibrium(p.rod, o.pressures, p.loads, p.elements, self.error)
         if at.done < 1.0 or float(np.linalg.norm(at.sweep.tip - o.sweep.tip)) > self.error:
