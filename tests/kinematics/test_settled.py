@@ -116,9 +116,16 @@ def test_a_first_answer_does_not_end_beside_a_saddle(load_n, cases, seed):
 
 
 @pytest.mark.skipif(kernels.load("cosserat") is None, reason="needs compiled kernels")
-@pytest.mark.parametrize(("directed", "cases"), [(False, (1660, 3768)), (True, (2677, 4807))])
+@pytest.mark.parametrize(("directed", "cases"), [(False, (1660, 3768)), (True, (4807,))])
 def test_an_answer_whose_elements_were_doubled_is_asked_until_it_stays(directed, cases):
     """Whether the arm gets there was computed with fewer elements; these moved by up to 0.13 bar."""
     missed, moved = rods.moves(1.0, directed, 0.05, cases)
     assert missed == 0
     assert max(moved) <= rods.FIXED_BAR
+
+
+@pytest.mark.skipif(kernels.load("cosserat") is None, reason="needs compiled kernels")
+def test_an_answer_whose_straight_path_ends_at_another_equilibrium_is_refused():
+    """With the pressures that would meet this target a walk from its seed is 85 mm away, without a snap."""
+    missed, _ = rods.moves(1.0, True, 0.05, (2677,))
+    assert missed == 1
