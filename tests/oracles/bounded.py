@@ -38,8 +38,8 @@ CONTRADICTED_MM = 0.05
 #: An answer that is farther than scipy's by less is as good [mm].
 AS_GOOD_MM = 0.01
 QUANTILES = (0.5, 0.75, 0.9, 0.95, 0.99)
-#: Distance of the tips of `forward` and `rod_walk` for one pose [mm]: beside a fork ten elements are coarse.
-WALKED_MM = 1.0
+#: Distance between the tips of `forward` and of `rod_walk` for one pose [mm].
+WALKED_MM = 0.2
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
 
 #: Parts of a path and its least step; elements of a section.
-PARTS, LEAST_STEP, ELEMENTS = 60, 1e-5, 10
+PARTS, LEAST_STEP, ELEMENTS = 60, 1e-5, 20
 #: Steps of Newton's method; balance of an equilibrium and step of differences, as parts of the scale.
 CORRECTIONS, BALANCED, DIFFERENCE = 6, 1e-7, 1e-5
 #: How far a tip may be from where it was a part before, as a part of the reach.
