@@ -35,6 +35,11 @@ template <int K> double load_scale(const Rod<K>& rod, Vec tip_force) {
   return std::fmax(kLeastScale, load_moment<K>(rod, tip_force));
 }
 
+// True when two base moments belong to one equilibrium.
+template <int K> bool same_pose(const Rod<K>& rod, Vec tip_force, Vec moment, Vec other) {
+  return norm(moment - other) <= kSamePose * load_scale<K>(rod, tip_force);
+}
+
 inline double statics_tolerance(double scale) { return std::fmax(kStatics, kRounding * scale); }
 
 // Newton's method that ends where a step does not contract the balance. True for a stable equilibrium.
@@ -162,7 +167,7 @@ template <int K> bool on_branch(const Rod<K>& rod, const double* pressures, Vec 
   if (smooth) return true;
   Vec found;
   return equilibrium<K>(rod, pressures, tip_force, elements, found, at) == 1.0 &&
-         norm(found - moment) <= kSamePose * scale;
+         same_pose<K>(rod, tip_force, found, moment);
 }
 
 // Some equilibrium under the full load, for a rod whose branch ends before; `moment` and `out` are those of its end.

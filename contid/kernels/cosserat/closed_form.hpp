@@ -65,10 +65,6 @@ inline bool tip_and_direction_pressures(const Section& first, const Section& sec
   return mid_and_tip_pressures(first, second, d1 * (e3 + m), tip, p);
 }
 
-template <int K> void clamp(const Limits<K>& limits, double* p) {
-  for (int i = 0; i < 3 * K; ++i) p[i] = std::min(std::max(p[i], limits.lower[i]), limits.upper[i]);
-}
-
 // Pressures of the unloaded closed form, clamped; false where there is none for this task.
 template <int K> bool unloaded(const Rod<K>& rod, const Task& task, const Limits<K>& limits, double* p) {
   bool found = false;

@@ -26,6 +26,13 @@ double discretisation_error(const Rod<K>& rod, const double* pressures, Vec mome
   return std::fmax(norm(tip), norm(mid)) / std::fabs(ratio * ratio * ratio * ratio - 1.0);
 }
 
+// True where the elements of a pose are enough, or the most.
+template <int K>
+bool is_fine(const Rod<K>& rod, const double* pressures, Vec moment, const Judged& at, Vec tip_force, int elements,
+             double error) {
+  return elements >= kMaxElements || discretisation_error<K>(rod, pressures, moment, at, tip_force, elements) <= error;
+}
+
 // `equilibrium` with as many elements as the load demands, and with more before it ends short of the full load. Each
 // number of elements follows the path anew: where it passes near a fork, they decide on which side it goes on.
 template <int K>
@@ -34,8 +41,7 @@ double fine_equilibrium(const Rod<K>& rod, const double* pressures, Vec tip_forc
   for (elements = settings.elements;; elements *= 2) {
     const double done = equilibrium<K>(rod, pressures, tip_force, elements, moment, out);
     if (elements >= kMaxElements || !loaded<K>(rod, tip_force)) return done;
-    if (done == 1.0 && discretisation_error<K>(rod, pressures, moment, out, tip_force, elements) <= settings.error)
-      return done;
+    if (done == 1.0 && is_fine<K>(rod, pressures, moment, out, tip_force, elements, settings.error)) return done;
   }
 }
 

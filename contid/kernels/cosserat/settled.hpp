@@ -11,23 +11,20 @@ constexpr double kSettledBar = 1e-7;
 template <int K>
 Found<K> search_settled(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& limits, const double* seed,
                         const Settings& settings) {
-  constexpr int n = 3 * K;
   Found<K> found = search<K>(rod, task, tip_force, limits, seed, settings);
-  if (task.independent() >= n) return found;
-  const auto moved = [&](const Outcome<K>& o, const double* from) {
-    double most = 0.0;
-    for (int i = 0; i < n; ++i) most = std::fmax(most, std::fabs(o.pressures[i] - from[i]));
-    return most;
-  };
+  if (task.independent() >= 3 * K) return found;
   // With the elements of the answer: with fewer the same pressures hold another pose.
   const auto reached = [&](const Found<K>& answer) {
     return !loaded<K>(rod, tip_force) || reached_from<K>(rod, tip_force, limits, seed, answer.outcome, answer.elements);
   };
-  for (int ask = 0; ask < kMostSearches && found.outcome.met && found.stable && moved(found.outcome, seed) > kTracking;
+  for (int ask = 0; ask < kMostSearches && found.outcome.met && found.stable &&
+                    most_change<K>(found.outcome.pressures, seed) > kTracking;
        ++ask) {
     Found<K> again = search<K>(rod, task, tip_force, limits, found.outcome.pressures, settings);
     found.iterations += again.iterations;
-    if (!again.outcome.met || !again.stable || moved(again.outcome, found.outcome.pressures) <= kSettledBar) break;
+    if (!again.outcome.met || !again.stable ||
+        most_change<K>(again.outcome.pressures, found.outcome.pressures) <= kSettledBar)
+      break;
     if (!reached(again) && reached(found)) break;
     again.iterations = found.iterations;
     found = again;

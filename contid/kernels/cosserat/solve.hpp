@@ -8,6 +8,7 @@
 
 #include "box_step.hpp"
 #include "branch.hpp"
+#include "limits.hpp"
 #include "task.hpp"
 
 namespace contid {
@@ -16,10 +17,6 @@ constexpr double kCentreWeight = 1e-6, kStepTolerance = 1e-9, kFreedomTolerance 
                  kNullSpaceError = 0.3;
 constexpr double kBalance = 1e-6;  // [N*mm], inside a descent
 constexpr int kChords = 3;
-
-template <int K> struct Limits {
-  double lower[3 * K], upper[3 * K], centre[3 * K];
-};
 
 template <int K> struct Outcome {
   double pressures[3 * K];

@@ -52,6 +52,14 @@ inline void residual(const Task& task, const Ends& s, double* r) {
   }
 }
 
+// Length of the residual.
+inline double task_error(const Task& task, const Ends& s) {
+  double r[9], sum = 0.0;
+  residual(task, s, r);
+  for (int a = 0; a < task.rows(); ++a) sum += r[a] * r[a];
+  return std::sqrt(sum);
+}
+
 // Derivative of the residual by (base moment, pressures).
 template <int K, int Base, int C> void jacobian(const Task& task, const Sweep<K, Base>& s, double (&J)[9][C]) {
   for (int i = 0; i < 3; ++i)

@@ -29,6 +29,15 @@ def discretisation_error(
     return max(float(np.linalg.norm(tip)), float(np.linalg.norm(mid))) / abs((n / m) ** 4 - 1.0)
 
 
+def is_fine(
+    rod: Rod, pressures: Array, base_moment: Array, loads: Loads, elements: int, here: Sweep, error: float
+) -> bool:
+    """True where the elements of a sweep are enough for an ``error`` [mm], or the most."""
+    if elements >= MAX_ELEMENTS:
+        return True
+    return discretisation_error(rod, pressures, base_moment, loads, elements, here) <= error
+
+
 def fine_equilibrium(
     rod: Rod, pressures: Array, loads: Loads, elements: int, error: float
 ) -> tuple[Followed, int]:
@@ -41,8 +50,7 @@ def fine_equilibrium(
         found = equilibrium(rod, pressures, loads, elements)
         if elements >= MAX_ELEMENTS or loads.is_zero:
             return found, elements
-        if found.done == 1.0:
-            estimate = discretisation_error(rod, pressures, found.base_moment, loads, elements, found.sweep)
-            if estimate <= error:
-                return found, elements
+        p, moment = pressures, found.base_moment
+        if found.done == 1.0 and is_fine(rod, p, moment, loads, elements, found.sweep, error):
+            return found, elements
         elements *= 2

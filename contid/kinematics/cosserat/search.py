@@ -2,7 +2,7 @@
 
 A rod under load has several solutions for one target, some of them unstable or on another branch (`branch`),
 and bounded least squares has local minima. A solve that does not end on its target in the equilibrium that
-counts is followed by a search on the branch (`branch_search`).
+counts is followed by a search on the branch (`along_branch.branch_search`).
 """
 
 from __future__ import annotations
@@ -13,33 +13,21 @@ from dataclasses import replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.along_branch.branch_search import (
-    THOROUGH,
-    BranchSearch,
-    Effort,
-    Found,
-    at_target,
-    reaches,
+from contid.kinematics.cosserat.along_branch.branch_search import THOROUGH, BranchSearch, Effort, Found
+from contid.kinematics.cosserat.along_branch.last_descents import LastDescents
+from contid.kinematics.cosserat.along_branch.refine import (
+    ITERATIONS,
+    RESTART_ITERATIONS,
+    TRACKING,
+    refine,
 )
-from contid.kinematics.cosserat.along_branch.descent import StopRule, descend, outcome_of
-from contid.kinematics.cosserat.along_branch.last_descents import LastDescents, pose_near
-from contid.kinematics.cosserat.along_branch.ramp import same_pose
-from contid.kinematics.cosserat.branch import MAX_ELEMENTS, equilibrium
-from contid.kinematics.cosserat.discretisation import discretisation_error
+from contid.kinematics.cosserat.along_branch.straight_path import holds, is_stable, reached_from
 from contid.kinematics.cosserat.home import home
-from contid.kinematics.cosserat.solve import BALANCE_TOLERANCE, Problem, RodSolution, solve
-from contid.kinematics.cosserat.stability import unstable_modes
+from contid.kinematics.cosserat.solve import Problem, RodSolution, solve
 from contid.kinematics.cosserat.starts import predicted_moment, starts, unloaded
 
-#: Iterations from the seed, and from each further start.
-ITERATIONS = 60
-RESTART_ITERATIONS = 25
-#: An optimum this close to the seed continues a motion [bar].
-TRACKING = 0.05
 #: The load is ramped from the closed form in this many steps, the early ones solved roughly [mm].
 LOAD_STEPS = 3
-#: Iterations of a bounded optimum with more elements.
-FINER_ITERATIONS = 6
 #: Elements with which a search that found no stable pose is repeated before the target is refused.
 REFUSAL_ELEMENTS = 12
 RAMP_TOLERANCE = 1e-2
@@ -139,32 +127,10 @@ def is_on_branch(problem: Problem, outcome: RodSolution, seed: Array) -> bool:
 
     The kernel takes a shorter way to the same verdict next to the seed.
     """
-    p = outcome.pressures
-    reached = equilibrium(problem.rod, p, problem.loads, problem.elements)
-    if reached.done < 1.0 or not same_pose(problem, reached.base_moment, outcome.base_moment):
+    if not holds(problem, outcome):
         return False
-    if float(np.abs(p - seed).max()) <= TRACKING:
-        return True
-    return reached_from(problem, seed, outcome)
-
-
-def reached_from(problem: Problem, seed: Array, outcome: RodSolution) -> bool:
-    """True when the arm gets from the seed to an equilibrium on a straight path, or has none at the seed."""
-    here = np.clip(seed, problem.limits.lower, problem.limits.upper)
-    present = equilibrium(problem.rod, here, problem.loads, problem.elements)
-    return present.done < 1.0 or reaches(problem, here, present.base_moment, outcome)[0]
-
-
-def is_stable(problem: Problem, outcome: RodSolution) -> bool:
-    """True for an equilibrium that is a minimum of energy."""
-    if outcome.statics > BALANCE_TOLERANCE:
-        return False
-    if problem.loads.is_zero:
-        return True
-    return (
-        unstable_modes(problem.rod, outcome.pressures, outcome.base_moment, problem.loads, problem.elements)
-        == 0
-    )
+    near = float(np.abs(outcome.pressures - seed).max()) <= TRACKING
+    return near or reached_from(problem, seed, outcome)
 
 
 def _tracked(problem: Problem, found: Found | None, seed: Array) -> bool:
@@ -190,55 +156,3 @@ def _ramp(problem: Problem, attempt: Callable[[Array, Array, int], bool]) -> boo
             part = replace(problem, loads=loads.scaled(k / LOAD_STEPS), tolerance=RAMP_TOLERANCE)
             start = solve(part, start, predicted_moment(rod, task, part.loads), RAMP_ITERATIONS).pressures
     return attempt(start, predicted_moment(rod, task, loads), RESTART_ITERATIONS)
-
-
-def refine(problem: Problem, found: Found, seed: Array, error: float, along: bool) -> Found:
-    """Double the elements until the estimated error of tip and mid-point is at most ``error``.
-
-    After a descent ``along`` the branch what counts is the pose that the straight path from rest reaches.
-    """
-    while found.stable and found.elements < MAX_ELEMENTS:
-        here, o = replace(problem, elements=found.elements), found.outcome
-        estimate = discretisation_error(
-            here.rod, o.pressures, o.base_moment, here.loads, here.elements, o.sweep
-        )
-        if estimate <= error:
-            break
-        finer = replace(problem, elements=2 * found.elements)
-        outcome = solve(finer, o.pressures, o.base_moment, ITERATIONS) if o.met else o
-        near = float(np.abs(outcome.pressures - o.pressures).max()) <= TRACKING
-        stable = True
-        # More elements can end the branch before the pressures that fewer of them reach.
-        if not (o.met and outcome.met and is_stable(finer, outcome) and near and _on_branch(finer, outcome)):
-            pose, _ = pose_near(finer, o.pressures, seed)
-            stable = pose is not None
-            if pose is not None:
-                outcome = descend(finer, pose, StopRule(RESTART_ITERATIONS if o.met else FINER_ITERATIONS))
-                if not _on_branch(finer, outcome):
-                    outcome = outcome_of(finer, pose)
-            along = True
-        found = Found(outcome, stable, finer.elements, found.iterations + outcome.iterations, found.snap)
-    if not (along and found.stable):
-        return found
-    found = on_the_branch(problem, found, seed)
-    finer = replace(problem, elements=found.elements)
-    if not (found.stable and at_target(found.outcome)):
-        return found
-    return replace(found, stable=reached_from(finer, seed, found.outcome))
-
-
-def _on_branch(problem: Problem, outcome: RodSolution) -> bool:
-    at = equilibrium(problem.rod, outcome.pressures, problem.loads, problem.elements)
-    return at.done == 1.0 and same_pose(problem, at.base_moment, outcome.base_moment)
-
-
-def on_the_branch(problem: Problem, found: Found, seed: Array) -> Found:
-    """The pose that counts for the pressures found along the branch."""
-    here, o = replace(problem, elements=found.elements), found.outcome
-    pose, _ = pose_near(here, o.pressures, seed)
-    if pose is None:
-        return replace(found, stable=False)
-    same = same_pose(here, pose.base_moment, o.base_moment)
-    if same and np.array_equal(pose.pressures, o.pressures):
-        return found
-    return replace(found, outcome=outcome_of(here, pose))

@@ -14,7 +14,9 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.along_branch.branch_search import THOROUGH, Effort, Found
-from contid.kinematics.cosserat.search import TRACKING, reached_from, search
+from contid.kinematics.cosserat.along_branch.refine import TRACKING
+from contid.kinematics.cosserat.along_branch.straight_path import reached_from
+from contid.kinematics.cosserat.search import search
 from contid.kinematics.cosserat.solve import Problem, RodSolution
 
 #: Further searches at most, and the change of pressure below which an answer is settled [bar].

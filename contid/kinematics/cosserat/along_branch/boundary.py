@@ -1,7 +1,7 @@
 """The boundary of the pressures whose path from rest is stable, next to a pose.
 
 Beyond it the path leads to another equilibrium: the arm would snap. A descent needs the direction in which it
-lies. Specification of ``contid/kernels/cosserat/boundary.hpp``.
+lies. Specification of ``contid/kernels/cosserat/along_branch/boundary.hpp``.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 For a loaded arm where a descent from the last command did not end on the target and on the branch. Bounded
 least squares has many local minima there, and most descents of an unreachable target end at corners of the
 box or where the arm would snap: starts are the points next to the corners, those nearest to the target first.
-Specification of ``contid/kernels/cosserat/branch_search.hpp``.
+Specification of ``contid/kernels/cosserat/along_branch/branch_search.hpp``.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.along_branch.descent import BranchDescent, StopRule, outcome_of
-from contid.kinematics.cosserat.along_branch.ramp import RAMP_WORK, BranchPose, ramped, ramped_work, same_pose
-from contid.kinematics.cosserat.branch import MAX_ELEMENTS, Station, equilibrium, follow, load_scale
+from contid.kinematics.cosserat.along_branch.ramp import RAMP_WORK, BranchPose, ramped, ramped_work
+from contid.kinematics.cosserat.along_branch.straight_path import FINE, at_target, reaches
+from contid.kinematics.cosserat.branch import MAX_ELEMENTS, equilibrium, load_scale
 from contid.kinematics.cosserat.solve import Problem, RodSolution
 from contid.kinematics.cosserat.stability import unstable_modes
 from contid.kinematics.cosserat.starts import predicted_moment, unloaded
@@ -32,8 +33,6 @@ CANDIDATES, APART = 12, 0.05
 CORNERS, INSET = 64, 0.06
 #: A first look at a start: elements, steps from rest, corrections, and balance as a part of `load_scale`.
 LOOK_ELEMENTS, LOOK_STEPS, LOOK_CORRECTIONS, ROUGH = 2, 4, 4, 1e-2
-#: How much worse an outcome may be with twice the elements [mm].
-FINE = 1.0
 #: The part of the work that looks may take, one over this.
 LOOK_SHARE = 4
 
@@ -128,7 +127,8 @@ class BranchSearch:
         if len(self.candidates) == CANDIDATES and not o.residual < self.candidates[-1][0]:
             return
         if at_target(o):
-            reached, done = self._reaches(o)
+            self.work += RAMP_WORK
+            reached, done = reaches(self.problem, self.present.pressures, self.present.base_moment, o)
             if not reached:
                 self.snap = min(self.snap, done)
                 return
@@ -156,10 +156,6 @@ class BranchSearch:
         problem = self.problem
         at = equilibrium(problem.rod, o.pressures, problem.loads, 2 * problem.elements)
         return at.done == 1.0 and float(np.linalg.norm(residual(problem.task, at.sweep))) <= o.residual + FINE
-
-    def _reaches(self, o: RodSolution) -> tuple[bool, float]:
-        self.work += RAMP_WORK
-        return reaches(self.problem, self.present.pressures, self.present.base_moment, o)
 
     def _elsewhere(self, most: int) -> None:
         """Starts nearest to the target first, by a coarse look at all."""
@@ -210,18 +206,6 @@ def roughly_at(problem: Problem, pressures: Array) -> Sweep | None:
             return None
         before, last = last, moment
     return found
-
-
-def reaches(problem: Problem, here: Array, base_moment: Array, outcome: RodSolution) -> tuple[bool, float]:
-    """Whether the arm gets from one equilibrium to another on a straight path, and what part of it."""
-    start, end = Station(here, problem.loads), Station(outcome.pressures, problem.loads)
-    path = follow(problem.rod, start, end, base_moment, problem.elements)
-    return path.done == 1.0 and same_pose(problem, path.base_moment, outcome.base_moment), path.done
-
-
-def at_target(outcome: RodSolution) -> bool:
-    """True for an outcome on the target or next to it: the arm must get there on the straight path."""
-    return outcome.met or outcome.residual <= FINE
 
 
 def steps_for(problem: Problem, cost: int) -> int:

@@ -2,7 +2,7 @@
 
 Slower than `solve`, which balances the moments on the way and may end in any equilibrium. Whether poses are
 on the branch is checked every few steps, and at every step next to its boundary. Specification of
-``contid/kernels/cosserat/descent.hpp``.
+``contid/kernels/cosserat/along_branch/descent.hpp``.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The last descents of answers out of reach: from the candidates of a search, with the elements they need.
 
-Specification of ``contid/kernels/cosserat/last_descents.hpp``.
+Specification of ``contid/kernels/cosserat/along_branch/last_descents.hpp``.
 """
 
 from __future__ import annotations
@@ -10,17 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.along_branch.branch_search import (
-    BranchSearch,
-    Found,
-    at_target,
-    reaches,
-    steps_for,
-)
+from contid.kinematics.cosserat.along_branch.branch_search import BranchSearch, Found, steps_for
 from contid.kinematics.cosserat.along_branch.descent import StopRule, descend, outcome_of
 from contid.kinematics.cosserat.along_branch.ramp import RAMP_WORK, BranchPose, ramped, ramped_work
-from contid.kinematics.cosserat.branch import MAX_ELEMENTS, equilibrium
-from contid.kinematics.cosserat.discretisation import discretisation_error, fine_equilibrium
+from contid.kinematics.cosserat.along_branch.straight_path import at_target, reached_from
+from contid.kinematics.cosserat.branch import equilibrium
+from contid.kinematics.cosserat.discretisation import fine_equilibrium, is_fine
 from contid.kinematics.cosserat.solve import Problem, RodSolution
 
 #: The least work of one of them, and that of going on from the best (as `Effort.last_work`).
@@ -134,17 +129,7 @@ class LastDescents:
 
     def _is_fine(self, o: RodSolution, elements: int) -> bool:
         p = self.problem
-        if elements >= MAX_ELEMENTS:
-            return True
-        found = discretisation_error(p.rod, o.pressures, o.base_moment, p.loads, elements, o.sweep)
-        return found <= self.error
-
-    def _reached(self, o: RodSolution, elements: int) -> bool:
-        """True when the arm gets from the seed to an answer on a straight path."""
-        finer = replace(self.problem, elements=elements)
-        here = np.clip(self.seed, finer.limits.lower, finer.limits.upper)
-        at = equilibrium(finer.rod, here, finer.loads, elements)
-        return at.done == 1.0 and reaches(finer, here, at.base_moment, o)[0]
+        return is_fine(p.rod, o.pressures, o.base_moment, p.loads, elements, o.sweep, self.error)
 
     def _is_certain(self, o: RodSolution, elements: int) -> bool:
         """True where `forward` has the tip of an outcome, and a path with twice the elements too.
@@ -153,7 +138,7 @@ class LastDescents:
         """
         p = self.problem
         self._spend(2 * RAMP_WORK, 2 * elements)
-        if at_target(o) and not self._reached(o, elements):
+        if at_target(o) and not reached_from(replace(p, elements=elements), self.seed, o):
             return False
         at, _ = fine_equilibrium(p.rod, o.pressures, p.loads, p.elements, self.error)
         if at.done < 1.0 or float(np.linalg.norm(at.sweep.tip - o.sweep.tip)) > self.error:

@@ -1,7 +1,7 @@
 """The path from rest to a pose, kept for the poses next to it.
 
 Whether a pose is on its branch is known once the path from rest has been followed (`branch.equilibrium`).
-Specification of ``contid/kernels/cosserat/ramp.hpp``.
+Specification of ``contid/kernels/cosserat/along_branch/ramp.hpp``.
 """
 
 from __future__ import annotations

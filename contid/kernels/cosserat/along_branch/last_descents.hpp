@@ -3,7 +3,6 @@
 #pragma once
 
 #include "branch_search.hpp"
-#include "discretisation.hpp"
 
 namespace contid {
 
@@ -37,21 +36,8 @@ template <int K> struct LastDescents {
   bool any = false;
   Found<K> best{};
 
-  bool is_fine(const Outcome<K>& o, int elements) const {
-    return elements >= kMaxElements ||
-           discretisation_error<K>(rod, o.pressures, o.moment, o.at, force, elements) <= settings.error;
-  }
-
-  // True when the arm gets from the seed to an answer on a straight path.
-  bool reached(const Outcome<K>& o, int elements) const {
-    double from[3 * K];
-    std::copy(seed, seed + 3 * K, from);
-    clamp<K>(limits, from);
-    Vec moment;
-    Judged at;
-    return equilibrium<K>(rod, from, force, elements, moment, at) == 1.0 &&
-           follow<K>(rod, {from, force, 1.0}, {o.pressures, force, 1.0}, elements, moment, at) == 1.0 &&
-           norm(moment - o.moment) <= kSamePose * load_scale<K>(rod, force);
+  bool is_fine(const Outcome<K>& o, int count) const {
+    return contid::is_fine<K>(rod, o.pressures, o.moment, o.at, force, count, settings.error);
   }
 
   // True where `forward` has the tip of an outcome, and a path with twice the elements too: next to the boundary the
@@ -61,7 +47,7 @@ template <int K> struct LastDescents {
     Judged at;
     int elements;
     spend(2 * kRampWork, 2 * count);
-    if (at_target(o) && !reached(o, count)) return false;
+    if (at_target(o) && !reached_from<K>(rod, force, limits, seed, o, count)) return false;
     return fine_equilibrium<K>(rod, o.pressures, force, settings, moment, at, elements) == 1.0 &&
            norm(at.ends.p - o.at.ends.p) <= settings.error &&
            equilibrium<K>(rod, o.pressures, force, 2 * count, moment, at) == 1.0 &&

@@ -2,7 +2,7 @@
 // contid/kinematics/cosserat/along_branch/ramp.py.
 #pragma once
 
-#include "branch.hpp"
+#include "../branch.hpp"
 
 namespace contid {
 

@@ -2,7 +2,7 @@
 // contid/kinematics/cosserat/along_branch/boundary.py, its specification.
 #pragma once
 
-#include "box_step.hpp"
+#include "../box_step.hpp"
 #include "ramp.hpp"
 
 namespace contid {

@@ -1,9 +1,11 @@
 // Descents along the branch from several starts: twin of contid/kinematics/cosserat/along_branch/branch_search.py.
 #pragma once
 
-#include "../halton.hpp"
-#include "closed_form.hpp"
+#include "../../halton.hpp"
+#include "../closed_form.hpp"
+#include "../discretisation.hpp"
 #include "descent.hpp"
+#include "straight_path.hpp"
 
 namespace contid {
 
@@ -11,7 +13,6 @@ constexpr int kRestarts = 20, kCorners = 64, kTryWork = 60, kCandidates = 12, kR
 constexpr int kLookElements = 2, kLookShare = 4, kLookSteps = 4, kLookCorrections = 4;
 // Corner starts lie up to this part of the range inside the box.
 constexpr double kInset = 0.06, kTracking = 0.05;
-constexpr double kFine = 1.0;  // [mm]
 constexpr double kTryGain = 1e-2, kTryAhead = 8.0, kTryTrust = 1e-2, kTryRoom = 1e-2;
 
 // How much a search may do: work of short descents, starts on both sides of planes of symmetry, number and work of
@@ -25,6 +26,8 @@ struct Effort {
 };
 
 constexpr Effort kTickEffort{450, false, 1, 60, 140, 6}, kThoroughEffort{1400, true, 12, 200, 3000, kMaxElements};
+
+inline const Effort& effort_of(const Settings& settings) { return settings.thorough ? kThoroughEffort : kTickEffort; }
 
 // What steps of descents cost, in those of two sections of three elements; and how many a cost allows.
 template <int K> constexpr int cost_of(int steps, int elements) { return (steps * elements * K + 5) / 6; }
@@ -40,29 +43,19 @@ template <int K> struct Found {
 // An outcome that is a pose on the branch.
 template <int K> Outcome<K> outcome_of(const Task& task, const BranchPose<K>& pose, double tolerance) {
   Outcome<K> o{};
-  double r[9], sum = 0.0;
-  residual(task, pose.at.ends, r);
-  for (int a = 0; a < task.rows(); ++a) sum += r[a] * r[a];
   std::copy(pose.pressures, pose.pressures + 3 * K, o.pressures);
   o.moment = pose.moment, o.at = pose.at;
-  o.residual = std::sqrt(sum), o.statics = norm(pose.at.ends.moment);
+  o.residual = task_error(task, pose.at.ends), o.statics = norm(pose.at.ends.moment);
   o.met = o.optimal = o.residual <= tolerance;
   o.blocked = !o.met;
   return o;
 }
 
-// True for an outcome on the target or next to it: the arm must get there on the straight path.
-template <int K> bool at_target(const Outcome<K>& o) { return o.met || o.residual <= kFine; }
-
 // True where an answer is next to the last command of an arm in motion; one at its lower limits is at rest.
 template <int K> bool continues(const Limits<K>& limits, const Outcome<K>& o, const double* seed) {
   bool rests = true;
-  double most = 0.0;
-  for (int i = 0; i < 3 * K; ++i) {
-    rests = rests && seed[i] <= limits.lower[i];
-    most = std::fmax(most, std::fabs(o.pressures[i] - seed[i]));
-  }
-  return !rests && most <= kTracking;
+  for (int i = 0; i < 3 * K; ++i) rests = rests && seed[i] <= limits.lower[i];
+  return !rests && most_change<K>(o.pressures, seed) <= kTracking;
 }
 
 // Search for a loaded arm where a descent from the last command did not end on the target and on the branch: from
@@ -92,39 +85,20 @@ template <int K> struct BranchSearch {
     return done == 1.0;
   }
 
-  bool same(Vec moment, Vec other) const { return norm(moment - other) <= kSamePose * load_scale<K>(rod, force); }
-
-  double error(const Judged& at) const {
-    double r[9], sum = 0.0;
-    residual(task, at.ends, r);
-    for (int a = 0; a < task.rows(); ++a) sum += r[a] * r[a];
-    return std::sqrt(sum);
-  }
-
-  // True when the arm gets from the present state to an equilibrium; else `done` is the part of the path.
-  bool reaches(const Outcome<K>& o, double& done) {
-    Vec moment = present.moment;
-    Judged at;
-    work += kRampWork;
-    done = follow<K>(rod, {present.pressures, force, 1.0}, {o.pressures, force, 1.0}, elements, moment, at);
-    return done == 1.0 && same(moment, o.moment);
-  }
-
   // True when twice the elements agree with an outcome; too few bend the branch where it is steep.
   bool agrees_with_finer(const Outcome<K>& o) {
     Vec moment;
     Judged at;
     work += 2 * kRampWork;
-    return equilibrium<K>(rod, o.pressures, force, 2 * elements, moment, at) == 1.0 && error(at) <= o.residual + kFine;
+    return equilibrium<K>(rod, o.pressures, force, 2 * elements, moment, at) == 1.0 &&
+           task_error(task, at.ends) <= o.residual + kFine;
   }
 
   // Adds the end of a descent to the best, in place of a worse one next to it.
   void add(const BranchPose<K>& pose, double residual) {
     int at = 0;
     for (; at < count; ++at) {
-      double apart = 0.0;
-      for (int j = 0; j < n; ++j) apart = std::fmax(apart, std::fabs(pose.pressures[j] - candidates[at].pressures[j]));
-      if (apart > kTracking) continue;
+      if (most_change<K>(pose.pressures, candidates[at].pressures) > kTracking) continue;
       if (!(residual < errors[at])) return;
       break;
     }
@@ -142,9 +116,12 @@ template <int K> struct BranchSearch {
     work += o.iterations;
     double done = 1.0;
     if (count == kCandidates && !(o.residual < errors[kCandidates - 1])) return;
-    if (at_target(o) && !reaches(o, done)) {
-      snap = std::fmin(snap, done);
-      return;
+    if (at_target(o)) {
+      work += kRampWork;
+      if (!reaches<K>(rod, force, present.pressures, present.moment, o, elements, done)) {
+        snap = std::fmin(snap, done);
+        return;
+      }
     }
     if (o.met && !agrees_with_finer(o)) return;
     BranchPose<K> end;
@@ -205,7 +182,7 @@ template <int K> struct BranchSearch {
       if ((!roughly_at(coarse) || coarse.at.modes != 0) &&
           equilibrium<K>(rod, coarse.pressures, force, kLookElements, coarse.moment, coarse.at) < 1.0)
         continue;
-      away[seen] = error(coarse.at);
+      away[seen] = task_error(task, coarse.at.ends);
       int at = seen++;
       for (; at > 0 && away[at - 1] > away[at]; --at) std::swap(away[at - 1], away[at]), order[at] = order[at - 1];
       order[at] = index;

@@ -2,8 +2,8 @@
 // contid/kinematics/cosserat/along_branch/descent.py, its specification.
 #pragma once
 
+#include "../solve.hpp"
 #include "boundary.hpp"
-#include "solve.hpp"
 
 namespace contid {
 
@@ -44,9 +44,9 @@ template <int K> struct Descent {
     Vec moment;
     Judged at;
   };
-  Point points[kUnchecked + 1];  // the first is on the branch
-  int ahead = 0;                 // points after it
-  Ramp<K> ramp{};                // the path from rest to the first
+  Point points[kUnchecked + 1]{};  // the first is on the branch
+  int ahead = 0;                   // points after it
+  Ramp<K> ramp{};                  // the path from rest to the first
   StableBoundary<K> boundary{};
   Sweep<K> here{};
   Reduced<K> by{};
@@ -65,7 +65,7 @@ template <int K> struct Descent {
     Judged at;
     const double done = ramped<K>(rod, point.p, force, elements, found, at, path);
     work += path.work();
-    return done == 1.0 && path.least >= margin && norm(found - point.moment) <= kSamePose * load_scale<K>(rod, force);
+    return done == 1.0 && path.least >= margin && same_pose<K>(rod, force, found, point.moment);
   }
 
   // After a step from the first point led off the branch: the next ones keep in front of its boundary.

@@ -1,0 +1,52 @@
+// The straight path in pressures from where the arm stands to an answer. Twin and specification:
+// contid/kinematics/cosserat/along_branch/straight_path.py.
+#pragma once
+
+#include "../solve.hpp"
+
+namespace contid {
+
+constexpr double kFine = 1.0;  // [mm]
+
+// True for an outcome on the target or next to it: the arm must get there on the straight path.
+template <int K> bool at_target(const Outcome<K>& o) { return o.met || o.residual <= kFine; }
+
+// True when the arm gets from an equilibrium to another; else `done` is the part of the path.
+template <int K>
+bool reaches(const Rod<K>& rod, Vec tip_force, const double* here, Vec moment, const Outcome<K>& o, int elements,
+             double& done) {
+  Judged at;
+  done = follow<K>(rod, {here, tip_force, 1.0}, {o.pressures, tip_force, 1.0}, elements, moment, at);
+  return done == 1.0 && same_pose<K>(rod, tip_force, moment, o.moment);
+}
+
+// True when the arm gets from the seed to an equilibrium, or has none at the seed.
+template <int K>
+bool reached_from(const Rod<K>& rod, Vec tip_force, const Limits<K>& limits, const double* seed, const Outcome<K>& o,
+                  int elements) {
+  double from[3 * K], done;
+  std::copy(seed, seed + 3 * K, from);
+  clamp<K>(limits, from);
+  Vec moment;
+  Judged at;
+  return equilibrium<K>(rod, from, tip_force, elements, moment, at) < 1.0 ||
+         reaches<K>(rod, tip_force, from, moment, o, elements, done);
+}
+
+// True where an answer is the equilibrium of its pressures on the branch.
+template <int K> bool holds(const Rod<K>& rod, Vec tip_force, const Outcome<K>& o, int elements) {
+  Vec moment;
+  Judged at;
+  return equilibrium<K>(rod, o.pressures, tip_force, elements, moment, at) == 1.0 &&
+         same_pose<K>(rod, tip_force, moment, o.moment);
+}
+
+// True for an equilibrium that is a minimum of energy.
+template <int K> bool is_stable(const Rod<K>& rod, Vec tip_force, Outcome<K>& o, int elements) {
+  if (o.statics > kBalance) return false;
+  if (!loaded<K>(rod, tip_force)) return true;
+  if (o.at.modes < 0) judge<K>(rod, o.pressures, o.moment, tip_force, 1.0, elements, o.at);
+  return o.at.modes == 0;
+}
+
+}  // namespace contid
