@@ -110,19 +110,24 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
     }
     return true;
   };
-  // A bounded optimum next to the last command continues a motion; another start would only jump.
-  const auto tracked = [&] { return any && best.outcome.optimal && continues<K>(limits, best.outcome, seed); };
+  // A bounded optimum next to the last command, and not farther than where the arm stands, continues a motion; another
+  // start would only jump.
+  const auto tracked = [&] {
+    if (!any || !best.outcome.optimal || !continues<K>(limits, best.outcome, seed)) return false;
+    return !weighs || best.outcome.residual <= standing_error<K>(rod, task, tip_force, limits, seed, settings);
+  };
   bool descended = false;
   if (!attempt(seed, kIterations) && !tracked() && !everywhere()) {
     for (int elements = settings.elements;; elements = kRefusalElements) {
       Found<K> found;
-      descended = search_along_branch<K>(rod, task, tip_force, limits, seed, settings, elements, spent, found);
-      if (descended && any && !found.outcome.met && best.outcome.residual <= found.outcome.residual)
-        best.snap = found.snap, descended = false;
-      else if (descended)
-        best = found;
+      const bool searched =
+          search_along_branch<K>(rod, task, tip_force, limits, seed, settings, elements, spent, found);
+      if (searched && any && !found.outcome.met && best.outcome.residual <= found.outcome.residual)
+        best.snap = found.snap;
+      else if (searched)
+        best = found, descended = true;
       if (descended) home(best);
-      if (descended || any || elements >= kRefusalElements) break;
+      if (searched || elements >= kRefusalElements) break;
     }
   }
   best.iterations = spent;

@@ -14,7 +14,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.along_branch.branch_search import THOROUGH, BranchSearch, Effort, Found
-from contid.kinematics.cosserat.along_branch.last_descents import LastDescents
+from contid.kinematics.cosserat.along_branch.last_descents import LastDescents, standing_error
 from contid.kinematics.cosserat.along_branch.refine import (
     ITERATIONS,
     RESTART_ITERATIONS,
@@ -64,10 +64,11 @@ def search(problem: Problem, seed: Array, error: float = np.inf, effort: Effort 
         return outcome.met and candidate.stable
 
     descended = False
-    # A bounded optimum next to the last command continues a motion; another start would only jump.
+    # A bounded optimum next to the last command, and not farther than where the arm stands, continues a
+    # motion; another start would only jump.
     if (
         not attempt(seed, guess, ITERATIONS)
-        and not _tracked(problem, best, seed)
+        and not _tracked(problem, best, seed, error)
         and not _ramp(problem, attempt)
     ):
         if not loaded:
@@ -84,7 +85,7 @@ def search(problem: Problem, seed: Array, error: float = np.inf, effort: Effort 
                     best, descended = found, True
                 else:
                     best = replace(best, snap=found.snap)
-            if best is not None or elements >= REFUSAL_ELEMENTS:
+            if found is not None:
                 break
     if best is None:
         held = solve(problem, seed, guess, 1)
@@ -133,12 +134,14 @@ def is_on_branch(problem: Problem, outcome: RodSolution, seed: Array) -> bool:
     return near or reached_from(problem, seed, outcome)
 
 
-def _tracked(problem: Problem, found: Found | None, seed: Array) -> bool:
+def _tracked(problem: Problem, found: Found | None, seed: Array, error: float) -> bool:
     """True where an answer is next to the last command of an arm in motion; one at its lower limits rests."""
     if found is None or bool((seed <= problem.limits.lower).all()):
         return False
     moved = float(np.abs(found.outcome.pressures - seed).max())
-    return found.stable and found.outcome.optimal and moved <= TRACKING
+    if not (found.stable and found.outcome.optimal and moved <= TRACKING):
+        return False
+    return problem.loads.is_zero or found.outcome.residual <= standing_error(problem, seed, error)
 
 
 def _rank(found: Found) -> tuple[bool, bool, float]:

@@ -2,6 +2,8 @@
 // specification.
 #pragma once
 
+#include <limits>
+
 #include "branch_search.hpp"
 
 namespace contid {
@@ -21,6 +23,19 @@ bool pose_near(const Rod<K>& rod, Vec force, const Limits<K>& limits, const doub
     if (ramped<K>(rod, pose.pressures, force, elements, pose.moment, pose.at, pose.ramp) == 1.0) return true;
   }
   return false;
+}
+
+// How far from the target the arm stands, and a tolerance for its elements; infinite where they find no pose.
+template <int K>
+double standing_error(const Rod<K>& rod, const Task& task, Vec force, const Limits<K>& limits, const double* seed,
+                      const Settings& settings) {
+  double pressures[3 * K];
+  std::copy(seed, seed + 3 * K, pressures);
+  clamp<K>(limits, pressures);
+  Vec moment;
+  Judged at;
+  if (equilibrium<K>(rod, pressures, force, settings.elements, moment, at) < 1.0) return std::numeric_limits<double>::infinity();
+  return task_error(task, at.ends) + settings.error;
 }
 
 // Descends from the candidates of a search with the elements that they need.
@@ -92,6 +107,20 @@ template <int K> struct LastDescents {
     }
   }
 
+  // An answer is never farther from the target than where the arm stands, which may need more elements than the search.
+  void stay() {
+    Found<K> here{};
+    BranchPose<K> pose;
+    std::copy(seed, seed + 3 * K, pose.pressures);
+    clamp<K>(limits, pose.pressures);
+    const double done =
+        fine_equilibrium<K>(rod, pose.pressures, force, settings, pose.moment, pose.at, here.elements);
+    spend(kRampWork, here.elements);
+    if (done < 1.0) return;
+    here.outcome = outcome_of<K>(task, pose, settings.tolerance), here.stable = true;
+    if (!any || here.outcome.residual < best.outcome.residual) best = here, any = true;
+  }
+
   // Goes on from the best one until no step helps: only then it is known to be an optimum.
   void finish() {
     BranchPose<K> pose;
@@ -109,7 +138,7 @@ template <int K> struct LastDescents {
     for (int k = 0; k < search.count && cost_left > 0; ++k)
       attempt(search.candidates[k].pressures, search.elements, true);
     for (int k = 0; k < search.count && !any; ++k) attempt(search.candidates[k].pressures, search.elements, false);
-    if (!any) attempt(search.present.pressures, search.elements, false);
+    stay();
     if (any && !best.outcome.optimal) finish();
     best.snap = search.snap;
     best.iterations = spent;

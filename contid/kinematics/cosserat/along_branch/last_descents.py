@@ -17,6 +17,7 @@ from contid.kinematics.cosserat.along_branch.straight_path import at_target, rea
 from contid.kinematics.cosserat.branch import equilibrium
 from contid.kinematics.cosserat.discretisation import fine_equilibrium, is_fine
 from contid.kinematics.cosserat.solve import Problem, RodSolution
+from contid.kinematics.cosserat.task import residual
 
 #: The least work of one of them, and that of going on from the best (as `Effort.last_work`).
 LEAST_WORK, FINISH_WORK = 12, 40
@@ -43,10 +44,18 @@ def pose_near(problem: Problem, pressures: Array, seed: Array) -> tuple[BranchPo
     return None, 0
 
 
+def standing_error(problem: Problem, seed: Array, error: float) -> float:
+    """How far from the target the arm stands, and ``error`` [mm]; infinite where elements find no pose."""
+    pressures = np.clip(seed, problem.limits.lower, problem.limits.upper)
+    at = equilibrium(problem.rod, pressures, problem.loads, problem.elements)
+    return float(np.linalg.norm(residual(problem.task, at.sweep))) + error if at.done == 1.0 else np.inf
+
+
 class LastDescents:
     """Descends from the candidates of a search with the elements that they need.
 
-    ``error`` is the estimated discretisation error [mm] at which the elements are doubled.
+    An answer is never farther from the target than where the arm stands. ``error`` is the estimated
+    discretisation error [mm] at which the elements are doubled.
     """
 
     def __init__(self, problem: Problem, seed: Array, error: float, cost: int) -> None:
@@ -63,8 +72,7 @@ class LastDescents:
         for _, pose in search.candidates:
             if self.best is None:
                 self._attempt(pose.pressures, elements, descends=False)
-        if self.best is None:
-            self._attempt(search.present.pressures, elements, descends=False)
+        self._stay()
         if self.best is None:
             return None
         if not self.best.outcome.optimal:
@@ -114,6 +122,19 @@ class LastDescents:
                     self.best = Found(o, True, problem.elements, 0)
                     return
             part = 4.0 * part if part > 0.0 else RETREAT
+
+    def _stay(self) -> None:
+        """Take where the arm stands if that is nearer; it may need more elements than the search."""
+        p = self.problem
+        pressures = np.clip(self.seed, p.limits.lower, p.limits.upper)
+        at, elements = fine_equilibrium(p.rod, pressures, p.loads, p.elements, self.error)
+        self._spend(RAMP_WORK, elements)
+        if at.done < 1.0:
+            return
+        pose = BranchPose(pressures, at.base_moment, at.sweep, (), at.least)
+        o = outcome_of(replace(p, elements=elements), pose)
+        if self.best is None or o.residual < self.best.outcome.residual:
+            self.best = Found(o, True, elements, 0)
 
     def _finish(self, best: Found) -> None:
         """Go on from the best one until no step helps: only then it is known to be an optimum."""
