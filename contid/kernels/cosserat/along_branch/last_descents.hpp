@@ -34,7 +34,8 @@ double standing_error(const Rod<K>& rod, const Task& task, Vec force, const Limi
   clamp<K>(limits, pressures);
   Vec moment;
   Judged at;
-  if (equilibrium<K>(rod, pressures, force, settings.elements, moment, at) < 1.0) return std::numeric_limits<double>::infinity();
+  if (equilibrium<K>(rod, pressures, force, settings.elements, moment, at) < 1.0)
+    return std::numeric_limits<double>::infinity();
   return task_error(task, at.ends) + settings.error;
 }
 
@@ -113,8 +114,7 @@ template <int K> struct LastDescents {
     BranchPose<K> pose;
     std::copy(seed, seed + 3 * K, pose.pressures);
     clamp<K>(limits, pose.pressures);
-    const double done =
-        fine_equilibrium<K>(rod, pose.pressures, force, settings, pose.moment, pose.at, here.elements);
+    const double done = fine_equilibrium<K>(rod, pose.pressures, force, settings, pose.moment, pose.at, here.elements);
     spend(kRampWork, here.elements);
     if (done < 1.0) return;
     here.outcome = outcome_of<K>(task, pose, settings.tolerance), here.stable = true;
