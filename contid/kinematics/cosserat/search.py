@@ -85,7 +85,7 @@ def search(problem: Problem, seed: Array, error: float = np.inf, effort: Effort 
                     best, descended = found, True
                 else:
                     best = replace(best, snap=found.snap)
-            if found is not None:
+            if found is not None or elements >= REFUSAL_ELEMENTS:
                 break
     if best is None:
         held = solve(problem, seed, guess, 1)
