@@ -92,7 +92,7 @@ def test_a_refused_set_point_is_reported_and_the_next_good_one_followed() -> Non
 
 def test_an_error_of_the_controller_holds_the_robots_and_is_raised() -> None:
     def controller(state: ServoState) -> Mapping[str, float]:
-        if state.step == 5:
+        if state.step >= 5:  # a late period is skipped, here and below
             raise ZeroDivisionError("controller")
         return {"x_mm": 50.0, "y_mm": 75.0 + 2.0 * state.step}
 
@@ -138,7 +138,7 @@ def test_a_stop_by_another_client_ends_the_loop_and_is_not_undone() -> None:
         armed(client)
 
         def controller(state: ServoState) -> Mapping[str, float]:
-            if state.step == 10:
+            if state.step >= 10:
                 operator.stop()
             return {"x_mm": 50.0, "y_mm": 75.0}
 
@@ -153,12 +153,12 @@ def test_a_controller_that_hangs_loses_the_lease_and_the_robot_holds() -> None:
         armed(client)
         client.acquire(0.3)
 
-        def controller(state: ServoState) -> Mapping[str, float] | None:
-            if state.step == 5:
+        def controller(state: ServoState) -> Mapping[str, float]:
+            if state.step >= 5:
                 time.sleep(1.0)
                 assert states(other) == {"HOLD"}
                 assert other.status()["lease"]["holder"] is None
-            return {"x_mm": 50.0, "y_mm": 75.0} if state.step < 10 else None
+            return {"x_mm": 50.0, "y_mm": 75.0}
 
         with pytest.raises(RemoteError):
             client.servo(50.0, controller)

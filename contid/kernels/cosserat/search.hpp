@@ -61,7 +61,8 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
   // The nearest to the centre next to the last command.
   const auto tracked_home = [&](Outcome<K>& o) {
     const Homing<K> homing{rod, task, tip_force, limits, settings.elements};
-    const bool met = track_home<K>(homing, seed, guess, settings.tolerance, kTracking, o);
+    const bool met = light && !rod.moments ? track_home<K, 0>(homing, seed, guess, settings.tolerance, kTracking, o)
+                                           : track_home<K, 3>(homing, seed, guess, settings.tolerance, kTracking, o);
     return met && is_stable<K>(rod, tip_force, o, settings.elements) && is_on_branch(o);
   };
   const auto attempt = [&](const double* start, int iterations) {

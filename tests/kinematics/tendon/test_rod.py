@@ -49,24 +49,32 @@ def by_shooting(
     down = np.array([0.0, 0.2 * weight, -weight])
     total = sum(section.length_m for section in GEOMETRY.sections)
     ends = np.cumsum([section.length_m for section in GEOMETRY.sections])
-    arms = [np.column_stack((section.arms, np.zeros(3))) for section in GEOMETRY.sections]
+    e3 = np.array([0.0, 0.0, 1.0])
+    arms = np.concatenate([np.column_stack((section.arms, np.zeros(3))) for section in GEOMETRY.sections])
+    # The path of a tendon by (curvature, stretch), and what a pull along it does to both balances.
+    tangents = np.stack([np.cross(np.eye(4)[:, :3], r).T + np.outer(e3, np.eye(4)[3]) for r in arms])
+    squares = tangents.transpose(0, 2, 1) @ tangents
+    stiff = np.diag([EI, EI, GJ, 0.0 if np.isinf(stretch) else stretch])
 
     def strain(moment: np.ndarray, net: np.ndarray, first: int) -> tuple[np.ndarray, float, np.ndarray]:
-        """Curvature in the frame of the rod, stretch, and pace of the tendons, by fixed point."""
-        kappa, extension = np.zeros(3), 0.0
-        r = np.concatenate(arms[first:])
-        tau = tensions[3 * first :]
-        for _ in range(200):
-            v = np.array([0.0, 0.0, 1.0 + extension]) + np.cross(kappa, r)
-            pace = np.linalg.norm(v, axis=1)
-            pull = (tau / pace)[:, None] * v
-            new = (moment - np.cross(r, pull).sum(axis=0)) / np.array([EI, EI, GJ])
-            longer = 0.0 if np.isinf(stretch) else (net[2] - pull[:, 2].sum()) / stretch
-            change = np.abs(new - kappa).max() + abs(longer - extension)
-            kappa, extension = kappa + 0.5 * (new - kappa), extension + 0.5 * (longer - extension)
-            if change < 1e-13:
+        """Curvature in the frame of the rod, stretch, and pace of the tendons.
+
+        With the paces known both balances are linear in them; the paces follow by fixed point.
+        """
+        along, square, tau = tangents[3 * first :], squares[3 * first :], tensions[3 * first :]
+        pace = np.ones(len(tau))
+        for _ in range(50):
+            share = tau / pace
+            A = stiff + np.tensordot(share, square, 1)
+            if np.isinf(stretch):
+                x = np.append(np.linalg.solve(A[:3, :3], moment - A[:3, 3]), 0.0)
+            else:
+                x = np.linalg.solve(A, np.append(moment - A[:3, 3], net[2] - share.sum()))
+            v = along @ x + e3
+            last, pace = pace, np.linalg.norm(v, axis=1)
+            if np.abs(pace - last).max() < 1e-14:
                 break
-        return kappa, extension, pace
+        return x[:3], float(x[3]), pace
 
     def shot(base_moment: np.ndarray) -> np.ndarray:
         state = np.concatenate(
