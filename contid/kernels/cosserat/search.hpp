@@ -104,7 +104,7 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
     if (weighs) return false;
     std::copy(limits.centre, limits.centre + n, start);
     if (attempt(start, kRestartIterations)) return true;
-    for (int index = 1; index <= kRestarts; ++index) {
+    for (int index = 1; index <= effort_of(settings).restarts; ++index) {
       for (int i = 0; i < n; ++i)
         start[i] = limits.lower[i] + radical_inverse(index, kPrimes[i]) * (limits.upper[i] - limits.lower[i]);
       if (attempt(start, kRestartIterations)) return true;

@@ -72,7 +72,7 @@ def search(problem: Problem, seed: Array, error: float = np.inf, effort: Effort 
         and not _ramp(problem, attempt)
     ):
         if not loaded:
-            for start in starts(problem.limits):
+            for start in starts(problem.limits, effort.restarts):
                 if attempt(start, guess, RESTART_ITERATIONS):
                     break
         for elements in dict.fromkeys((problem.elements, REFUSAL_ELEMENTS)) if loaded else ():
