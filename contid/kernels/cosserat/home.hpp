@@ -154,14 +154,13 @@ template <int K> struct Homing {
       low[j] = std::max(limits.lower[j] - here.p[j], -trust);
       high[j] = std::min(limits.upper[j] - here.p[j], trust);
     }
-    FreeFactor<n> factor;
     // The weight leaves a part of the error that the multipliers found so far remove.
     for (int pass = 0; pass < 2; ++pass) {
       for (int j = 0; j < n; ++j) {
         g[j] = kCentreWeight * (here.p[j] - limits.centre[j]);
         for (int a = 0; a < by.rows; ++a) g[j] += by.J[a][j] * (ahead[a] + kCentreWeight * y[a]);
       }
-      box_step<n>(H, g, low, high, d, factor);
+      box_step<n>(H, g, low, high, d);
       for (int a = 0; a < by.rows; ++a) {
         double closed = ahead[a];
         for (int j = 0; j < n; ++j) closed += by.J[a][j] * d[j];

@@ -69,24 +69,12 @@ template <int K> struct Reduced {
   // Of a rod that carries nothing: there is no moment to eliminate.
   bool alone(double weight) {
     inverse_A = identity();
-    keep_columns(by_both, 3, weight);
-    return true;
-  }
-
-  // At a base moment that is known and stays: the task by the pressures alone.
-  void at_moment(const Task& task, const Sweep<K, 0>& s, double weight) {
-    double by_pressures[9][Sweep<K, 0>::C];
-    rows = task.rows();
-    jacobian(task, s, by_pressures);
-    inverse_A = {};
-    for (int a = 0; a < rows; ++a) std::fill(by_both[a], by_both[a] + 3, 0.0);
-    keep_columns(by_pressures, 0, weight);
-  }
-
-  template <int Columns> void keep_columns(const double (&by)[9][Columns], int first, double weight) {
-    for (int i = 0; i < 3; ++i) std::fill(G[i], G[i] + n, 0.0);
-    for (int a = 0; a < rows; ++a) std::copy(by[a] + first, by[a] + first + n, J[a]);
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < n; ++j) G[i][j] = 0.0;
+    for (int a = 0; a < rows; ++a)
+      for (int j = 0; j < n; ++j) J[a][j] = by_both[a][3 + j];
     normal_matrix(J, rows, weight, H);
+    return true;
   }
 
   // r - damping C A^-1 e: the task error with the balance restored; Ge = A^-1 e.
