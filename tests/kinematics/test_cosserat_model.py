@@ -83,6 +83,25 @@ def test_seed_makes_no_difference_to_a_unique_answer(arm: CosseratModel) -> None
     assert np.ptp(np.array(answers), axis=0).max() < 1e-4 * BAR
 
 
+@pytest.mark.parametrize("height_m", [0.0909, 0.0912, 0.12, 0.135])
+def test_a_tip_on_the_axis_has_one_answer_everywhere(
+    configs: Path, height_m: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its mirrored solutions are equally good: not rounding chooses, and the kernel and NumPy agree."""
+    if load("cosserat") is None:
+        pytest.skip("the kernel is not built")
+    target = Target(tip_m=(0.0, 0.0, height_m))
+    answers = []
+    for pure in ("", "1"):
+        monkeypatch.setenv("CONTID_PURE_PYTHON", pure)
+        model = build_model(describe(configs, "stiffflop2"))
+        for pressure in (0.0, 0.3):
+            answers.append(model.inverse(target, (pressure * BAR,) * 6))
+    assert all(answer.converged for answer in answers)
+    for kernel, numpy in zip(answers[:2], answers[2:], strict=True):
+        assert kernel.actuation == pytest.approx(numpy.actuation, abs=1e-5 * BAR)
+
+
 def test_out_of_reach_names_the_limits(arm: CosseratModel) -> None:
     solution = arm.inverse(Target(tip_m=(-0.02, 0.015, 0.12), mid_m=(0.008, -0.005, 0.06)), SEED)
     assert not solution.converged

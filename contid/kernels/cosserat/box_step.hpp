@@ -7,9 +7,45 @@
 
 namespace contid {
 
-// Minimum of d H d / 2 + g d in a box that holds 0, by a primal active set with Cholesky factors.
+// The Cholesky factor of the free rows and columns of a matrix, kept for another right-hand side.
+template <int n> struct FreeFactor {
+  double L[n][n], inverse[n];  // of the diagonal
+  int index[n], free = -1;
+
+  void of(const double (&H)[n][n], const int* rows, int count) {
+    if (count == free && std::equal(rows, rows + count, index)) return;
+    free = count;
+    std::copy(rows, rows + count, index);
+    for (int a = 0; a < free; ++a) {
+      double diagonal = H[index[a]][index[a]];
+      for (int k = 0; k < a; ++k) diagonal -= L[a][k] * L[a][k];
+      L[a][a] = std::sqrt(std::fmax(diagonal, 1e-30));
+      inverse[a] = 1.0 / L[a][a];
+      for (int b = a + 1; b < free; ++b) {
+        double value = H[index[b]][index[a]];
+        for (int k = 0; k < a; ++k) value -= L[b][k] * L[a][k];
+        L[b][a] = value * inverse[a];
+      }
+    }
+  }
+
+  void solve(double* x) const {
+    for (int a = 0; a < free; ++a) {
+      for (int k = 0; k < a; ++k) x[a] -= L[a][k] * x[k];
+      x[a] *= inverse[a];
+    }
+    for (int a = free - 1; a >= 0; --a) {
+      for (int k = a + 1; k < free; ++k) x[a] -= L[k][a] * x[k];
+      x[a] *= inverse[a];
+    }
+  }
+};
+
+// Minimum of d H d / 2 + g d in a box that holds 0, by a primal active set with Cholesky factors. `factor` belongs to
+// H.
 template <int n>
-void box_step(const double (&H)[n][n], const double* g, const double* low, const double* high, double* d) {
+void box_step(const double (&H)[n][n], const double* g, const double* low, const double* high, double* d,
+              FreeFactor<n>& factor) {
   bool held[n];
   double largest = 0.0;
   for (int i = 0; i < n; ++i) {
@@ -22,31 +58,14 @@ void box_step(const double (&H)[n][n], const double* g, const double* low, const
     for (int i = 0; i < n; ++i)
       if (!held[i]) index[free++] = i;
     if (free > 0) {
-      double L[n][n], x[n];
+      double x[n];
       for (int a = 0; a < free; ++a) {
         double slope = g[index[a]];
         for (int j = 0; j < n; ++j) slope += H[index[a]][j] * d[j];
         x[a] = -slope;
       }
-      for (int a = 0; a < free; ++a) {
-        double diagonal = H[index[a]][index[a]];
-        for (int k = 0; k < a; ++k) diagonal -= L[a][k] * L[a][k];
-        L[a][a] = std::sqrt(std::fmax(diagonal, 1e-30));
-        const double scale = 1.0 / L[a][a];
-        for (int b = a + 1; b < free; ++b) {
-          double value = H[index[b]][index[a]];
-          for (int k = 0; k < a; ++k) value -= L[b][k] * L[a][k];
-          L[b][a] = value * scale;
-        }
-      }
-      for (int a = 0; a < free; ++a) {
-        for (int k = 0; k < a; ++k) x[a] -= L[a][k] * x[k];
-        x[a] /= L[a][a];
-      }
-      for (int a = free - 1; a >= 0; --a) {
-        for (int k = a + 1; k < free; ++k) x[a] -= L[k][a] * x[k];
-        x[a] /= L[a][a];
-      }
+      factor.of(H, index, free);
+      factor.solve(x);
       double fraction = 1.0;
       int blocking = -1;
       for (int a = 0; a < free; ++a) {
@@ -76,6 +95,12 @@ void box_step(const double (&H)[n][n], const double* g, const double* low, const
     held[worst] = false;
   }
   for (int i = 0; i < n; ++i) d[i] = std::min(std::max(d[i], low[i]), high[i]);
+}
+
+template <int n>
+void box_step(const double (&H)[n][n], const double* g, const double* low, const double* high, double* d) {
+  FreeFactor<n> factor;
+  box_step<n>(H, g, low, high, d, factor);
 }
 
 }  // namespace contid

@@ -143,9 +143,10 @@ template <int K> Vec predicted_moment(const Rod<K>& rod, Vec tip, Vec tip_force,
 }
 
 // True when a stable equilibrium is the one of `equilibrium`. Tried first: a curve from the straight arm to it, held
-// against the balance at three points of the way.
+// against the balance at three points of the way, roughly and therefore with fewer elements.
 template <int K> bool on_branch(const Rod<K>& rod, const double* pressures, Vec moment, Vec tip_force, int elements) {
   const double scale = load_scale<K>(rod, tip_force);
+  const int few = std::max(2, 2 * elements / 3);
   const Vec slope = predicted_moment<K>(rod, {0, 0, rod.reach}, tip_force, 1.0);
   Vec bend = moment - slope, bent_half = bend;  // of (M - s slope) / s^2 at s = 1 and 1/2
   Judged at;
@@ -156,10 +157,10 @@ template <int K> bool on_branch(const Rod<K>& rod, const double* pressures, Vec 
     const Vec bent = bent_half + (2.0 * part - 1.0) * (bend - bent_half);
     Vec guess = part * slope + (part * part) * bent;
     if (part == 0.5) {
-      smooth = settle<K>(rod, p, guess, part * tip_force, part, elements, kRough * scale, at);
+      smooth = settle<K>(rod, p, guess, part * tip_force, part, few, kRough * scale, at);
       bent_half = 4.0 * (guess - part * slope);
     } else {
-      judge<K>(rod, p, guess, part * tip_force, part, elements, at);
+      judge<K>(rod, p, guess, part * tip_force, part, few, at);
       smooth = at.modes == 0 && norm(at.moment_by_balance * at.ends.moment) <= kNear * scale;
     }
     if (!smooth) break;

@@ -154,13 +154,14 @@ template <int K> struct Homing {
       low[j] = std::max(limits.lower[j] - here.p[j], -trust);
       high[j] = std::min(limits.upper[j] - here.p[j], trust);
     }
+    FreeFactor<n> factor;
     // The weight leaves a part of the error that the multipliers found so far remove.
     for (int pass = 0; pass < 2; ++pass) {
       for (int j = 0; j < n; ++j) {
         g[j] = kCentreWeight * (here.p[j] - limits.centre[j]);
         for (int a = 0; a < by.rows; ++a) g[j] += by.J[a][j] * (ahead[a] + kCentreWeight * y[a]);
       }
-      box_step<n>(H, g, low, high, d);
+      box_step<n>(H, g, low, high, d, factor);
       for (int a = 0; a < by.rows; ++a) {
         double closed = ahead[a];
         for (int j = 0; j < n; ++j) closed += by.J[a][j] * d[j];
@@ -173,6 +174,7 @@ template <int K> struct Homing {
   int run(Outcome<K>& o) const {
     Point here;
     std::copy(o.pressures, o.pressures + n, here.p);
+    leave_axis<K>(limits, here.p);
     here.moment = o.moment;
     double W[n][n], H[n][n], d[n], y[9] = {};
     double trust = kTrustStart, last = std::numeric_limits<double>::infinity();

@@ -61,7 +61,8 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
   // The nearest to the centre next to the last command.
   const auto tracked_home = [&](Outcome<K>& o) {
     const Homing<K> homing{rod, task, tip_force, limits, settings.elements};
-    const bool met = track_home<K>(homing, seed, guess, settings.tolerance, kTracking, o);
+    const bool met = light && !rod.moments ? track_home<K, 0>(homing, seed, guess, settings.tolerance, kTracking, o)
+                                           : track_home<K, 3>(homing, seed, guess, settings.tolerance, kTracking, o);
     return met && is_stable<K>(rod, tip_force, o, settings.elements) && is_on_branch(o);
   };
   const auto attempt = [&](const double* start, int iterations) {
@@ -103,7 +104,7 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
     if (weighs) return false;
     std::copy(limits.centre, limits.centre + n, start);
     if (attempt(start, kRestartIterations)) return true;
-    for (int index = 1; index <= kRestarts; ++index) {
+    for (int index = 1; index <= effort_of(settings).restarts; ++index) {
       for (int i = 0; i < n; ++i)
         start[i] = limits.lower[i] + radical_inverse(index, kPrimes[i]) * (limits.upper[i] - limits.lower[i]);
       if (attempt(start, kRestartIterations)) return true;

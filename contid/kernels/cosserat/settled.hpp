@@ -12,21 +12,26 @@ template <int K>
 Found<K> search_settled(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& limits, const double* seed,
                         const Settings& settings) {
   Found<K> found = search<K>(rod, task, tip_force, limits, seed, settings);
-  if (task.independent() >= 3 * K) return found;
-  // With the elements of the answer: with fewer the same pressures hold another pose.
+  const bool carries = loaded<K>(rod, tip_force), redundant = task.independent() < 3 * K;
+  // Where an answer is on the target or next to it the arm must get there from the seed; with the elements of the
+  // answer: with fewer the same pressures hold another pose.
   const auto reached = [&](const Found<K>& answer) {
-    return !loaded<K>(rod, tip_force) || reached_from<K>(rod, tip_force, limits, seed, answer.outcome, answer.elements);
+    return !carries || !at_target(answer.outcome) ||
+           reached_from<K>(rod, tip_force, limits, seed, answer.outcome, answer.elements);
   };
-  for (int ask = 0; ask < kMostSearches && found.outcome.met && found.stable &&
-                    most_change<K>(found.outcome.pressures, seed) > kTracking;
-       ++ask) {
+  for (int ask = 0; ask < kMostSearches; ++ask) {
+    const bool met = found.outcome.met;
+    if (!found.stable || most_change<K>(found.outcome.pressures, seed) <= kTracking) break;
+    if (met ? !redundant : !(carries && settings.thorough)) break;
     Found<K> again = search<K>(rod, task, tip_force, limits, found.outcome.pressures, settings);
     found.iterations += again.iterations;
-    if (!again.outcome.met || !again.stable ||
-        most_change<K>(again.outcome.pressures, found.outcome.pressures) <= kSettledBar)
+    if (!again.stable || (met && !again.outcome.met)) break;
+    if (met ? most_change<K>(again.outcome.pressures, found.outcome.pressures) <= kSettledBar
+            : !(again.outcome.residual < found.outcome.residual - settings.error))
       break;
     if (!reached(again) && reached(found)) break;
     again.iterations = found.iterations;
+    if (!again.outcome.met) again.snap = found.snap;
     found = again;
   }
   return found;

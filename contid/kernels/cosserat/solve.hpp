@@ -69,12 +69,24 @@ template <int K> struct Reduced {
   // Of a rod that carries nothing: there is no moment to eliminate.
   bool alone(double weight) {
     inverse_A = identity();
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < n; ++j) G[i][j] = 0.0;
-    for (int a = 0; a < rows; ++a)
-      for (int j = 0; j < n; ++j) J[a][j] = by_both[a][3 + j];
-    normal_matrix(J, rows, weight, H);
+    keep_columns(by_both, 3, weight);
     return true;
+  }
+
+  // At a base moment that is known and stays: the task by the pressures alone.
+  void at_moment(const Task& task, const Sweep<K, 0>& s, double weight) {
+    double by_pressures[9][Sweep<K, 0>::C];
+    rows = task.rows();
+    jacobian(task, s, by_pressures);
+    inverse_A = {};
+    for (int a = 0; a < rows; ++a) std::fill(by_both[a], by_both[a] + 3, 0.0);
+    keep_columns(by_pressures, 0, weight);
+  }
+
+  template <int Columns> void keep_columns(const double (&by)[9][Columns], int first, double weight) {
+    for (int i = 0; i < 3; ++i) std::fill(G[i], G[i] + n, 0.0);
+    for (int a = 0; a < rows; ++a) std::copy(by[a] + first, by[a] + first + n, J[a]);
+    normal_matrix(J, rows, weight, H);
   }
 
   // r - damping C A^-1 e: the task error with the balance restored; Ge = A^-1 e.
@@ -107,6 +119,7 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
   const bool carries = loaded<K>(rod, tip_force);
   out.at.modes = -1;
   for (int i = 0; i < n; ++i) p[i] = std::min(std::max(start[i], limits.lower[i]), limits.upper[i]);
+  if (weight > 0.0) leave_axis<K>(limits, p);
 
   const auto square = [](const double* r, int count) {
     double sum = 0.0;

@@ -33,7 +33,7 @@ inline Vec transposed_times(const Mat& a, Vec v) {
   return {a.m[0][0] * v.x + a.m[1][0] * v.y + a.m[2][0] * v.z, a.m[0][1] * v.x + a.m[1][1] * v.y + a.m[2][1] * v.z,
           a.m[0][2] * v.x + a.m[1][2] * v.y + a.m[2][2] * v.z};
 }
-inline Mat operator*(const Mat& a, const Mat& b) {
+[[gnu::always_inline]] inline Mat operator*(const Mat& a, const Mat& b) {
   Mat c;
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) c.m[i][j] = a.m[i][0] * b.m[0][j] + a.m[i][1] * b.m[1][j] + a.m[i][2] * b.m[2][j];
@@ -66,7 +66,7 @@ inline Mat hat(Vec a) { return {{{0, -a.z, a.y}, {a.z, 0, -a.x}, {-a.y, a.x, 0}}
 constexpr Series kVersine(2), kShift(3);
 
 // The first nine terms by Estrin's scheme: its chain of dependent operations is half of Horner's.
-inline double evaluate(const Series& series, double x) {
+[[gnu::always_inline]] inline double evaluate(const Series& series, double x) {
   const double (&a)[10] = series.term;
   const double x2 = x * x, x4 = x2 * x2;
   const double low = (a[0] + a[1] * x) + (a[2] + a[3] * x) * x2;

@@ -2,7 +2,8 @@
 //
 // Steps of the same quadratic model, from the last command and without chords in between: each step closes the error
 // that the one before left. The answer is the same to kSettled; where steps are long or do not shrink, the general
-// solve is needed.
+// solve is needed. Without own weight the base moment of an answer is known beforehand, as in track.hpp: Base = 0
+// leaves its columns out.
 #pragma once
 
 #include "home.hpp"
@@ -25,7 +26,7 @@ template <int n> void mix(const double* p, const double* before, const double* l
 }
 
 // False, with `out` undefined, where the general solve is needed. `most` bounds the first step.
-template <int K>
+template <int K, int Base>
 bool track_home(const Homing<K>& homing, const double* start, Vec moment, double tolerance, double most,
                 Outcome<K>& out) {
   constexpr int n = 3 * K;
@@ -35,12 +36,15 @@ bool track_home(const Homing<K>& homing, const double* start, Vec moment, double
   for (int j = 0; j < n; ++j) here.p[j] = std::min(std::max(start[j], limits.lower[j]), limits.upper[j]);
   here.moment = moment;
   double before[n] = {}, last[n] = {}, plain[n], d[n], H[n][n], y[9] = {}, size = 0.0;
-  Sweep<K> at;
+  Sweep<K, Base> at;
   Reduced<K> by;
   out.at.modes = -1;
   for (int step = 1; step <= kTrackSteps; ++step) {
     sweep<K, true>(homing.rod, here.p, here.moment, homing.force, 1.0, homing.elements, at);
-    if (!by.eliminate(homing.rod, homing.task, at, 0.0)) return false;
+    if constexpr (Base == 0)
+      by.at_moment(homing.task, at, 0.0);
+    else if (!by.eliminate(homing.rod, homing.task, at, 0.0))
+      return false;
     here.ends = at.ends();
     here.e = here.ends.moment;
     residual(homing.task, here.ends, here.r);

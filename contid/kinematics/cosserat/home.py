@@ -67,7 +67,7 @@ class _Iterate:
 def home(problem: Problem, outcome: RodSolution) -> RodSolution:
     """The outcome, which meets its task, settled."""
     limits, n = problem.limits, problem.rod.pressures
-    here = _at(problem, outcome.pressures, outcome.base_moment)
+    here = _at(problem, limits.off_axis(outcome.pressures), outcome.base_moment)
     if here is None:
         return outcome
     y = np.zeros(len(here.r))

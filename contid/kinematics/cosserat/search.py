@@ -72,13 +72,13 @@ def search(problem: Problem, seed: Array, error: float = np.inf, effort: Effort 
         and not _ramp(problem, attempt)
     ):
         if not loaded:
-            for start in starts(problem.limits):
+            for start in starts(problem.limits, effort.restarts):
                 if attempt(start, guess, RESTART_ITERATIONS):
                     break
         for elements in dict.fromkeys((problem.elements, REFUSAL_ELEMENTS)) if loaded else ():
-            found = _along_branch(problem, elements, seed, error, effort)
+            found, work = _along_branch(problem, elements, seed, error, effort)
+            spent += work
             if found is not None:
-                spent += found.iterations
                 settled = settle_freedom(replace(problem, elements=found.elements), found.outcome, seed)
                 found = found if settled is None else replace(found, outcome=settled)
                 if best is None or found.outcome.met or found.outcome.residual < best.outcome.residual:
@@ -103,14 +103,16 @@ def search(problem: Problem, seed: Array, error: float = np.inf, effort: Effort 
     return replace(again if again.stable and better else refined, iterations=spent)
 
 
-def _along_branch(problem: Problem, elements: int, seed: Array, error: float, effort: Effort) -> Found | None:
-    """What a search along the branch finds; out of reach, its candidates descend once more."""
+def _along_branch(
+    problem: Problem, elements: int, seed: Array, error: float, effort: Effort
+) -> tuple[Found | None, int]:
+    """What a search along the branch finds, and its work; out of reach, its candidates descend once more."""
     branch = BranchSearch(replace(problem, elements=elements), seed, effort)
     found = branch.run()
     if found is None or branch.met is not None:
-        return found
-    last = LastDescents(problem, seed, error, effort.last_work).run(branch)
-    return None if last is None else replace(last, iterations=last.iterations + branch.work)
+        return found, branch.work
+    last = LastDescents(problem, seed, error, effort.last_work)
+    return last.run(branch), branch.work + last.spent
 
 
 def settle_freedom(problem: Problem, outcome: RodSolution, seed: Array) -> RodSolution | None:

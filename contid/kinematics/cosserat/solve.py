@@ -35,6 +35,8 @@ FREEDOM_TOLERANCE = 1e-4
 NULL_SPACE_ERROR = 0.3
 #: First largest step of a pressure [bar].
 TRUST_START = 0.5
+#: What moves a start off the axis [bar].
+OFF_AXIS = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,19 @@ class Limits:
     lower: Array
     upper: Array
     centre: Array
+
+    def off_axis(self, pressures: Array) -> Array:
+        """Pressures [bar], shape (3k,), that are not equal in every section.
+
+        From equal ones a search for a tip on the axis would stay there until rounding chooses one of the
+        mirrored solutions; so every processor chooses the same.
+        """
+        if np.any(np.ptp(pressures.reshape(-1, 3), axis=1) >= OFF_AXIS):
+            return pressures
+        moved = pressures.copy()
+        step = OFF_AXIS * np.array([1.0, 2.0])
+        moved[:2] += np.where(pressures[:2] + step <= self.upper[:2], step, -step)
+        return moved
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +123,8 @@ def solve(problem: Problem, start: Array, start_moment: Array, iterations: int =
     first = rod.sections[0]
     balance = (rod.reach**2 * 0.5 * first.inflated(np.zeros(3)).bend) ** 2
     pressures = np.clip(np.array(start, float), limits.lower, limits.upper)
+    if weight:
+        pressures = limits.off_axis(pressures)
     moment = np.array(start_moment, float)
 
     def measures(r: Array, e: Array, p: Array) -> tuple[float, float]:

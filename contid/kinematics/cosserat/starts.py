@@ -19,9 +19,6 @@ from contid.kinematics.cosserat.spatial import cross
 from contid.kinematics.cosserat.task import Task
 from contid.kinematics.halton import PRIMES, radical_inverse
 
-#: Further starts after the closed form and the centre.
-RESTARTS = 20
-
 
 def predicted_moment(rod: Rod, task: Task, loads: Loads) -> Array:
     """Base moment [N·mm] of a rod whose tip is at the target, shape (3,).
@@ -80,9 +77,9 @@ def _usable(pressures: Array, limits: Limits, clamp: bool = True) -> Array | Non
     return np.clip(pressures, limits.lower, limits.upper) if clamp else pressures
 
 
-def starts(limits: Limits) -> Iterator[Array]:
+def starts(limits: Limits, restarts: int) -> Iterator[Array]:
     """The centre, then Halton points of the box [bar], shape (3k,) each."""
     yield limits.centre
-    for index in range(1, RESTARTS + 1):
+    for index in range(1, restarts + 1):
         share = np.array([radical_inverse(index, PRIMES[axis]) for axis in range(len(limits.lower))])
         yield limits.lower + share * (limits.upper - limits.lower)

@@ -210,7 +210,7 @@ def test_an_extra_axis_may_be_behind_by_its_speed_in_20_ms_or_in_a_tick(rate_hz:
 
 
 @pytest.mark.skipif(kernels.load("cosserat") is None, reason="needs compiled kernels")
-@pytest.mark.parametrize("slower", [0.5, 0.7, 1.0])
+@pytest.mark.parametrize("slower", [0.7, 1.5, 2.0])
 def test_what_is_accepted_on_the_axis_of_the_arm_is_followed(
     slower: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -220,7 +220,7 @@ def test_what_is_accepted_on_the_axis_of_the_arm_is_followed(
     loaded = with_mock(load_named("stiffflop2"))
     trajectory = make.trajectory(loaded, make.RATE_HZ)
     accepted = not refused(loaded, trajectory, make.RATE_HZ)
-    assert accepted == (slower >= 0.7)
+    assert accepted == (slower >= 1.5)
     assert (run_virtual(loaded, make.RATE_HZ, trajectory).exit_code == 0) == accepted
 
 

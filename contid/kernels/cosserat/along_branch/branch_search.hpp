@@ -9,7 +9,7 @@
 
 namespace contid {
 
-constexpr int kRestarts = 20, kCorners = 64, kTryWork = 60, kCandidates = 12, kRefusalElements = 12;
+constexpr int kCorners = 64, kTryWork = 60, kCandidates = 12, kRefusalElements = 12;
 constexpr int kLookElements = 2, kLookShare = 4, kLookSteps = 4, kLookCorrections = 4;
 // Corner starts lie up to this part of the range inside the box.
 constexpr double kInset = 0.06, kTracking = 0.05;
@@ -23,9 +23,11 @@ struct Effort {
   bool mirrored;
   int longer, long_work, last_work;
   int again;
+  int restarts;
 };
 
-constexpr Effort kTickEffort{450, false, 1, 60, 140, 6}, kThoroughEffort{1400, true, 12, 200, 3000, kMaxElements};
+constexpr Effort kTickEffort{450, false, 1, 60, 140, 6, 20},
+    kThoroughEffort{1400, true, 12, 200, 3000, kMaxElements, 100};
 
 inline const Effort& effort_of(const Settings& settings) { return settings.thorough ? kThoroughEffort : kTickEffort; }
 

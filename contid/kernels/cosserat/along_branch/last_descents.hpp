@@ -29,14 +29,11 @@ bool pose_near(const Rod<K>& rod, Vec force, const Limits<K>& limits, const doub
 template <int K>
 double standing_error(const Rod<K>& rod, const Task& task, Vec force, const Limits<K>& limits, const double* seed,
                       const Settings& settings) {
-  double pressures[3 * K];
-  std::copy(seed, seed + 3 * K, pressures);
-  clamp<K>(limits, pressures);
+  double here[3 * K];
   Vec moment;
   Judged at;
-  if (equilibrium<K>(rod, pressures, force, settings.elements, moment, at) < 1.0)
-    return std::numeric_limits<double>::infinity();
-  return task_error(task, at.ends) + settings.error;
+  const bool stands = standing<K>(rod, force, limits, seed, settings.elements, here, moment, at);
+  return stands ? task_error(task, at.ends) + settings.error : std::numeric_limits<double>::infinity();
 }
 
 // Descends from the candidates of a search with the elements that they need.

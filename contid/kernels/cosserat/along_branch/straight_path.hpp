@@ -20,17 +20,24 @@ bool reaches(const Rod<K>& rod, Vec tip_force, const double* here, Vec moment, c
   return done == 1.0 && same_pose<K>(rod, tip_force, moment, o.moment);
 }
 
+// Where the arm stands: the equilibrium of the seed within the limits; false where the elements find none.
+template <int K>
+bool standing(const Rod<K>& rod, Vec tip_force, const Limits<K>& limits, const double* seed, int elements, double* here,
+              Vec& moment, Judged& at) {
+  std::copy(seed, seed + 3 * K, here);
+  clamp<K>(limits, here);
+  return equilibrium<K>(rod, here, tip_force, elements, moment, at) == 1.0;
+}
+
 // True when the arm gets from the seed to an equilibrium, or has none at the seed.
 template <int K>
 bool reached_from(const Rod<K>& rod, Vec tip_force, const Limits<K>& limits, const double* seed, const Outcome<K>& o,
                   int elements) {
-  double from[3 * K], done;
-  std::copy(seed, seed + 3 * K, from);
-  clamp<K>(limits, from);
+  double here[3 * K], done;
   Vec moment;
   Judged at;
-  return equilibrium<K>(rod, from, tip_force, elements, moment, at) < 1.0 ||
-         reaches<K>(rod, tip_force, from, moment, o, elements, done);
+  return !standing<K>(rod, tip_force, limits, seed, elements, here, moment, at) ||
+         reaches<K>(rod, tip_force, here, moment, o, elements, done);
 }
 
 // True where an answer is the equilibrium of its pressures on the branch.

@@ -47,6 +47,7 @@ class Effort:
         longer, long_work: number of longer descents, of the best of these, and steps of each.
         last_work: steps of the last descents (`last_descents`), as ``work``.
         again: most elements with which a search is made again where these lose an answer on the target.
+        restarts: of solves without a load, from further points of the box.
     """
 
     work: int
@@ -55,11 +56,14 @@ class Effort:
     long_work: int
     last_work: int
     again: int
+    restarts: int
 
 
 #: In the control loop (a few ticks), and elsewhere.
-TICK = Effort(work=450, mirrored=False, longer=1, long_work=60, last_work=140, again=6)
-THOROUGH = Effort(work=1400, mirrored=True, longer=12, long_work=200, last_work=3000, again=MAX_ELEMENTS)
+TICK = Effort(work=450, mirrored=False, longer=1, long_work=60, last_work=140, again=6, restarts=20)
+THOROUGH = Effort(
+    work=1400, mirrored=True, longer=12, long_work=200, last_work=3000, again=MAX_ELEMENTS, restarts=100
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from contid.kinematics.array import Array
 from contid.kinematics.cosserat.along_branch.branch_search import BranchSearch, Found, steps_for
 from contid.kinematics.cosserat.along_branch.descent import StopRule, descend, outcome_of
 from contid.kinematics.cosserat.along_branch.ramp import RAMP_WORK, BranchPose, ramped, ramped_work
-from contid.kinematics.cosserat.along_branch.straight_path import at_target, reached_from
+from contid.kinematics.cosserat.along_branch.straight_path import at_target, reached_from, standing
 from contid.kinematics.cosserat.branch import equilibrium
 from contid.kinematics.cosserat.discretisation import fine_equilibrium, is_fine
 from contid.kinematics.cosserat.solve import Problem, RodSolution
@@ -46,8 +46,7 @@ def pose_near(problem: Problem, pressures: Array, seed: Array) -> tuple[BranchPo
 
 def standing_error(problem: Problem, seed: Array, error: float) -> float:
     """How far from the target the arm stands, and ``error`` [mm]; infinite where elements find no pose."""
-    pressures = np.clip(seed, problem.limits.lower, problem.limits.upper)
-    at = equilibrium(problem.rod, pressures, problem.loads, problem.elements)
+    _, at = standing(problem, seed)
     return float(np.linalg.norm(residual(problem.task, at.sweep))) + error if at.done == 1.0 else np.inf
 
 

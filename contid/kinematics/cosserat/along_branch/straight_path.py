@@ -9,7 +9,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.along_branch.ramp import same_pose
-from contid.kinematics.cosserat.branch import Station, equilibrium, follow
+from contid.kinematics.cosserat.branch import Followed, Station, equilibrium, follow
 from contid.kinematics.cosserat.solve import BALANCE_TOLERANCE, Problem, RodSolution
 from contid.kinematics.cosserat.stability import unstable_modes
 
@@ -29,10 +29,15 @@ def reaches(problem: Problem, here: Array, base_moment: Array, outcome: RodSolut
     return path.done == 1.0 and same_pose(problem, path.base_moment, outcome.base_moment), path.done
 
 
+def standing(problem: Problem, seed: Array) -> tuple[Array, Followed]:
+    """Where the arm stands: the seed within the limits, and the path from rest to its equilibrium."""
+    here = np.clip(seed, problem.limits.lower, problem.limits.upper)
+    return here, equilibrium(problem.rod, here, problem.loads, problem.elements)
+
+
 def reached_from(problem: Problem, seed: Array, outcome: RodSolution) -> bool:
     """True when the arm gets from the seed to an equilibrium on a straight path, or has none at the seed."""
-    here = np.clip(seed, problem.limits.lower, problem.limits.upper)
-    present = equilibrium(problem.rod, here, problem.loads, problem.elements)
+    here, present = standing(problem, seed)
     return present.done < 1.0 or reaches(problem, here, present.base_moment, outcome)[0]
 
 
