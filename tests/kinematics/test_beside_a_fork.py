@@ -12,6 +12,7 @@ import pytest
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.branch import load_scale
 from contid.kinematics.cosserat.engine import NumpyEngine
+from contid.kinematics.cosserat.model import CosseratModel
 from contid.targets import Vec3
 from contid.units import MM_PER_M
 from tests.oracles.bounded import GRAM_N, TILTED, models
@@ -44,9 +45,8 @@ def load_of(number: int, grams: int) -> Vec3:
     return x, y, z
 
 
-def walked_tips(cases: list[Case]) -> list[Array]:
+def walked_tips(arms: list[CosseratModel], cases: list[Case]) -> list[Array]:
     """Where walks end [mm]; those of one arm under one load go side by side."""
-    arms = models()
     tips: dict[Case, Array] = {}
     for number, grams in {case[:2] for case in cases}:
         bars = [bar for *arm, bar in cases if arm == [number, grams]]
@@ -63,7 +63,7 @@ def test_forward_is_on_the_side_of_the_walk(engine: str) -> None:
     arms = models()
     refused = 0
     cases = BESIDE[::3] if engine == "numpy" else BESIDE
-    for (number, grams, bar), walked_tip in zip(cases, walked_tips(cases), strict=True):
+    for (number, grams, bar), walked_tip in zip(cases, walked_tips(arms, cases), strict=True):
         solver = NumpyEngine(arms[number].setup) if engine == "numpy" else arms[number].engine
         tip, _, _, stable, _, _ = solver.forward(bar, load_of(number, grams))
         refused += not stable
@@ -74,7 +74,8 @@ def test_forward_is_on_the_side_of_the_walk(engine: str) -> None:
 
 def test_a_known_case_in_metres() -> None:
     """The same by the model: 5 g on the shipped arm; the pose was 71 mm away."""
-    arm = models()[0]
+    arms = models()
+    arm = arms[0]
     pose = arm.forward(tuple(1e5 * p for p in BESIDE[0][2]), load_of(0, 5))
     assert pose.stable
-    assert float(np.linalg.norm(MM_PER_M * np.array(pose.tip_m) - walked_tips(BESIDE[:1])[0])) < SAME_MM
+    assert float(np.linalg.norm(MM_PER_M * np.array(pose.tip_m) - walked_tips(arms, BESIDE[:1])[0])) < SAME_MM

@@ -22,14 +22,16 @@ NEAR = 0.005
 LEAST_STEP = 1e-6
 
 
-def _rotation(q: Array) -> Array:
-    w, x, y, z = q / np.linalg.norm(q)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
+Row = tuple[float, float, float]
+
+
+def _rotation(w: float, x: float, y: float, z: float) -> tuple[Row, Row, Row]:
+    """Rows of the rotation of a quaternion of any length, in numbers: numpy is slow with three entries."""
+    two = 2.0 / (w * w + x * x + y * y + z * z)
+    return (
+        (1 - two * (y * y + z * z), two * (x * y - w * z), two * (x * z + w * y)),
+        (two * (x * y + w * z), 1 - two * (x * x + z * z), two * (y * z - w * x)),
+        (two * (x * z - w * y), two * (y * z + w * x), 1 - two * (x * x + y * y)),
     )
 
 
@@ -48,12 +50,8 @@ def _section_end(section: Section, pressures: Array, state: Array, force: Array)
     fx, fy, fz = force.tolist()
 
     def rates(_: float, state: Array) -> tuple[float, ...]:
-        """In numbers: numpy is slow with arrays of three entries."""
         w, x, y, z, mx, my, mz = state[3:].tolist()
-        two = 2.0 / (w * w + x * x + y * y + z * z)
-        r11, r12, r13 = 1 - two * (y * y + z * z), two * (x * y - w * z), two * (x * z + w * y)
-        r21, r22, r23 = two * (x * y + w * z), 1 - two * (x * x + z * z), two * (y * z - w * x)
-        r31, r32, r33 = two * (x * z - w * y), two * (y * z + w * x), 1 - two * (x * x + y * y)
+        (r11, r12, r13), (r21, r22, r23), (r31, r32, r33) = _rotation(w, x, y, z)
         ux = (r11 * mx + r21 * my + r31 * mz + couple_x) / turn_x
         uy = (r12 * mx + r22 * my + r32 * mz + couple_y) / turn_y
         uz = (r13 * mx + r23 * my + r33 * mz + couple_z) / turn_z
@@ -76,7 +74,7 @@ def _section_end(section: Section, pressures: Array, state: Array, force: Array)
     end: Array = solve_ivp(rates, (0.0, section.length), state, method="DOP853", rtol=1e-9, atol=1e-9).y[
         :, -1
     ]
-    arm = section.link * _rotation(end[3:7])[:, 2]
+    arm = section.link * np.array([row[2] for row in _rotation(*end[3:7].tolist())])
     end[:3] += arm
     end[7:10] -= np.cross(arm, force)
     return end
