@@ -39,25 +39,20 @@ def _section_end(section: Section, pressures: Array, state: Array, force: Array)
     """Integrate position, quaternion and moment through one section and its link."""
     modulus = section.modulus(float(pressures.mean()))[0]
     bend, axial = modulus * section.inertia, modulus * section.area
-    stiff_turn = np.array([bend, bend, modulus / 3.0 * section.torsion])
-    stiff_shift = np.array([axial / 3.0, axial / 3.0, axial])
+    twist, shear = modulus / 3.0 * section.torsion, axial / 3.0
     push_z = float(section.pair_force * pressures.sum())
-    couple = section.pair_moment @ pressures
-
-    couple_x, couple_y, couple_z = couple.tolist()
-    turn_x, turn_y, turn_z = stiff_turn.tolist()
-    shift_x, shift_y, shift_z = stiff_shift.tolist()
+    couple_x, couple_y, couple_z = (section.pair_moment @ pressures).tolist()
     fx, fy, fz = force.tolist()
 
     def rates(_: float, state: Array) -> tuple[float, ...]:
         w, x, y, z, mx, my, mz = state[3:].tolist()
         (r11, r12, r13), (r21, r22, r23), (r31, r32, r33) = _rotation(w, x, y, z)
-        ux = (r11 * mx + r21 * my + r31 * mz + couple_x) / turn_x
-        uy = (r12 * mx + r22 * my + r32 * mz + couple_y) / turn_y
-        uz = (r13 * mx + r23 * my + r33 * mz + couple_z) / turn_z
-        vx = (r11 * fx + r21 * fy + r31 * fz) / shift_x
-        vy = (r12 * fx + r22 * fy + r32 * fz) / shift_y
-        vz = 1.0 + (r13 * fx + r23 * fy + r33 * fz + push_z) / shift_z
+        ux = (r11 * mx + r21 * my + r31 * mz + couple_x) / bend
+        uy = (r12 * mx + r22 * my + r32 * mz + couple_y) / bend
+        uz = (r13 * mx + r23 * my + r33 * mz + couple_z) / twist
+        vx = (r11 * fx + r21 * fy + r31 * fz) / shear
+        vy = (r12 * fx + r22 * fy + r32 * fz) / shear
+        vz = 1.0 + (r13 * fx + r23 * fy + r33 * fz + push_z) / axial
         px, py, pz = (
             r11 * vx + r12 * vy + r13 * vz,
             r21 * vx + r22 * vy + r23 * vz,
