@@ -7,6 +7,7 @@ import pickle
 import subprocess
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Final
 
 from contid.child_module import module_command
@@ -17,10 +18,12 @@ from contid.control.engine.messages import Message
 from contid.control.engine.wiring import record_layout
 from contid.control.process.setup import RunSetup
 from contid.view.frames import BATCH, Decimator
-from contid.view.view_target import Kind, ViewerJob, ViewTarget
+from contid.view.view_target import ViewerJob, ViewTarget
 
-#: How long the end of a run waits for the viewer to draw the last frames.
+#: How long the end of a run waits for the viewer to draw the last frames, in a window or on a page.
 EXIT_TIMEOUT_S: Final = 5.0
+#: The same for a file: on a busy machine the viewer of a short run has only begun to import.
+FILE_TIMEOUT_S: Final = 30.0
 
 
 class ViewerObserver:
@@ -29,6 +32,8 @@ class ViewerObserver:
     def __init__(self, target: ViewTarget) -> None:
         """Prepare; see `contid.view.view_target.check`."""
         self._target = target
+        #: The file that was asked for is missing or has no end.
+        self.lost = False
         self._process: subprocess.Popen[bytes] | None = None
         self._sink: DrawingSink | None = None
 
@@ -38,15 +43,24 @@ class ViewerObserver:
         return None if self._process is None else self._process.pid
 
     def attach(self, setup: RunSetup, pid: int) -> None:
-        """Start the viewer's process without waiting: the ring keeps what it misses while it imports."""
-        self._process = process = subprocess.Popen(
-            module_command("contid.view.viewer_process"),
-            stdin=subprocess.PIPE,
-            start_new_session=True,
-            env={**os.environ, **ENVIRONMENT},
-        )
+        """Start the viewer's process without waiting: the ring keeps what it misses while it imports.
+
+        It gets the ring as an open file: a short run may have ended, and removed the ring, before the viewer
+        has imported.
+        """
+        ring = os.open(setup.ring, os.O_RDWR | os.O_CLOEXEC)
+        try:
+            self._process = process = subprocess.Popen(
+                module_command("contid.view.viewer_process"),
+                stdin=subprocess.PIPE,
+                start_new_session=True,
+                pass_fds=(ring,),
+                env={**os.environ, **ENVIRONMENT},
+            )
+        finally:
+            os.close(ring)
         assert process.stdin is not None
-        job = ViewerJob(self._target, setup.ring, pid, setup.loaded, setup.rate_hz)
+        job = ViewerJob(self._target, Path(f"/dev/fd/{ring}"), pid, setup.loaded, setup.rate_hz)
         with suppress(BrokenPipeError):
             process.stdin.write(pickle.dumps(job))
             process.stdin.close()
@@ -60,21 +74,27 @@ class ViewerObserver:
         """Not used: the effects of an order are in the records."""
 
     def detach(self) -> Sequence[str]:
-        """Wait up to `EXIT_TIMEOUT_S` for the last frames; returns what went wrong."""
+        """Wait for the last frames, `EXIT_TIMEOUT_S` or `FILE_TIMEOUT_S`; returns what went wrong."""
         if self._sink is not None:
             self._sink.close()
             self._sink = None
         process, self._process = self._process, None
         if process is None:
             return ()
+        file = self._target.path
+        with suppress(OSError):  # needs a right; no tick is left that the viewer could delay
+            os.sched_setscheduler(process.pid, os.SCHED_OTHER, os.sched_param(0))
         try:
-            status = process.wait(EXIT_TIMEOUT_S)
+            status = process.wait(EXIT_TIMEOUT_S if file is None else FILE_TIMEOUT_S)
+            problem = f"ended with status {status}" if status else ""
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-            cut = f"; {self._target.path} has no end" if self._target.kind is Kind.FILE else ""
-            return (f"the viewer did not end and was killed{cut}",)
-        return (f"the viewer ended with status {status}",) if status else ()
+            problem = "did not end and was killed"
+        if file is not None and problem:
+            self.lost = True
+            problem += f"; {file} {'has no end' if file.exists() else 'is missing'}"
+        return (f"the viewer {problem}",) if problem else ()
 
 
 class DrawingSink:

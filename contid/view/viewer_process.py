@@ -89,11 +89,7 @@ def main() -> int:
     job = pickle.load(sys.stdin.buffer)  # from the daemon, the only other end of this pipe
     assert isinstance(job, ViewerJob)
     try:
-        reader = RingReader(job.ring)
-    except ContidError:
-        return 0  # the run ended before this process started
-    try:
-        with closing(reader), closing(Viewer(job, reader)) as viewer:
+        with closing(RingReader(job.ring)) as reader, closing(Viewer(job, reader)) as viewer:
             viewer.run()
     except ContidError as error:
         sys.stderr.write(f"contid: view: {error}\n")

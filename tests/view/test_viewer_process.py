@@ -10,18 +10,22 @@ import sys
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import IO
 
 import psutil
 import pytest
 
+from contid.control.engine.cycle import OnEnd
 from contid.control.engine.wiring import record_layout
 from contid.control.process.ring import create
 from contid.control.process.ring_reader import RingReader
 from contid.control.process.ring_writer import RingWriter
+from contid.control.process.setup import RunSetup
 from contid.robot_file.load import load_robot_file
 from contid.view.csp_proxy import POLICY, CspProxy
+from contid.view.observer import ViewerObserver
 from contid.view.rerun_program import rerun_program
 from contid.view.view_target import Kind, ViewerJob, ViewTarget
 from contid.view.viewer_process import Viewer
@@ -83,7 +87,10 @@ def commands(log: Path) -> list[str]:
 def test_a_stalled_or_killed_viewer_changes_no_command(
     number: signal.Signals, tmp_path: Path, started: Callable[..., subprocess.Popen[str]]
 ) -> None:
-    """Without a skipped tick the commands of a real run are those of virtual time, bit for bit."""
+    """Without a skipped tick the commands of a real run are those of virtual time, bit for bit.
+
+    The file is cut: the run says so, and its exit code.
+    """
     trajectory, rrd = tmp_path / "circle.csv", tmp_path / "run.rrd"
     trajectory.write_text(rows_of("hand"))
     alone, viewed = tmp_path / "alone.csv", tmp_path / "viewed.csv"
@@ -93,8 +100,9 @@ def test_a_stalled_or_killed_viewer_changes_no_command(
     until(rrd.exists, "a file")
     children_with(process, "contid.view.viewer_process")[0].send_signal(number)
     output, errors = process.communicate(timeout=60)
-    assert process.returncode == 0, errors
-    assert "the viewer" in output  # the report names its end
+    assert process.returncode == 1, errors
+    assert "but the file of --view is incomplete" in output
+    assert f"; {rrd} has no end" in output  # the report names the viewer's end
     assert commands(viewed) == commands(alone)
 
 
@@ -119,6 +127,23 @@ def test_a_viewer_that_was_stopped_reports_the_ticks_it_missed(tmp_path: Path, c
     there = entities(rrd)
     assert there["events"] == 1  # that of the missed ticks
     assert 30 <= there["plots/timing"] <= 45  # the frames of the ticks left in the ring
+
+
+def test_a_viewer_that_starts_after_the_run_still_writes_its_file(tmp_path: Path, configs: Path) -> None:
+    """On a busy machine a short run has ended, and its ring is removed, before the viewer has imported."""
+    loaded = load_robot_file(configs / "hand.yaml")
+    layout = record_layout(loaded, 200.0)
+    ring, rrd = create(layout, seconds=1.0), tmp_path / "run.rrd"
+    observer = ViewerObserver(ViewTarget(Kind.FILE, rrd))
+    with closing(RingWriter(ring)) as writer:
+        observer.attach(RunSetup(loaded, 200.0, ring, None, OnEnd.STOP, attended=False), os.getpid())
+        ring.unlink()  # long before the imports are done
+        for tick in range(100):
+            writer.write([tick, *layout.packer().unpack(bytes(layout.packer().size))[1:]])
+        writer.finish()
+    assert observer.detach() == ()
+    assert not observer.lost
+    assert entities(rrd)["plots/timing"] > 10
 
 
 @pytest.mark.realtime

@@ -138,7 +138,7 @@ def command(
     from contid.control.tick.preflight.rows import Unreachable
 
     observers: list[RunObserver] = []
-    recording = None
+    recording = drawing = None
     options = {"mock": str(mock or virtual), "unreachable": unreachable, "input": trajectory or "stdin"}
     if record is not None:
         from contid.session.recording_observer import RecordingObserver
@@ -148,7 +148,7 @@ def command(
     if view_target is not None:
         from contid.view.observer import ViewerObserver
 
-        observers.append(ViewerObserver(view_target))
+        observers.append(drawing := ViewerObserver(view_target))
     commands = []
     with contextlib.ExitStack() as stack:
         if not virtual:
@@ -182,8 +182,9 @@ def command(
             log_level=logging.DEBUG if verbose else logging.WARNING if quiet else logging.INFO,
         )
         report = run(request, spawned)
-    if recording is not None and recording.lost and report.exit_code == 0:
-        report.ending, report.exit_code = f"{report.ending}, but the recording is incomplete", 1
+    for file, name in ((recording, "the recording"), (drawing, "the file of --view")):
+        if file is not None and file.lost and report.exit_code == 0:
+            report.ending, report.exit_code = f"{report.ending}, but {name} is incomplete", 1
     finish(report, as_json)
 
 
