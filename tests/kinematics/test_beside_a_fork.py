@@ -35,8 +35,15 @@ BESIDE: list[Case] = [
 ]
 #: Distance of two tips that are one pose [mm].
 SAME_MM = 0.3
-#: So near to the fork the arm may be refused: the walk goes on, the pose of `forward` is unstable.
-MOST_REFUSED = 2
+#: Pressures [bar] and loads [N] nearly along the arm. Here the walk goes on and contid did not: points before
+#: the last were in balance to a part of the load, too inexactly for an arm that is this soft, and the steps
+#: were not short enough for one that swings as fast.
+SWINGING: list[tuple[tuple[float, ...], Vec3]] = [
+    ((0.69319, 0.67224, 0.70496, 0.67873, 0.69506, 0.69168), (7e-05, -0.002006, -0.272046)),
+    ((1.27118, 1.25566, 1.27146, 1.24268, 1.27794, 1.27909), (7e-05, -0.002006, -0.272046)),
+    ((0.19705, 0.18045, 0.21286, 0.18254, 0.199, 0.17173), (-5e-05, -0.003508, -0.339251)),
+    ((1.34823, 1.33631, 1.32125, 1.35208, 1.32523, 1.35492), (0.004003, 0.001935, -0.185623)),
+]
 
 
 def load_of(number: int, grams: int) -> Vec3:
@@ -61,15 +68,23 @@ def walked_tips(arms: list[CosseratModel], cases: list[Case]) -> list[Array]:
 @pytest.mark.parametrize("engine", ["as built", "numpy"])
 def test_forward_is_on_the_side_of_the_walk(engine: str) -> None:
     arms = models()
-    refused = 0
     cases = BESIDE[::3] if engine == "numpy" else BESIDE
     for (number, grams, bar), walked_tip in zip(cases, walked_tips(arms, cases), strict=True):
         solver = NumpyEngine(arms[number].setup) if engine == "numpy" else arms[number].engine
         tip, _, _, stable, _, _ = solver.forward(bar, load_of(number, grams))
-        refused += not stable
-        if stable:
-            assert float(np.linalg.norm(np.array(tip) - walked_tip)) < SAME_MM
-    assert refused <= MOST_REFUSED
+        assert stable
+        assert float(np.linalg.norm(np.array(tip) - walked_tip)) < SAME_MM
+
+
+@pytest.mark.parametrize(("bar", "force"), SWINGING)
+def test_an_arm_that_swings_fast_is_followed(bar: tuple[float, ...], force: Vec3) -> None:
+    setup = models()[0].setup
+    loads = setup.loads(force)
+    walked = walk(setup.rod, loads, load_scale(setup.rod, loads), np.array([bar]))
+    assert walked.there.all()
+    tip, _, _, stable, _, _ = models()[0].engine.forward(bar, force)
+    assert stable
+    assert float(np.linalg.norm(np.array(tip) - walked.tip[0])) < SAME_MM
 
 
 def test_a_known_case_in_metres() -> None:

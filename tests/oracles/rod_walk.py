@@ -25,11 +25,16 @@ MOST_MOVED = 0.04
 
 @dataclass(frozen=True)
 class Walked:
-    """Ends of paths: which got there, base moments (n, 3) [N·mm], tips (n, 3) [mm]."""
+    """Ends of paths: parts that were possible (n,), base moments (n, 3) [N·mm], tips (n, 3) [mm]."""
 
-    there: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+    done: Array
     moment: Array
     tip: Array
+
+    @property
+    def there(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+        """Which paths got to their end."""
+        return self.done >= 1.0
 
 
 def _section(
@@ -87,21 +92,23 @@ def shoot(rod: Rod, pressures: Array, loads: Loads, share: Array, moment: Array)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of trials that diverge; they are not taken
-def walk(rod: Rod, loads: Loads, scale: float, pressures: Array) -> Walked:
+def walk(rod: Rod, loads: Loads, scale: float, pressures: Array, pressed: bool = False) -> Walked:
     """Paths from rest to pressures (n, 3k) [bar] under loads, whose moment is about ``scale`` [N·mm].
 
-    Every path has its own steps: halved where there is no equilibrium near the prediction.
+    With ``pressed`` the pressures are there in full before the loads. Every path has its own steps: halved
+    where there is no equilibrium near the prediction.
     """
     count, eye, nudge = len(pressures), np.eye(3), DIFFERENCE * scale
     moment, before = np.zeros((2, count, 3))
-    tip = np.tile([0.0, 0.0, rod.reach], (count, 1))
+    tip = shoot(rod, pressures * pressed, loads, np.zeros(count), moment)[1]
     done, behind, step = np.zeros(count), np.zeros(count), np.full(count, 1.0 / PARTS)
     while (live := np.flatnonzero((done < 1.0) & (step > LEAST_STEP))).size:
         part = np.minimum(1.0, done[live] + step[live])
         gone = done[live] - behind[live]
         slope = (moment[live] - before[live]) / np.where(gone > 0.0, gone, 1.0)[:, None]
         guess = moment[live] + (part - done[live])[:, None] * slope
-        p, share, n = np.tile(part[:, None] * pressures[live], (4, 1)), np.tile(part, 4), len(live)
+        raised = np.ones_like(part) if pressed else part
+        p, share, n = np.tile(raised[:, None] * pressures[live], (4, 1)), np.tile(part, 4), len(live)
         good = np.zeros(n, bool)
         A = np.tile(eye, (n, 1, 1))
         for _ in range(CORRECTIONS):
@@ -121,4 +128,4 @@ def walk(rod: Rod, loads: Loads, scale: float, pressures: Array) -> Walked:
         moment[there], done[there], tip[there] = guess[kept], part[kept], ends[:n][kept]
         step[there] = np.minimum(1.5 * step[there], 2.0 / PARTS)
         step[live[~kept]] *= 0.4
-    return Walked(done >= 1.0, moment, tip)
+    return Walked(done, moment, tip)

@@ -15,7 +15,7 @@ constexpr double kContraction = 0.3;
 // passes near a fork changes it abruptly, and a longer step could end on the other side. Steps of less than this part
 // are short enough; towards a critical load the stiffness of some rods is a square.
 constexpr double kPredicted = 2.0, kShortStep = 4e-3;
-constexpr double kFirstStep = 0.25, kLeastStep = 2e-4, kTinyStep = 1e-6, kOnTheWay = 1e-5, kRough = 1e-2, kNear = 0.02,
+constexpr double kFirstStep = 0.25, kLeastStep = 5e-5, kTinyStep = 1e-6, kOnTheWay = 1e-5, kRough = 1e-2, kNear = 0.02,
                  kSameFactor = 5e-3, kSamePose = 1e-4;
 constexpr double kLeastScale = 1e-4;  // of loads [N*mm]: parts of less than this are rounding
 
@@ -41,6 +41,12 @@ template <int K> bool same_pose(const Rod<K>& rod, Vec tip_force, Vec moment, Ve
 }
 
 inline double statics_tolerance(double scale) { return std::fmax(kStatics, kRounding * scale); }
+
+// Of a point before the last, by the stiffness of the point before it: where the arm is soft, a small moment moves it
+// far, and the next point is predicted from there.
+inline double tolerance_on_the_way(double scale, double stiff) {
+  return std::fmax(statics_tolerance(scale), kOnTheWay * scale * std::fmin(1.0, std::fabs(stiff)));
+}
 
 // Newton's method that ends where a step does not contract the balance. True for a stable equilibrium.
 template <int K>
@@ -73,25 +79,25 @@ struct Unheeded {
 };
 
 // Follows stable equilibria from one station to another. `moment` and `out` are those of the last one reached; returns
-// the part of the way done, 1 for all of it, to 0.02 %. `passed` gets the part and the moment of each.
+// the part of the way done, 1 for all of it, to 0.005 %. `passed` gets the part and the moment of each.
 template <int K, class Passed = Unheeded>
 double follow(const Rod<K>& rod, const Station& from, const Station& to, int elements, Vec& moment, Judged& out,
               const Passed& passed = {}) {
   const double scale = std::fmax(load_scale<K>(rod, from.tip_force), load_scale<K>(rod, to.tip_force));
   double done = 0.0, behind = 0.0, step = kFirstStep, p[3 * K];
-  Vec before = moment;
+  Vec slope = {0, 0, 0}, bend = {0, 0, 0};
   judge<K>(rod, from.pressures, moment, from.tip_force, from.share, elements, out);
   double stiff = stiffness(out), stiff_before = stiff;
   while (done < 1.0) {
     const double goal = std::fmin(1.0, done + step), share = from.share + goal * (to.share - from.share);
     const Vec rise = goal * (to.tip_force - from.tip_force);
     for (int j = 0; j < 3 * K; ++j) p[j] = from.pressures[j] + goal * (to.pressures[j] - from.pressures[j]);
-    // A dead tip force has a moment about the base that follows from the tip; afterwards the secant predicts.
+    // A dead tip force has a moment about the base that follows from the tip; afterwards the points before predict.
     const double ahead = done > 0.0 ? (goal - done) / (done - behind) : 0.0;
-    const Vec predicted = done > 0.0 ? moment + ahead * (moment - before) : moment + cross(out.ends.p, rise);
-    Vec corrected = predicted;
+    Vec corrected = done > 0.0 ? moment + (goal - done) * (slope + (goal - behind) * bend)
+                               : moment + cross(out.ends.p, rise);
     Judged trial;
-    const double tolerance = goal < 1.0 ? kOnTheWay * scale : statics_tolerance(scale);
+    const double tolerance = goal < 1.0 ? tolerance_on_the_way(scale, stiff) : statics_tolerance(scale);
     bool near = settle<K>(rod, p, corrected, from.tip_force + rise, share, elements, tolerance, trial);
     double stiff_there = 0.0;
     if (near) {
@@ -101,7 +107,11 @@ double follow(const Rod<K>& rod, const Station& from, const Station& to, int ele
           goal - done <= kShortStep * goal || away <= kPredicted * std::fmin(std::fabs(stiff), std::fabs(stiff_there));
     }
     if (near) {
-      before = moment, behind = done, stiff_before = stiff, stiff = stiff_there;
+      // By divided differences: a parabola through the last three points, first a line through two.
+      const Vec slope_before = slope;
+      slope = (1.0 / (goal - done)) * (corrected - moment);
+      if (done > 0.0) bend = (1.0 / (goal - behind)) * (slope - slope_before);
+      behind = done, stiff_before = stiff, stiff = stiff_there;
       moment = corrected, done = goal;
       out = trial;
       passed(done, moment);

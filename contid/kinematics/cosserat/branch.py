@@ -32,9 +32,10 @@ CONTRACTION = 0.3
 PREDICTED, SHORT_STEP = 2.0, 4e-3
 #: Parts of a path: first and least step, and the least one of all: a path that fails at its start ends.
 FIRST_STEP = 0.25
-LEAST_STEP = 2e-4
+LEAST_STEP = 5e-5
 TINY_STEP = 1e-6
-#: Moment balance at the points before the last, as a part of `load_scale`.
+#: Moment balance at the points before the last, as a part of `load_scale` and of `stiffness`: where the arm
+#: is soft, a small moment moves it far, and the next point is predicted from there.
 ON_THE_WAY = 1e-5
 #: Difference of base moments of one and the same equilibrium, as a part of `load_scale`.
 SAME_POSE = 1e-4
@@ -60,7 +61,7 @@ class Followed:
     Attributes:
         base_moment: of the last equilibrium reached [N·mm].
         sweep: the integration that belongs to it.
-        done: part of the path that was possible, to 0.02 %; 1.0 for all of it.
+        done: part of the path that was possible, to 0.005 %; 1.0 for all of it.
         least: the least `stiffness` on the path, at most 1.
     """
 
@@ -80,6 +81,11 @@ def load_scale(rod: Rod, loads: Loads) -> float:
         total += float(np.linalg.norm(loads.joint_force.get(i, np.zeros(3)))) * rod.reach
         total += float(np.linalg.norm(loads.joint_moment.get(i, np.zeros(3))))
     return max(LEAST_SCALE, total)
+
+
+def tolerance_on_the_way(scale: float, stiff: float) -> float:
+    """Moment balance of a point before the last [N·mm], by the `stiffness` of the point before it."""
+    return max(statics_tolerance(scale), ON_THE_WAY * scale * min(1.0, abs(stiff)))
 
 
 def statics_tolerance(scale: float) -> float:
@@ -133,9 +139,10 @@ def follow(
     of each equilibrium reached.
     """
     scale = max(load_scale(rod, start.loads), load_scale(rod, end.loads))
-    moment = before = np.array(base_moment, float)
+    moment = np.array(base_moment, float)
     at = sweep(rod, start.pressures, moment, start.loads, elements, tangents=True)
     done, behind, step, least = 0.0, 0.0, FIRST_STEP, 1.0
+    slope = bend = np.zeros(3)
     stiff = stiff_before = stiffness(at)
     while done < 1.0:
         goal = min(1.0, done + step)
@@ -143,17 +150,20 @@ def follow(
         loads = start.loads.towards(end.loads, goal)
         ahead = (goal - done) / (done - behind) if done > 0.0 else 0.0
         if done > 0.0:
-            predicted = moment + ahead * (moment - before)
+            predicted = moment + (goal - done) * (slope + (goal - behind) * bend)
         else:
             # A dead tip force has a moment about the base that follows from the tip.
             predicted = moment + goal * cross(at.tip, end.loads.tip_force - start.loads.tip_force)
-        tolerance = ON_THE_WAY * scale if goal < 1.0 else statics_tolerance(scale)
+        tolerance = tolerance_on_the_way(scale, stiff) if goal < 1.0 else statics_tolerance(scale)
         trial = settle(rod, pressures, predicted, loads, elements, tolerance)
         stiff_there = 0.0 if trial is None else stiffness(trial.sweep)
         away = abs(stiff_there - stiff - ahead * (stiff - stiff_before))
         near = away <= PREDICTED * min(abs(stiff), abs(stiff_there)) or goal - done <= SHORT_STEP * goal
         if trial is not None and near:
-            before, behind, stiff_before, stiff = moment, done, stiff, stiff_there
+            # By divided differences: a parabola through the last three points, first a line through two.
+            slope_before, slope = slope, (trial.base_moment - moment) / (goal - done)
+            bend = (slope - slope_before) / (goal - behind) if done > 0.0 else bend
+            behind, stiff_before, stiff = done, stiff, stiff_there
             moment, done, at = trial.base_moment, goal, trial.sweep
             least = min(least, stiff)
             if passed is not None:
