@@ -94,3 +94,12 @@ def test_a_known_case_in_metres() -> None:
     pose = arm.forward(tuple(1e5 * p for p in BESIDE[0][2]), load_of(0, 5))
     assert pose.stable
     assert float(np.linalg.norm(MM_PER_M * np.array(pose.tip_m) - walked_tips(arms, BESIDE[:1])[0])) < SAME_MM
+
+
+def test_a_point_far_from_its_prediction_is_another_equilibrium() -> None:
+    """The load grows at constant pressures; a step that went 148 mm led to where the arm buckles."""
+    arm, bar = models()[0], (1.034920, 0.836863, 1.104173, 0.970777, 0.042801, 1.241330)
+    force = (0.095485, -0.212212, -0.215818)
+    rod, loads = arm.setup.rod, arm.setup.loads(force)
+    assert walk(rod, loads, load_scale(rod, loads), np.array([bar]), pressed=True).there.all()
+    assert arm.critical_load_n(tuple(1e5 * p for p in bar), force) is None

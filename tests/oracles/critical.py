@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from typing import TypeAlias
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,30 +21,47 @@ from contid.kinematics.cosserat.engine import NumpyEngine
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.shipped import load_named
+from contid.targets import Vec3
 from contid.units import BAR
-from tests.oracles.rod_walk import walk
-
-Verdicts: TypeAlias = "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]"
+from tests.oracles.rod_walk import LEAST_STEP, walk
 
 #: Tip force up to which critical loads are looked for, and cases that share it.
-MOST_N, CHUNK = 0.5, 50
+MOST_N, CHUNK = 0.5, 25
 #: How far the others are from equal pressures, as a part of their range, and from a load along the arm.
 NEARLY = 0.03
 #: Difference of factors that the two discretisations may have: each is given to `SAME_FACTOR`.
 ALLOWED = 2.0 * SAME_FACTOR
+#: A tip that goes 4 % of the reach within this part of a path, contid's least step, may be said to snap.
+SWINGING = 5e-5
 
 
-def compare(model: CosseratModel, bars: Array, load: Array) -> tuple[Array, Array, Verdicts, Verdicts]:
-    """Factors of the load at which arms (n, 3k) [bar] buckle, by contid and by the walk; stable by both."""
-    force = (float(load[0]), float(load[1]), float(load[2]))
-    loads = NumpyEngine(model.setup).setup.loads(force)
-    rod, pressures = model.setup.rod, [tuple((p * BAR).tolist()) for p in bars]
+@dataclass(frozen=True)
+class Compared:
+    """Factors of the load at which an arm buckles, and whether it is stable under it; who found them."""
+
+    factor: float
+    stable: bool
+
+    def agrees(self, walked: Compared) -> bool:
+        """True for the same verdict and, nearly, the same factor."""
+        return self.stable == walked.stable and abs(self.factor - walked.factor) <= ALLOWED * walked.factor
+
+
+def solved(model: CosseratModel, bar: Array, force: Vec3) -> Compared:
+    """By contid."""
+    pressures = tuple((bar * BAR).tolist())
+    critical = model.critical_load_n(pressures, force)
+    factor = 1.0 if critical is None else critical / math.hypot(*force)
+    return Compared(factor, model.forward(pressures, force).stable)
+
+
+def walked(model: CosseratModel, bars: Array, force: Vec3, least: float = LEAST_STEP) -> list[Compared]:
+    """By walks; a tip that moves too far within the least part of a path has snapped."""
+    rod, loads = model.setup.rod, NumpyEngine(model.setup).setup.loads(force)
     scale = load_scale(rod, loads)
-    critical = [model.critical_load_n(p, force) for p in pressures]
-    ours = np.array([1.0 if n is None else n / math.hypot(*force) for n in critical])
-    stable = np.array([model.forward(p, force).stable for p in pressures])
-    pressed, raised = walk(rod, loads, scale, bars, pressed=True), walk(rod, loads, scale, bars)
-    return ours, pressed.done, stable, raised.there
+    pressed = walk(rod, loads, scale, bars, pressed=True, least=least).done
+    raised = walk(rod, loads, scale, bars, least=least).there
+    return [Compared(float(a), bool(b)) for a, b in zip(pressed, raised, strict=True)]
 
 
 def count(name: str, cases: int, seed: int) -> bool:
@@ -53,7 +70,8 @@ def count(name: str, cases: int, seed: int) -> bool:
     assert isinstance(robot, Cosserat)
     model, rng = CosseratModel(robot), np.random.default_rng([seed, len(robot.geometry.sections)])
     low, high = model.setup.limits.lower, model.setup.limits.upper
-    found = []
+    wrong, swinging = 0, 0
+    found: list[Compared] = []
     for begin in range(0, cases, CHUNK):
         share = rng.uniform(size=(min(CHUNK, cases - begin), len(low)))
         load = rng.normal(size=3)
@@ -61,20 +79,24 @@ def count(name: str, cases: int, seed: int) -> bool:
             load = np.array([0.0, 0.0, -1.0]) + NEARLY * load
             share = share[:, :1] + NEARLY * rng.uniform(-1.0, 1.0, share.shape)
         load *= rng.uniform(0.1, 1.0) * MOST_N / np.linalg.norm(load)
+        force = (float(load[0]), float(load[1]), float(load[2]))
         bars = low + np.clip(share, 0.0, 1.0) * (high - low)
-        found.append(compare(model, bars, load))
-        for bar, *row in zip(bars, *found[-1], strict=True):
-            if abs(row[0] - row[1]) > ALLOWED * row[1] or row[2] != row[3]:
-                print(f"{name}: {bar.tolist()} bar, {load.tolist()} N: {row}", flush=True)
-    ours, theirs, stable, there = (np.concatenate(each) for each in zip(*found, strict=True))
-    off = np.abs(ours - theirs) / theirs
+        for bar, theirs in zip(bars, walked(model, bars, force), strict=True):
+            found.append(ours := solved(model, bar, force))
+            if ours.agrees(theirs):
+                continue
+            if ours.agrees(walked(model, bar[None], force, SWINGING)[0]):
+                swinging += 1
+            else:
+                wrong += 1
+                print(f"{name}: {bar.tolist()} bar, {force} N: {ours}, {theirs}", flush=True)
     print(
-        f"critical {name} loads to {MOST_N:g} N: {np.sum(theirs < 1.0)} of {cases} buckle, "
-        f"{np.sum(off > ALLOWED)} critical loads differ by more than {ALLOWED:.0%} (worst {off.max():.2g}); "
-        f"{np.sum(there)} stable, {np.sum(stable != there)} verdicts differ",
+        f"critical {name} loads to {MOST_N:g} N, {cases} cases: {sum(one.factor < 1.0 for one in found)} "
+        f"buckle, {sum(not one.stable for one in found)} are unstable, {wrong} differ from the walk, "
+        f"{swinging} swing as fast as they would snap",
         flush=True,
     )
-    return bool(np.all(off <= ALLOWED) and np.array_equal(stable, there))
+    return wrong == 0
 
 
 def main() -> int:

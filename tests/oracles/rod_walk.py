@@ -15,8 +15,8 @@ from contid.kinematics.array import Array
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
 
-#: Parts of a path and its least step; elements of a section.
-PARTS, LEAST_STEP, ELEMENTS = 60, 1e-5, 20
+#: Parts of a path, the same next to a fork, and its least step; elements of a section.
+PARTS, FINE_PARTS, LEAST_STEP, ELEMENTS = 60, 300, 1e-5, 20
 #: Steps of Newton's method; balance of an equilibrium and step of differences, as parts of the scale.
 CORRECTIONS, BALANCED, DIFFERENCE = 6, 1e-7, 1e-5
 #: How far a tip may be from where it was a part before, as a part of the reach.
@@ -92,17 +92,25 @@ def shoot(rod: Rod, pressures: Array, loads: Loads, share: Array, moment: Array)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of trials that diverge; they are not taken
-def walk(rod: Rod, loads: Loads, scale: float, pressures: Array, pressed: bool = False) -> Walked:
+def walk(
+    rod: Rod,
+    loads: Loads,
+    scale: float,
+    pressures: Array,
+    pressed: bool = False,
+    parts: int = PARTS,
+    least: float = LEAST_STEP,
+) -> Walked:
     """Paths from rest to pressures (n, 3k) [bar] under loads, whose moment is about ``scale`` [N·mm].
 
     With ``pressed`` the pressures are there in full before the loads. Every path has its own steps: halved
-    where there is no equilibrium near the prediction.
+    where there is no equilibrium near the prediction, down to a ``least`` part of the path.
     """
     count, eye, nudge = len(pressures), np.eye(3), DIFFERENCE * scale
     moment, before = np.zeros((2, count, 3))
     tip = shoot(rod, pressures * pressed, loads, np.zeros(count), moment)[1]
-    done, behind, step = np.zeros(count), np.zeros(count), np.full(count, 1.0 / PARTS)
-    while (live := np.flatnonzero((done < 1.0) & (step > LEAST_STEP))).size:
+    done, behind, step = np.zeros(count), np.zeros(count), np.full(count, 1.0 / parts)
+    while (live := np.flatnonzero((done < 1.0) & (step > least))).size:
         part = np.minimum(1.0, done[live] + step[live])
         gone = done[live] - behind[live]
         slope = (moment[live] - before[live]) / np.where(gone > 0.0, gone, 1.0)[:, None]
@@ -126,6 +134,6 @@ def walk(rod: Rod, loads: Loads, scale: float, pressures: Array, pressed: bool =
         there = live[kept]
         before[there], behind[there] = moment[there], done[there]
         moment[there], done[there], tip[there] = guess[kept], part[kept], ends[:n][kept]
-        step[there] = np.minimum(1.5 * step[there], 2.0 / PARTS)
+        step[there] = np.minimum(1.5 * step[there], 2.0 / parts)
         step[live[~kept]] *= 0.4
     return Walked(done, moment, tip)

@@ -15,6 +15,9 @@ constexpr double kContraction = 0.3;
 // passes near a fork changes it abruptly, and a longer step could end on the other side. Steps of less than this part
 // are short enough; towards a critical load the stiffness of some rods is a square.
 constexpr double kPredicted = 2.0, kShortStep = 4e-3;
+// How far a base moment may be from its prediction, as a part of the larger one at both ends of a step: farther away
+// Newton's method has found another equilibrium.
+constexpr double kCorrected = 0.7;
 constexpr double kFirstStep = 0.25, kLeastStep = 5e-5, kTinyStep = 1e-6, kOnTheWay = 1e-5, kRough = 1e-2, kNear = 0.02,
                  kSameFactor = 5e-3, kSamePose = 1e-4;
 constexpr double kLeastScale = 1e-4;  // of loads [N*mm]: parts of less than this are rounding
@@ -94,8 +97,9 @@ double follow(const Rod<K>& rod, const Station& from, const Station& to, int ele
     for (int j = 0; j < 3 * K; ++j) p[j] = from.pressures[j] + goal * (to.pressures[j] - from.pressures[j]);
     // A dead tip force has a moment about the base that follows from the tip; afterwards the points before predict.
     const double ahead = done > 0.0 ? (goal - done) / (done - behind) : 0.0;
-    Vec corrected = done > 0.0 ? moment + (goal - done) * (slope + (goal - behind) * bend)
-                               : moment + cross(out.ends.p, rise);
+    const Vec predicted =
+        done > 0.0 ? moment + (goal - done) * (slope + (goal - behind) * bend) : moment + cross(out.ends.p, rise);
+    Vec corrected = predicted;
     Judged trial;
     const double tolerance = goal < 1.0 ? tolerance_on_the_way(scale, stiff) : statics_tolerance(scale);
     bool near = settle<K>(rod, p, corrected, from.tip_force + rise, share, elements, tolerance, trial);
@@ -106,6 +110,8 @@ double follow(const Rod<K>& rod, const Station& from, const Station& to, int ele
       near =
           goal - done <= kShortStep * goal || away <= kPredicted * std::fmin(std::fabs(stiff), std::fabs(stiff_there));
     }
+    if (near && done > 0.0)
+      near = norm(corrected - predicted) <= kCorrected * std::fmax(norm(moment), norm(corrected)) + kOnTheWay * scale;
     if (near) {
       // By divided differences: a parabola through the last three points, first a line through two.
       const Vec slope_before = slope;

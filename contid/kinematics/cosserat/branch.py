@@ -30,6 +30,9 @@ CONTRACTION = 0.3
 #: changes abruptly where a path passes near a fork, and a longer step could end on the other side. Steps of
 #: less than this part are short enough; towards a critical load the stiffness of some rods is a square.
 PREDICTED, SHORT_STEP = 2.0, 4e-3
+#: How far a base moment may be from its prediction, as a part of the larger one at both ends of a step:
+#: farther away Newton's method has found another equilibrium.
+CORRECTED = 0.7
 #: Parts of a path: first and least step, and the least one of all: a path that fails at its start ends.
 FIRST_STEP = 0.25
 LEAST_STEP = 5e-5
@@ -159,6 +162,10 @@ def follow(
         stiff_there = 0.0 if trial is None else stiffness(trial.sweep)
         away = abs(stiff_there - stiff - ahead * (stiff - stiff_before))
         near = away <= PREDICTED * min(abs(stiff), abs(stiff_there)) or goal - done <= SHORT_STEP * goal
+        if trial is not None and done > 0.0:
+            larger = max(float(np.linalg.norm(m)) for m in (moment, trial.base_moment))
+            corrected = float(np.linalg.norm(trial.base_moment - predicted))
+            near = near and corrected <= CORRECTED * larger + ON_THE_WAY * scale
         if trial is not None and near:
             # By divided differences: a parabola through the last three points, first a line through two.
             slope_before, slope = slope, (trial.base_moment - moment) / (goal - done)
