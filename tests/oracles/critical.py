@@ -31,7 +31,7 @@ MOST_N, CHUNK = 0.5, 25
 NEARLY = 0.03
 #: Difference of factors that the two discretisations may have: each is given to `SAME_FACTOR`.
 ALLOWED = 2.0 * SAME_FACTOR
-#: A tip that goes 4 % of the reach within this part of a path, contid's least step, may be said to snap.
+#: A tip that goes 4 % of the reach within this part of a path, contid's least step, may count as a snap.
 SWINGING = 5e-5
 
 

@@ -89,7 +89,7 @@ def test_a_stalled_or_killed_viewer_changes_no_command(
 ) -> None:
     """Without a skipped tick the commands of a real run are those of virtual time, bit for bit.
 
-    The file is cut: the run says so, and its exit code.
+    The file is cut: that is in the report and in the exit code.
     """
     trajectory, rrd = tmp_path / "circle.csv", tmp_path / "run.rrd"
     trajectory.write_text(rows_of("hand"))
