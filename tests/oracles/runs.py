@@ -46,6 +46,8 @@ MOST_LOAD_N = 0.08
 MOST_BENT_RAD = 1.0
 #: The slowest that a path which is too fast is tried.
 STRETCHES = 4
+#: The longest that a path is run; stretched, some take hours.
+LONGEST_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,8 @@ class Outcome:
     """How a random run ended.
 
     Attributes:
-        kind: ``refused``, ``followed``, ``fault`` (exit 3) or ``wrong``: exit 0 with a tip off its target.
+        kind: ``refused``, ``long`` (not run), ``followed``, ``fault`` (exit 3) or ``wrong``: exit 0 with a
+            tip off its target.
         off_mm: greatest distance of the commanded tip from its target in RUN.
         message: why it was refused, or the fault.
     """
@@ -182,6 +185,8 @@ def random_run(name: str, seed: int) -> Outcome:
         trajectory = accepted(config, read)
     except BadInputError as error:
         return Outcome("refused", message=str(error).splitlines()[0])
+    if trajectory.end_s - trajectory.start_s > LONGEST_S:
+        return Outcome("long", message=f"{trajectory.end_s:.4g} s")
     tips = _Tips(loaded, tip_of(config, loaded))
     report = run_virtual(loaded, RATE_HZ, trajectory, sinks=[tips])
     off_mm = 1e3 * tips.off_m
