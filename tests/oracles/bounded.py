@@ -20,7 +20,6 @@ from scipy.optimize import least_squares, minimize
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.branch import load_scale
-from contid.kinematics.cosserat.engine import NumpyEngine
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.shipped import load_named
@@ -166,7 +165,7 @@ def on_the_branch(case: Case, bar: Array, error_mm: float) -> bool:
     A walk that ends elsewhere is repeated with shorter steps: next to a fork, where a few 1e-5 bar decide on
     which side an arm goes on, long ones end on the other.
     """
-    loads = NumpyEngine(case.model.setup).setup.loads(case.load_n)
+    loads = case.model.setup.loads(case.load_n)
     rod = case.model.setup.rod
     if loads.is_zero:
         return True

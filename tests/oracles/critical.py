@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from contid.kinematics.array import Array
+from contid.kinematics.cosserat import branch
 from contid.kinematics.cosserat.branch import SAME_FACTOR, load_scale
-from contid.kinematics.cosserat.engine import NumpyEngine
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.shipped import load_named
@@ -32,19 +32,19 @@ NEARLY = 0.03
 #: Difference of factors that the two discretisations may have: each is given to `SAME_FACTOR`.
 ALLOWED = 2.0 * SAME_FACTOR
 #: A tip that goes 4 % of the reach within this part of a path, contid's least step, may count as a snap.
-SWINGING = 5e-5
+SWINGING = branch.LEAST_STEP
 
 
 @dataclass(frozen=True)
 class Compared:
-    """Factors of the load at which an arm buckles, and whether it is stable under it; who found them."""
+    """Factors of the load at which an arm buckles, and whether it is stable under it."""
 
     factor: float
     stable: bool
 
-    def agrees(self, walked: Compared) -> bool:
+    def agrees(self, other: Compared) -> bool:
         """True for the same verdict and, nearly, the same factor."""
-        return self.stable == walked.stable and abs(self.factor - walked.factor) <= ALLOWED * walked.factor
+        return self.stable == other.stable and abs(self.factor - other.factor) <= ALLOWED * other.factor
 
 
 def solved(model: CosseratModel, bar: Array, force: Vec3) -> Compared:
@@ -57,7 +57,7 @@ def solved(model: CosseratModel, bar: Array, force: Vec3) -> Compared:
 
 def walked(model: CosseratModel, bars: Array, force: Vec3, least: float = LEAST_STEP) -> list[Compared]:
     """By walks; a tip that moves too far within the least part of a path has snapped."""
-    rod, loads = model.setup.rod, NumpyEngine(model.setup).setup.loads(force)
+    rod, loads = model.setup.rod, model.setup.loads(force)
     scale = load_scale(rod, loads)
     pressed = walk(rod, loads, scale, bars, pressed=True, least=least).done
     raised = walk(rod, loads, scale, bars, least=least).there
