@@ -100,23 +100,27 @@ def walk(
     pressed: bool = False,
     parts: int = PARTS,
     least: float = LEAST_STEP,
+    begin: tuple[Array, Array] | None = None,
 ) -> Walked:
     """Paths from rest to pressures (n, 3k) [bar] under loads, whose moment is about ``scale`` [N·mm].
 
-    With ``pressed`` the pressures are there in full before the loads. Every path has its own steps: halved
-    where there is no equilibrium near the prediction, down to a ``least`` part of the path.
+    With ``pressed`` the pressures are there in full before the loads. ``begin`` are pressures (n, 3k) [bar]
+    and base moments (n, 3) [N·mm] under the loads in full, from where paths go on. Every path has its own
+    steps: halved where there is no equilibrium near the prediction, down to a ``least`` part of the path.
     """
     count, eye, nudge = len(pressures), np.eye(3), DIFFERENCE * scale
-    moment, before = np.zeros((2, count, 3))
-    tip = shoot(rod, pressures * pressed, loads, np.zeros(count), moment)[1]
+    low, moment = (pressures * pressed, np.zeros((count, 3))) if begin is None else begin
+    loaded = np.full(count, 0.0 if begin is None else 1.0)
+    moment, before = moment.copy(), moment.copy()
+    tip = shoot(rod, low, loads, loaded, moment)[1]
     done, behind, step = np.zeros(count), np.zeros(count), np.full(count, 1.0 / parts)
     while (live := np.flatnonzero((done < 1.0) & (step > least))).size:
         part = np.minimum(1.0, done[live] + step[live])
         gone = done[live] - behind[live]
         slope = (moment[live] - before[live]) / np.where(gone > 0.0, gone, 1.0)[:, None]
         guess = moment[live] + (part - done[live])[:, None] * slope
-        raised = np.ones_like(part) if pressed else part
-        p, share, n = np.tile(raised[:, None] * pressures[live], (4, 1)), np.tile(part, 4), len(live)
+        p = np.tile(low[live] + part[:, None] * (pressures - low)[live], (4, 1))
+        share, n = np.tile(loaded[live] + part * (1.0 - loaded[live]), 4), len(live)
         good = np.zeros(n, bool)
         A = np.tile(eye, (n, 1, 1))
         for _ in range(CORRECTIONS):

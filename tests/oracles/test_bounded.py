@@ -12,7 +12,7 @@ from contid.kinematics.model import build_model
 from contid.robot_file.shipped import load_named
 from contid.targets import Target, Vec3
 from contid.units import BAR, MM_PER_M
-from tests.oracles.bounded import AS_GOOD_MM, GRAM_N, answer, cases, compare
+from tests.oracles.bounded import AS_GOOD_MM, GRAM_N, answer, cases, compare, models
 
 pytestmark = pytest.mark.skipif(kernels.load("cosserat") is None, reason="minutes without compiled kernels")
 
@@ -120,6 +120,49 @@ def test_an_answer_slides_along_the_end_of_the_branch(
     assert np.linalg.norm(np.subtract(reached.tip_m, target.tip_m or ())) == pytest.approx(
         found.residual_m, abs=5e-5
     )
+
+
+#: Arms (as shipped; heavy, tilted), targets [mm], loads [g], starts [bar]; errors of poses of a cloud [mm].
+AT_CORNERS = [
+    (1, (7.496608, 3.304488, 46.557806), 5, (0.4437, 0.9268, 0.0484, 1.3612, 0.8272, 1.025), 23.79),
+    (1, (-5.494566, 19.586092, 21.965882), 5, (0.5607, 0.8983, 0.9209, 0.0636, 0.8397, 0.1983), 52.38),
+    (0, (4.551746, -44.759542, 1.058774), 5, (0.3076, 0.668, 0.922, 1.4951, 0.691, 0.6927), 24.58),
+    (0, (-74.444654, 44.070045, -15.080139), 10, (0.561, 0.4879, 1.1955, 0.8621, 0.5341, 0.2455), 92.11),
+]
+
+
+@pytest.mark.parametrize(("arm", "tip_mm", "grams", "start_bar", "possible_mm"), AT_CORNERS)
+def test_a_pose_at_a_corner_is_found_where_the_arm_swings_far_next_to_it(
+    arm: int, tip_mm: Vec3, grams: int, start_bar: tuple[float, ...], possible_mm: float
+) -> None:
+    """1.5 to 12 mm more remained: starts 0.05 bar inside the corner are on the other side of a fork."""
+    x, y, z = tip_mm
+    target = Target((x / 1e3, y / 1e3, z / 1e3), load_n=(0.0, 0.0, grams * GRAM_N))
+    found = models()[arm].inverse(target, tuple(p * BAR for p in start_bar))
+    assert not found.converged
+    assert found.limited_by
+    assert 1e3 * found.residual_m < possible_mm + 0.1
+
+
+@pytest.mark.parametrize(
+    ("tip_mm", "start_bar", "way"),
+    [
+        ((-22.3773, 39.1604, 15.9996), (1.3597, 0.794, 0.1117, 0.4099, 1.3861, 0.8266), "is elsewhere after"),
+        ((2.0806, 29.5782, 29.0415), (0.4307, 1.372, 1.423, 0.942, 0.4155, 0.0074), "snaps through at"),
+    ],
+)
+def test_a_target_that_is_met_from_rest_but_not_from_here_has_that_in_its_note(
+    tip_mm: Vec3, start_bar: tuple[float, ...], way: str
+) -> None:
+    """The note of the first was "out of reach": the way to its pressures ends at another equilibrium."""
+    model = models()[0]
+    x, y, z = tip_mm
+    target = Target((x / 1e3, y / 1e3, z / 1e3), load_n=(0.0, 0.0, 5.0 * GRAM_N))
+    assert model.inverse(target, (0.0,) * 6).converged
+    found = model.inverse(target, tuple(p * BAR for p in start_bar))
+    assert not found.converged
+    assert "stability" in found.limited_by
+    assert way in found.note
 
 
 def test_in_the_control_loop_a_search_is_short_and_its_answer_is_on_the_branch() -> None:

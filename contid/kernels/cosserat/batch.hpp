@@ -47,7 +47,7 @@ void inverse_rows(const Rod<K>& rod, const Limits<K>& limits, const Settings& se
       const Found<K> found = search_settled<K>(carries, tasks.task(k), load, limits, seeds + 3 * K * k, settings);
       const Outcome<K>& o = found.outcome;
       const std::uint64_t why =
-          kOptimal * o.optimal | kStable * found.stable | kBlocked * o.blocked | kSnaps * (found.snap < 1.0);
+          kOptimal * o.optimal | kStable * found.stable | kBlocked * o.blocked | kSnaps * (found.snap < kNoSnap);
       write_solution(out + k * solution_bytes(3 * K), o.pressures, 3 * K, o.residual, why, found.iterations, o.met);
     }
   });

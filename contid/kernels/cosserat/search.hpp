@@ -37,7 +37,6 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
   const bool light = massless<K>(rod, 1.0);
   const Vec guess = predicted_moment<K>(rod, task.tip, tip_force, 1.0);
   Found<K> best{};
-  best.snap = 1.0;
   bool any = false;
   int spent = 0;
   // True when an equilibrium is the one that counts, and the arm gets there from the seed.
@@ -67,7 +66,6 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
   };
   const auto attempt = [&](const double* start, int iterations) {
     Found<K> found{};
-    found.snap = 1.0;
     found.elements = settings.elements;
     const bool redundant = task.independent() < n;
     bool homed = start == seed && redundant && tracked_home(found.outcome);

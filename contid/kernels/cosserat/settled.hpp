@@ -15,9 +15,9 @@ Found<K> search_settled(const Rod<K>& rod, const Task& task, Vec tip_force, cons
   const bool carries = loaded<K>(rod, tip_force), redundant = task.independent() < 3 * K;
   // Where an answer is on the target or next to it the arm must get there from the seed; with the elements of the
   // answer: with fewer the same pressures hold another pose.
-  const auto reached = [&](const Found<K>& answer) {
-    return !carries || !at_target(answer.outcome) ||
-           reached_from<K>(rod, tip_force, limits, seed, answer.outcome, answer.elements);
+  const auto snap = [&](const Found<K>& answer) {
+    if (!carries || !at_target(answer.outcome)) return kNoSnap;
+    return snap_from<K>(rod, tip_force, limits, seed, answer.outcome, answer.elements);
   };
   for (int ask = 0; ask < kMostSearches; ++ask) {
     const bool met = found.outcome.met;
@@ -29,7 +29,11 @@ Found<K> search_settled(const Rod<K>& rod, const Task& task, Vec tip_force, cons
     if (met ? most_change<K>(again.outcome.pressures, found.outcome.pressures) <= kSettledBar
             : !(again.outcome.residual < found.outcome.residual - settings.error))
       break;
-    if (!reached(again) && reached(found)) break;
+    const double leaves = snap(again);
+    if (leaves < kNoSnap && snap(found) == kNoSnap) {
+      if (!met) found.snap = std::fmin(found.snap, leaves);
+      break;
+    }
     again.iterations = found.iterations;
     if (!again.outcome.met) again.snap = found.snap;
     found = again;

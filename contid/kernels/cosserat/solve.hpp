@@ -118,7 +118,8 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
   double* p = out.pressures;
   const bool carries = loaded<K>(rod, tip_force);
   out.at.modes = -1;
-  for (int i = 0; i < n; ++i) p[i] = std::min(std::max(start[i], limits.lower[i]), limits.upper[i]);
+  std::copy(start, start + n, p);
+  clamp<K>(limits, p);
   if (weight > 0.0) leave_axis<K>(limits, p);
 
   const auto square = [](const double* r, int count) {

@@ -26,7 +26,7 @@ from contid.kinematics.cosserat.task import Task
 from contid.targets import Vec3
 
 #: pressures, residual [mm], met, optimal, stable, iterations, elements, statics residual [N·mm], blocked by
-#: stability, part of the path at which the arm snaps through
+#: stability, part of the path at which the arm snaps through (`snap_on_path`)
 InverseAnswer: TypeAlias = tuple[tuple[float, ...], float, bool, bool, bool, int, int, float, bool, float]
 #: tip, rotation (row-major), end of the first section, stable, base moment, elements
 ForwardAnswer: TypeAlias = tuple[

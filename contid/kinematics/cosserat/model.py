@@ -178,10 +178,11 @@ class CosseratModel:
         )
         limited = self._binding(actuation)
         remain = f"{residual:.4g} mm remain"
-        if snap < 1.0:
+        if snap <= 1.0:
+            part = f"snaps through at {100.0 * snap:.3g} % of" if snap < 1.0 else "is elsewhere after"
             why = (
-                "the target lies on another branch of equilibria: on the way to it the arm snaps through at "
-                f"{100.0 * snap:.3g} % of the pressure change; {remain} without a snap"
+                "the target lies on another branch of equilibria: on the straight way there the arm "
+                f"{part} the pressure change; {remain}"
             )
             limited += ("stability",)
         elif blocked:

@@ -16,7 +16,7 @@ import numpy as np
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.along_branch.branch_search import THOROUGH, Effort, Found
 from contid.kinematics.cosserat.along_branch.refine import TRACKING
-from contid.kinematics.cosserat.along_branch.straight_path import at_target, reached_from
+from contid.kinematics.cosserat.along_branch.straight_path import NO_SNAP, at_target, snap_from
 from contid.kinematics.cosserat.search import search
 from contid.kinematics.cosserat.solve import Problem, RodSolution
 
@@ -46,8 +46,9 @@ def search_settled(problem: Problem, seed: Array, error: float = np.inf, effort:
         found = replace(found, iterations=spent)
         if not _goes_on(found, again, error):
             break
-        if not _reached(problem, seed, again) and _reached(problem, seed, found):
-            break
+        leaves = _snap(problem, seed, again)
+        if leaves < NO_SNAP and _snap(problem, seed, found) == NO_SNAP:
+            return found if found.outcome.met else replace(found, snap=min(found.snap, leaves))
         found = replace(again, iterations=spent, snap=again.snap if again.outcome.met else found.snap)
     return found
 
@@ -65,11 +66,11 @@ def _moved(outcome: RodSolution, seed: Array) -> float:
     return float(np.abs(outcome.pressures - seed).max())
 
 
-def _reached(problem: Problem, seed: Array, found: Found) -> bool:
-    """True when the arm gets from the seed to an answer on the target, or next to it, on a straight path.
+def _snap(problem: Problem, seed: Array, found: Found) -> float:
+    """`snap_from` for an answer on the target, or next to it; `NO_SNAP` for others.
 
     Computed with the elements of that equilibrium: with fewer the same pressures hold another pose.
     """
     if problem.loads.is_zero or not at_target(found.outcome):
-        return True
-    return reached_from(replace(problem, elements=found.elements), seed, found.outcome)
+        return NO_SNAP
+    return snap_from(replace(problem, elements=found.elements), seed, found.outcome)

@@ -10,24 +10,24 @@
 namespace contid {
 
 constexpr int kCorners = 64, kTryWork = 60, kCandidates = 12, kRefusalElements = 12;
-constexpr int kLookElements = 2, kLookShare = 4, kLookSteps = 4, kLookCorrections = 4;
-// Corner starts lie up to this part of the range inside the box.
-constexpr double kInset = 0.06, kTracking = 0.05;
+constexpr int kLookShare = 4, kLookSteps = 4, kLookCorrections = 4, kSets = 4;
+// Corner starts lie up to these parts of the range inside the box.
+constexpr double kInset = 0.06, kNearInset = 2e-3, kTracking = 0.05;
 constexpr double kTryGain = 1e-2, kTryAhead = 8.0, kTryTrust = 1e-2, kTryRoom = 1e-2;
 
-// How much a search may do: work of short descents, starts on both sides of planes of symmetry, number and work of
-// longer descents of the best, work of the last ones; most elements with which it is made again where these lose an
-// answer.
+// How much a search may do: work of short descents, points next to every corner, elements of a look at them, number and
+// work of longer descents of the best, work of the last ones; most elements with which it is made again where these
+// lose an answer.
 struct Effort {
   int work;
-  bool mirrored;
+  int sets, look_elements;
   int longer, long_work, last_work;
   int again;
   int restarts;
 };
 
-constexpr Effort kTickEffort{450, false, 1, 60, 140, 6, 20},
-    kThoroughEffort{1400, true, 12, 200, 3000, kMaxElements, 100};
+constexpr Effort kTickEffort{450, 1, 2, 1, 60, 140, 6, 20},
+    kThoroughEffort{2000, kSets, 3, 12, 200, 3000, kMaxElements, 100};
 
 inline const Effort& effort_of(const Settings& settings) { return settings.thorough ? kThoroughEffort : kTickEffort; }
 
@@ -39,7 +39,7 @@ template <int K> struct Found {
   Outcome<K> outcome;
   bool stable;
   int elements, iterations;
-  double snap;  // part of the path to an equilibrium on the target at which the arm snaps through; 1 for none
+  double snap = kNoSnap;  // on the path to an equilibrium on the target: see snap_on_path
 };
 
 // An outcome that is a pose on the branch.
@@ -64,7 +64,7 @@ template <int K> bool continues(const Limits<K>& limits, const Outcome<K>& o, co
 // several starts, only through equilibria of the branch that the present state reaches on a straight path. Short
 // descents of many starts, longer ones of the best of them.
 template <int K> struct BranchSearch {
-  static constexpr int n = 3 * K, kCornerStarts = n < 6 ? 1 << n : kCorners, kStarts = 2 * kCornerStarts + 1;
+  static constexpr int n = 3 * K, kCornerStarts = n < 6 ? 1 << n : kCorners, kStarts = kSets * kCornerStarts + 1;
   const Rod<K>& rod;
   const Task& task;
   Vec force;
@@ -74,7 +74,7 @@ template <int K> struct BranchSearch {
   const Effort& effort;
   int work = 0;  // about the number of steps that descents could have made; bounds the time
   bool over = false;
-  double snap = 1.0;
+  double snap = kNoSnap;
   BranchPose<K> present{}, candidates[kCandidates]{};  // nearest to the target first
   double errors[kCandidates]{};
   int count = 0;
@@ -116,14 +116,12 @@ template <int K> struct BranchSearch {
     const Outcome<K> o =
         descent.run(start, {most, kTryGain, count ? errors[0] : 0.0, count ? kTryAhead : 0.0, kTryTrust, kTryRoom});
     work += o.iterations;
-    double done = 1.0;
     if (count == kCandidates && !(o.residual < errors[kCandidates - 1])) return;
     if (at_target(o)) {
       work += kRampWork;
-      if (!reaches<K>(rod, force, present.pressures, present.moment, o, elements, done)) {
-        snap = std::fmin(snap, done);
-        return;
-      }
+      const double leaves = snap_on_path<K>(rod, force, present.pressures, present.moment, o, elements);
+      snap = std::fmin(snap, leaves);
+      if (leaves < kNoSnap) return;
     }
     if (o.met && !agrees_with_finer(o)) return;
     BranchPose<K> end;
@@ -134,10 +132,12 @@ template <int K> struct BranchSearch {
   }
 
   // Points next to the corners of the box, off planes of symmetry, where paths fork; its centre; points on other sides
-  // of those planes.
+  // of those planes; then both nearer to the corners, for arms that swing far there.
   void point(int index, double* p) const {
-    const bool mirrored = index > kCornerStarts;
-    const int corner = mirrored ? index - kCornerStarts - 1 : index;
+    const int set = index > kCornerStarts ? (index - 1) / kCornerStarts : 0;
+    const int corner = index > kCornerStarts ? (index - 1) % kCornerStarts : index;
+    const bool mirrored = set % 2 == 1;
+    const double most = set < 2 ? kInset : kNearInset;
     for (int i = 0; i < n; ++i) {
       const double range = limits.upper[i] - limits.lower[i];
       if (index == kCornerStarts) {
@@ -145,7 +145,7 @@ template <int K> struct BranchSearch {
         continue;
       }
       const double share = radical_inverse(corner + 1, kPrimes[i]);
-      const double inset = kInset * (mirrored ? 1.0 - share : share) * range;
+      const double inset = most * (mirrored ? 1.0 - share : share) * range;
       const bool high = n <= 6 ? (corner >> i) & 1 : share >= 0.5;
       p[i] = high ? limits.upper[i] - inset : limits.lower[i] + inset;
     }
@@ -162,7 +162,7 @@ template <int K> struct BranchSearch {
       Vec moment = k == 1 ? predicted_moment<K>(rod, {0, 0, rod.reach}, part * force, part) : 2.0 * last - before;
       bool near = false;
       for (int i = 0; i < kLookCorrections && !near; ++i) {
-        judge<K>(rod, p, moment, part * force, part, kLookElements, pose.at);
+        judge<K>(rod, p, moment, part * force, part, effort.look_elements, pose.at);
         near = norm(pose.at.ends.moment) <= enough;
         if (!pose.at.regular) return false;
         moment = moment - pose.at.moment_by_balance * pose.at.ends.moment;
@@ -177,12 +177,12 @@ template <int K> struct BranchSearch {
   void elsewhere(int most) {
     double away[kStarts];
     int order[kStarts], seen = 0;
-    const int looks = std::min(effort.mirrored ? kStarts : kCornerStarts + 1, most / kLookShare);
+    const int looks = std::min(effort.sets * kCornerStarts + 1, most / kLookShare);
     for (int index = 0; index < looks; ++index) {
       BranchPose<K> coarse;
       point(index, coarse.pressures);
       if ((!roughly_at(coarse) || coarse.at.modes != 0) &&
-          equilibrium<K>(rod, coarse.pressures, force, kLookElements, coarse.moment, coarse.at) < 1.0)
+          equilibrium<K>(rod, coarse.pressures, force, effort.look_elements, coarse.moment, coarse.at) < 1.0)
         continue;
       away[seen] = task_error(task, coarse.at.ends);
       int at = seen++;
@@ -212,7 +212,7 @@ template <int K> struct BranchSearch {
     }
     if (!over) best.outcome = outcome_of<K>(task, candidates[0], tolerance);
     best.stable = true;
-    best.snap = over ? 1.0 : snap;
+    best.snap = over ? kNoSnap : snap;
     best.elements = elements;
     best.iterations = work;
     return true;

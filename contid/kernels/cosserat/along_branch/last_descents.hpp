@@ -47,6 +47,7 @@ template <int K> struct LastDescents {
   int cost_left;
   int spent = 0;
   bool any = false;
+  double snap = kNoSnap;
   Found<K> best{};
 
   bool is_fine(const Outcome<K>& o, int count) const {
@@ -60,7 +61,11 @@ template <int K> struct LastDescents {
     Judged at;
     int elements;
     spend(2 * kRampWork, 2 * count);
-    if (at_target(o) && !reached_from<K>(rod, force, limits, seed, o, count)) return false;
+    if (at_target(o)) {
+      const double leaves = snap_from<K>(rod, force, limits, seed, o, count);
+      snap = std::fmin(snap, leaves);
+      if (leaves < kNoSnap) return false;
+    }
     return fine_equilibrium<K>(rod, o.pressures, force, settings, moment, at, elements) == 1.0 &&
            norm(at.ends.p - o.at.ends.p) <= settings.error &&
            equilibrium<K>(rod, o.pressures, force, 2 * count, moment, at) == 1.0 &&
@@ -73,7 +78,7 @@ template <int K> struct LastDescents {
   // better than the best.
   void attempt(const double* pressures, int elements, bool descends) {
     Found<K> found{};
-    found.elements = elements, found.stable = true, found.snap = 1.0;
+    found.elements = elements, found.stable = true;
     Outcome<K>& o = found.outcome;
     std::copy(pressures, pressures + 3 * K, o.pressures);
     for (;; found.elements *= 2) {
@@ -137,7 +142,7 @@ template <int K> struct LastDescents {
     for (int k = 0; k < search.count && !any; ++k) attempt(search.candidates[k].pressures, search.elements, false);
     stay();
     if (any && !best.outcome.optimal) finish();
-    best.snap = search.snap;
+    best.snap = std::fmin(snap, search.snap);
     best.iterations = spent;
     return any;
   }

@@ -15,7 +15,7 @@ import numpy as np
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.along_branch.descent import BranchDescent, StopRule, outcome_of
 from contid.kinematics.cosserat.along_branch.ramp import RAMP_WORK, BranchPose, ramped, ramped_work
-from contid.kinematics.cosserat.along_branch.straight_path import FINE, at_target, reaches
+from contid.kinematics.cosserat.along_branch.straight_path import FINE, NO_SNAP, at_target, snap_on_path
 from contid.kinematics.cosserat.branch import MAX_ELEMENTS, equilibrium, load_scale
 from contid.kinematics.cosserat.solve import Problem, RodSolution
 from contid.kinematics.cosserat.stability import unstable_modes
@@ -29,10 +29,10 @@ TRY_WORK = 60
 TRY_GAIN, TRY_AHEAD, TRY_TRUST, TRY_ROOM = 1e-2, 8.0, 1e-2, 1e-2
 #: Outcomes that are kept; those that are less apart are one [bar].
 CANDIDATES, APART = 12, 0.05
-#: Corners that are looked at, and how far the points next to them lie in the box, as a part of its range.
-CORNERS, INSET = 64, 0.06
-#: A first look at a start: elements, steps from rest, corrections, and balance as a part of `load_scale`.
-LOOK_ELEMENTS, LOOK_STEPS, LOOK_CORRECTIONS, ROUGH = 2, 4, 4, 1e-2
+#: Corners that are looked at, and how far the points next to them lie in the box, as parts of its range.
+CORNERS, INSETS = 64, (0.06, 2e-3)
+#: A first look at a start: steps from rest, corrections, and balance as a part of `load_scale`.
+LOOK_STEPS, LOOK_CORRECTIONS, ROUGH = 4, 4, 1e-2
 #: The part of the work that looks may take, one over this.
 LOOK_SHARE = 4
 
@@ -43,7 +43,8 @@ class Effort:
 
     Attributes:
         work: steps of the short descents, for two sections of three elements (`steps_for`).
-        mirrored: starts on both sides of the planes of symmetry.
+        sets: starts next to every corner: see `corner_starts`.
+        look_elements: of a look at a start.
         longer, long_work: number of longer descents, of the best of these, and steps of each.
         last_work: steps of the last descents (`last_descents`), as ``work``.
         again: most elements with which a search is made again where these lose an answer on the target.
@@ -51,7 +52,8 @@ class Effort:
     """
 
     work: int
-    mirrored: bool
+    sets: int
+    look_elements: int
     longer: int
     long_work: int
     last_work: int
@@ -60,9 +62,16 @@ class Effort:
 
 
 #: In the control loop (a few ticks), and elsewhere.
-TICK = Effort(work=450, mirrored=False, longer=1, long_work=60, last_work=140, again=6, restarts=20)
+TICK = Effort(work=450, sets=1, look_elements=2, longer=1, long_work=60, last_work=140, again=6, restarts=20)
 THOROUGH = Effort(
-    work=1400, mirrored=True, longer=12, long_work=200, last_work=3000, again=MAX_ELEMENTS, restarts=100
+    work=2000,
+    sets=4,
+    look_elements=3,
+    longer=12,
+    long_work=200,
+    last_work=3000,
+    again=MAX_ELEMENTS,
+    restarts=100,
 )
 
 
@@ -70,15 +79,14 @@ THOROUGH = Effort(
 class Found:
     """The best outcome, whether it is stable, the elements it took, and all iterations spent.
 
-    ``snap`` is the part of the path to an equilibrium on the target at which the arm snaps through; 1 for
-    none.
+    ``snap`` is that on the path to an equilibrium on the target: see `snap_on_path`.
     """
 
     outcome: RodSolution
     stable: bool
     elements: int
     iterations: int
-    snap: float = 1.0
+    snap: float = NO_SNAP
 
 
 class BranchSearch:
@@ -91,7 +99,7 @@ class BranchSearch:
     def __init__(self, problem: Problem, seed: Array, effort: Effort) -> None:
         self.problem, self.effort = problem, effort
         self.seed = np.clip(seed, problem.limits.lower, problem.limits.upper)
-        self.work, self.snap = 0, 1.0
+        self.work, self.snap = 0, NO_SNAP
         #: The best poses and their errors [mm], nearest to the target first.
         self.candidates: list[tuple[float, BranchPose]] = []
         self.met: RodSolution | None = None
@@ -115,7 +123,7 @@ class BranchSearch:
             if self.met is None and k < len(self.candidates):
                 self._attempt(self.candidates[k][1], effort.long_work)
         best = outcome_of(problem, self.candidates[0][1]) if self.met is None else self.met
-        return Found(best, True, problem.elements, self.work, self.snap if self.met is None else 1.0)
+        return Found(best, True, problem.elements, self.work, self.snap if self.met is None else NO_SNAP)
 
     def _pose_at(self, pressures: Array) -> BranchPose | None:
         pose, work = ramped_work(self.problem, pressures)
@@ -132,9 +140,9 @@ class BranchSearch:
             return
         if at_target(o):
             self.work += RAMP_WORK
-            reached, done = reaches(self.problem, self.present.pressures, self.present.base_moment, o)
-            if not reached:
-                self.snap = min(self.snap, done)
+            leaves = snap_on_path(self.problem, self.present.pressures, self.present.base_moment, o)
+            self.snap = min(self.snap, leaves)
+            if leaves < NO_SNAP:
                 return
         if o.met and not self._agrees_with_finer(o):
             return
@@ -164,9 +172,9 @@ class BranchSearch:
     def _elsewhere(self, most: int) -> None:
         """Starts nearest to the target first, by a coarse look at all."""
         problem = self.problem
-        coarse = replace(problem, elements=LOOK_ELEMENTS)
+        coarse = replace(problem, elements=self.effort.look_elements)
         seen: list[tuple[float, Array]] = []
-        points = corner_starts(problem, self.effort.mirrored)[: most // LOOK_SHARE]
+        points = corner_starts(problem, self.effort.sets)[: most // LOOK_SHARE]
         for pressures in points:
             found = roughly_at(coarse, pressures)
             if found is None:
@@ -217,19 +225,20 @@ def steps_for(problem: Problem, cost: int) -> int:
     return 6 * cost // (problem.elements * len(problem.rod.sections))
 
 
-def corner_starts(problem: Problem, mirrored: bool) -> list[Array]:
-    """Points next to corners of the box, off planes of symmetry, where paths fork; then its centre.
+def corner_starts(problem: Problem, sets: int) -> list[Array]:
+    """Points next to corners of the box, off planes of symmetry, where paths fork; its centre; more ``sets``.
 
-    With ``mirrored`` also points on other sides of those planes.
+    The second is on other sides of those planes; two more are nearer to the corners, for arms that swing far
+    there.
     """
     limits, n = problem.limits, problem.rod.pressures
     spread = limits.upper - limits.lower
-    first: list[Array] = []
-    second: list[Array] = []
+    points: list[list[Array]] = [[], [], [], []]
     for index in range(min(2**n, CORNERS)):
         share = np.array([radical_inverse(index + 1, PRIMES[axis]) for axis in range(n)])
         high = np.array([index >> axis & 1 for axis in range(n)], bool) if n <= 6 else share >= 0.5
-        for points, part in ((first, share), (second, 1.0 - share)):
-            inset = INSET * part * spread
-            points.append(np.where(high, limits.upper - inset, limits.lower + inset))
-    return [*first, limits.centre, *(second if mirrored else ())]
+        for k in range(sets):
+            inset = INSETS[k // 2] * (1.0 - share if k % 2 else share) * spread
+            points[k].append(np.where(high, limits.upper - inset, limits.lower + inset))
+    first, *others = points
+    return [*first, limits.centre, *(point for one in others for point in one)]

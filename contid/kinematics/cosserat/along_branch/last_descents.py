@@ -13,7 +13,7 @@ from contid.kinematics.array import Array
 from contid.kinematics.cosserat.along_branch.branch_search import BranchSearch, Found, steps_for
 from contid.kinematics.cosserat.along_branch.descent import StopRule, descend, outcome_of
 from contid.kinematics.cosserat.along_branch.ramp import RAMP_WORK, BranchPose, ramped, ramped_work
-from contid.kinematics.cosserat.along_branch.straight_path import at_target, reached_from, standing
+from contid.kinematics.cosserat.along_branch.straight_path import NO_SNAP, at_target, snap_from, standing
 from contid.kinematics.cosserat.branch import equilibrium
 from contid.kinematics.cosserat.discretisation import fine_equilibrium, is_fine
 from contid.kinematics.cosserat.solve import Problem, RodSolution
@@ -59,7 +59,7 @@ class LastDescents:
 
     def __init__(self, problem: Problem, seed: Array, error: float, cost: int) -> None:
         self.problem, self.seed, self.error = problem, seed, error
-        self.cost_left, self.spent = cost, 0
+        self.cost_left, self.spent, self.snap = cost, 0, NO_SNAP
         self.best: Found | None = None
 
     def run(self, search: BranchSearch) -> Found | None:
@@ -76,7 +76,7 @@ class LastDescents:
             return None
         if not self.best.outcome.optimal:
             self._finish(self.best)
-        return replace(self.best, snap=search.snap, iterations=self.spent)
+        return replace(self.best, snap=min(self.snap, search.snap), iterations=self.spent)
 
     def _spend(self, steps: int, elements: int) -> None:
         self.spent += steps
@@ -158,8 +158,11 @@ class LastDescents:
         """
         p = self.problem
         self._spend(2 * RAMP_WORK, 2 * elements)
-        if at_target(o) and not reached_from(replace(p, elements=elements), self.seed, o):
-            return False
+        if at_target(o):
+            leaves = snap_from(replace(p, elements=elements), self.seed, o)
+            self.snap = min(self.snap, leaves)
+            if leaves < NO_SNAP:
+                return False
         at, _ = fine_equilibrium(p.rod, o.pressures, p.loads, p.elements, self.error)
         if at.done < 1.0 or float(np.linalg.norm(at.sweep.tip - o.sweep.tip)) > self.error:
             return False

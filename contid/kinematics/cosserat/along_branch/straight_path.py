@@ -15,6 +15,8 @@ from contid.kinematics.cosserat.stability import unstable_modes
 
 #: An outcome as near to its target must be reached on the straight path [mm].
 FINE = 1.0
+#: Instead of the part of a path at which the arm snaps through: it does not, and ends where it should.
+NO_SNAP = 2.0
 
 
 def at_target(outcome: RodSolution) -> bool:
@@ -22,11 +24,15 @@ def at_target(outcome: RodSolution) -> bool:
     return outcome.met or outcome.residual <= FINE
 
 
-def reaches(problem: Problem, here: Array, base_moment: Array, outcome: RodSolution) -> tuple[bool, float]:
-    """Whether the arm gets from one equilibrium to another on a straight path, and what part of it."""
+def snap_on_path(problem: Problem, here: Array, base_moment: Array, outcome: RodSolution) -> float:
+    """The part of the straight path from an equilibrium to another at which the arm snaps through.
+
+    1 where it ends elsewhere without a snap, `NO_SNAP` where it gets there.
+    """
     start, end = Station(here, problem.loads), Station(outcome.pressures, problem.loads)
     path = follow(problem.rod, start, end, base_moment, problem.elements)
-    return path.done == 1.0 and same_pose(problem, path.base_moment, outcome.base_moment), path.done
+    there = path.done == 1.0 and same_pose(problem, path.base_moment, outcome.base_moment)
+    return NO_SNAP if there else path.done
 
 
 def standing(problem: Problem, seed: Array) -> tuple[Array, Followed]:
@@ -35,10 +41,15 @@ def standing(problem: Problem, seed: Array) -> tuple[Array, Followed]:
     return here, equilibrium(problem.rod, here, problem.loads, problem.elements)
 
 
+def snap_from(problem: Problem, seed: Array, outcome: RodSolution) -> float:
+    """`snap_on_path` from the seed; `NO_SNAP` too where the arm has no equilibrium there."""
+    here, present = standing(problem, seed)
+    return NO_SNAP if present.done < 1.0 else snap_on_path(problem, here, present.base_moment, outcome)
+
+
 def reached_from(problem: Problem, seed: Array, outcome: RodSolution) -> bool:
     """True when the arm gets from the seed to an equilibrium on a straight path, or has none at the seed."""
-    here, present = standing(problem, seed)
-    return present.done < 1.0 or reaches(problem, here, present.base_moment, outcome)[0]
+    return snap_from(problem, seed, outcome) == NO_SNAP
 
 
 def holds(problem: Problem, outcome: RodSolution) -> bool:
