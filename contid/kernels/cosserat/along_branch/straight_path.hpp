@@ -32,7 +32,7 @@ bool standing(const Rod<K>& rod, Vec tip_force, const Limits<K>& limits, const d
   return equilibrium<K>(rod, here, tip_force, elements, moment, at) == 1.0;
 }
 
-// The same from the seed; kNoSnap too where the arm has no equilibrium there.
+// snap_on_path from where the arm stands with the seed; kNoSnap too where it has no equilibrium there.
 template <int K>
 double snap_from(const Rod<K>& rod, Vec tip_force, const Limits<K>& limits, const double* seed, const Outcome<K>& o,
                  int elements) {
