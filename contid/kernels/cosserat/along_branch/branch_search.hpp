@@ -11,8 +11,9 @@ namespace contid {
 
 constexpr int kCorners = 64, kTryWork = 60, kCandidates = 12, kRefusalElements = 12;
 constexpr int kLookShare = 4, kLookSteps = 4, kLookCorrections = 4, kSets = 4;
-// Corner starts lie up to these parts of the range inside the box.
-constexpr double kInset = 0.06, kNearInset = 2e-3, kTracking = 0.05;
+// Corner starts lie up to these parts of the range inside the box; the nearer ones count where the tip is this part of
+// the reach away from those of the others.
+constexpr double kInset = 0.06, kNearInset = 2e-3, kSwings = 0.1, kTracking = 0.05;
 constexpr double kTryGain = 1e-2, kTryAhead = 8.0, kTryTrust = 1e-2, kTryRoom = 1e-2;
 
 // How much a search may do: work of short descents, points next to every corner, elements of a look at them, number and
@@ -173,17 +174,29 @@ template <int K> struct BranchSearch {
     return true;
   }
 
-  // Starts nearest to the target first, by a coarse look at all.
+  // Starts nearest to the target first, by a coarse look at all: in few steps, or by a path where these do not get there.
   void elsewhere(int most) {
     double away[kStarts];
-    int order[kStarts], seen = 0;
+    Vec tips[kStarts];
+    bool stands[kStarts] = {};
+    int order[kStarts], seen = 0, spare = most;
     const int looks = std::min(effort.sets * kCornerStarts + 1, most / kLookShare);
     for (int index = 0; index < looks; ++index) {
       BranchPose<K> coarse;
       point(index, coarse.pressures);
-      if ((!roughly_at(coarse) || coarse.at.modes != 0) &&
-          equilibrium<K>(rod, coarse.pressures, force, effort.look_elements, coarse.moment, coarse.at) < 1.0)
-        continue;
+      if (!roughly_at(coarse) || coarse.at.modes != 0) {
+        if (spare <= 0) continue;
+        const double done = ramped<K>(rod, coarse.pressures, force, effort.look_elements, coarse.moment, coarse.at,
+                                      coarse.ramp);
+        spare -= coarse.ramp.work();
+        if (done < 1.0) continue;
+      }
+      stands[index] = true, tips[index] = coarse.at.ends.p;
+      const auto same = [&](int other) {
+        return stands[other] && norm(tips[other] - tips[index]) < kSwings * rod.reach;
+      };
+      const int corner = (index - 1) % kCornerStarts;
+      if (index > 2 * kCornerStarts && (same(corner) || same(corner + kCornerStarts + 1))) continue;
       away[seen] = task_error(task, coarse.at.ends);
       int at = seen++;
       for (; at > 0 && away[at - 1] > away[at]; --at) std::swap(away[at - 1], away[at]), order[at] = order[at - 1];

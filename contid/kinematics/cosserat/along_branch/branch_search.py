@@ -14,7 +14,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.along_branch.descent import BranchDescent, StopRule, outcome_of
-from contid.kinematics.cosserat.along_branch.ramp import RAMP_WORK, BranchPose, ramped, ramped_work
+from contid.kinematics.cosserat.along_branch.ramp import RAMP_WORK, BranchPose, ramped_work
 from contid.kinematics.cosserat.along_branch.straight_path import FINE, NO_SNAP, at_target, snap_on_path
 from contid.kinematics.cosserat.branch import MAX_ELEMENTS, equilibrium, load_scale
 from contid.kinematics.cosserat.solve import Problem, RodSolution
@@ -31,6 +31,8 @@ TRY_GAIN, TRY_AHEAD, TRY_TRUST, TRY_ROOM = 1e-2, 8.0, 1e-2, 1e-2
 CANDIDATES, APART = 12, 0.05
 #: Corners that are looked at, and how far the points next to them lie in the box, as parts of its range.
 CORNERS, INSETS = 64, (0.06, 2e-3)
+#: The nearer ones count where the tip is this part of the reach away from those of the others.
+SWINGS = 0.1
 #: A first look at a start: steps from rest, corrections, and balance as a part of `load_scale`.
 LOOK_STEPS, LOOK_CORRECTIONS, ROUGH = 4, 4, 1e-2
 #: The part of the work that looks may take, one over this.
@@ -170,17 +172,31 @@ class BranchSearch:
         return at.done == 1.0 and float(np.linalg.norm(residual(problem.task, at.sweep))) <= o.residual + FINE
 
     def _elsewhere(self, most: int) -> None:
-        """Starts nearest to the target first, by a coarse look at all."""
+        """Starts nearest to the target first, by a coarse look at all.
+
+        In few steps, or by a path where these do not get there, as long as ``most`` lasts.
+        """
         problem = self.problem
         coarse = replace(problem, elements=self.effort.look_elements)
         seen: list[tuple[float, Array]] = []
+        tips: dict[int, Array] = {}
+        corners = min(2**problem.rod.pressures, CORNERS)
         points = corner_starts(problem, self.effort.sets)[: most // LOOK_SHARE]
-        for pressures in points:
+        spare = most
+        for index, pressures in enumerate(points):
             found = roughly_at(coarse, pressures)
-            if found is None:
-                pose = ramped(coarse, pressures)
+            if found is None and spare > 0:
+                pose, work = ramped_work(coarse, pressures)
+                spare -= work
                 found = None if pose is None else pose.sweep
-            if found is not None:
+            if found is None:
+                continue
+            corner = (index - 1) % corners
+            others = (corner, corner + corners + 1) if index > 2 * corners else ()
+            apart = SWINGS * problem.rod.reach
+            same = any(k in tips and float(np.linalg.norm(tips[k] - found.tip)) < apart for k in others)
+            tips[index] = found.tip
+            if not same:
                 seen.append((float(np.linalg.norm(residual(problem.task, found))), pressures))
         self.work += len(points)
         for _, pressures in sorted(seen, key=lambda one: one[0]):
