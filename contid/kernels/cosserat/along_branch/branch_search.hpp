@@ -174,7 +174,8 @@ template <int K> struct BranchSearch {
     return true;
   }
 
-  // Starts nearest to the target first, by a coarse look at all: in few steps, or by a path where these do not get there.
+  // Starts nearest to the target first, by a coarse look at all: in few steps, or by a path where these do not get
+  // there.
   void elsewhere(int most) {
     double away[kStarts];
     Vec tips[kStarts];
@@ -186,8 +187,8 @@ template <int K> struct BranchSearch {
       point(index, coarse.pressures);
       if (!roughly_at(coarse) || coarse.at.modes != 0) {
         if (spare <= 0) continue;
-        const double done = ramped<K>(rod, coarse.pressures, force, effort.look_elements, coarse.moment, coarse.at,
-                                      coarse.ramp);
+        const double done =
+            ramped<K>(rod, coarse.pressures, force, effort.look_elements, coarse.moment, coarse.at, coarse.ramp);
         spare -= coarse.ramp.work();
         if (done < 1.0) continue;
       }
