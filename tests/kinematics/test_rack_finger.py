@@ -50,7 +50,8 @@ def mm(values: tuple[float, ...]) -> list[float]:
 
 def tip_of(s: np.ndarray, k: np.ndarray, h: float) -> np.ndarray:
     """x and y of the tip of an arc with a straight piece, by radius and angle."""
-    radius, theta = 1.0 / np.where(k == 0.0, 1e-12, k), s * k
+    k = np.where(k == 0.0, 1e-12, k)
+    radius, theta = 1.0 / k, s * k
     return np.array(
         [radius * (1.0 - np.cos(theta)) + h * np.sin(theta), radius * np.sin(theta) + h * np.cos(theta)]
     )
