@@ -37,6 +37,8 @@ SNAPPED_MM = 1e3
 CONTRADICTED_MM = 0.05
 #: An answer that is farther than scipy's by less is as good [mm].
 AS_GOOD_MM = 0.01
+#: Corners of the box around the arm in which targets are drawn, as parts of its reach.
+BOX = (-1.1, -1.1, -0.3), (1.1, 1.1, 1.35)
 QUANTILES = (0.5, 0.75, 0.9, 0.95, 0.99)
 #: Distance between the tips of `forward` and of `rod_walk` for one pose [mm].
 WALKED_MM = 0.2
@@ -111,7 +113,7 @@ def cases(count: int, grams: float, seed: int = 16, ticks: bool = False) -> list
         load = tuple((grams * GRAM_N * down).tolist())
         start = low + (0.5 if k % 2 else rng.uniform(size=len(low))) * (high - low)
         reach = model.setup.rod.reach
-        goal = reach * rng.uniform([-1.1, -1.1, -0.3], [1.1, 1.1, 1.35])
+        goal = reach * rng.uniform(*BOX)
         reachable = k % 4 == 3
         while reachable:
             pose = model.forward(tuple((low + rng.uniform(size=len(low)) * (high - low)) * BAR), load)

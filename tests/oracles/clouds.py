@@ -19,9 +19,9 @@ from scipy.spatial import cKDTree
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.branch import load_scale
 from contid.kinematics.cosserat.model import CosseratModel
-from contid.targets import Target, Vec3
+from contid.targets import Solution, Vec3
 from contid.units import BAR, MM_PER_M
-from tests.oracles.bounded import GRAM_N, LOADS_G, QUANTILES, WALKED_MM, models
+from tests.oracles.bounded import BOX, GRAM_N, LOADS_G, QUANTILES, WALKED_MM, Case, answer, models
 from tests.oracles.rod_walk import walk
 
 #: Poses of a cloud, and how many are walked together.
@@ -32,20 +32,19 @@ AS_NEAR_MM = 0.05
 
 @dataclass(frozen=True)
 class Beside:
-    """How far an answer is from its target and the nearest pose of the cloud from it [mm].
+    """An answer, and how far the nearest pose of the cloud is from its target [mm].
 
-    Attributes:
-        start_bar, bar: where the search began, and the answer.
-        drawn: the target is the tip of a walked pose.
+    A target is reachable in the sense of `Case` where it is the tip of a walked pose.
     """
 
-    goal: Array
-    start_bar: Array
-    bar: Array
-    left_mm: float
+    case: Case
+    solution: Solution
     cloud_mm: float
-    met: bool
-    drawn: bool
+
+    @property
+    def left_mm(self) -> float:
+        """The error that the answer reports."""
+        return MM_PER_M * self.solution.residual_m
 
     @property
     def farther_mm(self) -> float:
@@ -71,32 +70,30 @@ def compare(
 ) -> list[Beside]:
     """Answers from random pressures to targets in a box, and from rest to as many tips of another cloud."""
     low, high = model.setup.limits.lower, model.setup.limits.upper
-    goals = model.setup.rod.reach * rng.uniform([-1.1, -1.1, -0.3], [1.1, 1.1, 1.35], (number // 2, 3))
+    goals = model.setup.rod.reach * rng.uniform(*BOX, (number // 2, 3))
     drawn = tips(model, load_n, number - len(goals), rng)
     distances = np.concatenate([cKDTree(cloud).query(goals)[0], np.zeros(len(drawn))])
     found = []
     for k, goal in enumerate(np.concatenate([goals, drawn])):
         start = low + (rng.uniform(size=len(low)) if k < len(goals) else 0.0) * (high - low)
-        x, y, z = (goal / MM_PER_M).tolist()
-        answer = model.inverse(Target((x, y, z), load_n=load_n), tuple((start * BAR).tolist()))
-        bar, left_mm = np.array(answer.actuation) / BAR, MM_PER_M * answer.residual_m
-        found.append(
-            Beside(goal, start, bar, left_mm, float(distances[k]), answer.converged, k >= len(goals))
-        )
+        case = Case(model, goal, load_n, start, k >= len(goals))
+        solution = answer(case, tuple((start * BAR).tolist()))
+        found.append(Beside(case, solution, float(distances[k])))
     return found
 
 
 def unreached(model: CosseratModel, load_n: Vec3, found: list[Beside]) -> int:
     """Number of those on their target to which no straight path leads from where the search began."""
-    met = [each for each in found if each.met]
+    met = [each for each in found if each.solution.converged]
     rod, loads = model.setup.rod, model.setup.loads(load_n)
     if loads.is_zero or not met:
         return 0
     scale = load_scale(rod, loads)
-    starts, ends = np.array([each.start_bar for each in met]), np.array([each.bar for each in met])
+    starts = np.array([each.case.seed for each in met])
+    ends = np.array([each.solution.actuation for each in met]) / BAR
     stands = walk(rod, loads, scale, starts)
     gone = walk(rod, loads, scale, ends, begin=(starts, stands.moment))
-    off_mm = np.linalg.norm(gone.tip - [each.goal for each in met], axis=1)
+    off_mm = np.linalg.norm(gone.tip - [each.case.goal for each in met], axis=1)
     return int(np.sum(stands.there & ~(gone.there & (off_mm <= WALKED_MM))))
 
 
@@ -113,15 +110,16 @@ def count(grams: float, number: int, size: int = POSES, seed: int = 16) -> tuple
         cloud = tips(model, load_n, size, rng)
         found = compare(model, load_n, number, cloud, rng)
         not_there = unreached(model, load_n, found)
-        away = [each for each in found if not each.met and not each.drawn]
-        drawn = [each for each in found if each.drawn]
-        missed = np.array([each.left_mm for each in drawn if not each.met] or [0.0])
+        met = sum(each.solution.converged for each in found)
+        drawn = [each for each in found if each.case.reachable]
+        away = [each for each in found if not each.solution.converged and not each.case.reachable]
+        missed = np.array([each.left_mm for each in drawn if not each.solution.converged] or [0.0])
         farther = np.array([each.farther_mm for each in away] or [0.0])
         share = ", ".join(f"{x:.3g}" for x in np.quantile(-farther, QUANTILES))
         print(
             f"clouds stiffflop2 ({base}) {grams:g} g: {len(drawn)} walked tips, "
             f"{sum(missed > AS_NEAR_MM)} missed by more than {AS_NEAR_MM} mm, worst {missed.max():.3g} mm; "
-            f"{not_there} of {sum(each.met for each in found)} on their target not reached from their start; "
+            f"{not_there} of {met} on their target not reached from their start; "
             f"of {len(found) - len(drawn)} targets in the box {len(away)} out of reach, "
             f"{np.sum(farther > AS_NEAR_MM)} farther than the nearest of {len(cloud)} poses, "
             f"worst {max(0.0, float(farther.max())):.3g} mm; nearer by {share} mm at quantiles {QUANTILES}",

@@ -15,7 +15,7 @@ FARTHER_MM = 3.0
 @pytest.mark.parametrize("grams", [0.0, 5.0, 10.0])
 def test_answers_are_as_near_as_a_cloud_of_walked_poses(grams: float) -> None:
     found, lost = count(grams, number=24, size=300, seed=3)
-    drawn = [each.left_mm for each in found if each.drawn]
+    drawn = [each.left_mm for each in found if each.case.reachable]
     assert len(drawn) > 20
     assert max(drawn) <= AS_NEAR_MM
     assert lost == 0

@@ -132,11 +132,13 @@ template <int K> struct BranchSearch {
     add(end, o.residual);
   }
 
+  // The corner next to which a point is; the one between the first two sets is the centre.
+  static constexpr int corner_of(int index) { return index > kCornerStarts ? (index - 1) % kCornerStarts : index; }
+
   // Points next to the corners of the box, off planes of symmetry, where paths fork; its centre; points on other sides
   // of those planes; then both nearer to the corners, for arms that swing far there.
   void point(int index, double* p) const {
-    const int set = index > kCornerStarts ? (index - 1) / kCornerStarts : 0;
-    const int corner = index > kCornerStarts ? (index - 1) % kCornerStarts : index;
+    const int set = index > kCornerStarts ? (index - 1) / kCornerStarts : 0, corner = corner_of(index);
     const bool mirrored = set % 2 == 1;
     const double most = set < 2 ? kInset : kNearInset;
     for (int i = 0; i < n; ++i) {
@@ -196,7 +198,7 @@ template <int K> struct BranchSearch {
       const auto same = [&](int other) {
         return stands[other] && norm(tips[other] - tips[index]) < kSwings * rod.reach;
       };
-      const int corner = (index - 1) % kCornerStarts;
+      const int corner = corner_of(index);
       if (index > 2 * kCornerStarts && (same(corner) || same(corner + kCornerStarts + 1))) continue;
       away[seen] = task_error(task, coarse.at.ends);
       int at = seen++;
