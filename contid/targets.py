@@ -21,6 +21,9 @@ Actuation: TypeAlias = tuple[float, ...]
 ZERO3: Final[Vec3] = (0.0, 0.0, 0.0)
 #: Sine of an angle below which two vectors count as parallel.
 _PARALLEL: Final = 1e-6
+#: In ``limited_by`` where no limit of an axis binds: a number is not finite, or the robot ends there.
+NOT_FINITE: Final = "not_finite"
+REACH: Final = "reach"
 _NO_EXTRA: Final[Mapping[str, float]] = MappingProxyType({})
 
 
@@ -127,7 +130,7 @@ class Solution:
     note: str = ""
 
     @classmethod
-    def not_finite(cls, seed: Actuation) -> Self:
-        """Answer to an actuation with a number that is not finite: the last command is held."""
-        note = "a requested axis is not finite; the last command is held"
-        return cls(seed, math.inf, converged=False, note=note)
+    def not_finite(cls, seed: Actuation, what: str) -> Self:
+        """Answer to what is not finite, such as ``"a requested axis"``: the last command is held."""
+        note = f"{what} is not finite; the last command is held"
+        return cls(seed, math.inf, converged=False, limited_by=(NOT_FINITE,), note=note)

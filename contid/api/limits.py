@@ -11,17 +11,19 @@ from numpy.typing import NDArray
 
 from contid.kinematics.array import Array
 from contid.kinematics.batch import Solutions
+from contid.targets import REACH
 
 _SECTIONS: Final = (
     *(f"rack{rack}.length" for rack in (1, 2, 3)),
     *(f"s{section}.bend_radius" for section in range(1, 9)),
+    REACH,
 )
 #: Limits of the models of contid beyond those of single axes, in the order of their bits.
 OF_MODELS: Final[dict[str, tuple[str, ...]]] = {
     "rack_finger": ("arc_length.min", "curvature", "no_arc"),
     "tri_rack": _SECTIONS,
     "tri_tube": _SECTIONS,
-    "cosserat": ("stability", "reach", "iterations"),
+    "cosserat": ("stability", REACH, "iterations"),
 }
 BITS: Final = 64
 

@@ -11,12 +11,14 @@ import yaml
 
 from contid.kinematics.model import Model, build_model
 from contid.robot_file.document import RobotFile
-from contid.targets import Target
+from contid.targets import Target, vec3
 
 #: Every shipped robot, and the solvers no shipped file selects.
 ROBOTS = ("finger", "trirack", "trirack2", "cbha", "cbha.ph", "stiffflop1", "stiffflop2", "tendon3")
 #: What a solver may leave at best [m], and with a direction beside the tip.
 WITHIN_M = {"cbha.ph": (5e-4, 0.03)}
+#: How much farther than the answer to a far target a random posture may get in its direction [m].
+FAR_M = 1e-6
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
@@ -81,6 +83,47 @@ def test_no_target_raises_or_leads_outside_the_limits(
     assert inside(model, solution.actuation)
     if tip[0] != 0.0:
         assert not solution.converged
+
+
+@pytest.mark.parametrize("away_m", [1e3, 1e7, 1e30, 1e200, 1e307])
+def test_the_answer_to_a_far_target_is_the_posture_farthest_in_its_direction(
+    named: tuple[str, Model], away_m: float
+) -> None:
+    name, model = named
+    rng = np.random.default_rng(9)
+    low, high = np.array(model.lower), np.array(model.upper)
+    shares = np.clip(rng.uniform(-0.5, 1.5, (400, len(low))), 0.0, 1.0)
+    rows = [tuple(row) for row in (low + shares * (high - low)).tolist()]
+    sampled = [model.forward(model.inverse(Target(actuation=row), middle(model)).actuation) for row in rows]
+    tips = np.array([pose.tip_m for pose in sampled if pose.stable])
+    for towards in rng.normal(size=(4, 3)):
+        if model.dimension == 2:
+            towards[2] = 0.0
+        towards /= np.linalg.norm(towards)
+        x, y, z = (away_m * towards).tolist()
+        solution = model.inverse(Target(tip_m=(x, y, z)), middle(model))
+        assert not solution.converged
+        assert solution.limited_by
+        assert inside(model, solution.actuation)
+        assert solution.residual_m == pytest.approx(away_m, rel=2e-3)
+        if name == "cbha.ph":
+            continue  # it follows one curve and promises no nearest answer
+        reached = np.array(model.forward(solution.actuation).tip_m)
+        assert reached @ towards >= (tips @ towards).max() - FAR_M
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+def test_a_tip_that_is_not_finite_leaves_the_robot_inside_its_limits(
+    named: tuple[str, Model], wrong: float
+) -> None:
+    _, model = named
+    for number in range(model.dimension):
+        tip = [0.1, 0.1, 0.1][: model.dimension] + [0.0] * (3 - model.dimension)
+        tip[number] = wrong
+        solution = model.inverse(Target(tip_m=vec3(tip)), middle(model))
+        assert not solution.converged
+        assert solution.limited_by
+        assert inside(model, solution.actuation)
 
 
 def test_an_actuation_is_kept_or_clamped(named: tuple[str, Model]) -> None:

@@ -303,7 +303,7 @@ def test_levenberg_marquardt_agrees_with_the_closed_form_where_it_converges() ->
     assert wrong > 0, "a cold start that always converges would make the closed form unnecessary"
 
 
-@pytest.mark.parametrize("far", [1e7, 1e155, 1e308, math.inf])
+@pytest.mark.parametrize("far", [1e7, 1e155, 1e308])
 @pytest.mark.parametrize("way", [(1, 0), (0, 1), (-1, 1), (1, -1)])
 def test_targets_whose_squares_overflow_are_out_of_reach(far, way):
     """The nearest point is that of a target 1 km away in the same direction."""

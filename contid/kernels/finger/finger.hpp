@@ -92,9 +92,9 @@ struct Finger {
 
   // Racks for a tip within every limit; false for any other.
   bool inverse(double x, double y, double* racks, double& residual) const {
-    constexpr double far = 1e6, rounding = 1e-12;
+    constexpr double rounding = 1e-12;
     double s, k;
-    if (!(std::fabs(x) <= far && std::fabs(y) <= far) || !solve_arc(x, y, s, k)) return false;
+    if (!solve_arc(x, y, s, k)) return false;
     if (s < arc_length_min * (1.0 - rounding) || std::fabs(k) > curvature_max * (1.0 + rounding)) return false;
     const double slack = rounding * length_max, commanded = k / gain(s), bend = 0.5 * spacing * commanded * s;
     const double checked[2] = {s - bend, s + bend};

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from contid.kernels import load
+from contid.kinematics.any_target import any_target
 from contid.kinematics.arc.avoid import FORCE, ZONE
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.sections import Sections, backbone
@@ -18,7 +19,7 @@ from contid.kinematics.arc.solver import Solver, nearest_note
 from contid.kinematics.arc.task import Tuning, tuning_for
 from contid.kinematics.array import Array
 from contid.robot_file.sections import SectionRobot
-from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
+from contid.targets import REACH, ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import LIMIT_TOLERANCE_M, m_to_mm
 
 #: Counts of sections for which a kernel is compiled with that count fixed.
@@ -67,7 +68,8 @@ class SectionModel:
         self.sections = self.feasible.sections
         self.tuning = tuning_for(self.feasible)
         self.solver = build_solver(self.feasible, self.tuning)
-        self.limit_names = self.feasible.names
+        #: Names in `Solution.limited_by`, in the order of its bits.
+        self.limit_names = (*self.feasible.names, REACH)
         #: Some limits are shared by several axes. They are convex: a straight line between two actuations
         #: inside them stays inside.
         budget = self.sections.count > 1 and self.feasible.rack_m < math.inf
@@ -103,6 +105,7 @@ class SectionModel:
         """Backbone at equal arc length, rigid pieces included, shape (points, 3) [m]."""
         return backbone(self.sections, actuation, points)
 
+    @any_target
     def inverse(self, target: Target, seed: Actuation) -> Solution:
         """Lengths inside every limit for a tip, or with its direction, its frame or a mid-point.
 
@@ -110,15 +113,16 @@ class SectionModel:
         times `Tuning.ell_m`, a fifth of the arm.
         """
         if target.actuation is not None:
-            finite = all(map(math.isfinite, target.actuation))
-            return self._clamped(target.actuation) if finite else Solution.not_finite(seed)
+            return self._clamped(target.actuation)
         if target.tip_m is None:
             raise ValueError("an arm of sections takes a tip position or lengths")
         lengths, residual_m, converged, binding, iterations, _ = self.solver.solve(
             target.tip_m, target.direction, target.mid_m, seed, target.rotation
         )
-        note = "" if converged else nearest_note(residual_m)
-        return Solution(lengths, residual_m, converged, self.feasible.named(binding), iterations, note)
+        limits = self.feasible.named(binding)
+        if converged:
+            return Solution(lengths, residual_m, True, limits, iterations)
+        return Solution(lengths, residual_m, False, limits or (REACH,), iterations, nearest_note(residual_m))
 
     def _clamped(self, requested: Actuation) -> Solution:
         excess = self.feasible.excess(np.array(requested))

@@ -66,7 +66,7 @@ def inverse_many(
     starts = matrix(seeds, 1 if chained else len(targets), axes, "seeds")
     count, batch = _count(threads), _batch_of(model)
     found: Solutions | None = None
-    if batch is not None and targets.rotation is None:
+    if batch is not None and targets.rotation is None and targets.computable:
         # Kernels take a row each, also where one seed serves all.
         found = batch.inverse(model, targets, np.ascontiguousarray(starts), chained, count)
     return loop.inverse(model, targets, starts, chained) if found is None else found

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contid.kinematics.any_target import FAR_M
 from contid.kinematics.array import Array
 
 #: A structured array, shape ``(rows,)``.
@@ -80,6 +81,13 @@ class Targets:
 
     def __len__(self) -> int:
         return len(self.tip_m)
+
+    @property
+    def computable(self) -> bool:
+        """True where every row is finite and within `FAR_M`: kernels take no others."""
+        points, rest = (self.tip_m, self.mid_m), (self.direction, self.rotation, self.load_n)
+        near = all(np.all(np.abs(rows) <= FAR_M) for rows in points if rows is not None)  # NaN is not
+        return near and all(np.all(np.isfinite(rows)) for rows in rest if rows is not None)
 
 
 @dataclass(frozen=True, eq=False)

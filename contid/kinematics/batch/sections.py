@@ -8,6 +8,7 @@ from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.array import Array
 from contid.kinematics.batch.kernel import ManyForward, ManyInverse, in_bytes, poses
 from contid.kinematics.batch.rows import Solutions, Table, Targets, solution_dtype
+from contid.targets import REACH
 
 
 def forward(model: SectionModel, actuations: Array, load_n: Array | None, threads: int) -> Table | None:
@@ -27,4 +28,6 @@ def inverse(
     solver.inverse_many(
         targets.tip_m, targets.direction, targets.mid_m, seeds, chained, in_bytes(rows), threads
     )
+    free = ~rows["converged"] & (rows["limited_by"] == 0)
+    rows["limited_by"][free] = 1 << model.limit_names.index(REACH)
     return Solutions(rows, model.limit_names)

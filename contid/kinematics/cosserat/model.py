@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from contid.kinematics.any_target import any_target
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.compliance import tip_compliance
 from contid.kinematics.cosserat.engine import RodSetup, build_engine
@@ -21,7 +22,7 @@ from contid.kinematics.cosserat.solve import Limits
 from contid.kinematics.cosserat.statics import sweep
 from contid.robot_file.cosserat import Cosserat, Orientation
 from contid.robot_file.pneumatic.geometry import SectionGeometry
-from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3, Wrench6
+from contid.targets import REACH, ZERO3, Actuation, Pose, Solution, Target, Vec3, Wrench6
 from contid.units import BAR, LIMIT_TOLERANCE_PA, MM_PER_M, mm_to_m
 
 #: Acceleration of gravity in the reference solution [m/s^2] (Shi et al.).
@@ -90,7 +91,7 @@ class CosseratModel:
         #: Names in `Solution.limited_by`, in its order.
         self.limit_names = (
             *(f"{axis}.{end}" for axis in self.axis_names for end in ("min", "max")),
-            *("stability", "iterations", "reach"),
+            *("stability", "iterations", REACH),
         )
         self.regulators = Regulators(robot)
         self.setup = build_setup(robot)
@@ -144,14 +145,14 @@ class CosseratModel:
             stable=done == 1.0,
         )
 
+    @any_target
     def inverse(self, target: Target, seed: Actuation) -> Solution:
         """Pressures for a target; within the limits the nearest to it when it is out of reach.
 
         Where every equilibrium found is unstable, the answer is the seed.
         """
         if target.actuation is not None:
-            finite = all(map(math.isfinite, target.actuation))
-            return self._clamped(target.actuation) if finite else Solution.not_finite(seed)
+            return self._clamped(target.actuation)
         if target.tip_m is None:
             raise ValueError("a pneumatic arm takes a tip position or pressures")
         x, y, z = target.tip_m
@@ -194,7 +195,7 @@ class CosseratModel:
             why = f"the solver stopped {residual:.4g} mm from the target"
             limited += ("iterations",)
         note += ("; " if note else "") + why
-        return Solution(actuation, mm_to_m(residual), False, limited or ("reach",), iterations, note)
+        return Solution(actuation, mm_to_m(residual), False, limited or (REACH,), iterations, note)
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Tip by pressures in equilibrium, shape (3, 3k) [m/Pa]."""

@@ -19,15 +19,18 @@ from typing import Final
 
 import numpy as np
 
+from contid.kinematics.any_target import any_target
 from contid.kinematics.arc.feasible import BINDING_M
 from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.arc.solve import MAX_ERROR_M
 from contid.kinematics.array import Array
 from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
 from contid.robot_file.tri_tube import TriTube
-from contid.targets import Actuation, Solution, Target, Vec3
+from contid.targets import REACH, Actuation, Solution, Target, Vec3
 from contid.units import MM_PER_M, m_to_mm
 
+#: In ``limited_by`` where the curve is not near enough to the target, and no limit keeps it away.
+QUINTIC: Final = "quintic"
 #: Default tolerance [mm]: the paper's arm is reconstructed to 1.2-4.2 mm.
 DEFAULT_MM: Final = 5.0
 
@@ -46,6 +49,7 @@ class PhModel(SectionModel):
         self._after_m = sections.rigid_m[-1]
         self._tolerance_m = (robot.solver.tolerance_mm or DEFAULT_MM) / MM_PER_M
 
+    @any_target
     def inverse(self, target: Target, seed: Actuation) -> Solution:
         """Approximate lengths inside every limit for a tip, or a tip and its direction.
 
@@ -70,6 +74,7 @@ class PhModel(SectionModel):
             limits = self.feasible.named(self.feasible.binding(lengths))
         if residual_m <= self._tolerance_m:
             return Solution(actuation, residual_m, True, limits)
+        limits = limits or (REACH if raw is None else QUINTIC,)
         within = f"solver ph counts up to {m_to_mm(self._tolerance_m):g} mm as met"
         if raw is None:
             note = "there is no curve to this tip; lengths stay where they are"

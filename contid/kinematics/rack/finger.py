@@ -20,6 +20,7 @@ from typing import Final
 
 import numpy as np
 
+from contid.kinematics.any_target import any_target
 from contid.kinematics.array import Array
 from contid.kinematics.rack.finger_limits import RackFingerEnvelope
 from contid.kinematics.rack.planar_arc import cosc, cosc_derivative, sinc, sinc_derivative
@@ -29,8 +30,6 @@ from contid.units import LIMIT_TOLERANCE_M, MM_PER_M, m_to_mm
 
 # A target met to this distance counts as met [m]; the closed form is exact to ~1e-16 m.
 _TOLERANCE_M: Final = 1e-9
-# Farther coordinates count as this one [m], so that squares of them stay finite.
-_FAR_M: Final = 1e6
 
 
 class RackFingerModel:
@@ -139,19 +138,17 @@ class RackFingerModel:
         )
         return (arc_length_m, curvature) if math.isfinite(arc_length_m) else None
 
+    @any_target
     def inverse(self, target: Target, seed: Actuation) -> Solution:
         """Rack lengths for a tip position, closed form; the nearest reachable point when it is out of reach.
 
         Curvature correction divides: ``k_cmd = k/(1 + a S + b)``; S is untouched, so nothing iterates.
         """
         if target.actuation is not None:
-            finite = all(map(math.isfinite, target.actuation))
-            return self._clamped(target.actuation) if finite else Solution.not_finite(seed)
+            return self._clamped(target.actuation)
         if target.tip_m is None:
             raise ValueError("a rack finger takes a tip position or rack lengths")
-        x_m, y_m = (min(max(value, -_FAR_M), _FAR_M) for value in target.tip_m[:2])
-        near = (x_m, y_m) == target.tip_m[:2]  # not so for NaN
-        arc = self.solve_arc(x_m, y_m) if near else None
+        arc = self.solve_arc(*target.tip_m[:2])
         if arc is None:
             return self._nearest(target.tip_m, ("no_arc",), "no arc of this finger ends there")
         arc_length_m, curvature = arc
@@ -168,8 +165,7 @@ class RackFingerModel:
 
     def _nearest(self, tip_m: Vec3, limits: tuple[str, ...], note: str) -> Solution:
         """The reachable point closest to a target out of reach: on the boundary of the limits."""
-        x_m, y_m = (min(max(value, -_FAR_M), _FAR_M) for value in tip_m[:2])
-        actuation = self.envelope.nearest(lambda racks: self.forward(racks).tip_m, (x_m, y_m, 0.0))
+        actuation = self.envelope.nearest(lambda racks: self.forward(racks).tip_m, (*tip_m[:2], 0.0))
         residual = self._distance(actuation, tip_m)
         return Solution(
             actuation,

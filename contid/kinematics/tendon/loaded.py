@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from contid.kinematics.any_target import any_target
 from contid.kinematics.arc.solver import nearest_note
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.geometry import TendonGeometry
@@ -117,13 +118,12 @@ class LoadedTendonModel(TendonModel):
         """Tensions ``(tendons,)`` [N] of pulls [m] without a force on the tip."""
         return self.equilibrium(actuation, derivatives=False).tensions_n
 
+    @any_target
     def inverse(self, target: Target, seed: Actuation) -> Solution:
         """Pulls whose rod, under its weight and the target's load, meets the target; see the module."""
         if target.actuation is not None or target.tip_m is None:
             return super().inverse(target, seed)
         goal = _task_rows(target.tip_m, target.direction, target.mid_m)
-        if not np.all(np.isfinite(goal)):
-            return super().inverse(target, seed)
         unknown, rod = self._begin(goal, target, seed)
         tracked, off = self._search(goal, target, seed, unknown, rod, _TRACKED)
         if tracked.converged:

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from contid.kinematics.any_target import any_target
 from contid.kinematics.arc.avoid import FORCE, ZONE
 from contid.kinematics.arc.sections import backbone
 from contid.kinematics.arc.solver import nearest_note
@@ -120,6 +121,7 @@ class TendonModel:
         """Tensions ``(tendons,)`` [N] of pulls [m]; None where the robot file has no ``tension``."""
         return None if self.statics is None else self.statics.tensions(np.array(actuation))
 
+    @any_target
     def inverse(self, target: Target, seed: Actuation) -> Solution:
         """Pulls inside every limit of travel and tension for a tip with its direction, frame or mid-point.
 
@@ -128,8 +130,7 @@ class TendonModel:
         fifth of the robot's length.
         """
         if target.actuation is not None:
-            finite = all(map(math.isfinite, target.actuation))
-            return self._clamped(target.actuation) if finite else Solution.not_finite(seed)
+            return self._clamped(target.actuation)
         if target.tip_m is None:
             raise ValueError("a tendon robot takes a tip position or pulls")
         lift = self._base_m

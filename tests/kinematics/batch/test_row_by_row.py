@@ -113,10 +113,32 @@ def test_tips_and_more(model: Model, row: str) -> None:
     assert_same_answers(model, targets, box(model, 1), False, 2)
 
 
+@pytest.mark.parametrize("model", ["trirack"], indirect=True)
+def test_a_direction_that_one_section_cannot_meet_is_limited_by_reach(model: Model) -> None:
+    poses = [model.forward(tuple(actuation)) for actuation in box(model).tolist()]
+    targets = Targets.of(
+        [pose.tip_m for pose in poses], np.roll([pose.direction for pose in poses], 1, axis=0)
+    )
+    found = inverse_many(model, targets, box(model, 1))
+    away = np.flatnonzero(~found.rows["converged"]).tolist()
+    assert len(away) > ROWS / 2
+    assert all(found.limited_by(k) for k in away)
+    assert any(found.limited_by(k) == ("reach",) for k in away)
+    assert_same_answers(model, targets, box(model, 1), False, 2)
+
+
 def test_tips_that_are_no_numbers(model: Model) -> None:
     tips = reached(model, 4)
     tips[1], tips[2], tips[3] = np.nan, np.inf, 0.0
     assert_same_answers(model, Targets.of(tips), box(model, 1), False, 1)
+
+
+@pytest.mark.parametrize("chained", [False, True])
+def test_tips_too_far_to_compute_with(model: Model, chained: bool) -> None:
+    tips = reached(model, 4)
+    tips[0] *= 1e9
+    tips[2] *= 1e307
+    assert_same_answers(model, Targets.of(tips), box(model, 1), chained, 2)
 
 
 def test_shapes_that_do_not_fit_are_refused(model: Model) -> None:

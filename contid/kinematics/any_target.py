@@ -1,0 +1,65 @@
+"""What every model does with targets that are too far away to compute with, or not finite.
+
+The nearest answer to a target far beyond the robot depends on its direction only, but the differences
+between postures are lost in the rounding of such a distance, and its square overflows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import wraps
+from typing import TYPE_CHECKING, Final, TypeVar
+
+from contid.targets import Actuation, Solution, Target, Vec3
+
+if TYPE_CHECKING:
+    from contid.kinematics.model import Model
+
+    M = TypeVar("M", bound=Model)
+
+#: Largest coordinate of a target that models compute with [m].
+FAR_M: Final = 1e4
+
+
+def any_target(
+    inverse: Callable[[M, Target, Actuation], Solution],
+) -> Callable[[M, Target, Actuation], Solution]:
+    """Decorator of `Model.inverse`: the method itself gets finite targets within `FAR_M` only.
+
+    A target farther away gets the answer to the one at `FAR_M` in its direction; the error is that to the
+    target itself. With a target that is not finite the last command is held.
+    """
+
+    @wraps(inverse)
+    def answer(self: M, target: Target, seed: Actuation) -> Solution:
+        if not _finite(target):
+            return Solution.not_finite(seed, "the target" if target.actuation is None else "a requested axis")
+        tip, mid = target.tip_m, target.mid_m
+        if tip is None or (_within(tip) and (mid is None or _within(mid))):
+            return inverse(self, target, seed)
+        mid_near = None if mid is None else _brought_near(mid)
+        found = inverse(self, replace(target, tip_m=_brought_near(tip), mid_m=mid_near), seed)
+        pose = self.forward(found.actuation, target.load_n)
+        left_m = math.hypot(math.dist(pose.tip_m, tip), 0.0 if mid is None else math.dist(pose.mid_m, mid))
+        note = f"the target is farther away than {FAR_M:g} m; this is the nearest answer in its direction"
+        return replace(found, residual_m=left_m, converged=False, note=note)
+
+    return answer
+
+
+def _within(point_m: Vec3) -> bool:
+    x, y, z = point_m
+    return -FAR_M <= x <= FAR_M and -FAR_M <= y <= FAR_M and -FAR_M <= z <= FAR_M
+
+
+def _brought_near(point_m: Vec3) -> Vec3:
+    x, y, z = point_m
+    most = max(map(abs, point_m))
+    return point_m if most <= FAR_M else (x / most * FAR_M, y / most * FAR_M, z / most * FAR_M)
+
+
+def _finite(target: Target) -> bool:
+    given = (target.actuation, target.tip_m, target.direction, target.mid_m, target.rotation, target.load_n)
+    return all(numbers is None or all(map(math.isfinite, numbers)) for numbers in given)
