@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from contid.kinematics.cosserat.along_branch.branch_search import TICK
+from contid.kinematics.cosserat.along_branch.effort import TICK
 from contid.kinematics.cosserat.box_step import box_step
 from contid.kinematics.cosserat.branch import critical_factor, equilibrium
 from contid.kinematics.cosserat.closed_form import (

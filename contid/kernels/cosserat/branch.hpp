@@ -17,7 +17,7 @@ constexpr double kContraction = 0.3;
 constexpr double kPredicted = 2.0, kShortStep = 4e-3;
 // How far a base moment may be from its prediction, as a part of the larger one at both ends of a step: farther away
 // Newton's method has found another equilibrium.
-constexpr double kCorrected = 0.7;
+constexpr double kCorrected = 0.2;
 constexpr double kFirstStep = 0.25, kLeastStep = 5e-5, kTinyStep = 1e-6, kOnTheWay = 1e-5, kRough = 1e-2, kNear = 0.02,
                  kSameFactor = 5e-3, kSamePose = 1e-4;
 constexpr double kLeastScale = 1e-4;  // of loads [N*mm]: parts of less than this are rounding

@@ -32,7 +32,7 @@ CONTRACTION = 0.3
 PREDICTED, SHORT_STEP = 2.0, 4e-3
 #: How far a base moment may be from its prediction, as a part of the larger one at both ends of a step:
 #: farther away Newton's method has found another equilibrium.
-CORRECTED = 0.7
+CORRECTED = 0.2
 #: Parts of a path: first and least step, and the least one of all: a path that fails at its start ends.
 FIRST_STEP = 0.25
 LEAST_STEP = 5e-5

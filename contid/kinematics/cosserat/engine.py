@@ -13,7 +13,7 @@ import numpy as np
 
 from contid.kernels import load
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.along_branch.branch_search import THOROUGH, TICK
+from contid.kinematics.cosserat.along_branch.effort import THOROUGH, TICK
 from contid.kinematics.cosserat.branch import buckled, critical_factor
 from contid.kinematics.cosserat.discretisation import fine_equilibrium
 from contid.kinematics.cosserat.loads import Loads

@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.along_branch.branch_search import THOROUGH, BranchSearch, Effort, Found
+from contid.kinematics.cosserat.along_branch.branch_search import BranchSearch, Found
+from contid.kinematics.cosserat.along_branch.effort import THOROUGH, Effort
 from contid.kinematics.cosserat.along_branch.last_descents import LastDescents, standing_error
 from contid.kinematics.cosserat.along_branch.refine import (
     ITERATIONS,

@@ -14,7 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.along_branch.branch_search import THOROUGH, Effort, Found
+from contid.kinematics.cosserat.along_branch.branch_search import Found
+from contid.kinematics.cosserat.along_branch.effort import THOROUGH, Effort
 from contid.kinematics.cosserat.along_branch.refine import TRACKING
 from contid.kinematics.cosserat.along_branch.straight_path import NO_SNAP, at_target, snap_from
 from contid.kinematics.cosserat.search import search

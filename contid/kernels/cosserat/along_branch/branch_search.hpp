@@ -1,40 +1,21 @@
 // Descents along the branch from several starts: twin of contid/kinematics/cosserat/along_branch/branch_search.py.
 #pragma once
 
-#include "../../halton.hpp"
 #include "../closed_form.hpp"
 #include "../discretisation.hpp"
-#include "descent.hpp"
-#include "straight_path.hpp"
+#include "beside.hpp"
+#include "effort.hpp"
 
 namespace contid {
 
 constexpr int kCorners = 64, kTryWork = 60, kCandidates = 12, kRefusalElements = 12;
-constexpr int kLookShare = 4, kLookSteps = 4, kLookCorrections = 4, kSets = 4;
+constexpr int kLookShare = 4, kLookSteps = 4, kLookCorrections = 4;
 // Corner starts lie up to these parts of the range inside the box; the nearer ones count where the tip is this part of
 // the reach away from those of the others.
 constexpr double kInset = 0.06, kNearInset = 2e-3, kSwings = 0.1, kTracking = 0.05;
 constexpr double kTryGain = 1e-2, kTryAhead = 8.0, kTryTrust = 1e-2, kTryRoom = 1e-2;
-
-// How much a search may do: work of short descents, points next to every corner, elements of a look at them, number and
-// work of longer descents of the best, work of the last ones; most elements with which it is made again where these
-// lose an answer.
-struct Effort {
-  int work;
-  int sets, look_elements;
-  int longer, long_work, last_work;
-  int again;
-  int restarts;
-};
-
-constexpr Effort kTickEffort{450, 1, 2, 1, 60, 140, 6, 20},
-    kThoroughEffort{2000, kSets, 3, 12, 200, 3000, kMaxElements, 100};
-
-inline const Effort& effort_of(const Settings& settings) { return settings.thorough ? kThoroughEffort : kTickEffort; }
-
-// What steps of descents cost, in those of two sections of three elements; and how many a cost allows.
-template <int K> constexpr int cost_of(int steps, int elements) { return (steps * elements * K + 5) / 6; }
-template <int K> constexpr int steps_for(int cost, int elements) { return 6 * cost / (elements * K); }
+// Dropped answers that are less apart are one [bar].
+constexpr double kDroppedApart = 0.2;
 
 template <int K> struct Found {
   Outcome<K> outcome;
@@ -42,17 +23,6 @@ template <int K> struct Found {
   int elements, iterations;
   double snap = kNoSnap;  // on the path to an equilibrium on the target: see snap_on_path
 };
-
-// An outcome that is a pose on the branch.
-template <int K> Outcome<K> outcome_of(const Task& task, const BranchPose<K>& pose, double tolerance) {
-  Outcome<K> o{};
-  std::copy(pose.pressures, pose.pressures + 3 * K, o.pressures);
-  o.moment = pose.moment, o.at = pose.at;
-  o.residual = task_error(task, pose.at.ends), o.statics = norm(pose.at.ends.moment);
-  o.met = o.optimal = o.residual <= tolerance;
-  o.blocked = !o.met;
-  return o;
-}
 
 // True where an answer is next to the last command of an arm in motion; one at its lower limits is at rest.
 template <int K> bool continues(const Limits<K>& limits, const Outcome<K>& o, const double* seed) {
@@ -79,6 +49,9 @@ template <int K> struct BranchSearch {
   BranchPose<K> present{}, candidates[kCandidates]{};  // nearest to the target first
   double errors[kCandidates]{};
   int count = 0;
+  double dropped[kDropped][n];  // answers on the target to which no straight path leads
+  int drops = 0;
+  Nearest<StraightPose<K>, kDropped * kStraights> straight{};  // poses beside those to which one does
   Found<K> best{};
 
   // False where no equilibrium of the branch has the pressures of a pose.
@@ -111,6 +84,34 @@ template <int K> struct BranchSearch {
     candidates[at] = pose, errors[at] = residual;
   }
 
+  void drop(const Outcome<K>& o) {
+    for (int k = 0; k < drops; ++k)
+      if (most_change<K>(o.pressures, dropped[k]) <= kDroppedApart) return;
+    if (drops < effort.beside) std::copy(o.pressures, o.pressures + n, dropped[drops++]);
+  }
+
+  // Descends from points around a pose, those nearest to the target first: paths through the forks around it end on
+  // several sides of them.
+  void around(const BranchPose<K>& centre) {
+    Nearest<BranchPose<K>, kProbeDescents> starts;
+    over_probes<K>(limits, centre.pressures, kWide, [&](BranchPose<K>& probe) {
+      if (pose_at(probe)) starts.add(probe, task_error(task, probe.at.ends));
+    });
+    for (int k = 0; k < starts.count && !over; ++k) attempt(starts.each[k], kTryWork);
+  }
+
+  // Searches beside an answer that was dropped; the search is over on the target.
+  void beside(const double* pressures) {
+    const StopRule stop{kTryWork, kTryGain, 0.0, 0.0, kTryTrust, kTryRoom};
+    Beside<K> near{rod, task, force, limits, elements, tolerance, present, stop};
+    near.run(pressures);
+    work += near.work;
+    for (int k = 0; k < near.found.count; ++k) straight.add(near.found.each[k], near.found.errors[k]);
+    if (!near.met()) return;
+    const Outcome<K> o = outcome_of<K>(task, near.found.each[0].pose, tolerance);
+    if (agrees_with_finer(o)) best.outcome = o, over = true;
+  }
+
   // Descends from a pose; the search is over on the target.
   void attempt(const BranchPose<K>& start, int most) {
     Descent<K> descent{rod, task, force, limits, elements, tolerance};
@@ -122,7 +123,7 @@ template <int K> struct BranchSearch {
       work += kRampWork;
       const double leaves = snap_on_path<K>(rod, force, present.pressures, present.moment, o, elements);
       snap = std::fmin(snap, leaves);
-      if (leaves < kNoSnap) return;
+      if (leaves < kNoSnap) return drop(o);
     }
     if (o.met && !agrees_with_finer(o)) return;
     BranchPose<K> end;
@@ -226,6 +227,11 @@ template <int K> struct BranchSearch {
       const BranchPose<K> from = candidates[k];
       attempt(from, effort.long_work);
     }
+    if (effort.around && !over) {
+      const BranchPose<K> centre = candidates[0];
+      around(centre);
+    }
+    for (int k = 0; k < drops && !over; ++k) beside(dropped[k]);
     if (!over) best.outcome = outcome_of<K>(task, candidates[0], tolerance);
     best.stable = true;
     best.snap = over ? kNoSnap : snap;

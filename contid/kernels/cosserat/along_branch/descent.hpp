@@ -28,6 +28,17 @@ template <int K> struct BranchPose {
   Ramp<K> ramp;
 };
 
+// An outcome that is a pose on the branch.
+template <int K> Outcome<K> outcome_of(const Task& task, const BranchPose<K>& pose, double tolerance) {
+  Outcome<K> o{};
+  std::copy(pose.pressures, pose.pressures + 3 * K, o.pressures);
+  o.moment = pose.moment, o.at = pose.at;
+  o.residual = task_error(task, pose.at.ends), o.statics = norm(pose.at.ends.moment);
+  o.met = o.optimal = o.residual <= tolerance;
+  o.blocked = !o.met;
+  return o;
+}
+
 // From one pose on the branch to others, each near the one before. Whether they are on the branch is checked every few
 // steps, and at every step next to its boundary.
 template <int K> struct Descent {

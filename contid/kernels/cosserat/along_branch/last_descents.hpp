@@ -46,7 +46,7 @@ template <int K> struct LastDescents {
   const Settings& settings;
   int cost_left;
   int spent = 0;
-  bool any = false;
+  bool any = false, stays = false;  // stays: the best one, to which a straight path leads, is left where it is
   double snap = kNoSnap;
   Found<K> best{};
 
@@ -56,12 +56,12 @@ template <int K> struct LastDescents {
 
   // True where `forward` has the tip of an outcome, and a path with twice the elements too: next to the boundary the
   // elements decide on which side the arm is.
-  bool is_certain(const Outcome<K>& o, int count) {
+  bool is_certain(const Outcome<K>& o, int count, bool straight) {
     Vec moment;
     Judged at;
     int elements;
     spend(2 * kRampWork, 2 * count);
-    if (at_target(o)) {
+    if (straight || at_target(o)) {
       const double leaves = snap_from<K>(rod, force, limits, seed, o, count);
       snap = std::fmin(snap, leaves);
       if (leaves < kNoSnap) return false;
@@ -76,7 +76,7 @@ template <int K> struct LastDescents {
 
   // Takes a pose with given pressures, or the end of a descent from it, or one on the way back from there, if that is
   // better than the best.
-  void attempt(const double* pressures, int elements, bool descends) {
+  void attempt(const double* pressures, int elements, bool descends, const double* behind = nullptr) {
     Found<K> found{};
     found.elements = elements, found.stable = true;
     Outcome<K>& o = found.outcome;
@@ -95,17 +95,19 @@ template <int K> struct LastDescents {
       if (is_fine(o, found.elements)) break;
     }
     const Outcome<K> end = o;
+    const bool straight = behind || at_target(end);
     for (double part = 0.0; part < 1.0; part = part > 0.0 ? 4.0 * part : kRetreat) {
       if (part > 0.0) {
         BranchPose<K> pose;
-        for (int i = 0; i < 3 * K; ++i) pose.pressures[i] = end.pressures[i] + part * (pressures[i] - end.pressures[i]);
+        const double* back = behind ? behind : pressures;
+        for (int i = 0; i < 3 * K; ++i) pose.pressures[i] = end.pressures[i] + part * (back[i] - end.pressures[i]);
         spend(kRampWork, found.elements);
         if (ramped<K>(rod, pose.pressures, force, found.elements, pose.moment, pose.at, pose.ramp) < 1.0) continue;
         o = outcome_of<K>(task, pose, settings.tolerance);
       }
       if (any && !(o.residual < best.outcome.residual)) return;
-      if (!is_fine(o, found.elements) || !is_certain(o, found.elements)) continue;
-      best = found, any = true;
+      if (!is_fine(o, found.elements) || !is_certain(o, found.elements, straight)) continue;
+      best = found, any = true, stays = behind || (straight && part > 0.0);
       return;
     }
   }
@@ -120,7 +122,7 @@ template <int K> struct LastDescents {
     spend(kRampWork, here.elements);
     if (done < 1.0) return;
     here.outcome = outcome_of<K>(task, pose, settings.tolerance), here.stable = true;
-    if (!any || here.outcome.residual < best.outcome.residual) best = here, any = true;
+    if (!any || here.outcome.residual < best.outcome.residual) best = here, any = true, stays = false;
   }
 
   // Goes on from the best one until no step helps: only then it is known to be an optimum.
@@ -131,7 +133,7 @@ template <int K> struct LastDescents {
     Outcome<K> o = descend<K>(rod, task, force, limits, pose, best.elements, settings.tolerance,
                               {std::max(steps_for<K>(kFinishWork, best.elements), kLeastWork)});
     spend(pose.ramp.work() + o.iterations, best.elements);
-    if (o.residual <= best.outcome.residual && is_fine(o, best.elements) && is_certain(o, best.elements))
+    if (o.residual <= best.outcome.residual && is_fine(o, best.elements) && is_certain(o, best.elements, false))
       best.outcome = o;
   }
 
@@ -140,8 +142,10 @@ template <int K> struct LastDescents {
     for (int k = 0; k < search.count && cost_left > 0; ++k)
       attempt(search.candidates[k].pressures, search.elements, true);
     for (int k = 0; k < search.count && !any; ++k) attempt(search.candidates[k].pressures, search.elements, false);
+    for (int k = 0; k < search.straight.count; ++k)
+      attempt(search.straight.each[k].pose.pressures, search.elements, false, search.straight.each[k].behind);
     stay();
-    if (any && !best.outcome.optimal) finish();
+    if (any && !stays && !best.outcome.optimal) finish();
     best.snap = std::fmin(snap, search.snap);
     best.iterations = spent;
     return any;

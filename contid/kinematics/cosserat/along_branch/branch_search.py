@@ -13,68 +13,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contid.kinematics.array import Array
+from contid.kinematics.cosserat.along_branch.beside import PROBE_DESCENTS, WIDE, Beside, StraightPose, probes
+from contid.kinematics.cosserat.along_branch.corners import CORNERS, corner_starts, roughly_at
 from contid.kinematics.cosserat.along_branch.descent import BranchDescent, StopRule, outcome_of
+from contid.kinematics.cosserat.along_branch.effort import Effort, steps_for
 from contid.kinematics.cosserat.along_branch.ramp import RAMP_WORK, BranchPose, ramped_work
 from contid.kinematics.cosserat.along_branch.straight_path import FINE, NO_SNAP, at_target, snap_on_path
-from contid.kinematics.cosserat.branch import MAX_ELEMENTS, equilibrium, load_scale
+from contid.kinematics.cosserat.branch import equilibrium
 from contid.kinematics.cosserat.solve import Problem, RodSolution
-from contid.kinematics.cosserat.stability import unstable_modes
-from contid.kinematics.cosserat.starts import predicted_moment, unloaded
-from contid.kinematics.cosserat.statics import Sweep, sweep
+from contid.kinematics.cosserat.starts import unloaded
 from contid.kinematics.cosserat.task import residual
-from contid.kinematics.halton import PRIMES, radical_inverse
 
 #: Work of one short descent, and its `StopRule`.
 TRY_WORK = 60
 TRY_GAIN, TRY_AHEAD, TRY_TRUST, TRY_ROOM = 1e-2, 8.0, 1e-2, 1e-2
 #: Outcomes that are kept; those that are less apart are one [bar].
 CANDIDATES, APART = 12, 0.05
-#: Corners that are looked at, and how far the points next to them lie in the box, as parts of its range.
-CORNERS, INSETS = 64, (0.06, 2e-3)
-#: The nearer ones count where the tip is this part of the reach away from those of the others.
+#: The same of answers on the target to which no straight path leads.
+DROPPED_APART = 0.2
+#: The nearer starts next to a corner count where the tip is this part of the reach away from the others'.
 SWINGS = 0.1
-#: A first look at a start: steps from rest, corrections, and balance as a part of `load_scale`.
-LOOK_STEPS, LOOK_CORRECTIONS, ROUGH = 4, 4, 1e-2
-#: The part of the work that looks may take, one over this.
+#: The part of the work that looks at starts may take, one over this.
 LOOK_SHARE = 4
-
-
-@dataclass(frozen=True, slots=True)
-class Effort:
-    """How much a search may do.
-
-    Attributes:
-        work: steps of the short descents, for two sections of three elements (`steps_for`).
-        sets: starts next to every corner: see `corner_starts`.
-        look_elements: of a look at a start.
-        longer, long_work: number of longer descents, of the best of these, and steps of each.
-        last_work: steps of the last descents (`last_descents`), as ``work``.
-        again: most elements with which a search is made again where these lose an answer on the target.
-        restarts: of solves without a load, from further points of the box.
-    """
-
-    work: int
-    sets: int
-    look_elements: int
-    longer: int
-    long_work: int
-    last_work: int
-    again: int
-    restarts: int
-
-
-#: In the control loop (a few ticks), and elsewhere.
-TICK = Effort(work=450, sets=1, look_elements=2, longer=1, long_work=60, last_work=140, again=6, restarts=20)
-THOROUGH = Effort(
-    work=2000,
-    sets=4,
-    look_elements=3,
-    longer=12,
-    long_work=200,
-    last_work=3000,
-    again=MAX_ELEMENTS,
-    restarts=100,
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +65,10 @@ class BranchSearch:
         #: The best poses and their errors [mm], nearest to the target first.
         self.candidates: list[tuple[float, BranchPose]] = []
         self.met: RodSolution | None = None
+        #: Pressures of answers on the target to which no straight path leads, and poses beside these to which
+        #: one does.
+        self.dropped: list[Array] = []
+        self.straight: list[StraightPose] = []
 
     def run(self) -> Found | None:
         """The best outcome; None when the branch has no pose at the seed: the arm is left alone."""
@@ -124,6 +88,11 @@ class BranchSearch:
         for k in range(effort.longer):
             if self.met is None and k < len(self.candidates):
                 self._attempt(self.candidates[k][1], effort.long_work)
+        if effort.around and self.met is None:
+            self._around(self.candidates[0][1])
+        for pressures in self.dropped:
+            if self.met is None:
+                self._beside(pressures)
         best = outcome_of(problem, self.candidates[0][1]) if self.met is None else self.met
         return Found(best, True, problem.elements, self.work, self.snap if self.met is None else NO_SNAP)
 
@@ -145,12 +114,42 @@ class BranchSearch:
             leaves = snap_on_path(self.problem, self.present.pressures, self.present.base_moment, o)
             self.snap = min(self.snap, leaves)
             if leaves < NO_SNAP:
+                self._drop(o.pressures)
                 return
         if o.met and not self._agrees_with_finer(o):
             return
         if o.met:
             self.met = o
         self._add(o.residual, descent.pose)
+
+    def _drop(self, pressures: Array) -> None:
+        if any(float(np.abs(pressures - known).max()) <= DROPPED_APART for known in self.dropped):
+            return
+        if len(self.dropped) < self.effort.beside:
+            self.dropped.append(pressures)
+
+    def _around(self, centre: BranchPose) -> None:
+        """Descend from points around a pose, those nearest to the target first.
+
+        Paths through the forks around it end on several sides of them.
+        """
+        task, limits = self.problem.task, self.problem.limits
+        poses = [self._pose_at(each) for each in probes(limits, centre.pressures, WIDE)]
+        starts = [(float(np.linalg.norm(residual(task, p.sweep))), p) for p in poses if p is not None]
+        for _, pose in sorted(starts, key=lambda one: one[0])[:PROBE_DESCENTS]:
+            if self.met is None:
+                self._attempt(pose, TRY_WORK)
+
+    def _beside(self, pressures: Array) -> None:
+        """Search beside an answer that was dropped; the search is over on the target."""
+        stop = StopRule(TRY_WORK, TRY_GAIN, trust=TRY_TRUST, room=TRY_ROOM)
+        near = Beside(self.problem, self.present, stop)
+        near.run(pressures)
+        self.work += near.work
+        self.straight = sorted([*self.straight, *near.found], key=lambda one: one.error)
+        if near.met:
+            o = outcome_of(self.problem, near.found[0].pose)
+            self.met = o if self._agrees_with_finer(o) else None
 
     def _add(self, error: float, pose: BranchPose) -> None:
         """Add the end of a descent to the best, in place of a worse one next to it."""
@@ -205,56 +204,3 @@ class BranchSearch:
             start = self._pose_at(pressures)
             if start is not None:
                 self._attempt(start, TRY_WORK)
-
-
-def roughly_at(problem: Problem, pressures: Array) -> Sweep | None:
-    """About where the arm is with given pressures, in few steps from rest; None where that is not stable."""
-    rod, loads = problem.rod, problem.loads
-    enough = ROUGH * load_scale(rod, loads)
-    straight = replace(problem.task, tip=np.array([0.0, 0.0, rod.reach]))
-    last = before = np.zeros(3)
-    for k in range(1, LOOK_STEPS + 1):
-        part = k / LOOK_STEPS
-        p, share = part * pressures, loads.scaled(part)
-        moment = predicted_moment(rod, straight, share) if k == 1 else 2.0 * last - before
-        near = False
-        for _ in range(LOOK_CORRECTIONS):
-            found, judged = sweep(rod, p, moment, share, problem.elements, tangents=True), moment
-            assert found.tangents is not None
-            near = float(np.linalg.norm(found.moment)) <= enough
-            try:
-                moment = moment - np.linalg.solve(found.tangents.moment[:, :3], found.moment)
-            except np.linalg.LinAlgError:
-                return None
-            if unstable_modes(rod, p, judged, share, problem.elements) > 0:
-                return None
-            if near:
-                break
-        if not near:
-            return None
-        before, last = last, moment
-    return found
-
-
-def steps_for(problem: Problem, cost: int) -> int:
-    """How many steps a cost allows, which is in steps of two sections of three elements."""
-    return 6 * cost // (problem.elements * len(problem.rod.sections))
-
-
-def corner_starts(problem: Problem, sets: int) -> list[Array]:
-    """Points next to corners of the box, off planes of symmetry, where paths fork; its centre; more ``sets``.
-
-    The second is on other sides of those planes; two more are nearer to the corners, for arms that swing far
-    there.
-    """
-    limits, n = problem.limits, problem.rod.pressures
-    spread = limits.upper - limits.lower
-    points: list[list[Array]] = [[], [], [], []]
-    for index in range(min(2**n, CORNERS)):
-        share = np.array([radical_inverse(index + 1, PRIMES[axis]) for axis in range(n)])
-        high = np.array([index >> axis & 1 for axis in range(n)], bool) if n <= 6 else share >= 0.5
-        for k in range(sets):
-            inset = INSETS[k // 2] * (1.0 - share if k % 2 else share) * spread
-            points[k].append(np.where(high, limits.upper - inset, limits.lower + inset))
-    first, *others = points
-    return [*first, limits.centre, *(point for one in others for point in one)]

@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.along_branch.branch_search import BranchSearch, Found, steps_for
+from contid.kinematics.cosserat.along_branch.branch_search import BranchSearch, Found
 from contid.kinematics.cosserat.along_branch.descent import StopRule, descend, outcome_of
+from contid.kinematics.cosserat.along_branch.effort import steps_for
 from contid.kinematics.cosserat.along_branch.ramp import RAMP_WORK, BranchPose, ramped, ramped_work
 from contid.kinematics.cosserat.along_branch.straight_path import NO_SNAP, at_target, snap_from, standing
 from contid.kinematics.cosserat.branch import equilibrium
@@ -61,6 +62,8 @@ class LastDescents:
         self.problem, self.seed, self.error = problem, seed, error
         self.cost_left, self.spent, self.snap = cost, 0, NO_SNAP
         self.best: Found | None = None
+        #: The best one, to which a straight path leads, is left where it is.
+        self.stays = False
 
     def run(self, search: BranchSearch) -> Found | None:
         """The best outcome; None where none counts."""
@@ -71,10 +74,12 @@ class LastDescents:
         for _, pose in search.candidates:
             if self.best is None:
                 self._attempt(pose.pressures, elements, descends=False)
+        for one in search.straight:
+            self._attempt(one.pose.pressures, elements, descends=False, behind=one.behind)
         self._stay()
         if self.best is None:
             return None
-        if not self.best.outcome.optimal:
+        if not (self.stays or self.best.outcome.optimal):
             self._finish(self.best)
         return replace(self.best, snap=min(self.snap, search.snap), iterations=self.spent)
 
@@ -82,8 +87,12 @@ class LastDescents:
         self.spent += steps
         self.cost_left -= (steps * elements * len(self.problem.rod.sections) + 5) // 6
 
-    def _attempt(self, start: Array, elements: int, descends: bool) -> None:
-        """Take a pose with given pressures, or the end of a descent from it, if better than the best."""
+    def _attempt(self, start: Array, elements: int, descends: bool, behind: Array | None = None) -> None:
+        """Take a pose with given pressures, or the end of a descent from it, if better than the best.
+
+        With pressures ``behind`` only a pose, or one on the way back to these, to which the straight path
+        from the seed leads.
+        """
         pressures = start
         while True:
             finer = replace(self.problem, elements=elements)
@@ -103,22 +112,28 @@ class LastDescents:
                     break
             pressures = o.pressures
             elements *= 2
-        self._take(finer, o, start)
+        self._take(finer, o, start, behind)
 
-    def _take(self, problem: Problem, end: RodSolution, start: Array) -> None:
-        """Take an outcome, or one on the way back to ``start``, if it is certain and better than the best."""
+    def _take(self, problem: Problem, end: RodSolution, start: Array, behind: Array | None) -> None:
+        """Take an outcome, or one on the way back, if it is certain and better than the best.
+
+        The way back is to ``behind``, without to ``start``. From an outcome on the target, too, only a pose
+        counts to which the straight path leads.
+        """
         o, part = end, 0.0
+        straight, back = behind is not None or at_target(end), start if behind is None else behind
         while part < 1.0:
             pose: BranchPose | None = None
             if part > 0.0:
                 self._spend(RAMP_WORK, problem.elements)
-                pose = ramped(problem, end.pressures + part * (start - end.pressures))
+                pose = ramped(problem, end.pressures + part * (back - end.pressures))
                 o = o if pose is None else outcome_of(problem, pose)
             if part == 0.0 or pose is not None:
                 if self.best is not None and not o.residual < self.best.outcome.residual:
                     return
-                if self._is_fine(o, problem.elements) and self._is_certain(o, problem.elements):
+                if self._is_fine(o, problem.elements) and self._is_certain(o, problem.elements, straight):
                     self.best = Found(o, True, problem.elements, 0)
+                    self.stays = behind is not None or (straight and part > 0.0)
                     return
             part = 4.0 * part if part > 0.0 else RETREAT
 
@@ -133,7 +148,7 @@ class LastDescents:
         pose = BranchPose(pressures, at.base_moment, at.sweep, (), at.least)
         o = outcome_of(replace(p, elements=elements), pose)
         if self.best is None or o.residual < self.best.outcome.residual:
-            self.best = Found(o, True, elements, 0)
+            self.best, self.stays = Found(o, True, elements, 0), False
 
     def _finish(self, best: Found) -> None:
         """Go on from the best one until no step helps: only then it is known to be an optimum."""
@@ -151,14 +166,15 @@ class LastDescents:
         p = self.problem
         return is_fine(p.rod, o.pressures, o.base_moment, p.loads, elements, o.sweep, self.error)
 
-    def _is_certain(self, o: RodSolution, elements: int) -> bool:
+    def _is_certain(self, o: RodSolution, elements: int, straight: bool = False) -> bool:
         """True where `forward` has the tip of an outcome, and a path with twice the elements too.
 
-        Next to the boundary the elements decide on which side the arm is.
+        Next to the boundary the elements decide on which side the arm is. ``straight``: the straight path
+        from the seed must lead there, as it must to an outcome on the target.
         """
         p = self.problem
         self._spend(2 * RAMP_WORK, 2 * elements)
-        if at_target(o):
+        if straight or at_target(o):
             leaves = snap_from(replace(p, elements=elements), self.seed, o)
             self.snap = min(self.snap, leaves)
             if leaves < NO_SNAP:
