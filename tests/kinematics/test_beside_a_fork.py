@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.branch import load_scale
+from contid.kinematics.cosserat.branch import Station, equilibrium, follow, load_scale
 from contid.kinematics.cosserat.engine import NumpyEngine
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.targets import Vec3
@@ -103,3 +103,18 @@ def test_a_point_far_from_its_prediction_is_another_equilibrium() -> None:
     rod, loads = arm.setup.rod, arm.setup.loads(force)
     assert walk(rod, loads, load_scale(rod, loads), np.array([bar]), pressed=True).there.all()
     assert arm.critical_load_n(tuple(1e5 * p for p in bar), force) is None
+
+
+def test_a_path_does_not_step_over_a_snap() -> None:
+    """Under 5 g: a parabola pointed at another branch, and the path went on there."""
+    start = np.array([0.4307, 1.372, 1.423, 0.942, 0.4155, 0.0074])
+    end = np.array([4e-05, 1.44942, 1.49997, 0.03045, 1.19824, 1.4621])
+    setup = models()[0].setup
+    rod, loads = setup.rod, setup.loads(load_of(0, 5))
+    scale = load_scale(rod, loads)
+    stands = walk(rod, loads, scale, start[None])
+    walked = walk(rod, loads, scale, end[None], begin=(start[None], stands.moment))
+    here = equilibrium(rod, start, loads)
+    path = follow(rod, Station(start, loads), Station(end, loads), here.base_moment, elements=12)
+    assert path.done == pytest.approx(float(walked.done[0]), abs=1e-3)
+    assert path.done < 0.93
