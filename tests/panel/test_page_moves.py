@@ -116,7 +116,7 @@ def test_a_trajectory_is_shown_before_it_is_played(it: OpenPage, running: Runnin
 
 def test_poses_are_saved_and_gone_to(it: OpenPage, running: Running) -> None:
     poses = it.page.locator("#poses")
-    assert "None in fingers.poses.yaml yet." in poses.inner_text()
+    poses.get_by_text("None in fingers.poses.yaml yet.").wait_for()
     assert poses.get_by_role("button", name="Save pose").is_disabled()
     start = tip_mm(running)
     it.take_control()
