@@ -59,6 +59,11 @@ def residual(task: Task, found: Sweep) -> Array:
     return np.concatenate(rows)
 
 
+def task_error(task: Task, found: Sweep) -> float:
+    """Norm of `residual` [mm]."""
+    return float(np.linalg.norm(residual(task, found)))
+
+
 def _half_turn(task: Task, found: Sweep) -> tuple[float, Array]:
     """Quaternion (w, vector) of the rotation from the target to the found frame, w >= 0.
 

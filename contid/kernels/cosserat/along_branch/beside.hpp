@@ -83,9 +83,7 @@ template <int K> struct Beside {
     StraightPose<K> good{};
     good.pose = start;
     std::copy(start.pressures, start.pressures + n, good.behind);
-    BranchPose<K> trial{};
-    std::copy(o.pressures, o.pressures + n, trial.pressures);
-    trial.moment = o.moment, trial.at = o.at, trial.ramp = descent.ramp;
+    BranchPose<K> trial = descent.pose();
     if (is_straight(trial)) {
       good.pose = trial;
     } else {

@@ -126,11 +126,8 @@ template <int K> struct BranchSearch {
       if (leaves < kNoSnap) return drop(o);
     }
     if (o.met && !agrees_with_finer(o)) return;
-    BranchPose<K> end;
-    std::copy(o.pressures, o.pressures + n, end.pressures);
-    end.moment = o.moment, end.at = o.at, end.ramp = descent.ramp;
     if (o.met) best.outcome = o, over = true;
-    add(end, o.residual);
+    add(descent.pose(), o.residual);
   }
 
   // The corner next to which a point is; the one between the first two sets is the centre.

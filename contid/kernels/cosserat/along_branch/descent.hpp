@@ -196,6 +196,14 @@ template <int K> struct Descent {
     return trust >= stop.trust;
   }
 
+  // The first of the points.
+  BranchPose<K> pose() const {
+    BranchPose<K> first;
+    std::copy(points[0].p, points[0].p + n, first.pressures);
+    first.moment = points[0].moment, first.at = points[0].at, first.ramp = ramp;
+    return first;
+  }
+
   Outcome<K> run(const BranchPose<K>& start, const StopRule& stop) {
     std::copy(start.pressures, start.pressures + n, points[0].p);
     points[0].moment = start.moment, points[0].at = start.at, ramp = start.ramp;

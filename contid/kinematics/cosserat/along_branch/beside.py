@@ -8,7 +8,7 @@ Specification of ``contid/kernels/cosserat/along_branch/beside.hpp``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from contid.kinematics.cosserat.along_branch.descent import BranchDescent, StopR
 from contid.kinematics.cosserat.along_branch.ramp import RAMP_WORK, BranchPose, ramped_work
 from contid.kinematics.cosserat.along_branch.straight_path import NO_SNAP, snap_on_path
 from contid.kinematics.cosserat.solve import Limits, Problem
-from contid.kinematics.cosserat.task import residual
+from contid.kinematics.cosserat.task import task_error
 from contid.kinematics.halton import PRIMES, radical_inverse
 
 #: Points around an answer; half the width of their box, and of a second one, as a part of the range.
@@ -44,6 +44,15 @@ def probes(limits: Limits, around: Array, width: float) -> Iterator[Array]:
         yield np.clip(around + width * (2.0 * share - 1.0) * spread, limits.lower, limits.upper)
 
 
+def nearest_probes(
+    problem: Problem, around: Array, width: float, pose_at: Callable[[Array], BranchPose | None]
+) -> list[BranchPose]:
+    """Poses at those of the `probes` where there is one, the few nearest to the target, nearest first."""
+    poses = [pose_at(each) for each in probes(problem.limits, around, width)]
+    there = [pose for pose in poses if pose is not None]
+    return sorted(there, key=lambda pose: task_error(problem.task, pose.sweep))[:PROBE_DESCENTS]
+
+
 class Beside:
     """The nearest poses around some pressures to which a straight path leads from ``present``."""
 
@@ -65,9 +74,7 @@ class Beside:
             self._search(self.found[0].pose.pressures, NARROW)
 
     def _search(self, around: Array, width: float) -> None:
-        poses = [self._straight_at(each) for each in probes(self.problem.limits, around, width)]
-        starts = [(self._error(pose), pose) for pose in poses if pose is not None]
-        for _, pose in sorted(starts, key=lambda one: one[0])[:PROBE_DESCENTS]:
+        for pose in nearest_probes(self.problem, around, width, self._straight_at):
             if not self.met:
                 self._attempt(pose)
 
@@ -108,4 +115,4 @@ class Beside:
         return snap_on_path(self.problem, here.pressures, here.base_moment, o) == NO_SNAP
 
     def _error(self, pose: BranchPose) -> float:
-        return float(np.linalg.norm(residual(self.problem.task, pose.sweep)))
+        return task_error(self.problem.task, pose.sweep)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.along_branch.beside import PROBE_DESCENTS, WIDE, Beside, StraightPose, probes
+from contid.kinematics.cosserat.along_branch.beside import WIDE, Beside, StraightPose, nearest_probes
 from contid.kinematics.cosserat.along_branch.corners import CORNERS, corner_starts, roughly_at
 from contid.kinematics.cosserat.along_branch.descent import BranchDescent, StopRule, outcome_of
 from contid.kinematics.cosserat.along_branch.effort import Effort, steps_for
@@ -22,7 +22,7 @@ from contid.kinematics.cosserat.along_branch.straight_path import FINE, NO_SNAP,
 from contid.kinematics.cosserat.branch import equilibrium
 from contid.kinematics.cosserat.solve import Problem, RodSolution
 from contid.kinematics.cosserat.starts import unloaded
-from contid.kinematics.cosserat.task import residual
+from contid.kinematics.cosserat.task import task_error
 
 #: Work of one short descent, and its `StopRule`.
 TRY_WORK = 60
@@ -133,10 +133,7 @@ class BranchSearch:
 
         Paths through the forks around it end on several sides of them.
         """
-        task, limits = self.problem.task, self.problem.limits
-        poses = [self._pose_at(each) for each in probes(limits, centre.pressures, WIDE)]
-        starts = [(float(np.linalg.norm(residual(task, p.sweep))), p) for p in poses if p is not None]
-        for _, pose in sorted(starts, key=lambda one: one[0])[:PROBE_DESCENTS]:
+        for pose in nearest_probes(self.problem, centre.pressures, WIDE, self._pose_at):
             if self.met is None:
                 self._attempt(pose, TRY_WORK)
 
@@ -168,7 +165,7 @@ class BranchSearch:
         self.work += 2 * RAMP_WORK
         problem = self.problem
         at = equilibrium(problem.rod, o.pressures, problem.loads, 2 * problem.elements)
-        return at.done == 1.0 and float(np.linalg.norm(residual(problem.task, at.sweep))) <= o.residual + FINE
+        return at.done == 1.0 and task_error(problem.task, at.sweep) <= o.residual + FINE
 
     def _elsewhere(self, most: int) -> None:
         """Starts nearest to the target first, by a coarse look at all.
@@ -196,7 +193,7 @@ class BranchSearch:
             same = any(k in tips and float(np.linalg.norm(tips[k] - found.tip)) < apart for k in others)
             tips[index] = found.tip
             if not same:
-                seen.append((float(np.linalg.norm(residual(problem.task, found))), pressures))
+                seen.append((task_error(problem.task, found), pressures))
         self.work += len(points)
         for _, pressures in sorted(seen, key=lambda one: one[0]):
             if self.work >= most or self.met is not None:

@@ -24,7 +24,7 @@ from contid.kinematics.cosserat.branch import settle
 from contid.kinematics.cosserat.equilibrium import STATICS_TOLERANCE
 from contid.kinematics.cosserat.solve import TRUST_START, Problem, RodSolution
 from contid.kinematics.cosserat.statics import Sweep
-from contid.kinematics.cosserat.task import jacobian, residual
+from contid.kinematics.cosserat.task import jacobian, residual, task_error
 
 #: The least limits of a step and of the room in front of the boundary [bar].
 NO_TRUST, LEAST_ROOM = 1e-6, 1e-4
@@ -250,7 +250,7 @@ def descend(problem: Problem, start: BranchPose, stop: StopRule) -> RodSolution:
 
 def outcome_of(problem: Problem, pose: BranchPose) -> RodSolution:
     """An outcome that is a pose on the branch."""
-    left = float(np.linalg.norm(residual(problem.task, pose.sweep)))
+    left = task_error(problem.task, pose.sweep)
     statics = float(np.linalg.norm(pose.sweep.moment))
     met = left <= problem.tolerance
     return RodSolution(pose.pressures, pose.base_moment, left, statics, met, met, 0, pose.sweep, not met)

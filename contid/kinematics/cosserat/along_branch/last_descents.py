@@ -18,7 +18,7 @@ from contid.kinematics.cosserat.along_branch.straight_path import NO_SNAP, at_ta
 from contid.kinematics.cosserat.branch import equilibrium
 from contid.kinematics.cosserat.discretisation import fine_equilibrium, is_fine
 from contid.kinematics.cosserat.solve import Problem, RodSolution
-from contid.kinematics.cosserat.task import residual
+from contid.kinematics.cosserat.task import task_error
 
 #: The least work of one of them, and that of going on from the best (as `Effort.last_work`).
 LEAST_WORK, FINISH_WORK = 12, 40
@@ -48,7 +48,7 @@ def pose_near(problem: Problem, pressures: Array, seed: Array) -> tuple[BranchPo
 def standing_error(problem: Problem, seed: Array, error: float) -> float:
     """How far from the target the arm stands, and ``error`` [mm]; infinite where elements find no pose."""
     _, at = standing(problem, seed)
-    return float(np.linalg.norm(residual(problem.task, at.sweep))) + error if at.done == 1.0 else np.inf
+    return task_error(problem.task, at.sweep) + error if at.done == 1.0 else np.inf
 
 
 class LastDescents:
