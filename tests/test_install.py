@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.campaign
+
 ROOT = Path(__file__).parents[1]
 HEADERS = Path(sysconfig.get_path("include"))
 #: The checkout is installed editable here; its import hook comes before PYTHONPATH.

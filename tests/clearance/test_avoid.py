@@ -78,6 +78,7 @@ def test_far_obstacles_change_no_bit(sections):
     assert kept.solve(target, None, None, seed) == plain.solve(target, None, None, seed)
 
 
+@pytest.mark.slow
 @ARMS
 def test_answers_along_a_line_past_obstacles_have_no_jump(sections):
     """From step to step the axes move in proportion to the tip, also where the potential begins."""
@@ -98,6 +99,7 @@ def test_answers_along_a_line_past_obstacles_have_no_jump(sections):
     assert np.quantile(moved, 0.99) < 0.01
 
 
+@pytest.mark.slow
 @ARMS
 def test_the_gradient_of_the_potential_is_that_of_differences(sections):
     rng, feasible = np.random.default_rng(4), racks(sections)
@@ -124,6 +126,7 @@ def test_the_distance_of_packed_obstacles_is_that_of_clearance():
         assert (ahead - distance) / 1e-7 == pytest.approx(np.ones(50), abs=1e-4)
 
 
+@pytest.mark.slow
 @ARMS
 def test_a_body_that_is_too_near_is_never_clear(sections):
     rng, feasible = np.random.default_rng(6), racks(sections)
@@ -139,6 +142,7 @@ def test_a_body_that_is_too_near_is_never_clear(sections):
     assert 20 < kept < 180
 
 
+@pytest.mark.slow
 @ARMS
 @pytest.mark.skipif(load("arc") is None, reason="no kernel")
 def test_the_kernel_answers_as_its_twin(sections):

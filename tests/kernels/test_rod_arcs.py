@@ -20,6 +20,7 @@ pytestmark = pytest.mark.skipif(
 ROWS = 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", [1, 3])
 @pytest.mark.parametrize(("sections", "tip_link"), [(1, 0.0), (2, 0.0), (2, 3.0), (3, 3.0)])
 def test_answers_of_the_specification(sections: int, tip_link: float, elements: int) -> None:

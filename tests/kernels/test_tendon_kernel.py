@@ -35,6 +35,7 @@ def test_frames_and_jacobians():
             np.testing.assert_allclose(got, exact, rtol=1e-12, atol=1e-12 * np.abs(exact).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["tendon3", "ftdcr_v4"])
 @pytest.mark.parametrize("mode", ["tip", "direction", "mid", "rotation"])
 def test_the_solver_takes_the_same_steps(name, mode, monkeypatch):
@@ -61,6 +62,7 @@ def test_the_solver_takes_the_same_steps(name, mode, monkeypatch):
         assert ours[5] == spec[5]
 
 
+@pytest.mark.slow
 def test_the_same_answers_out_of_reach(monkeypatch):
     model: TendonModel = shipped()
     monkeypatch.setenv(PURE_PYTHON, "1")

@@ -39,6 +39,7 @@ def rods() -> dict[str, TendonRod]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["weight", "spring", "sheaths"])
 def test_the_same_equilibria(name: str) -> None:
     rod, rng = rods()[name], np.random.default_rng(4)

@@ -14,7 +14,10 @@ from contid.targets import Target, Vec3
 from contid.units import BAR, MM_PER_M
 from tests.oracles.bounded import AS_GOOD_MM, GRAM_N, answer, cases, compare, models
 
-pytestmark = pytest.mark.skipif(kernels.load("cosserat") is None, reason="minutes without compiled kernels")
+pytestmark = [
+    pytest.mark.campaign,
+    pytest.mark.skipif(kernels.load("cosserat") is None, reason="minutes without compiled kernels"),
+]
 
 #: An answer is found in bounded work, so scipy may be nearer [mm].
 FARTHER_MM = 3.0

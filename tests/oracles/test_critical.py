@@ -7,6 +7,8 @@ import pytest
 from contid import kernels
 from tests.oracles.critical import count
 
+pytestmark = pytest.mark.campaign
+
 
 @pytest.mark.skipif(kernels.load("cosserat") is None, reason="minutes without compiled kernels")
 @pytest.mark.parametrize("name", ["stiffflop1", "stiffflop2"])

@@ -8,6 +8,8 @@ from contid import kernels
 from tests.oracles.runs import ROBOTS, random_run
 from tests.oracles.warm_rods import count
 
+pytestmark = pytest.mark.campaign
+
 CASES = 3
 
 
