@@ -5,13 +5,14 @@ from __future__ import annotations
 import sys
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Final
 
 from contid.errors import ContidError
 
-__all__ = ["KernelMissingError", "in_use", "load"]
+__all__ = ["KernelMissingError", "in_use", "load", "require"]
 
 #: The kernels of a complete build; some are compiled a second time for AVX2.
 KERNELS: Final = (
@@ -21,18 +22,29 @@ KERNELS: Final = (
 
 
 class KernelMissingError(ContidError):
-    """A kernel is not compiled in this installation; the message says how to get it."""
+    """A kernel is not compiled in this installation, or cannot be loaded; the message says how to get it."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, reason: str = "is not compiled") -> None:
         self.kernel = name
-        super().__init__(f"{Path(__file__).parent}: contid's kernel '{name}' is not compiled: {_remedy()}")
+        super().__init__(f"{Path(__file__).parent}: contid's kernel '{name}' {reason}: {_remedy()}")
+
+
+def require() -> None:
+    """Check that the kernels are compiled, without loading them: before devices are opened.
+
+    Raises:
+        KernelMissingError: One of them is not compiled in this installation.
+    """
+    for name in KERNELS:
+        if find_spec(f"contid.kernels._{name}") is None:
+            raise KernelMissingError(name)
 
 
 def load(name: str) -> ModuleType:
     """The kernel ``contid.kernels._NAME``, built for AVX2 where there is one and the processor has it.
 
     Raises:
-        KernelMissingError: It is not compiled in this installation.
+        KernelMissingError: It is not compiled in this installation, or cannot be loaded.
     """
     kernel = (_imported(f"{name}_avx2") if has_avx2() else None) or _imported(name)
     if kernel is None:
@@ -44,7 +56,7 @@ def in_use() -> str:
     """Which build of the kernels serves, for reports.
 
     Raises:
-        KernelMissingError: One of them is not compiled in this installation.
+        KernelMissingError: One of them is not compiled in this installation, or cannot be loaded.
     """
     for name in KERNELS:
         load(name)
@@ -52,11 +64,12 @@ def in_use() -> str:
 
 
 def _remedy() -> str:
-    """How to get the kernels: install the checkout that was imported, or what a build needs."""
+    """How to get the kernels: install the checkout that was imported, or contid again."""
     root = Path(__file__).resolve().parents[2]
     if (root / "CMakeLists.txt").is_file():
         return f"run '{sys.executable} -m pip install -e {root}', or start outside {root}"
-    return "install g++ and the Python headers (Debian: apt install g++ python3-dev), then reinstall contid"
+    again = f"run '{sys.executable} -m pip install --force-reinstall --no-deps contid'"
+    return f"{again}; building it needs g++ and the Python headers (Debian: apt install g++ python3-dev)"
 
 
 @cache
@@ -77,3 +90,5 @@ def _imported(name: str) -> ModuleType | None:
         if error.name != module:
             raise
         return None
+    except ImportError as error:  # compiled for another system
+        raise KernelMissingError(name, f"cannot be loaded ({error})") from error
