@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from contid.kinematics.ph import tubes
-from contid.kinematics.ph.inverse import TubeSection, ph_inverse
-from contid.kinematics.ph.quintic import PhQuintic
 from contid.kinematics.ph.tubes import (
     GAUSS3_NODES,
     GAUSS3_WEIGHTS,
@@ -16,6 +12,10 @@ from contid.kinematics.ph.tubes import (
     start_turn,
     tube_lengths,
 )
+
+from contid.kinematics.ph import tubes
+from contid.kinematics.ph.inverse import TubeSection, ph_inverse
+from contid.kinematics.ph.quintic import PhQuintic
 from tests.kinematics.ph_golden import (
     DISTANCE,
     GOLDEN,
