@@ -37,11 +37,13 @@ class Chain(NamedTuple):
         """Where the chain ends."""
         frame = np.eye(4, dtype=complex)
         mid = np.zeros(3)
-        for k, ((u, v, length), rigid) in enumerate(zip(self.arcs(variables), self.rigid_m, strict=True)):
-            twist = np.array([[0, 0, u, 0], [0, 0, v, 0], [-u, -v, 0, length], [0, 0, 0, 0]])
-            ahead = np.eye(4)
+        arcs = self.arcs(variables)
+        twists = np.zeros((len(arcs), 4, 4), dtype=arcs.dtype)
+        twists[:, :2, 2], twists[:, 2, :2], twists[:, 2, 3] = arcs[:, :2], -arcs[:, :2], arcs[:, 2]
+        ahead = np.eye(4)
+        for k, (turned, rigid) in enumerate(zip(expm(twists), self.rigid_m, strict=True)):
             ahead[2, 3] = rigid
-            frame = frame @ expm(twist) @ ahead
+            frame = frame @ turned @ ahead
             mid = frame[:3, 3] if k == 0 else mid
         tip = frame[:3, 3] + frame[:3, :2] @ np.array(self.offset_m)
         if np.iscomplexobj(variables):
@@ -49,7 +51,7 @@ class Chain(NamedTuple):
         return Placed(tip.real, frame[:3, :3].real, mid.real)
 
     def jacobians(self, variables: np.ndarray) -> Placed:
-        """Derivatives of tip and mid, and in the place of the frame the spatial angular velocity, ``(3, N)``."""
+        """Derivatives of tip and mid, and in place of the frame the spatial angular velocity, ``(3, N)``."""
         here, columns = self.placed(variables), []
         for k in range(len(variables)):
             step = np.zeros(len(variables), complex)
