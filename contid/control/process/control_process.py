@@ -16,7 +16,6 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
-from contid import kernels
 from contid.control.engine.clock import RealClock
 from contid.control.engine.engine import Engine
 from contid.control.engine.events.buses import BusReported
@@ -143,7 +142,6 @@ def main(descriptor: int) -> int:
     parent_watch = ParentWatch(inbox)
     signal.signal(signal.SIGTERM, parent_watch.signalled)  # before, SIGTERM ended this process
     ring, logs = RingWriter(setup.ring), LogQueue("control")
-    logging.getLogger(kernels.__name__).setLevel(logging.ERROR)  # the daemon warns of NumPy twins
     try:
         with handle_logs(setup.log_level, logs):
             return _serve(setup, inbox, parent_watch, ring, logs)

@@ -1,21 +1,10 @@
-"""Goal of a chain of sections, its error rows [m] and derivatives, and the numbers of its solver.
-
-The rows are the tip error, the mid-point error, and ``ell (t_target - t)`` for a direction, or ``ell phi``
-with ``exp(phi) R = R_target`` for a rotation. Specification of ``section_task.hpp``.
-"""
+"""Numbers of the solver of a chain of sections, scaled to the size of the robot."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import NamedTuple
-
-import numpy as np
 
 from contid.kinematics.arc.feasible import Feasible
-from contid.kinematics.arc.sections import ArcChain, differentiate
-from contid.kinematics.array import Array
-from contid.targets import Vec3
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,45 +52,3 @@ class Tuning:
 def tuning_for(feasible: Feasible) -> Tuning:
     """Numbers scaled to the size of the robot: ``ell`` is a fifth of the arm in its home posture."""
     return Tuning(ell_m=0.2 * (float(feasible.home.sum()) / 3.0 + sum(feasible.sections.rigid_m)))
-
-
-class Goal(NamedTuple):
-    """Tip, and optionally unit tangent, frame (row by row) or mid-point, in the base frame [m]."""
-
-    tip: Vec3
-    direction: Vec3 | None = None
-    mid: Vec3 | None = None
-    rotation: tuple[float, ...] | None = None
-
-
-def turn_left(target: Array, at: Array) -> Array:
-    """Rotation vector phi [rad] with ``exp(phi) at = target``, at most half a turn."""
-    r = target @ at.T
-    v = 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
-    s, c = math.sqrt(float(v @ v)), 0.5 * (float(np.trace(r)) - 1.0)
-    if s > 1e-6:
-        return np.asarray(math.atan2(s, c) / s * v)
-    if c > 0.0:
-        return v
-    k = int(np.argmax(np.diag(r)))  # half a turn: R + 1 = 2 axis axis^T
-    size = math.sqrt(max(0.5 * (float(r[k, k]) + 1.0), 1e-300))
-    axis = 0.25 * (r[:, k] + r[k]) / size
-    axis[k] = size
-    return np.asarray(math.pi * axis)
-
-
-def task(sections: ArcChain, ell_m: float, lengths: Array, goal: Goal) -> tuple[Array, Array]:
-    """Error rows ``(m,)`` [m] and their Jacobian ``(m, 3 n)`` at ``lengths``."""
-    at = differentiate(sections, lengths)
-    errors, rows = [np.array(goal.tip) - at.frames.tip], [at.tip]
-    if goal.direction is not None:
-        tangent = at.frames.rotation[:, 2]
-        errors.append(ell_m * (np.array(goal.direction) - tangent))
-        rows.append(ell_m * np.cross(at.spin, tangent[:, None], axis=0))
-    if goal.rotation is not None:
-        errors.append(ell_m * turn_left(np.reshape(goal.rotation, (3, 3)), at.frames.rotation))
-        rows.append(ell_m * at.spin)  # the gradient of |phi|^2/2 is exact: phi is an eigenvector of d exp
-    if goal.mid is not None:
-        errors.append(np.array(goal.mid) - at.frames.mid)
-        rows.append(at.mid)
-    return np.concatenate(errors), np.vstack(rows)
