@@ -58,7 +58,7 @@ def hanging(grams: float) -> Loads:
 
 def solver(rod: Rod, weight: Loads | None = None, **settings: Any) -> RodSolver:
     """Of a rod whose elements are never doubled and whose searches are short, unless ``settings`` say so."""
-    usual = {"elements": 3, "error": NEVER_MM, "tolerance": 1e-6, "direction_length": 42.0}
+    usual: dict[str, Any] = {"elements": 3, "error": NEVER_MM, "tolerance": 1e-6, "direction_length": 42.0}
     usual |= {"limits": limits(len(rod.sections)), "full_rotation": False, "thorough": False}
     return RodSolver(RodSetup(rod, weight or Loads(), **{**usual, **settings}))
 

@@ -136,7 +136,9 @@ def test_tip_and_direction_prefer_the_middle(grams: float) -> None:
 
 def test_closed_path_closes() -> None:
     """Repeatable: once around a circle with a held direction brings every pressure back."""
-    engine, pressures, first = solver(two()), (0.7,) * 6, None
+    engine = solver(two())
+    pressures: tuple[float, ...] = (0.7,) * 6
+    first = None
     for k in range(25):
         phi = 2.0 * math.pi * k / 24
         tip = (20.0 * math.cos(phi), 20.0 * math.sin(phi), 118.0)

@@ -6,8 +6,8 @@ an energy of the frames R(s) alone,
     E = sum over elements  h [ (u - u0) K (u - u0) / 2  -  (R' N) v0  -  (R' N) S (R' N) / 2 ],
 
 u the rotation between two frames, R and N in the middle, K and S stiffness and compliance; a link adds
--l N R e3. Frames are varied as R exp(hat(t)). An equilibrium has no gradient, a stable one a positive definite
-Hessian. Own discretisation, no conjugate points, no integration from the base: nothing of the kernel's count.
+-l N R e3. Frames are varied as R exp(hat(t)). An equilibrium has no gradient, a stable one a positive
+definite Hessian. Own discretisation, and no conjugate points: nothing of the kernel's count.
 """
 
 from __future__ import annotations
@@ -115,7 +115,9 @@ def variation(rod: Rod, pressures: Array, loads: Loads, base_moment: Array) -> V
 
 def _stations(rod: Rod) -> tuple[list[int], Array]:
     """Index of each section's first node, and arc lengths [mm] of the nodes, both ends of every section."""
-    begin, found, starts = 0.0, [], []
+    begin = 0.0
+    found: list[float] = []
+    starts: list[int] = []
     for section in rod.sections:
         starts.append(len(found))
         found += (begin + section.length * np.arange(ELEMENTS + 1) / ELEMENTS).tolist()
