@@ -21,7 +21,7 @@ LOW, HIGH, CENTRE = 0.12, 1.04, 0.41
 
 
 def uneven(sections: int) -> Limits:
-    step = 0.03 * np.arange(3 * sections)
+    step: Array = 0.03 * np.arange(3 * sections, dtype=np.float64)
     return Limits(LOW + 0.3 * step, HIGH + step, CENTRE + step)
 
 
