@@ -70,7 +70,8 @@ def twist_free(direction: Array) -> Array:
     normal = np.cross([0.0, 0.0, 1.0], direction)
     sine = float(np.linalg.norm(normal))
     angle = float(np.arctan2(sine, direction[2]))
-    return Rotation.from_rotvec(normal / sine * angle if sine > 0.0 else normal).as_matrix()
+    turn: Array = Rotation.from_rotvec(normal / sine * angle if sine > 0.0 else normal).as_matrix()
+    return turn
 
 
 def pull_inside(engine: RodSolver, bar: Array, slope: Array, at: float = 1e-12) -> Array:
