@@ -95,6 +95,37 @@ def test_from_one_command_to_the_next_few_sweeps_are_needed(sections: int, weigh
     assert weighs or np.mean(spent) < 1.7
 
 
+@pytest.mark.parametrize("grams", [0.0, 3.0])
+@pytest.mark.parametrize(("sections", "kind", "weighs", "sweeps"), [
+    (2, "tip", False, 4.0), (2, "tip", True, 8.2), (2, "direction", False, 7.0), (2, "direction", True, 7.2),
+    (3, "tip", False, 6.0), (3, "tip", True, 42.0),
+])  # fmt: skip
+def test_a_redundant_path_is_followed_in_few_sweeps_to_the_settled_answers(
+    sections: int, kind: str, weighs: bool, sweeps: float, grams: float
+) -> None:
+    """Answers along it are those of the same targets from elsewhere, to what counts as settled."""
+    engine = solver(rod_of(sections), own_weight(sections) if weighs else None, limits=uneven(sections))
+    limits, force = engine.setup.limits, (0.0, 0.0, grams * GRAM)
+    begin, end = np.random.default_rng(3).uniform(limits.lower, limits.upper, (2, 3 * sections))
+    seed, spent = limits.centre, []
+    for k, part in enumerate(np.linspace(0.0, 0.1, 24)):
+        task = Task.reached(engine, begin + part * (end - begin), kind, force)
+        assert task is not None
+        found = task.solve(engine, seed)
+        assert_met(engine, task, found)
+        moved = np.array(found.pressures_bar) - seed
+        seed = np.array(found.pressures_bar)
+        if k > 1:
+            spent.append(found.iterations)
+            assert np.abs(moved).max() < 0.03
+        if k % 6 == 5:
+            aside = np.clip(seed + 0.04 * np.cos(np.arange(len(seed))), limits.lower, limits.upper)
+            assert np.abs(np.array(task.solve(engine, aside).pressures_bar) - seed).max() < 1e-6
+            again = task.solve(engine, seed)
+            assert np.abs(np.array(again.pressures_bar) - seed).max() < 1e-6
+    assert np.mean(spent) <= sweeps
+
+
 @pytest.mark.parametrize(("sections", "kind", "force", "weighs"), [
     (2, "tip", ZERO3, False),
     (2, "direction", ZERO3, False),

@@ -26,6 +26,8 @@ from tests.oracles.bounded import BOX, DENSITY, GRAM_N, TILTED, Case, best_of_sc
 FILE = Path(__file__).parents[1] / "reference" / "rod-searches.json"
 #: Rows of each arm for the control loop, and thorough ones; starts of scipy.
 BRIEF, THOROUGH, STARTS = 10, 3, 5
+#: Reachable rows of each kind and load, draws for these, and iterations of a descent from the seed.
+HARD, DRAWS, ONE_DESCENT = 3, 400, 61
 
 
 def arms() -> list[CosseratModel]:
@@ -43,7 +45,11 @@ def arms() -> list[CosseratModel]:
 def solve(solvers: dict[tuple[int, bool], RodSolver], row: dict[str, Any]) -> InverseAnswer:
     """The kernel's answer for a row; ``solvers`` of `solvers_of`."""
     return solvers[row["arm"], row["thorough"]].inverse(
-        _vec(row["tip"]), None, None, _vec(row["force"]), row["seed"]
+        _vec(row["tip"]),
+        _maybe(row.get("mid")),
+        _maybe(row.get("direction")),
+        _vec(row["force"]),
+        row["seed"],
     )
 
 
@@ -86,6 +92,44 @@ def drawn(models: list[CosseratModel], seed: int = 5) -> list[dict[str, Any]]:
     return rows
 
 
+def reachable(models: list[CosseratModel], seed: int = 8) -> list[dict[str, Any]]:
+    """Rows with poses of other pressures, by every kind of target, that take more than one descent."""
+    solvers, rows = solvers_of(models), []
+    for k, model in enumerate(models):
+        rng = np.random.default_rng([seed, k])
+        low, high = model.setup.limits.lower, model.setup.limits.upper
+        for kind in ("tip", "mid", "direction") if len(low) > 3 else ("tip",):
+            for grams in (0.0, 5.0, 10.0):
+                left = HARD
+                for _ in range(DRAWS):
+                    force = rng.normal(size=3)
+                    force *= grams * GRAM_N / np.linalg.norm(force)
+                    at = solvers[k, False].forward(rng.uniform(low, high).tolist(), _vec(force.tolist()))
+                    row: dict[str, Any] = {
+                        "arm": k,
+                        "thorough": False,
+                        "tip": np.round(at.tip_mm, 6).tolist(),
+                        "mid": np.round(at.mid_mm, 6).tolist() if kind == "mid" else None,
+                        "direction": list(at.rotation[2::3]) if kind == "direction" else None,
+                        "force": force.round(5).tolist(),
+                        "seed": rng.uniform(low, high).round(4).tolist(),
+                    }
+                    found = solve(solvers, row)
+                    if not at.stable or not found.stable or found.iterations <= ONE_DESCENT:
+                        continue
+                    row |= {"best_mm": 0.0, "answer": found._asdict()}
+                    rows.append(row)
+                    print(k, kind, grams, found.residual_mm, found.iterations, flush=True)
+                    left -= 1
+                    if not left:
+                        break
+    return rows
+
+
+def _maybe(values: list[float] | None) -> Vec3 | None:
+    return None if values is None else _vec(values)
+
+
 def _vec(values: list[float]) -> Vec3:
     x, y, z = values
     return x, y, z
@@ -95,8 +139,9 @@ def main() -> None:
     """Print rows, and write them with ``--write``."""
     parser = argparse.ArgumentParser(prog="python -m tests.oracles.searches")
     parser.add_argument("--write", action="store_true")
-    rows = drawn(arms())
-    if parser.parse_args().write:
+    given = parser.parse_args()
+    rows = [*drawn(arms()), *reachable(arms())]
+    if given.write:
         FILE.write_text("[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n", encoding="utf-8")
 
 
