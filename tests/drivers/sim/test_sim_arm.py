@@ -46,11 +46,11 @@ def test_without_errors_the_tip_is_that_of_the_model(force):
     robot = arm_with()
     model, solve = CosseratModel(robot), arm_solver(robot)
     for p in pressures():
-        tip, _, _, stable, moment, _ = model.engine.forward(p.tolist(), force)
-        found, unknowns, met = solve(p.tolist(), force, (*moment, 0.0), *ANYWHERE)
-        assert stable
+        at = model.engine.forward(p.tolist(), force)
+        found, unknowns, met = solve(p.tolist(), force, (*at.base_moment_nmm, 0.0), *ANYWHERE)
+        assert at.stable
         assert met
-        assert found == pytest.approx(tip, abs=5e-3)  # [mm]; the model's own discretisation
+        assert found == pytest.approx(at.tip_mm, abs=5e-3)  # [mm]; the model's own discretisation
         # Its base moment leaves no moment at the tip in yet another formulation (quaternions, DOP853).
         again, left = shoot(model.setup.rod, p, np.array(force), np.array(unknowns[:3]))
         assert found == pytest.approx(again.tolist(), abs=1e-4)
