@@ -1,4 +1,4 @@
-"""Without its kernels contid says in one line what is missing and how to get it, when it is built and later."""
+"""Without its kernels contid reports in one line what is missing and how to get it, built and later."""
 
 from __future__ import annotations
 
