@@ -22,7 +22,7 @@ KERNELS: Final = (
 
 
 class KernelMissingError(ContidError):
-    """A kernel is not compiled in this installation, or cannot be loaded; the message says how to get it."""
+    """A kernel is not compiled in this installation, or cannot be loaded; the message has the remedy."""
 
     def __init__(self, name: str, reason: str = "is not compiled") -> None:
         self.kernel = name

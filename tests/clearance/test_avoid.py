@@ -7,8 +7,9 @@ from scipy.spatial.transform import Rotation
 from contid.clearance.obstacles import Box, Capsule, Plane
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.tuning import tuning_for
-from contid.kinematics.model import build_model
+from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.shipped import load_named
+from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
 from tests.clearance.around import (
     FROM_M,
@@ -23,8 +24,7 @@ from tests.clearance.around import (
     zone_and_force,
 )
 from tests.kernels.arc_cases import metric
-from tests.kinematics import section_limits
-from tests.oracles import twists
+from tests.oracles import section_limits, twists
 
 ARMS = pytest.mark.parametrize("sections", [2, 3])
 
@@ -211,11 +211,13 @@ def test_each_number_of_the_avoidance_counts():
 def test_bends_of_a_tendon_robot_keep_away_too():
     """Three sections, a tip alone: the body leads around a sphere beside it, and the tip is met."""
     (robot,) = load_named("tendon3").file.robots.values()
-    model = build_model(robot)
+    assert isinstance(robot, TendonRobot)
+    model = TendonModel(robot)
     rng, kept, free = np.random.default_rng(9), 0, 0
     straight = (0.0,) * len(model.axis_names)
     for _ in range(30):
         feasible = model.feasible
+        assert model.statics is not None
         bends = feasible.pulled(rng.uniform(feasible.low, feasible.high)) / np.repeat(
             feasible.sections.backbone_m, 2
         )

@@ -14,9 +14,8 @@ from scipy.spatial.transform import Rotation
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.tuning import tuning_for
 from tests.kernels.arc_cases import ARMS, CASES, metric, solved, target_of
-from tests.kinematics import section_limits
 from tests.kinematics.section_robots import random_lengths
-from tests.oracles import twists
+from tests.oracles import section_limits, twists
 
 
 @pytest.mark.parametrize(("name", "mode"), CASES)

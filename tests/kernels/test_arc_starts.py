@@ -14,9 +14,8 @@ from contid.kinematics.arc.sections import Sections
 from contid.kinematics.arc.solver import SectionSolution
 from contid.kinematics.arc.tuning import tuning_for
 from tests.kernels.arc_cases import ARMS, metric, solved, target_of
-from tests.kinematics import section_limits
 from tests.kinematics.section_robots import RACKS, ROBOTS, random_lengths
-from tests.oracles import twists
+from tests.oracles import section_limits, twists
 
 
 def test_the_closed_form_of_one_section_needs_no_descent():

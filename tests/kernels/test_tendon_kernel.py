@@ -16,9 +16,8 @@ from contid.kernels import load
 from contid.kinematics.arc.solver import SectionSolution
 from contid.kinematics.arc.tuning import Tuning
 from contid.kinematics.tendon.model import TendonModel
-from tests.kinematics import section_limits
 from tests.kinematics.tendon_robots import random_bends, shipped
-from tests.oracles import twists
+from tests.oracles import section_limits, twists
 
 ELL_M = 0.06
 ROBOTS = pytest.mark.parametrize("name", ["tendon3", "ftdcr_v4"])
@@ -31,7 +30,8 @@ def chain_of(model: TendonModel) -> twists.Chain:
 
 def variables(model: TendonModel, count: int, seed: int) -> np.ndarray:
     """Bends inside every limit times the lengths of sections [m]."""
-    return random_bends(model, count, seed) * np.repeat(model.feasible.sections.backbone_m, 2)
+    lengths = np.repeat(model.feasible.sections.backbone_m, 2)
+    return np.asarray(random_bends(model, count, seed) * lengths)
 
 
 def target_of(model: TendonModel, x: np.ndarray, mode: str) -> dict[str, Any]:
@@ -234,9 +234,8 @@ def test_wrong_arguments_are_refused():
 
 
 def test_wrong_geometry_is_refused():
-    for name, given in (
-        ("rigid", (0.0,)), ("offset", (0.0,)), ("bend_max", (1.0,)), ("normals", [1.0, 0.0]),
-    ):  # fmt: skip
+    wrong: dict[str, Any] = {"rigid": (0.0,), "offset": (0.0,), "bend_max": (1.0,), "normals": [1.0, 0.0]}
+    for name, given in wrong.items():
         with pytest.raises(ValueError, match=f"{name}: "):
             free_arm(2, **{name: given})
     with pytest.raises(ValueError, match="normals: "):

@@ -98,7 +98,7 @@ def test_a_push_of_the_wall_is_a_force_on_a_free_tip():
         assert np.abs(left).max() < 1e-3
 
 
-def test_beyond_its_range_the_modulus_stays_and_no_equilibrium_is_said():
+def test_beyond_its_range_the_modulus_stays_and_a_missing_equilibrium_is_reported():
     robot = arm_with()
     sections = [section_numbers(s, 1.0, 1.0) for s in robot.geometry.sections]
     ends = [(*row[:17], up_to) for row in sections for up_to in (0.5,)]
