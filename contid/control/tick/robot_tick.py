@@ -175,13 +175,14 @@ def _squeezed(
     after = replace(after, squeeze=squeeze)
     if report is not None:
         after = replace(moved(config, after, Event.HOLD, now_s), goto=None)
-    device = config.transmission.to_device(led(after.command, after.lead.added))
-    return TickResult(after, device, None, math.nan, flags, report)
+    return TickResult(after, _device(config, after), None, math.nan, flags, report)
 
 
 def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target) -> TickResult:
     """RUN: solve the model for the target, then limit."""
-    in_base = corrected(state.correction, config.frame.target_in_base(target))
+    in_base = config.frame.target_in_base(target)
+    if config.feedback is not None:
+        in_base = corrected(state.correction, in_base)
     solution = config.model.inverse(in_base, state.command)
     if not all(map(math.isfinite, solution.actuation)):
         message = f"the model answered {solution.actuation} to {in_base}"
@@ -191,8 +192,13 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
     target_tip = in_base.tip_m
     if target_tip is None:
         target_tip = config.model.forward(in_base.actuation or after.command, in_base.load_n).tip_m
-    device = config.transmission.to_device(led(after.command, after.lead.added))
-    return TickResult(after, device, solution, math.dist(tip, target_tip), flags)
+    return TickResult(after, _device(config, after), solution, math.dist(tip, target_tip), flags)
+
+
+def _device(config: RobotConfig, state: RobotState) -> tuple[float, ...]:
+    """Device values of the command, with the lead of play and friction."""
+    added = state.lead.added
+    return config.transmission.to_device(led(state.command, added) if added else state.command)
 
 
 def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
@@ -214,7 +220,7 @@ def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
         # On its way back to the motion it comes no faster than it can brake.
         pairs = zip(after.command, reference, strict=True)
         flags = tuple([0 if value == planned_value else ACCELERATION for value, planned_value in pairs])
-    device = config.transmission.to_device(led(after.command, after.lead.added))
+    device = _device(config, after)
     # The limiter may lag behind (a motion that ends outside a limit): wait for standstill.
     if over and not any(after.increments):
         after = replace(after, motion=None, reference=after.command)
