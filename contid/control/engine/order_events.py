@@ -38,14 +38,15 @@ _NAMES: Final[dict[type, str]] = {kind: name for name, kind in _AS_THEY_ARE.item
 
 def order_event(message: object, tick: int) -> OrderGiven | None:
     """The event of an order obeyed before a tick; None for a message that is no order."""
+    if isinstance(message, msg.Rows):
+        rows = {robot: _target(each) for robot, each in message.targets.items()}
+        return OrderGiven(tick=tick, order={"order": "rows", "targets": rows})
     order = _order(message)
     return None if order is None else OrderGiven(tick=tick, order=order)
 
 
 def _order(message: object) -> dict[str, Any] | None:
     match message:
-        case msg.Rows(targets):
-            return {"order": "rows", "targets": {robot: _target(each) for robot, each in targets.items()}}
         case msg.Goto(robot, target, force_n):
             goto: dict[str, Any] = {"order": "goto", "robot": robot, "target": _target(target)}
             return goto if force_n is None else {**goto, "until_force_n": force_n}

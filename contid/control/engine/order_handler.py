@@ -49,7 +49,7 @@ class OrderHandler:
             message = msg.Hold()
         if (order := order_event(message, tick_number)) is not None:
             self._sink.event(order)
-        if not isinstance(message, msg.Goto):
+        if self._chains.chains and not isinstance(message, msg.Goto):
             self._chains.begin_gotos(now_s)
         # A client that gives orders may give more: the run then waits even if every robot is in FAULT.
         selector.attended = selector.attended or not isinstance(

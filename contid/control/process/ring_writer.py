@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.gaps import EventTooLong
@@ -20,7 +21,6 @@ from contid.control.process.ring import (
     TICKS,
     U64,
     MappedRing,
-    checksum,
 )
 
 
@@ -59,7 +59,7 @@ class RingWriter(MappedRing):
 
     def _fill(self, at: int, number: int, contents: bytes) -> None:
         """Fill a slot; its stamp comes last."""
-        STAMP.pack_into(self._map, at, 0, checksum(number, contents))
+        STAMP.pack_into(self._map, at, 0, crc32(contents, number & 0xFFFFFFFF))
         self._map[at + STAMP.size : at + STAMP.size + len(contents)] = contents
         U64.pack_into(self._map, at, number)
 

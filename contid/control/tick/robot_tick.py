@@ -130,7 +130,7 @@ def watched(config: RobotConfig, state: RobotState, samples: Sequence[Sample], n
     misses = state.misses
     if any(misses) or not all(sample.valid for sample in samples):
         misses = tuple(
-            0 if sample.valid else count + 1 for sample, count in zip(samples, misses, strict=True)
+            [0 if sample.valid else count + 1 for sample, count in zip(samples, misses, strict=True)]
         )
         state = replace(state, misses=misses)
     for sample, axis, stale_s in zip(samples, config.axes, config.stale_s, strict=True):

@@ -28,6 +28,7 @@ class TautPulls:
     def __init__(self, statics: TendonStatics, excess: Callable[[Actuation], Array]) -> None:
         self.excess = excess
         self._statics = statics
+        self._count = statics.geometry.count
 
     def tightness(self, pulls: Array) -> Array:
         """Tightness of every section ``(sections,)`` [N]."""
@@ -59,7 +60,7 @@ class TautPulls:
 
     def join(self, coordinates: Array) -> Array:
         """Pulls ``(tendons,)`` [m] of coordinates."""
-        count = self._statics.geometry.count
+        count = self._count
         bends, tightness = coordinates[: 2 * count], coordinates[2 * count : 3 * count]
         pulls: Array = self._statics.pulls(bends, tightness) + coordinates[3 * count :]
         return pulls
