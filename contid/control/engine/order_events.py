@@ -39,10 +39,15 @@ _NAMES: Final[dict[type, str]] = {kind: name for name, kind in _AS_THEY_ARE.item
 def order_event(message: object, tick: int) -> OrderGiven | None:
     """The event of an order obeyed before a tick; None for a message that is no order."""
     if isinstance(message, msg.Rows):
-        rows = {robot: _target(each) for robot, each in message.targets.items()}
-        return OrderGiven(tick=tick, order={"order": "rows", "targets": rows})
+        return rows_event(message, tick)
     order = _order(message)
     return None if order is None else OrderGiven(tick=tick, order=order)
+
+
+def rows_event(row: msg.Rows, tick: int) -> OrderGiven:
+    """The event of a row of a live stream."""
+    targets = {robot: _target(each) for robot, each in row.targets.items()}
+    return OrderGiven(tick=tick, order={"order": "rows", "targets": targets})
 
 
 def _order(message: object) -> dict[str, Any] | None:

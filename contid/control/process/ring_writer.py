@@ -46,16 +46,13 @@ class RingWriter(MappedRing):
         room = EVENT_BYTES - STAMP.size - PART.size
         if len(body) > room * EVENT_PARTS:
             body = _shortened(to_json(event), room * EVENT_PARTS)
-        parts = [body[start : start + room] for start in range(0, len(body), room)]
-        for index, part in enumerate(parts):
-            self._part(part, index, len(parts) - 1 - index)
-
-    def _part(self, body: bytes, before: int, after: int) -> None:
-        number = self._events
-        at = self._events_at + number % self.event_slots * EVENT_BYTES
-        self._events = number + 1
-        self._fill(at, self._events, PART.pack(len(body), before, after) + body)
-        self._numbers[EVENTS] = self._events
+        parts = range(0, len(body), room)
+        for index, start in enumerate(parts):
+            part = body[start : start + room]
+            at = self._events_at + self._events % self.event_slots * EVENT_BYTES
+            self._events += 1
+            self._fill(at, self._events, PART.pack(len(part), index, len(parts) - 1 - index) + part)
+            self._numbers[EVENTS] = self._events
 
     def _fill(self, at: int, number: int, contents: bytes) -> None:
         """Fill a slot; its stamp comes last."""

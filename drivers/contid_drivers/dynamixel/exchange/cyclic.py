@@ -134,7 +134,8 @@ class Cyclic:
         block = self._usual[full] if self._orderly >= ORDERLY else self._numbered_block()
         read = self._reads.get((block.size, fast)) or self._read(block, fast)
         wire = before + (_goal_packet(goals) if goals else b"") + read
-        stale = self._discard()
+        early = self.port.receive(0.0)
+        stale = self._discard(early) if early else 0
         sent = self.port.send(wire)
         # What the instruction does not depend on follows it, to keep the pause before it short.
         counts = self.answers.counts
@@ -173,17 +174,15 @@ class Cyclic:
         self._orderly = self._orderly + 1 if orderly else 0
         return found
 
-    def _discard(self) -> int:
+    def _discard(self, early: bytes) -> int:
         """Drop what arrived since the last exchange: late answers, copies, or traffic of another host.
 
         Returns:
-            The number of late answers; at least 1 if anything was dropped.
+            The number of late answers; at least 1.
         """
-        stale = bytearray()
+        stale = bytearray(early)
         while data := self.port.receive(0.0):
             stale += data
-        if not stale:
-            return 0
         late = 0
         while (packet := take(stream=stale, final=True)) is not None:
             late += packet.instruction == Instruction.STATUS
