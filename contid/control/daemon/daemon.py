@@ -242,7 +242,7 @@ class Daemon:
     def _send_input(self, message: Message) -> None:
         """Send a row of the stream on stdin, unless the input was detached."""
         if self.input_active:
-            self.send(message)
+            self._orders.send(message)
 
     async def _supervise(self, line: terminal.ProgressLine) -> None:
         """Fetch events until the control process has ended; escalate when it does not stop in time."""

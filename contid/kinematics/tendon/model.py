@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -180,6 +181,12 @@ class TendonModel:
         pulls = self.geometry.pulls(bends) if self.statics is None else self.statics.pulls(bends)
         return tuple(np.clip(pulls, self.lower, self.upper).tolist())
 
+    @cached_property
+    def _bounds(self) -> tuple[Array, Array, Array]:
+        """Least and largest pulls [m], and the largest bend of every section times its length [m]."""
+        bend_max_m = np.array(self.feasible.sections.backbone_m) * np.array(self.feasible.bend_max_rad)
+        return np.array(self.lower), np.array(self.upper), bend_max_m
+
     def excess(self, actuation: Actuation) -> Array:
         """By how much limits of travel, tension and bends are exceeded by pulls [m], negative inside.
 
@@ -187,12 +194,13 @@ class TendonModel:
         """
         q = np.array(actuation)
         x = self._by_pulls @ q
-        parts = [np.array(self.lower) - q, q - np.array(self.upper)]
+        lower, upper, bend_max_m = self._bounds
+        parts = [lower - q, q - upper]
         if self.statics is not None:
             k = self.statics.tendon_n_per_m
             tension = self.statics.tensions(q)
             parts += [(self.statics.floor_n - tension) / k, (tension - self.statics.limit_n) / k]
-        parts.append(self.feasible.excess(x)[self.feasible.flat :])
+        parts.append(np.hypot(x[0::2], x[1::2]) - bend_max_m)
         return np.concatenate(parts)
 
     @property

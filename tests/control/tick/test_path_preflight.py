@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs
-from contid.control.tick.on_path import tip_tolerance_m
+from contid.control.tick.next_command import tip_tolerance_m
 from contid.control.tick.preflight.path import _Follower
 from contid.control.tick.preflight.rows import Preflight
 from contid.control.tick.preflight.ticks import Tick, run_ticks
