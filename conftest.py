@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 import contid
+from contid import kernels
+from contid.errors import ContidError
 
 ROOT = Path(__file__).parent
 
@@ -23,9 +25,13 @@ sys.dont_write_bytecode = False
 
 
 def pytest_configure() -> None:
-    """Refuse to test another tree: an editable installation belongs to one clone."""
+    """Refuse to test another tree, which an editable installation may belong to, or one without kernels."""
     if not Path(contid.__file__).is_relative_to(ROOT):
         raise pytest.UsageError(
             f"contid is imported from {Path(contid.__file__).parent}, these are the tests of {ROOT}; "
             f"run '{sys.executable} -m pip install -e {ROOT}', or use the Python of a .venv in it"
         )
+    try:
+        kernels.require()
+    except ContidError as error:
+        raise pytest.UsageError(str(error)) from error

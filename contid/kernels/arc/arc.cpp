@@ -29,8 +29,8 @@ void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle 
   new (self) SectionSolver(f, contid::tuning_of(tuning));
 }
 
-nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
-                nb::handle rotation) {
+nb::object solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
+                 nb::handle rotation) {
   const auto bits = [](const contid::LimitSet& binding) { return binding.to_ullong(); };
   return contid::solve_row(self, tip, direction, mid, seed, rotation, bits);
 }
@@ -78,8 +78,7 @@ void inverse_many(const SectionSolver& self, contid::Matrix tip, nb::handle dire
 }  // namespace
 
 NB_MODULE(KERNEL_MODULE, module) {
-  module.doc() =
-      "Constant-curvature sections: native twin of contid.kinematics.arc.solve and contid.kinematics.arc.sections.";
+  module.doc() = "Chains of constant-curvature sections: frames, Jacobians and bounded inverse kinematics.";
   nb::class_<SectionSolver>(module, "SectionSolver")
       .def("__init__", &make, nb::arg("radius"), nb::arg("to_arc"), nb::arg("to_lengths"), nb::arg("rigid"),
            nb::arg("lower"), nb::arg("upper"), nb::arg("home"), nb::arg("rack"), nb::arg("curvature_max"),

@@ -1,4 +1,4 @@
-// Many rows of a chain of sections. Specification: contid/kinematics/batch/loop.py.
+// Many rows of a chain of sections, each as the single call answers it.
 #pragma once
 
 #include "../batch.hpp"

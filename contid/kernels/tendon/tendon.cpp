@@ -39,8 +39,8 @@ void make(SectionSolver* self, nb::handle backbone, nb::handle rigid, nb::handle
   new (self) SectionSolver(f, contid::tuning_of(tuning));
 }
 
-nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
-                nb::handle rotation) {
+nb::object solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
+                 nb::handle rotation) {
   const auto bits = [](const contid::LimitSet& binding) {  // more than any C++ integer has
     return nb::steal<nb::int_>(PyLong_FromString(binding.to_string().c_str(), nullptr, 2));
   };
@@ -50,7 +50,7 @@ nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction,
 }  // namespace
 
 NB_MODULE(KERNEL_MODULE, module) {
-  module.doc() = "Bends of tendon robots: native twin of contid.kinematics.tendon, with the solver of arcs.";
+  module.doc() = "Bends of tendon robots: frames, Jacobians and bounded inverse kinematics, by the solver of arcs.";
   nb::class_<SectionSolver>(module, "SectionSolver")
       .def("__init__", &make, nb::arg("backbone"), nb::arg("rigid"), nb::arg("offset"), nb::arg("bend_max"),
            nb::arg("normals"), nb::arg("offsets"), nb::arg("tuning"))

@@ -6,14 +6,14 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
 from contid.kinematics.any_target import any_target
-from contid.kinematics.arc.avoid import FORCE, ZONE
 from contid.kinematics.arc.sections import backbone
-from contid.kinematics.arc.solver import nearest_note
+from contid.kinematics.arc.solver import FORCE, ZONE, nearest_note
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.bend_solver import build_bend_solver, ell_of
 from contid.kinematics.tendon.capstan import CapstanLead
@@ -81,8 +81,8 @@ class TendonModel:
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Tip, orientation and end of the first section for pulls [m]; a load does not bend this model."""
-        tip, rotation, mid = self.solver.forward(tuple((self._by_pulls @ actuation).tolist()))
-        lift = self._base_m
+        found = self.solver.forward(tuple((self._by_pulls @ actuation).tolist()))
+        tip, rotation, mid, lift = found.tip, found.rotation, found.mid, self._base_m
         if self._correction is not None:
             tip = _moved(tip, self._correction.at(np.asarray(actuation)))
         return Pose(
@@ -141,14 +141,15 @@ class TendonModel:
             tip = (tip[0], tip[1], tip[2] - lift)
             mid = None if mid is None else (mid[0], mid[1], mid[2] - lift)
         start = tuple((self._by_pulls @ seed).tolist())
-        bends, residual_m, converged, binding, iterations, _ = self.solver.solve(
-            tip, target.direction, mid, start, target.rotation
+        found = self.solver.solve(tip, target.direction, mid, start, target.rotation)
+        pulls, limits = (
+            self._pulls(np.array(found.lengths) / self._lengths),
+            self.feasible.named(found.binding),
         )
-        pulls, limits = self._pulls(np.array(bends) / self._lengths), self.feasible.named(binding)
-        if converged:
-            return Solution(pulls, residual_m, True, limits, iterations)
-        note = nearest_note(residual_m)
-        return Solution(pulls, residual_m, False, limits or (_LENGTH,), iterations, note)
+        if found.converged:
+            return Solution(pulls, found.residual_m, True, limits, found.iterations)
+        note = nearest_note(found.residual_m)
+        return Solution(pulls, found.residual_m, False, limits or (_LENGTH,), found.iterations, note)
 
     def _corrected(self, target: Target, seed: Actuation, correction: TipCorrection) -> Solution:
         """The answer whose correction moves the tip onto the target: a fixed point, begun at the seed."""
@@ -180,6 +181,12 @@ class TendonModel:
         pulls = self.geometry.pulls(bends) if self.statics is None else self.statics.pulls(bends)
         return tuple(np.clip(pulls, self.lower, self.upper).tolist())
 
+    @cached_property
+    def _bounds(self) -> tuple[Array, Array, Array]:
+        """Least and largest pulls [m], and the largest bend of every section times its length [m]."""
+        bend_max_m = np.array(self.feasible.sections.backbone_m) * np.array(self.feasible.bend_max_rad)
+        return np.array(self.lower), np.array(self.upper), bend_max_m
+
     def excess(self, actuation: Actuation) -> Array:
         """By how much limits of travel, tension and bends are exceeded by pulls [m], negative inside.
 
@@ -187,12 +194,13 @@ class TendonModel:
         """
         q = np.array(actuation)
         x = self._by_pulls @ q
-        parts = [np.array(self.lower) - q, q - np.array(self.upper)]
+        lower, upper, bend_max_m = self._bounds
+        parts = [lower - q, q - upper]
         if self.statics is not None:
             k = self.statics.tendon_n_per_m
             tension = self.statics.tensions(q)
             parts += [(self.statics.floor_n - tension) / k, (tension - self.statics.limit_n) / k]
-        parts.append(self.feasible.excess(x)[self.feasible.flat :])
+        parts.append(np.hypot(x[0::2], x[1::2]) - bend_max_m)
         return np.concatenate(parts)
 
     @property

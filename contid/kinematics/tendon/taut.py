@@ -28,11 +28,16 @@ class TautPulls:
     def __init__(self, statics: TendonStatics, excess: Callable[[Actuation], Array]) -> None:
         self.excess = excess
         self._statics = statics
+        self._count = statics.geometry.count
 
     def tightness(self, pulls: Array) -> Array:
         """Tightness of every section ``(sections,)`` [N]."""
+        return self._tightness(pulls, self._statics.bends(pulls))
+
+    def _tightness(self, pulls: Array, bends: Array) -> Array:
+        """Tightness of pulls whose bends are known."""
         statics = self._statics
-        above = (statics.tensions(pulls) - statics.floor_n) / statics.slack_free
+        above = (statics.tensions_at(pulls, bends) - statics.floor_n) / statics.slack_free
         tightness: Array = np.minimum.reduceat(above, statics.geometry.first_of)
         return tightness
 
@@ -49,12 +54,13 @@ class TautPulls:
         Bends ``(2 sections,)`` [rad], tightness ``(sections,)`` [N], and what is left of the pulls [m], which
         neither bends nor tightens: nothing for three tendons per section.
         """
-        bends, tightness = self._statics.bends(pulls), self.tightness(pulls)
+        bends = self._statics.bends(pulls)
+        tightness = self._tightness(pulls, bends)
         return np.concatenate((bends, tightness, pulls - self._statics.pulls(bends, tightness)))
 
     def join(self, coordinates: Array) -> Array:
         """Pulls ``(tendons,)`` [m] of coordinates."""
-        count = self._statics.geometry.count
-        bends, tightness, left = np.split(coordinates, (2 * count, 3 * count))
-        pulls: Array = self._statics.pulls(bends, tightness) + left
+        count = self._count
+        bends, tightness = coordinates[: 2 * count], coordinates[2 * count : 3 * count]
+        pulls: Array = self._statics.pulls(bends, tightness) + coordinates[3 * count :]
         return pulls

@@ -135,7 +135,7 @@ class Axis:
     def missed(self, time_s: float) -> Sample:
         """No answer in this exchange."""
         self.misses += 1
-        return self._sample(time_s, valid=False)
+        return self.sample(time_s, valid=False)
 
     def take(self, reading: ServoReading, time_s: float) -> None:
         """Store an answer that arrived at ``time_s``, and detect faults."""
@@ -170,10 +170,6 @@ class Axis:
             self._detect_standstill(time_s)
             if self.tendon.winding:
                 self._detect_slack(time_s)
-
-    def sample(self, time_s: float) -> Sample:
-        """Its sample at the end of an exchange that it answered."""
-        return self._sample(time_s, valid=not self.reset)
 
     def _detect_standstill(self, time_s: float) -> None:
         if self.goal is None or self.value is None or self.velocity is None:
@@ -227,7 +223,8 @@ class Axis:
         else:
             self.latch_reset()
 
-    def _sample(self, now: float, valid: bool) -> Sample:
+    def sample(self, now: float, valid: bool) -> Sample:
+        """Its sample at the end of an exchange; valid if that brought an answer that counts."""
         return Sample(
             self.value,
             self.time_s,

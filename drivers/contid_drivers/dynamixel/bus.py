@@ -68,8 +68,9 @@ class DynamixelBus:
         full = self._count % self.options.telemetry_every == 0 or self._count == 1
         faults = [axis.fault for axis in self._states.values()]
         self._readings.clear()
+        before_goals = self._grip.packet() if self._grip.axes else b""
         try:
-            found = cyclic.run(goals, full, None, self._grip.packet(), self._answered)
+            found = cyclic.run(goals, full, None, before_goals, self._answered)
             if len(found) < len(self._by_id):
                 self._retry(cyclic, found.keys(), full)
             else:
@@ -79,7 +80,7 @@ class DynamixelBus:
             samples = {}
             for (name, axis), before in zip(self._states.items(), faults, strict=True):
                 reading = self._readings.get(axis.device)
-                samples[name] = axis.missed(now) if reading is None else axis.sample(now)
+                samples[name] = axis.missed(now) if reading is None else axis.sample(now, not axis.reset)
                 if axis.fault != before:
                     samples[name] = self._find_cause(client, axis, reading, now, samples[name])
                 if axis.pending_rest is not None and reading is not None:
@@ -179,7 +180,7 @@ class DynamixelBus:
                 axis.hardware_error = client.read(axis.device, reg.HARDWARE_ERROR)
                 axis.fault = ""
                 axis.take(reading, now)
-                sample = axis.sample(now)
+                sample = axis.sample(now, not axis.reset)
             except NoAnswerError:
                 pass
         log.error("%s: %s", axis.name, axis.fault)

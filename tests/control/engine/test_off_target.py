@@ -10,7 +10,7 @@ import pytest
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.faults import Fault
-from contid.control.tick.on_path import tip_tolerance_m
+from contid.control.tick.next_command import tip_tolerance_m
 from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.control.tick.statistics import RobotTally
 from contid.kinematics.rack.finger import RackFingerModel

@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 
 from contid.control.tick.chord import _least_squares
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.on_path import limit_on_path
+from contid.control.tick.next_command import limit_on_path
 from contid.kinematics.array import Array
 from contid.targets import Actuation, Target, Vec3
 from tests.support.robot_configs import SLACK, config_of, postures

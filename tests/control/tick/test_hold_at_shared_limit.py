@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.on_path import limit_on_path
+from contid.control.tick.next_command import limit_on_path
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
 from contid.control.tick.transitions import hold

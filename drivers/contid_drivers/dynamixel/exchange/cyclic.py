@@ -74,10 +74,8 @@ class Cyclic:
         """Time-out of the answers from the end of the instruction [s]."""
         return self._answers_s(self._usual[full].size, self.fast) + self.port.latency_s
 
-    def _block(self, full: bool) -> Block:
-        """The block of the next exchange."""
-        if self._orderly >= ORDERLY:
-            return self._usual[full]
+    def _numbered_block(self) -> Block:
+        """The block of an exchange during which late answers may come."""
         now = time.monotonic()
         free = (block for block, used in self._numbered.items() if now - used >= REUSE_S)
         block = next(free, None) or min(self._numbered, key=self._numbered.__getitem__)
@@ -104,11 +102,10 @@ class Cyclic:
             self._reads.clear()
 
     def _read(self, block: Block, fast: bool) -> bytes:
-        # Sizes differ between blocks, and are quicker to look up.
-        key = (block.size, fast)
-        if key not in self._reads:
-            self._reads[key] = sync_read(block.address, block.size, self.ids, fast)
-        return self._reads[key]
+        """The packet that reads a block; kept by its size, which differs between blocks."""
+        packet = sync_read(block.address, block.size, self.ids, fast)
+        self._reads[block.size, fast] = packet
+        return packet
 
     def run(
         self,
@@ -134,9 +131,11 @@ class Cyclic:
             DeviceLostError: the port failed.
         """
         fast = self.fast if fast is None else fast
-        block = self._block(full)
-        wire = before + (_goal_packet(goals) if goals else b"") + self._read(block, fast)
-        stale = self._discard()
+        block = self._usual[full] if self._orderly >= ORDERLY else self._numbered_block()
+        read = self._reads.get((block.size, fast)) or self._read(block, fast)
+        wire = before + (_goal_packet(goals) if goals else b"") + read
+        early = self.port.receive(0.0)
+        stale = self._discard(early) if early else 0
         sent = self.port.send(wire)
         # What the instruction does not depend on follows it, to keep the pause before it short.
         counts = self.answers.counts
@@ -175,17 +174,15 @@ class Cyclic:
         self._orderly = self._orderly + 1 if orderly else 0
         return found
 
-    def _discard(self) -> int:
+    def _discard(self, early: bytes) -> int:
         """Drop what arrived since the last exchange: late answers, copies, or traffic of another host.
 
         Returns:
-            The number of late answers; at least 1 if anything was dropped.
+            The number of late answers; at least 1.
         """
-        stale = bytearray()
+        stale = bytearray(early)
         while data := self.port.receive(0.0):
             stale += data
-        if not stale:
-            return 0
         late = 0
         while (packet := take(stream=stale, final=True)) is not None:
             late += packet.instruction == Instruction.STATUS
@@ -193,7 +190,7 @@ class Cyclic:
 
     def read_again(self, devices: Sequence[int], full: bool, until: float, each: Receiver) -> None:
         """Read some servos once more, if their answers can arrive before ``until`` [monotonic s]."""
-        block = self._block(full)
+        block = self._usual[full] if self._orderly >= ORDERLY else self._numbered_block()
         port = self.port
         wire = sync_read(block.address, block.size, devices)
         answers_s = len(devices) * (port.status_s(block.size) + port.return_delay_s)
