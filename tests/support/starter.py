@@ -159,7 +159,7 @@ def _open(number: int, name: str, like: TextIO) -> TextIO | None:
     unbuffered = bool(number) and bool(os.environ.get("PYTHONUNBUFFERED"))
     buffer = open(number, mode, 0 if unbuffered else -1, closefd=False)  # noqa: SIM115
     raw = buffer if unbuffered else buffer.raw  # type: ignore[attr-defined]
-    raw.name = f"<{name}>"
+    raw.name = f"<{name}>"  # type: ignore[misc]
     stream = io.TextIOWrapper(
         buffer,
         encoding=like.encoding,

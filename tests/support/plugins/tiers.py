@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -87,7 +87,7 @@ def _is_pure(item: pytest.Item) -> bool:
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
     """Watch a test with its fixtures."""
     global _current
     item.stash[_SEEN] = _current = Seen()
@@ -98,9 +98,9 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, Any]:
     """A pure test that did more than it may fails when it has been torn down."""
-    report: Any = yield
+    report = yield
     if item.config.stash[_JUDGED] and report.when == "teardown" and report.passed and _is_pure(item):
         seen = item.stash[_SEEN]
         found = faults(seen, time.process_time() - seen.began_s)
