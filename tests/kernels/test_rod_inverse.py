@@ -11,8 +11,7 @@ from scipy.optimize import least_squares, lsq_linear
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import NO_SNAP, InverseAnswer, Limits, RodSolver
 from contid.targets import ZERO3, Vec3
-from tests.kernels.rod_tasks import Task, pull_inside
-from tests.kernels.test_rod_equilibria import own_weight, rod_of
+from tests.kernels.rod_tasks import Task, own_weight, pull_inside, rod_of
 from tests.kinematics.cosserat_cases import GRAM, one, solver, two
 
 TOLERANCE = 1e-6
@@ -199,7 +198,7 @@ def _back_onto(engine: RodSolver, task: Task, bar: Array, J: Array) -> Array:
 ])  # fmt: skip
 @pytest.mark.parametrize("grams", [0.0, 3.0])
 def test_out_of_reach_no_pressure_helps_further(sections: int, kind: str, full: bool, grams: float) -> None:
-    """First-order optimality inside the limits, by differences; the error is what `forward` says."""
+    """First-order optimality inside the limits, by differences; the error is that of `forward`."""
     engine = solver(rod_of(sections), limits=uneven(sections), full_rotation=full)
     rng, judged, held = np.random.default_rng([4, sections, full]), 0, 0
     limits, force = engine.setup.limits, (0.0, 0.0, grams * GRAM)
