@@ -75,7 +75,7 @@ def test_poses_of_other_pressures_are_met(sections: int, kind: str, force: Vec3,
 @pytest.mark.parametrize("weighs", [False, True])
 @pytest.mark.parametrize("sections", [1, 2])
 def test_from_one_command_to_the_next_few_sweeps_are_needed(sections: int, weighs: bool) -> None:
-    """Newton's method with chords: one sweep with derivatives a tick, three where weights bend two sections."""
+    """Newton's method with chords: one sweep with derivatives a tick, three for two heavy sections."""
     engine = solver(rod_of(sections), own_weight(sections) if weighs else None, tolerance=1e-4)
     force, kind = (0.0, 0.0, 5.0 * GRAM), "tip" if sections == 1 else "mid"
     begin, end = np.random.default_rng(5).uniform(0.2, 1.2, (2, 3 * sections))
