@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -27,7 +28,7 @@ from contid.targets import ZERO3, Actuation, Vec3
 WRENCH: Final = ("fx_n", "fy_n", "fz_n", "mx", "my", "mz")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RowArguments:
     """Converts arguments of one robot; every method raises `ArgumentError` for wrong ones.
 
@@ -45,7 +46,12 @@ class RowArguments:
     placed: PlacedRows
     axes: tuple[str, ...]
 
-    @property
+    @cached_property
+    def _rest(self) -> Array:
+        """Rest pose of the axes [m or Pa]."""
+        return np.array(self.robot.rest[: len(self.axes)])
+
+    @cached_property
     def point_columns(self) -> tuple[str, ...]:
         """Columns of a position."""
         return tuple(f"{axis}_{self.units.length}" for axis in "xyz"[: self.robot.dimension])
@@ -110,7 +116,7 @@ class RowArguments:
     def seeds(self, seed: ArrayLike | None, shape: Shape) -> Array:
         """Where the search begins [m or Pa]; the rest pose for None."""
         if seed is None:
-            return np.array(self.robot.rest[: len(self.axes)])
+            return self._rest.copy()
         return self.units.to_si(as_rows_like("seed", seed, self.axes, shape), self.robot.quantity)
 
 
