@@ -54,7 +54,7 @@ def _wait_for_hello(name: str, options: DueBusOptions, port: DuePort) -> Hello:
         sequence = (sequence + 1) & 0xFF
         payload = port.ask(messages.request(Type.HELLO, sequence), time.monotonic() + _HELLO_EVERY_S)
         try:
-            answer = None if payload is None else messages.read_answer(payload)[1]
+            answer = None if payload is None else messages.read_answer(payload).answer
         except messages.BadAnswerError as error:
             raise DeviceNotFoundError(name, str(error), "contid firmware flash") from error
         if isinstance(answer, Hello):
@@ -114,7 +114,7 @@ class DueConnection:
         self._sequence = (self._sequence + 1) & 0xFF
         payload = self._port.ask(messages.request(kind, self._sequence, body), time.monotonic() + seconds)
         try:
-            return None if payload is None else messages.read_answer(payload)[1]
+            return None if payload is None else messages.read_answer(payload).answer
         except messages.BadAnswerError:
             return None  # noise passes the CRC once in 65536 times
 

@@ -171,8 +171,8 @@ def handshake(client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOp
             lines.append(f"id {axis.device} ({axis.name}): expected {axis.options.model}, found {found}")
     if lines:
         present = ", ".join(
-            f"id {device} {model_name(model)} firmware {firmware}"
-            for device, (model, firmware) in sorted(client.broadcast_ping().items())
+            f"id {device} {model_name(servo.model)} firmware {servo.firmware}"
+            for device, servo in sorted(client.broadcast_ping().items())
         )
         raise DeviceNotFoundError(
             client.bus,

@@ -88,7 +88,9 @@ def _plant(found: Sequence[tuple[Servo, int, SpooledTendon | None]]) -> TendonPl
     play = [each.play_rad / reg.RAD_PER_TICK for each in tendons]
     if any(play) or tendons[0].capstan:
         capstan = tendons[0].capstan or (0.0,) * (len(bending) // 2)
-        plant = FrictionPlant(spools, winding, none, stiffness, wound, bending, play, capstan)
+        plant = FrictionPlant(
+            spools, winding, none, stiffness, wound, bending, play_ticks=play, capstan=capstan
+        )
     else:
         plant = TendonPlant(spools, winding, none, stiffness, wound, bending)
     plant.held = True

@@ -56,6 +56,7 @@ class FrictionPlant(TendonPlant):
         ma_per_tick: Sequence[float],
         pull_matrix: Floats,
         bending: Sequence[float],
+        *,
         play_ticks: Sequence[float],
         capstan: Sequence[float],
     ) -> None:
