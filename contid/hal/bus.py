@@ -35,14 +35,14 @@ class SpooledTendon:
         stiffness_nm: torque of the tendon per angle wound in [N m/rad].
         bends: angle wound in per bend of the backbone, with the sign of the device's rotation [rad/rad].
         bending_nm: stiffness of each of these bends [N m/rad].
-        play_rad: half width of the play between spool and tendon.
+        backlash_rad: half width of the backlash between spool and tendon.
         capstan: coefficient of friction in each section, which has two bends; empty: none.
     """
 
     stiffness_nm: float
     bends: tuple[float, ...]
     bending_nm: tuple[float, ...]
-    play_rad: float = 0.0
+    backlash_rad: float = 0.0
     capstan: tuple[float, ...] = ()
 
 

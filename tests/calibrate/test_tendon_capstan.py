@@ -32,7 +32,7 @@ def recording() -> tuple[Nominal, TendonRecording]:
     ]
     plant = FrictionPlant(
         *(servos, (1,) * 6, (0.0,) * 6, (1.0,) * 6, matrix, bending.tolist()),
-        play_ticks=(PLAY_M * PER_M,) * 6,
+        backlash_ticks=(PLAY_M * PER_M,) * 6,
         capstan=(MU,) * 2,
     )
     random, rows, labels, bends = np.random.default_rng(3), [], [], []

@@ -20,7 +20,7 @@ class TrackedArm:
 
     Attributes:
         axes: names of its axes on the bus.
-        body: follows their pressures, also between two captures: its play depends on all of them.
+        body: follows their pressures, also between two captures: its hysteresis depends on all of them.
     """
 
     def __init__(self, robot: str, description: Cosserat) -> None:
