@@ -37,9 +37,9 @@ def as_rows(what: str, values: ArrayLike, columns: Sequence[str]) -> GivenRows:
     Raises:
         ArgumentError: not numbers, another last dimension, or not finite.
     """
-    array = _floats(what, values, expected(columns))
+    array = _floats(what, values, describe_columns(columns))
     if array.ndim == 0 or array.shape[-1] != len(columns):
-        raise ArgumentError(f"{what} has shape {array.shape}; {expected(columns)}")
+        raise ArgumentError(f"{what} has shape {array.shape}; {describe_columns(columns)}")
     rows = array.reshape(-1, len(columns))
     bad = ~(np.abs(rows) <= MAX_NUMBER)
     if bad.any():
@@ -124,7 +124,7 @@ def _floats(what: str, values: ArrayLike, shape: str) -> Array:
         raise ArgumentError(f"{what}: an array of numbers is needed, {shape} ({error})") from None
 
 
-def expected(columns: Sequence[str]) -> str:
+def describe_columns(columns: Sequence[str]) -> str:
     """The shape of rows with these columns."""
     size = len(columns)
     return f"expected: ({size},) or (N, {size}) with columns {', '.join(columns)}"

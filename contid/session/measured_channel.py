@@ -112,7 +112,7 @@ class MeasuredChannel:
         for robot in self._robots:
             name = robot.config.name
             try:
-                actuation, tip = robot.measured(record)
+                actuation, tip = robot.pose(record)
             except Exception as error:  # any error of a model
                 raise ModelFailedError(f"{name}: {error!r}") from error
             found: dict[str, Any] = {

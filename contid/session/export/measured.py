@@ -54,7 +54,7 @@ class MeasuredRobot:
         axes = (f"{axis}_{quantity.unit}" for axis, quantity in pairs)
         return tuple(f"{self.config.name}.{name}" for name in (*axes, *_TIP))
 
-    def measured(self, record: Sequence[float]) -> MeasuredPose:
+    def pose(self, record: Sequence[float]) -> MeasuredPose:
         """The pose of a record."""
         config = self.config
         actuation = config.transmission.to_actuation(tuple([record[place] for place in self.values]))
@@ -65,7 +65,7 @@ class MeasuredRobot:
 
     def row(self, record: Sequence[float]) -> tuple[float, ...]:
         """Axes and tip in the world, in the units of `names`; NaN for what is absent."""
-        actuation, tip_m = self.measured(record)
+        actuation, tip_m = self.pose(record)
         quantities = self.config.quantities
         axes = tuple([each.from_si(value) for each, value in zip(quantities, actuation, strict=True)])
         return (*axes, *(MM_PER_M * value for value in tip_m or _NO_TIP))

@@ -96,10 +96,10 @@ class DueDriver:
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], control: Path | None = None
     ) -> AbstractContextManager[Sequence[str]]:
         """The firmware itself on a pty; see `contid.hal.Emulates`."""
-        from contid_drivers.due.emulator import emulated
+        from contid_drivers.due.emulator import emulate
 
         assert isinstance(options, DueBusOptions)
-        return emulated(name, options, axes, control)
+        return emulate(name, options, axes, control)
 
     def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
         """See `contid.hal.Diagnoses`."""

@@ -190,7 +190,7 @@ def _follow(control: ControlFile, ended: threading.Event) -> None:
 
 
 @contextlib.contextmanager
-def emulated(
+def emulate(
     name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], control: Path | None = None
 ) -> Iterator[Sequence[str]]:
     """See `contid.hal.Emulates`: the board of one bus at the port of its options."""

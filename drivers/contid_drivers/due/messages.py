@@ -173,14 +173,14 @@ def demand(
     return body
 
 
-def masked(config_crc: int, channels: Iterable[int]) -> bytes:
+def mask_body(config_crc: int, channels: Iterable[int]) -> bytes:
     """The body of arm, clear and home."""
     return struct.pack("<HB", config_crc, mask_of(channels))
 
 
 def park(config_crc: int, channels: Iterable[int], parked: bool) -> bytes:
     """The body of a park: the shafts are at ``power_up`` now, or (``parked`` false) somewhere."""
-    return masked(config_crc, channels) + bytes([parked])
+    return mask_body(config_crc, channels) + bytes([parked])
 
 
 def stop(channels: Iterable[int], rest: RestCode) -> bytes:

@@ -221,7 +221,7 @@ class DueConnection:
         self._port.close()
 
 
-def refused(name: str, what: str, axes: Sequence[str], answer: Refused | None) -> DeviceError:
+def refusal_error(name: str, what: str, axes: Sequence[str], answer: Refused | None) -> DeviceError:
     """The error for a request the board did not grant; ``answer`` is None without an answer."""
     message = "no answer" if answer is None else answer.message
     remedy = "" if answer is None else _REMEDIES.get(answer.refusal, "")

@@ -104,7 +104,7 @@ class BusLink:
         """The open port; None when it is closed or lost."""
         return self._opened if self._lost is None else None
 
-    def opened(self) -> Opened:
+    def need_open(self) -> Opened:
         """The open port.
 
         Raises:
@@ -139,7 +139,7 @@ class BusLink:
                 self.name, reg.FAST_READ_FIRMWARE, which,
             )  # fmt: skip
             return False
-        cyclic = self.opened().cyclic
+        cyclic = self.need_open().cyclic
         # A servo without fast reads answers none; that is no fault of the wire.
         cyclic.answers.counts = copy.copy(self.counts)
         try:

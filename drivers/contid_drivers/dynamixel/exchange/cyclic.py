@@ -153,7 +153,7 @@ class Cyclic:
         found: dict[int, ServoReading] = {}
         returned: list[int] = []
 
-        def answered(device: int, reading: ServoReading) -> None:
+        def take_answer(device: int, reading: ServoReading) -> None:
             if device in unproven:
                 returned.append(device)
                 return
@@ -162,7 +162,7 @@ class Cyclic:
                 each(device, reading)
 
         take_answers = self.answers.fast if fast else self.answers.plain
-        take_answers(self.ids, block, sent + on_wire_s + self.port.latency_s, slack_s, answered)
+        take_answers(self.ids, block, sent + on_wire_s + self.port.latency_s, slack_s, take_answer)
         self.returned = frozenset(returned)
         if returned:
             self._silent -= self.returned
