@@ -22,11 +22,11 @@ from itertools import chain
 from typing import Final
 
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.cycle_time import Slack
 from contid_drivers.dynamixel.exchange.answers import AnswerCounts, Receiver, ServoAnswers
 from contid_drivers.dynamixel.exchange.block import Block, CyclicLayout, ServoReading, numbered_blocks
 from contid_drivers.dynamixel.exchange.fast_answer import HEAD as FAST_HEAD
 from contid_drivers.dynamixel.exchange.fast_answer import PART_OVERHEAD
-from contid_drivers.dynamixel.exchange.slack import Slack
 from contid_drivers.dynamixel.packets import (
     BROADCAST,
     Instruction,
