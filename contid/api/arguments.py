@@ -106,7 +106,7 @@ def as_rotations(what: str, values: ArrayLike, shape: Shape) -> Array:
 
 
 def as_values(what: str, values: ArrayLike, shape: Shape) -> Array:
-    """One number per row.
+    """Numbers, one for each row.
 
     Raises:
         ArgumentError: not numbers, or another shape.

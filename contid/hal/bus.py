@@ -143,7 +143,7 @@ class Bus(Protocol):
         """Make axes ready to move without moving them: goal := present, torque on, watchdog armed."""
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
-        """One tick: send the commands of this tick, read every axis.
+        """Send the commands of a tick, and read every axis.
 
         Args:
             commands: device values [rad or Pa] by axis name; axes left out keep their goal.

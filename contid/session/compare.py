@@ -56,7 +56,7 @@ class Divergence:
 
 @dataclass(frozen=True, slots=True)
 class _Value:
-    """One compared value."""
+    """A value of a record that a replay compares."""
 
     slot: int
     robot: int

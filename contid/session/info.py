@@ -75,7 +75,7 @@ class Info:
     versions: dict[str, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        """As lines of text."""
+        """The summary as lines of text."""
         size = f"{self.bytes / 1e6:.3g} MB" + (", compacted" if self.compacted else "")
         lines = [
             f"{self.file}: {self.state}, {size}",

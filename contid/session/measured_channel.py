@@ -89,7 +89,7 @@ class MeasuredChannel:
         return cls(session, robots) if robots else None
 
     def declaration(self) -> tuple[Any, Any]:
-        """Its schema and its channel as records of the ``mcap`` package."""
+        """Schema and channel, as records of the ``mcap`` package."""
         from mcap import records
 
         text = json.dumps(measured_schema(self._keys)).encode()

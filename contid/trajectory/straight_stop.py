@@ -22,7 +22,7 @@ _ROUNDING = 1e-9
 
 
 class StraightStop:
-    """From a position and the step to it to standstill on a straight line.
+    """A stop on a straight line, from a position and the step that led to it.
 
     Args:
         position: of the axes [m or Pa].

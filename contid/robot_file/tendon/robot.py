@@ -142,7 +142,7 @@ class TendonRobot(RobotDescription):
 
     @property
     def rest(self) -> Actuation:
-        """As written, else the straight robot."""
+        """Pulls that a stop of policy ``rest`` moves to: ``rest_mm``, or those of the straight robot."""
         return super().rest if self.rest_mm is not None else (0.0,) * len(self.axis_names)
 
     @property
@@ -167,7 +167,7 @@ class TendonRobot(RobotDescription):
         return x / MM_PER_M, y / MM_PER_M, z / MM_PER_M
 
     def per_section(self, values: tuple[float, ...]) -> tuple[float, ...]:
-        """One number per section."""
+        """Repeat the numbers of a key so that there is one per section."""
         return values * self.sections if len(values) == 1 else values
 
     def _per_tendon(self, values: tuple[float, ...]) -> tuple[float, ...]:

@@ -171,7 +171,7 @@ class DueBus:
         self._request_for(self._need_session(), Type.HOME, "cannot home", [self._axis(name) for name in axes])
 
     def homing(self, axis: str) -> bool:
-        """Whether the axis was still searching its end stop in the newest telemetry."""
+        """True while the newest telemetry has the axis searching its end stop."""
         report = self._axis(axis).report
         return report is not None and report.state is BoardState.HOMING
 

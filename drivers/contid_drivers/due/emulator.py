@@ -51,7 +51,7 @@ class BoardFault(Strict):
 
     @property
     def command(self) -> str:
-        """Its command in firmware/host/README.md."""
+        """The line that switches it, as firmware/host/README.md has it."""
         if self.fault in get_args(ChannelFault):
             return f"set {self.channel} {self.fault} {self.on:d}"
         if self.fault == "silent":

@@ -189,7 +189,7 @@ def stop(channels: Iterable[int], rest: RestCode) -> bytes:
 
 
 def mask_of(channels: Iterable[int]) -> int:
-    """One bit per channel."""
+    """A mask with the bit of each of these channels."""
     return sum({1 << channel for channel in channels})
 
 

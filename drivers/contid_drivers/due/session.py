@@ -176,7 +176,7 @@ class DueConnection:
             )
 
     def command(self, kind: Type, body: bytes) -> Telemetry | Refused | None:
-        """One request answered by a telemetry; None after the time-out.
+        """Send a request that a telemetry answers; None after the time-out.
 
         Raises:
             DeviceLostError: the port is gone, or the board was reset since hello.

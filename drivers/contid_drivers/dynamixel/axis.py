@@ -82,7 +82,7 @@ class Axis:
 
     @classmethod
     def of(cls, axis: AxisOnBus, bus: DynamixelBusOptions) -> Axis:
-        """From the robot file."""
+        """Build the servo of an axis of the robot file."""
         options = axis.options
         assert isinstance(options, DynamixelAxisOptions)
         mode, model = options.mode or bus.mode, BY_NAME[options.model]
@@ -172,7 +172,7 @@ class Axis:
                 self._detect_slack(time_s)
 
     def sample(self, time_s: float) -> Sample:
-        """Its sample at the end of an exchange that it answered."""
+        """The sample at the end of an exchange that the servo answered."""
         return self._sample(time_s, valid=not self.reset)
 
     def _detect_standstill(self, time_s: float) -> None:
