@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from contid.api.arguments import (
     ArgumentError,
+    GivenRows,
     Shape,
     as_directions,
     as_rotations,
@@ -63,10 +64,10 @@ class RowArguments:
             message = f"model {self.robot.model} of {self.name} takes no {kind}; allowed: {allowed}"
             raise ArgumentError(f"{kind}: {message}")
 
-    def actuations(self, actuation: ArrayLike) -> tuple[Array, Shape]:
-        """Actuations [m or Pa], and the shape of the rows."""
+    def actuations(self, actuation: ArrayLike) -> GivenRows:
+        """Actuations [m or Pa]."""
         rows, shape = as_rows("actuation", actuation, self.axes)
-        return self.units.to_si(rows, self.robot.quantity), shape
+        return GivenRows(self.units.to_si(rows, self.robot.quantity), shape)
 
     def loads(self, load: ArrayLike | None, shape: Shape) -> Array | None:
         """Forces on the tip in the base frame [N], None for none."""

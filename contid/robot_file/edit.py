@@ -145,7 +145,7 @@ def _path(document: Any, key: str) -> list[str]:
 
 
 def _below(node: Any, part: str) -> Any:
-    """One step down a dotted key: a name in a mapping, a number in a list."""
+    """Step down a dotted key: by a name in a mapping, by a number in a list."""
     return node[int(part)] if isinstance(node, list) else node[part]
 
 

@@ -19,6 +19,7 @@ from typing import Any, Final, NamedTuple
 from contid.errors import ContidError
 from contid.targets import Actuation
 from contid.trajectory.cruise import CruiseAxis, CruiseMotion, StraightMotion
+from contid.trajectory.standstill import MotionState
 
 #: A speed above its limit by rounding is set to the limit: the solver fails for one in eight problems where
 #: several axes are a few float64 steps above it.
@@ -59,6 +60,7 @@ class Approach:
         velocity_limit: Sequence[float],
         acceleration_limit: Sequence[float],
         jerk_limit: Sequence[float],
+        *,
         straight: bool = False,
     ) -> None:
         self._goal: Actuation = tuple(float(value) for value in goal)
@@ -79,14 +81,14 @@ class Approach:
         self._trajectory: Any = solve(problem, straight)
         self.duration_s: float = self._trajectory.duration
 
-    def at(self, time_s: float) -> tuple[Actuation, Actuation]:
-        """Position and velocity ``time_s`` after the start; the start before it, the goal at rest after."""
+    def at(self, time_s: float) -> MotionState:
+        """The state ``time_s`` after the start; the start before it, the goal at rest after."""
         if time_s >= self.duration_s:
-            return self._goal, (0.0,) * len(self._goal)
+            return MotionState(self._goal, (0.0,) * len(self._goal))
         if time_s <= 0.0:
-            return self._start, self._start_velocity
+            return MotionState(self._start, self._start_velocity)
         position, velocity = self._trajectory.at_time(time_s)[:2]
-        return (
+        return MotionState(
             tuple([value * scale for value, scale in zip(position, self._scale, strict=True)]),
             tuple([value * scale for value, scale in zip(velocity, self._scale, strict=True)]),
         )

@@ -31,7 +31,9 @@ def recording() -> tuple[Nominal, TendonRecording]:
         Servo(k, baud=57600, model=1200, position_ticks=0.0, stops_ticks=(-1e6, 1e6)) for k in range(1, 7)
     ]
     plant = FrictionPlant(
-        servos, (1,) * 6, (0.0,) * 6, (1.0,) * 6, matrix, bending.tolist(), (PLAY_M * PER_M,) * 6, (MU,) * 2
+        *(servos, (1,) * 6, (0.0,) * 6, (1.0,) * 6, matrix, bending.tolist()),
+        backlash_ticks=(PLAY_M * PER_M,) * 6,
+        capstan=(MU,) * 2,
     )
     random, rows, labels, bends = np.random.default_rng(3), [], [], []
     swing = np.concatenate((np.linspace(0.1, 1.0, 8), np.linspace(0.9, 0.0, 8)))

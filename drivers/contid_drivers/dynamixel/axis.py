@@ -11,7 +11,7 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.exchange.block import ServoReading
 from contid_drivers.dynamixel.models import BY_NAME, ServoModel
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions, Tensioning
-from contid_drivers.dynamixel.plausibility import FollowingError, SlackTendon, jumped
+from contid_drivers.dynamixel.plausibility import FollowingError, SlackTendon, has_jumped
 
 RESET_FAULT = "it reset itself (brown-out?); its watchdog, settings and turn count are gone"
 #: Following error allowed in extended position mode.
@@ -82,7 +82,7 @@ class Axis:
 
     @classmethod
     def of(cls, axis: AxisOnBus, bus: DynamixelBusOptions) -> Axis:
-        """From the robot file."""
+        """Build the servo of an axis of the robot file."""
         options = axis.options
         assert isinstance(options, DynamixelAxisOptions)
         mode, model = options.mode or bus.mode, BY_NAME[options.model]
@@ -132,7 +132,7 @@ class Axis:
         self.following.clear()
         self.tendon.clear()
 
-    def missed(self, time_s: float) -> Sample:
+    def record_miss(self, time_s: float) -> Sample:
         """No answer in this exchange."""
         self.misses += 1
         return self.sample(time_s, valid=False)
@@ -148,7 +148,7 @@ class Axis:
         value = self.to_rad(reading.position)
         if not self.reset and self.turn_known and self.seen is not None:
             elapsed_s = time_s - self.time_s
-            if jumped(value - self.seen, elapsed_s):
+            if has_jumped(value - self.seen, elapsed_s):
                 off_deg = math.degrees(value - self.seen)
                 self.latch_reset(
                     f"its position jumped by {off_deg:+.0f} deg in {1e3 * elapsed_s:.0f} ms; {_JUMP}"
@@ -180,7 +180,7 @@ class Axis:
             return
         limit_ma = self.options.current_limit_ma or self.model.current_limit_ma
         load = None if self.effort is None or not limit_ma else abs(self.effort) * 1e3 / limit_ma
-        if not self.following.exceeded(error, self.velocity, load, time_s):
+        if not self.following.is_exceeded(error, self.velocity, load, time_s):
             return
         current = "" if self.effort is None else f" with {1e3 * abs(self.effort):.0f} mA"
         self.latch(
@@ -191,7 +191,7 @@ class Axis:
     def _detect_slack(self, time_s: float) -> None:
         if self.effort is None or self.velocity is None:
             return
-        if not self.tendon.exceeded(self.effort, self.velocity, time_s):
+        if not self.tendon.is_exceeded(self.effort, self.velocity, time_s):
             return
         now_ma, least_ma = 1e3 * self.tendon.winding * self.effort, 1e3 * self.tendon.least_a
         state = (

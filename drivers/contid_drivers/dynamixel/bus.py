@@ -61,7 +61,7 @@ class DynamixelBus:
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
         """See `contid.hal.Bus.exchange`."""
-        opened = self._link.opened()
+        opened = self._link.need_open()
         client, cyclic = opened.client, opened.cyclic
         goals = self._goals(commands)
         self._count += 1
@@ -70,7 +70,7 @@ class DynamixelBus:
         self._readings.clear()
         before_goals = self._grip.packet() if self._grip.axes else b""
         try:
-            found = cyclic.run(goals, full, None, before_goals, self._answered)
+            found = cyclic.run(goals, full, None, before_goals, self._take_answer)
             if len(found) < len(self._by_id):
                 self._retry(cyclic, found.keys(), full)
             else:
@@ -80,7 +80,7 @@ class DynamixelBus:
             samples = {}
             for (name, axis), before in zip(self._states.items(), faults, strict=True):
                 reading = self._readings.get(axis.device)
-                samples[name] = axis.missed(now) if reading is None else axis.sample(now, not axis.reset)
+                samples[name] = axis.record_miss(now) if reading is None else axis.sample(now, not axis.reset)
                 if axis.fault != before:
                     samples[name] = self._find_cause(client, axis, reading, now, samples[name])
                 if axis.pending_rest is not None and reading is not None:
@@ -90,7 +90,7 @@ class DynamixelBus:
             raise self._link.mark_lost(error) from None
         return samples
 
-    def _answered(self, device: int, reading: ServoReading) -> None:
+    def _take_answer(self, device: int, reading: ServoReading) -> None:
         """Take a reading, unless it may come from a servo that has reset itself.
 
         Without mapped bytes only an armed watchdog excludes a reset.
@@ -162,7 +162,7 @@ class DynamixelBus:
         if fast:
             log.debug("%s: fast read broke off; plain reads for %d exchanges", self.name, FAST_AGAIN)
             until += cyclic.timeout_s(full)
-        cyclic.read_again(missing, full, until, self._answered)
+        cyclic.read_again(missing, full, until, self._take_answer)
 
     def _count_complete(self, cyclic: Cyclic) -> None:
         if cyclic.fast or self.options.fast_read == "off":

@@ -14,10 +14,10 @@ from contid_drivers.dynamixel import arming, duplicates
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
+from contid_drivers.dynamixel.cycle_time import Slack
 from contid_drivers.dynamixel.exchange.answers import AnswerCounts
 from contid_drivers.dynamixel.exchange.block import PLAIN
 from contid_drivers.dynamixel.exchange.cyclic import Cyclic
-from contid_drivers.dynamixel.exchange.slack import Slack
 from contid_drivers.dynamixel.grip import read_own_limit
 from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions

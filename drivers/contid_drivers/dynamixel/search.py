@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from contid.errors import DeviceError
 from contid_drivers.defer_signals import defer_signals
@@ -48,8 +49,15 @@ def relax(client: ServoClient, axes: Sequence[Axis]) -> None:
             )
 
 
-def observe(client: ServoClient, axis: Axis) -> tuple[int, float]:
-    """Position [ticks] and magnitude of the current [mA] of a searching servo, by one answer.
+class Observed(NamedTuple):
+    """Position of a searching servo, and the magnitude of its current."""
+
+    ticks: int
+    current_ma: float
+
+
+def observe(client: ServoClient, axis: Axis) -> Observed:
+    """Read position and current of a searching servo in one answer.
 
     Raises:
         DeviceError: a hardware error, a tripped watchdog, or a reset.
@@ -66,4 +74,4 @@ def observe(client: ServoClient, axis: Axis) -> tuple[int, float]:
         raise DeviceError(name, f"hardware error while homing: {reg.describe_hardware_error(bits)}")
     if value(reg.BUS_WATCHDOG) != axis.armed:
         raise DeviceError(name, "its watchdog tripped or it reset itself while homing", "home again")
-    return value(last), abs(value(reg.PRESENT_CURRENT)) * (axis.model.ma_per_unit or 0.0)
+    return Observed(value(last), abs(value(reg.PRESENT_CURRENT)) * (axis.model.ma_per_unit or 0.0))

@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 
 def enable(link: BusLink, axes: Sequence[Axis]) -> None:
     """See `contid.hal.Bus.enable`."""
-    opened = link.opened()
+    opened = link.need_open()
     client = opened.client
     chosen = [axis for axis in axes if not axis.enabled]
     for axis in chosen:
@@ -96,7 +96,7 @@ def disable(link: BusLink, axes: Sequence[Axis], rest: Rest) -> None:
 
 def clear_fault(link: BusLink, axes: Sequence[Axis]) -> None:
     """See `contid.hal.Bus.clear_fault`."""
-    client = link.opened().client
+    client = link.need_open().client
     try:
         for axis in axes:
             if axis.fault or not axis.enabled:

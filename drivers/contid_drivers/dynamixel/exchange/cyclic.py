@@ -22,11 +22,11 @@ from itertools import chain
 from typing import Final
 
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.cycle_time import Slack
 from contid_drivers.dynamixel.exchange.answers import AnswerCounts, Receiver, ServoAnswers
 from contid_drivers.dynamixel.exchange.block import Block, CyclicLayout, ServoReading, numbered_blocks
 from contid_drivers.dynamixel.exchange.fast_answer import HEAD as FAST_HEAD
 from contid_drivers.dynamixel.exchange.fast_answer import PART_OVERHEAD
-from contid_drivers.dynamixel.exchange.slack import Slack
 from contid_drivers.dynamixel.packets import (
     BROADCAST,
     Instruction,
@@ -152,7 +152,7 @@ class Cyclic:
         found: dict[int, ServoReading] = {}
         returned: list[int] = []
 
-        def answered(device: int, reading: ServoReading) -> None:
+        def take_answer(device: int, reading: ServoReading) -> None:
             if device in unproven:
                 returned.append(device)
                 return
@@ -161,7 +161,7 @@ class Cyclic:
                 each(device, reading)
 
         take_answers = self.answers.fast if fast else self.answers.plain
-        take_answers(self.ids, block, sent + on_wire_s + self.port.latency_s, slack_s, answered)
+        take_answers(self.ids, block, sent + on_wire_s + self.port.latency_s, slack_s, take_answer)
         self.returned = frozenset(returned)
         if returned:
             self._silent -= self.returned
