@@ -13,6 +13,8 @@ import pytest
 
 from contid.kernels import KERNELS
 
+pytestmark = pytest.mark.campaign
+
 ROOT = Path(__file__).parents[1]
 HEADERS = Path(sysconfig.get_path("include"))
 #: The checkout is installed editable here; its import hook comes before PYTHONPATH.

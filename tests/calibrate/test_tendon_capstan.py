@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from contid.calibrate.tendon.capstan import capstan_coefficient
 from contid.calibrate.tendon.fit import fit_model
@@ -57,6 +58,7 @@ def recording() -> tuple[Nominal, TendonRecording]:
     return Nominal((0.06, 0.05), 4e-3, angles, (3, 3)), data
 
 
+@pytest.mark.slow
 def test_the_coefficient_is_that_of_the_emulated_tendons() -> None:
     """The fit has a constant moment per section: the quotient of works is right to a fifth."""
     nominal, data = recording()

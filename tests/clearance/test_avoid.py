@@ -86,6 +86,7 @@ def test_far_obstacles_change_no_bit(sections):
     assert kept.solve(target, None, None, seed) == plain.solve(target, None, None, seed)
 
 
+@pytest.mark.slow
 @ARMS
 def test_answers_along_a_line_past_obstacles_have_no_jump(sections):
     """From step to step the axes move in proportion to the tip, also where the potential begins."""

@@ -42,6 +42,7 @@ def true_distance(a, b):
     return min(float(apart.min()), refined(distance, start, [(0, a.length), (0, b.length)]))
 
 
+@pytest.mark.slow
 def test_two_arms_are_never_accepted_nearer_than_they_are():
     rng = np.random.default_rng(1)
     falsely_refused = penetrations = 0
@@ -76,6 +77,7 @@ def random_obstacle(rng):
     return Box(at, Rotation.random(random_state=rng).as_matrix(), rng.uniform(0.005, 0.1, 3))
 
 
+@pytest.mark.slow
 def test_obstacles_bound_the_dense_sampling():
     rng = np.random.default_rng(2)
     for _ in range(CONFIGURATIONS):
@@ -106,6 +108,7 @@ def test_the_signed_distance_of_a_box_is_the_distance_to_its_nearest_point():
     assert cube.signed_distance(np.array([[0.5, 0, 0], [0, 0, 0]])) == pytest.approx([-0.5, -1.0])
 
 
+@pytest.mark.slow
 def test_segments_against_scipy_also_when_parallel_crossing_or_points():
     rng = np.random.default_rng(4)
     for case in range(200):
@@ -160,6 +163,7 @@ def test_a_curve_between_coarse_samples_is_not_missed():
     assert found.lower_m <= 0.0
 
 
+@pytest.mark.slow
 def test_many_pairs_against_dense_sampling():
     """The long form: python -m tests.clearance.dense 1000000."""
     counts = run(2000, 1)
@@ -235,6 +239,7 @@ def test_points_that_are_not_numbers_are_refused_not_far_away():
         to_obstacle(Body(broken, 0.1 / 32, 0.01), Plane(np.zeros(3), np.array([0.0, 0.0, 1.0])))
 
 
+@pytest.mark.slow
 def test_a_part_of_a_body_ends_where_it_has_to():
     """Against 4001 samples of the part; whole pieces made it up to 2 mm longer, in jumps."""
     rng = np.random.default_rng(6)

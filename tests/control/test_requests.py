@@ -13,6 +13,8 @@ from contid.control.engine.order_events import order_event, order_of
 from contid.control.orders import REQUESTS
 from tests.support.daemons import daemon
 
+pytestmark = pytest.mark.process
+
 #: What the client does not offer as a method of its own: parts of its procedures.
 PARTS = {"hello", "rows", "end", "note", "subscribe", "unsubscribe"}
 

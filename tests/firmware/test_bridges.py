@@ -87,6 +87,7 @@ class Bench:
         return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("bridge", "part", "released"), PARTS)
 def test_a_bridge_does_what_the_board_means(
     bridge: str, part: Mapping[tuple[int, int, int], str], released: str

@@ -8,6 +8,8 @@ from contid_drivers.due import messages
 from contid_drivers.due.codes import BoardState, RestCode, Type
 from contid_drivers.due.messages import Refused, Telemetry
 
+pytestmark = pytest.mark.process
+
 HOMING = {"direction": 1, "speed_deg_s": 90, "duty_percent": 40, "at_deg": 720.0}
 #: Shorter than the standstill that ends a search.
 WATCHDOG_MS = 20

@@ -14,6 +14,8 @@ from tests.firmware.sam3x.board import Sam3x
 from tests.firmware.sam3x.build import build_sketch
 from tests.firmware.sam3x.host import Host
 
+pytestmark = pytest.mark.process
+
 Make = Callable[[str], VirtualBoard]
 
 

@@ -60,6 +60,7 @@ def vec3(row: Array) -> Vec3:
     return x, y, z
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", [1, 3])
 @pytest.mark.parametrize(("sections", "tip_link"), [(1, 0.0), (2, 0.0), (2, 3.0), (3, 3.0)])
 def test_unloaded_rows_reach_their_targets_by_exponentials(

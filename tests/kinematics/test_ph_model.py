@@ -23,6 +23,8 @@ from studies.arc_chains import forward
 from tests.kinematics.section_robots import RACKS, free_solver
 from tests.support.command import contid
 
+pytestmark = pytest.mark.process
+
 
 def by_shape(configs: Path, tolerance_mm: float | None = None, **changed: Any) -> PhModel:
     raw = yaml.safe_load((configs / "cbha.yaml").read_text())

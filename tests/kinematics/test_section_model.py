@@ -131,8 +131,17 @@ def test_models_of_the_shipped_files(configs, name):
     assert solution.converged
     assert not solution.limited_by
     np.testing.assert_allclose(model.forward(solution.actuation).tip_m, pose.tip_m, atol=1e-6)
-    assert model.jacobian(home).shape == (3, len(home))
-    assert model.shape(home, 7).shape == (7, 3)
+    jacobian, travel = model.jacobian(home), np.array(model.upper) - model.lower
+    for axis, step in enumerate(1e-5 * travel):
+        moved = np.zeros(len(home))
+        moved[axis] = step
+        ahead, behind = (np.array(model.forward(tuple(home + sign * moved)).tip_m) for sign in (1, -1))
+        slope = (ahead - behind) / (2.0 * step)
+        assert jacobian[:, axis] == pytest.approx(slope, rel=1e-4, abs=1e-4 * np.abs(jacobian).max())
+    line = model.shape(home, 7)
+    assert line[0] == pytest.approx((0, 0, 0), abs=1e-12)
+    assert line[-1] == pytest.approx(pose.tip_m, abs=1e-9)
+    assert np.ptp(np.linalg.norm(np.diff(line, axis=0), axis=1)) < 1e-9  # straight at home: equal steps
     assert pose.direction == pytest.approx((0, 0, 1))
     clamped = model.inverse(Target(actuation=tuple(2 * value for value in model.upper)), home)
     assert not clamped.converged

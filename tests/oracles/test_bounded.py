@@ -13,6 +13,8 @@ from contid.targets import Target, Vec3
 from contid.units import BAR, MM_PER_M
 from tests.oracles.bounded import AS_GOOD_MM, GRAM_N, answer, cases, compare, models
 
+pytestmark = pytest.mark.campaign
+
 #: An answer is found in bounded work, so scipy may be nearer [mm].
 FARTHER_MM = 3.0
 #: The estimated discretisation error: answers that differ by less are as near [mm].

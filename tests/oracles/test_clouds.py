@@ -10,6 +10,8 @@ from contid.units import BAR
 from tests.oracles.bounded import GRAM_N, Case, models
 from tests.oracles.clouds import count, straight_to
 
+pytestmark = pytest.mark.campaign
+
 #: An answer is found in bounded work, so a pose of the cloud may be nearer [mm].
 FARTHER_MM = 3.0
 

@@ -7,6 +7,8 @@ import pytest
 from tests.oracles.runs import ROBOTS, random_run
 from tests.oracles.warm_rods import count
 
+pytestmark = pytest.mark.campaign
+
 CASES = 3
 
 

@@ -15,6 +15,8 @@ import pytest
 
 from contid.panel.priority import PAUSE_S, PRIORITY, before_clients
 
+pytestmark = pytest.mark.process
+
 #: Real time of the busy loop: several times `contid.panel.priority.BUSY_US`.
 BUSY_S = 1.0
 

@@ -18,6 +18,8 @@ from tests.support.command import contid
 from tests.support.daemons import HERE, armed, daemon, states
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.process
+
 COLUMNS = ["t_s", "x_mm", "y_mm"]
 ROWS = [[0.01 * n, 40.0 + 0.05 * n, 75.0] for n in range(50)]
 PERIOD_S = 0.005

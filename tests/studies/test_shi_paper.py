@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from contid.kinematics.cosserat.loads import Loads
 from studies.shi import PAPER_ELEMENTS, forward, inverse, unknowns
 from studies.shi_cold import MODES, cold_starts
 from studies.shi_experiments import Plant, arm, experiment
-from studies.shi_paths import runs
+from studies.shi_paths import Run, runs
 from tests.kinematics.cosserat_cases import GOLDEN, GRAM, rod_of, standing
 
 TIP_LOADED = [case for case in GOLDEN["fk"] if set(case["loads"]) <= {"Ftip"}]
@@ -81,8 +82,30 @@ def test_play_holds_back_and_noise_stays_inside_its_bound() -> None:
     assert 0.025 < np.abs(noisy).max() <= 0.03
 
 
-def test_every_run_of_the_paper_is_reached_by_the_model() -> None:
+def test_the_experiments_have_as_many_runs_as_the_paper() -> None:
     assert [sum(run.experiment == k for run in runs(3)) for k in (1, 2, 3, 4)] == [24, 4, 7, 9]
+
+
+#: Name of a run of one point -> its shape, its size [mm], and how far it rises [mm].
+CAPTION = re.compile(r"(square|box|ellipse|spiral) (\d+)(?: dz (\d+))?")
+
+
+@pytest.mark.parametrize("run", [run for run in runs(401) if run.experiment != 2], ids=lambda run: run.name)
+def test_a_run_has_the_size_of_its_name_in_millimetres(run: Run) -> None:
+    found = CAPTION.match(run.name)
+    assert found is not None
+    size_mm, rise_mm = float(found[2]), float(found[3] or 0)
+    reach_mm = np.abs(run.tip).max(axis=0)
+    expected = {
+        "square": (size_mm / 2, size_mm / 2),
+        "box": (size_mm / 2, size_mm / 2),
+        "ellipse": (size_mm, size_mm * 2 / 3),
+        "spiral": (size_mm, size_mm * 11 / 12),  # of three turns, the last quarter before the end is along -y
+    }[found[1]]
+    assert reach_mm[:2] == pytest.approx(expected, rel=0.01)
+    assert np.ptp(run.tip[:, 2]) == pytest.approx(rise_mm, abs=1e-9)
+    # A segment is 47.5 mm long and the arm 114 mm; chambers under pressure lengthen it by up to a fifth.
+    assert 0.0 < run.tip[:, 2].max() < (1.2 * 114.0 if len(run.segments) == 2 else 1.2 * 55.0)
 
 
 def test_bench_prints_one_json_object_per_row() -> None:

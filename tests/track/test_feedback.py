@@ -18,6 +18,8 @@ from contid.track.tracker import TipTracker
 from tests.support.daemons import armed, daemon
 from tests.track.scene import TIP, WORLD, Scene, places, setup
 
+pytestmark = pytest.mark.process
+
 FINGER = """
 contid: 1
 name: seen

@@ -20,6 +20,8 @@ from contid.view.rerun_session import WebServer
 from contid.view.view_target import Kind, ViewTarget
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.process
+
 DATA = "/rerun.sdk_comms.v1alpha1.MessageProxyService/ReadMessages"
 #: An empty message of gRPC-web.
 EMPTY = bytes(5)

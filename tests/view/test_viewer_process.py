@@ -34,6 +34,8 @@ from tests.support.rerun_entities import entities
 from tests.support.waiting import until
 from tests.view.viewed_runs import drawn, rows_of
 
+pytestmark = pytest.mark.process
+
 
 @pytest.fixture
 def started() -> Iterator[Callable[..., subprocess.Popen[str]]]:

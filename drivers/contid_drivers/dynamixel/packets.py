@@ -83,10 +83,15 @@ def _crc_table() -> tuple[int, ...]:
 
 
 _CRC: Final = _crc_table()
-#: CRC of two bytes by their value: half the steps of a table of bytes. An array stays in a processor's cache.
-_CRC_2: Final = array(
-    "H", (((first << 8) & 0xFF00) ^ _CRC[(first >> 8) ^ byte] for first in _CRC for byte in range(256))
-)
+
+
+@cache
+def _crc_of_pairs() -> array[int]:
+    """CRC of two bytes by their value: half the steps of a table of bytes; made when needed (10 ms)."""
+    # An array stays in a processor's cache.
+    return array(
+        "H", (((first << 8) & 0xFF00) ^ _CRC[(first >> 8) ^ byte] for first in _CRC for byte in range(256))
+    )
 
 
 @cache
@@ -96,7 +101,7 @@ def _pairs(count: int) -> Callable[[bytes | bytearray | memoryview], tuple[int, 
 
 def crc16(data: bytes | bytearray | memoryview, crc: int = 0) -> int:
     """CRC-16/BUYPASS of ``data``, going on from ``crc``."""
-    table = _CRC_2
+    table = _crc_of_pairs()
     if len(data) & 1:
         crc = ((crc << 8) & 0xFF00) ^ _CRC[(crc >> 8) ^ data[0]]
         data = data[1:]

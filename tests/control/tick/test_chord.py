@@ -95,6 +95,7 @@ def test_a_direction_turns_with_the_tip() -> None:
             assert found.off_chord_m(tip_m) <= 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["finger", "trirack", "trirack2"])
 def test_where_the_chord_leaves_the_reach_the_limits_of_the_model_hold(name: str) -> None:
     """Whole range, bend radius included; the arm arrives, on the axes' own line if need be."""

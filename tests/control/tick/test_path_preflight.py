@@ -45,6 +45,7 @@ def refused(loaded: LoadedFile, trajectory: Trajectory, rate_hz: float = RATE) -
     return []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("header", "rows", "line", "message"),
     [
@@ -91,6 +92,7 @@ def off_path(loaded: LoadedFile, trajectory: Trajectory) -> float:
 lengths = st.integers(45, 75).map(float)
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(
     steps=st.lists(st.sampled_from([0.001, 0.01, 0.05, 0.2, 0.5, 1.0]), min_size=1, max_size=6),
@@ -168,6 +170,7 @@ def test_where_every_interval_has_a_corner_no_tick_is_left_out(row_s: float) -> 
     assert [each.number for each in every] == list(range(round(3 * row_s * RATE) + 1))
 
 
+@pytest.mark.slow
 def test_a_corner_of_the_answers_amid_a_long_interval_is_found() -> None:
     """Where a bend radius no longer binds, racks would have to gain speed faster than they can."""
     loaded = with_mock(load_named("trirack2"))

@@ -232,6 +232,7 @@ def test_mistakes_are_located(keys, message):
     assert "arm.yaml:" in str(caught.value)
 
 
+@pytest.mark.process
 def test_a_run_records_the_payload_and_replays(tmp_path: Path):
     (tmp_path / "arm.yaml").write_text(
         text_with("payload_g: 5\npayload_at_s: 1.5\nerrors: {regulator_bar: 0.03}")

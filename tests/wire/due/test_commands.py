@@ -22,7 +22,7 @@ from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, R
 from contid_drivers.due.service import doctor, home
 from tests.wire.due.boards import MOTORS, PARKED
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 def test_home_and_doctor(world):

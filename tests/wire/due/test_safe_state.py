@@ -29,7 +29,7 @@ from contid_drivers.due.codes import Type
 from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueBusOptions
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 TEN_CM_S = 6081.0  # counts/s
 WATCHDOG_MS = 100

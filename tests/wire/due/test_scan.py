@@ -17,7 +17,7 @@ from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueBusOptions, Role
 from contid_drivers.dynamixel.scan import likely_ports
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ def doctor(r: Any) -> dict[str, Any]:
     return {finding.subject: finding for finding in findings}
 
 
+@pytest.mark.process
 def test_problems_of_a_person_have_a_remedy(rig: Callable[..., Any]) -> None:
     made = [Servo(1), Servo(2, firmware=44), Servo(2, position_ticks=77.0), Servo(8)]
     r = rig(3, made=made)
@@ -35,6 +36,7 @@ def test_problems_of_a_person_have_a_remedy(rig: Callable[..., Any]) -> None:
     assert "8" in findings["servos others"].message
 
 
+@pytest.mark.process
 def test_what_arming_changes_is_a_warning_until_torque_locks_it(rig: Callable[..., Any]) -> None:
     r = rig(1)
     servo = r.emulator.servo(1)
@@ -78,6 +80,7 @@ def test_nothing_is_wrong_with_a_good_bus(rig: Callable[..., Any]) -> None:
     assert all(finding.ok for finding in doctor(rig(2)).values())
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("switch", "values", "counted", "remedy"),
     [

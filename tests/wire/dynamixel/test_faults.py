@@ -106,6 +106,7 @@ def test_a_stale_answer_is_not_taken_for_the_answer_to_another_request(rig: Make
     assert client.read(1, reg.PRESENT_VOLTAGE) == 50
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("kind", "bits", "message"),
     [
@@ -152,6 +153,7 @@ def test_torque_switched_off_from_outside_is_a_fault_and_returns_without_a_jump(
     assert abs(running.emulator.servo(2).position_ticks - limp) < 1
 
 
+@pytest.mark.process
 def test_a_tripped_watchdog_is_a_latched_fault_and_comes_back_without_a_jump(running: Any) -> None:
     running.tick(a1=9000 * TICK)
     running.tick(3)

@@ -132,6 +132,7 @@ def test_axes_in_another_mode_have_no_limit(rig: Callable[..., Any]) -> None:
     assert r.bus.effort_limits() == {}
 
 
+@pytest.mark.process
 def test_the_grip_of_a_running_robot_changes_live(tmp_path: Path, configs: Path) -> None:
     text = (configs / "hand.emulated.yaml").read_text().replace("./hand.tty", str(tmp_path / "hand.tty"))
     text = text.replace(

@@ -58,6 +58,7 @@ def follows(r: Any, bus: DynamixelBus) -> None:
     bus.close()
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("name", ["xl330-m077", "xc330-t288", "xl430-w250", "xm540-w270", "xh430-v350"])
 def test_one_model_follows_its_goals(rig: Make, name: str) -> None:
     follows(*bus_of(rig, {name: 52}))

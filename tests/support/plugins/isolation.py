@@ -1,7 +1,6 @@
-"""Fixtures for every test: nothing may be left behind.
+"""Nothing may be left behind: a test that leaves a thread, a child process, a file or a task fails.
 
-A test that leaves a thread, a child process, an open file descriptor or an asyncio task fails, whatever it
-asserted. pytest-asyncio runs each test in a loop of its own, so tasks are checked before that loop closes.
+pytest-asyncio runs each test in a loop of its own, so tasks are checked before that loop closes.
 """
 
 from __future__ import annotations
@@ -10,18 +9,17 @@ import asyncio
 import gc
 import os
 import signal
-import tempfile
 import threading
 import time
 from collections.abc import AsyncIterator, Iterator
 from multiprocessing import resource_tracker
 from pathlib import Path
 
-import psutil
 import pytest
 from hypothesis import settings
 
-ROOT = Path(__file__).parent.parent
+from tests.support import forked
+
 # Time is measured in benchmarks/, on a machine that may be busy.
 # Examples are the same at every run: the commit alone decides whether it passes. Others are drawn with
 # ``--hypothesis-profile=random``.
@@ -38,19 +36,31 @@ RUNNER_THREADS = ("pytest_timeout", "execnet", "asyncio_", "ThreadPoolExecutor-p
 
 def _descriptors() -> dict[int, str]:
     found = {}
-    for entry in Path("/proc/self/fd").iterdir():
+    for name in os.listdir("/proc/self/fd"):  # noqa: PTH208 -- at every test
         try:
-            found[int(entry.name)] = str(entry.readlink())
+            found[int(name)] = os.readlink(f"/proc/self/fd/{name}")  # noqa: PTH115
         except OSError:
             continue
     return found
 
 
-def _command_line(process: psutil.Process) -> str:
+def _children() -> set[int]:
+    """Children of every thread of this process, also dead ones that nobody waited for."""
+    found: set[int] = set()
+    for thread in os.listdir("/proc/self/task"):  # noqa: PTH208
+        try:
+            found.update(map(int, Path(f"/proc/self/task/{thread}/children").read_text().split()))
+        except OSError:  # the thread has ended
+            continue
+    return found - {forked.pid()}
+
+
+def _command_line(pid: int) -> str:
     try:
-        return " ".join(process.cmdline()[:4])
-    except psutil.NoSuchProcess:  # a zombie, or gone meanwhile
-        return "without a command line"
+        line = Path(f"/proc/{pid}/cmdline").read_text(errors="replace")
+    except OSError:  # gone meanwhile
+        line = ""
+    return " ".join(line.split("\0")[:4]) or "without a command line"
 
 
 def _left_behind(threads: set[int | None], children: set[int], descriptors: dict[int, str]) -> list[str]:
@@ -62,23 +72,29 @@ def _left_behind(threads: set[int | None], children: set[int], descriptors: dict
             if t.ident not in threads and not t.name.startswith(RUNNER_THREADS)
         ),
         *(
-            f"child process {p.pid} {line}"
-            for p in psutil.Process().children()
-            if p.pid not in children and "resource_tracker" not in (line := _command_line(p))
+            f"child process {pid} {line}"
+            for pid in _children() - children
+            if "resource_tracker" not in (line := _command_line(pid))
         ),
         *(
             f"file descriptor {fd} ({what})"
             for fd, what in now_open.items()
-            if descriptors.get(fd) != what and "/proc/" not in what
+            if descriptors.get(fd) != what and "/proc/" not in what and fd not in forked.descriptors()
         ),
     ]
 
 
+def pytest_collection_finish() -> None:
+    """Modules, fixtures and items stay: nothing that is frozen is looked at again."""
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture(scope="module", autouse=True)
 def garbage_of_other_modules() -> None:
-    """Collect once per module what outlived the tests that made it."""
-    gc.unfreeze()
+    """Collect once per module what outlived the tests that made it; the rest is not looked at again."""
     gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)
@@ -87,10 +103,8 @@ def nothing_left_behind(garbage_of_other_modules: None) -> Iterator[None]:
     threads = {t.ident for t in threading.enumerate()}
     # multiprocessing starts its resource tracker once per interpreter and keeps its pipe.
     resource_tracker.ensure_running()
-    children = {p.pid for p in psutil.Process().children()}
+    children = _children()
     descriptors = _descriptors()
-    # Objects made before this test are frozen, so that collecting after it covers its own objects only.
-    gc.freeze()
     yield
     gc.collect()
     # Threads and sockets may need a moment to end after their owner closed them.
@@ -110,47 +124,8 @@ async def no_tasks_left() -> AsyncIterator[None]:
     assert not left, f"tasks left: {left}"
 
 
-# A virtual machine that stands still for a tenth of a second looks exactly like a dead bus, so `realtime`
-# tests may be tried three times. `pytest_sessionfinish` limits how many need it.
-# A stall often lasts longer than the start of the next try, hence the delay.
-RERUNS = 3
-RERUN_DELAY_S = 3
-
-
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Every coroutine test gets the task check, every `realtime` test its further tries."""
+    """Every coroutine test gets the task check."""
     for item in items:
-        if item.get_closest_marker("realtime"):
-            item.add_marker(pytest.mark.flaky(reruns=RERUNS, reruns_delay=RERUN_DELAY_S))
         if isinstance(item, pytest.Function) and asyncio.iscoroutinefunction(item.function):
             item.fixturenames.append("no_tasks_left")
-
-
-def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
-    """Fail a run in which more than CONTID_MAX_RERUN_RATE of the tests had to be tried again (CI: 0.01)."""
-    limit = os.environ.get("CONTID_MAX_RERUN_RATE")
-    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
-    if limit is None or reporter is None or exitstatus != pytest.ExitCode.OK:
-        return
-    again = {report.nodeid for report in reporter.stats.get("rerun", [])}
-    run = len(reporter.stats.get("passed", []))
-    if len(again) > float(limit) * run:
-        reporter.write_line(f"{len(again)} of {run} tests were tried again, allowed {float(limit):.1%}:")
-        for test in sorted(again):
-            reporter.write_line(f"  {test}")
-        session.exitstatus = pytest.ExitCode.TESTS_FAILED
-
-
-@pytest.fixture(scope="session", autouse=True)
-def own_sockets() -> Iterator[None]:
-    """Daemons of this run put their sockets where no other run looks."""
-    # Short: the path of a socket has 107 bytes.
-    with tempfile.TemporaryDirectory(prefix="contid-") as folder, pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_RUNTIME_DIR", folder)
-        yield
-
-
-@pytest.fixture(scope="session")
-def configs() -> Path:
-    """Folder of the robot files that ship with contid."""
-    return ROOT / "configs"
