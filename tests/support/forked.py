@@ -69,7 +69,7 @@ def descriptors() -> set[int]:
 class ForkedPopen(subprocess.Popen[Any]):
     """A process of ``python -m contid`` that forks from a starter; any other command is started as always."""
 
-    def _execute_child(  # type: ignore[no-untyped-def]
+    def _execute_child(
         self, args, executable, preexec_fn, close_fds, pass_fds, cwd, env, startupinfo, creationflags, shell,
         p2cread, p2cwrite, c2pread, c2pwrite, errread, errwrite, restore_signals, gid, gids, uid, umask,
         start_new_session, process_group,

@@ -158,7 +158,7 @@ def _open(number: int, name: str, like: TextIO) -> TextIO | None:
     mode = "wb" if number else "rb"
     unbuffered = bool(number) and bool(os.environ.get("PYTHONUNBUFFERED"))
     buffer = open(number, mode, 0 if unbuffered else -1, closefd=False)  # noqa: SIM115
-    raw = buffer if unbuffered else buffer.raw  # type: ignore[attr-defined]
+    raw: Any = buffer if unbuffered else buffer.raw  # type: ignore[attr-defined]
     raw.name = f"<{name}>"
     stream = io.TextIOWrapper(
         buffer,

@@ -1,16 +1,15 @@
 """Three tiers: what a test without a mark may do, which tests run, and what the whole suite may cost.
 
 A test without a mark is **pure**: it starts no process, does not sleep, and takes at most `PURE_S`. The marks
-`process`, `slow`, `campaign` and `realtime` say otherwise. ``pytest`` without a path runs the pure tests.
-With a path it runs everything there. CI runs all but campaigns.
-Runs without a path judge what a test does.
+`process`, `slow`, `campaign` and `realtime` allow more. ``pytest`` without a path runs the pure tests and judges
+what they do; with a path it runs everything there. CI runs all but campaigns.
 """
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -98,7 +97,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, Any]:
     """A pure test that did more than it may fails when it has been torn down."""
     report: Any = yield
     if item.config.stash[_JUDGED] and report.when == "teardown" and report.passed and _is_pure(item):
