@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from contid.errors import DeviceError
-from contid.hal import SLACK_TENDON, SNAPPED_TENDON, AxisOnBus, Rest, Sample
+from contid.hal import SLACK_TENDON, SNAPPED_TENDON, AxisOnBus, Reference, Rest, Sample
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.exchange.block import ServoReading
 from contid_drivers.dynamixel.models import BY_NAME, ServoModel
@@ -47,6 +47,7 @@ class Axis:
         tendon: on its spool, if its homing tensions one.
         value, time_s: last valid position [rad] and its time.
         effort_share: share of its current limit, see `grip`.
+        reference: what its homing must agree with.
         own_limit_ma: its Current Limit (38), read before it is armed in current-based position mode.
     """
 
@@ -56,6 +57,7 @@ class Axis:
     operating_mode: int
     device: int
     model: ServoModel
+    reference: Reference = field(default_factory=Reference)
     firmware: int = 0
     return_delay_s: float = 0.0
     enabled: bool = False
@@ -103,6 +105,7 @@ class Axis:
             model,
             following=following,
             tendon=_tendon_of(options),
+            reference=axis.reference,
         )
 
     def to_rad(self, ticks: int) -> float:

@@ -93,6 +93,14 @@ def forget(client: ServoClient, axis: Axis) -> None:
     client.write(axis.device, MARKER, MARKER.default)
 
 
+def kept(client: ServoClient, axis: Axis) -> int | None:
+    """The turns that the servo keeps; None when its count is not valid."""
+    stored = client.read(axis.device, MARKER) - _CENTRE
+    if abs(stored) > TURNS_MAX or client.read(axis.device, reg.VELOCITY_I) != _GAIN_CENTRE + stored:
+        return None
+    return stored if counts_turns(client, axis) else None
+
+
 def settle(client: ServoClient, axis: Axis) -> None:
     """Determine the turn before the axis may move.
 
@@ -101,12 +109,12 @@ def settle(client: ServoClient, axis: Axis) -> None:
     """
     axis.turn_known = False
     device = axis.device
-    stored = client.read(device, MARKER) - _CENTRE
-    # The value after a power-up, 227 or 243 by model, is beyond the turns that are kept.
-    marked = abs(stored) <= TURNS_MAX
-    if marked and client.read(device, reg.VELOCITY_I) == _GAIN_CENTRE + stored and counts_turns(client, axis):
+    stored = kept(client, axis)
+    if stored is not None:
         axis.turns, axis.turn_known = stored, True
         return
+    # The value after a power-up, 227 or 243 by model, is beyond the turns that are kept.
+    marked = abs(client.read(device, MARKER) - _CENTRE) <= TURNS_MAX
     name, homing = client.name(device), axis.options.homing
     raw = client.read(device, reg.PRESENT_POSITION) * reg.RAD_PER_TICK
     if axis.seen is not None:
