@@ -17,7 +17,7 @@ from contid.errors import DeviceError
 REPEAT_RAD: Final = math.radians(1.0)
 #: The same for tendons, which give [m].
 REPEAT_TENDON_M: Final = 0.002
-#: A shorter way back could not be told from noise.
+#: A shorter way back would drown in noise.
 BACKOFF_MIN_DEG: Final = 3.0
 _TURN: Final = 2.0 * math.pi
 

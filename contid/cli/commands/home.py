@@ -160,7 +160,7 @@ def zero_of(loaded: LoadedFile, found: Homed) -> float:
 
 
 def reference_of(loaded: LoadedFile, name: str, at_mm: float) -> Reference:
-    """What the robot file says about the reference of an axis, at a length of the actuator."""
+    """The reference of an axis by the robot file, at a length of the actuator."""
     axis = _described(loaded, name)
     zero_rad = axis.zero_deg * DEG if "zero_deg" in axis.model_fields_set else None
     mm_per_rad = None if axis.mm_per_rev is None else axis.direction * axis.mm_per_rev / math.tau

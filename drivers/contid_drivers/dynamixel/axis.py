@@ -16,6 +16,9 @@ from contid_drivers.dynamixel.plausibility import FollowingError, SlackTendon, j
 RESET_FAULT = "it reset itself (brown-out?); its watchdog, settings and turn count are gone"
 #: Following error allowed in extended position mode.
 FOLLOWING_ERROR_DEG = 30.0
+#: Difference of the time of the servo from that of the host, of readings that came late, and of its clock.
+TICK_SLACK_MS = 50.0
+TICK_SLACK = 0.05
 TORQUE_OFF_FAULT = "its torque was switched off from outside: does another program use this bus?"
 
 _JUMP = "another program reset its count of turns, or its encoder is faulty"
@@ -37,6 +40,7 @@ class Axis:
         armed: Bus Watchdog written to it (counts of 20 ms), 0 while not armed.
         turns: whole turns added to the servo's count; see `turns`.
         turn_known: ``turns`` was determined; cleared by whatever may have changed the servo's count.
+        marked: the servo keeps the mark of this turn, so that a reset can be recognised.
         seen: last position [rad] while the turn was known.
         misses: consecutive exchanges without an answer.
         fault: latched fault, empty for none.
@@ -46,6 +50,7 @@ class Axis:
         following: its following error.
         tendon: on its spool, if its homing tensions one.
         value, time_s: last valid position [rad] and its time.
+        tick: Realtime Tick of that reading, None where it was not read.
         effort_share: share of its current limit, see `grip`.
         reference: what its homing must agree with.
         own_limit_ma: its Current Limit (38), read before it is armed in current-based position mode.
@@ -64,6 +69,7 @@ class Axis:
     armed: int = 0
     turns: int = 0
     turn_known: bool = False
+    marked: bool = False
     seen: float | None = None
     misses: int = 0
     fault: str = ""
@@ -71,6 +77,7 @@ class Axis:
     pending_rest: Rest | None = None
     value: float | None = None
     time_s: float = 0.0
+    tick: int | None = None
     velocity: float | None = None
     effort: float | None = None
     voltage_v: float | None = None
@@ -135,6 +142,20 @@ class Axis:
         self.following.clear()
         self.tendon.clear()
 
+    def may_have_reset(self, reading: ServoReading, time_s: float) -> bool:
+        """Whether nothing in a reading excludes a reset since the one before.
+
+        A lost mapping shows a reset in the mapped bytes. An armed watchdog does, and so does the time of the
+        servo, unless a reset happens to fit it: then it missed exchanges.
+        """
+        if self.armed or reading.voltage_low is not None or self.reset or not self.marked:
+            return False
+        if self.misses or self.tick is None or reading.tick is None:
+            return True
+        elapsed_ms = 1e3 * (time_s - self.time_s)
+        late_ms = math.remainder(reading.tick - self.tick - elapsed_ms, reg.REALTIME_TICKS)
+        return abs(late_ms) > TICK_SLACK_MS + TICK_SLACK * elapsed_ms
+
     def missed(self, time_s: float) -> Sample:
         """No answer in this exchange."""
         self.misses += 1
@@ -161,7 +182,7 @@ class Axis:
         self.value = value
         if self.turn_known:
             self.seen = value
-        self.time_s = time_s
+        self.time_s, self.tick = time_s, reading.tick
         self.velocity = reading.velocity * reg.RAD_S_PER_UNIT
         unit_ma = self.model.ma_per_unit
         self.effort = None if unit_ma is None else reading.current * unit_ma / 1e3

@@ -107,6 +107,7 @@ PROFILE_ACCELERATION = _rw("profile acceleration", 108, 4, 0, 0, 32767, "214.577
 PROFILE_VELOCITY = _rw("profile velocity", 112, 4, 0, 0, 32767, "0.229 rpm")
 GOAL_POSITION = _rw("goal position", 116, 4, 0, -_TURNS, _TURNS, "tick")
 REALTIME_TICK = _ro("realtime tick", 120, 2, 0, "ms")
+REALTIME_TICKS: Final = 32768
 MOVING = _ro("moving", 122, 1, 0)
 PRESENT_CURRENT = _ro("present current", 126, 2, 0, "mA", signed=True)
 PRESENT_VELOCITY = _ro("present velocity", 128, 4, 0, "0.229 rpm", signed=True)

@@ -27,7 +27,7 @@ STUCK_S: Final = 0.5
 def prepare(client: ServoClient, axis: Axis, speed_deg_s: float, current_ma: float) -> int:
     """Set the registers of a search, torque off; returns the present position [ticks].
 
-    Turns that the servo keeps are kept; ``axis.turn_known`` tells whether it does.
+    Turns that the servo keeps are kept, which sets ``axis.turn_known``.
 
     Raises:
         DeviceError: torque off is not confirmed.
