@@ -16,6 +16,8 @@ from contid_drivers.dynamixel.plausibility import FollowingError, SlackTendon, j
 RESET_FAULT = "it reset itself (brown-out?); its watchdog, settings and turn count are gone"
 #: Following error allowed in extended position mode.
 FOLLOWING_ERROR_DEG = 30.0
+#: A motion between two readings that only comes after a gap, or a lost turn.
+FAR_RAD = math.radians(45.0)
 #: Difference of the time of the servo from that of the host, of readings that came late, and of its clock.
 TICK_SLACK_MS = 50.0
 TICK_SLACK = 0.05
@@ -53,6 +55,7 @@ class Axis:
         tick: Realtime Tick of that reading, None where it was not read.
         effort_share: share of its current limit, see `grip`.
         reference: what its homing must agree with.
+        own_pwm: its PWM Limit (36), read with its Current Limit.
         own_limit_ma: its Current Limit (38), read before it is armed in current-based position mode.
     """
 
@@ -84,6 +87,7 @@ class Axis:
     temperature_c: float | None = None
     hardware_error: int = 0
     effort_share: float = 1.0
+    own_pwm: int | None = None
     own_limit_ma: float | None = None
     goal: float | None = None
     following: FollowingError = field(default_factory=lambda: FollowingError(math.inf, 0.0))
@@ -146,9 +150,13 @@ class Axis:
         """Whether nothing in a reading excludes a reset since the one before.
 
         A lost mapping shows a reset in the mapped bytes. An armed watchdog does, and so does the time of the
-        servo, unless a reset happens to fit it: then it missed exchanges.
+        servo, unless a reset happens to fit it: then it missed exchanges. A long way may be whole turns.
         """
-        if self.armed or reading.voltage_low is not None or self.reset or not self.marked:
+        if self.reset or not self.marked:
+            return False
+        if self.seen is not None and abs(self.to_rad(reading.position) - self.seen) > FAR_RAD:
+            return reading.voltage_low != 0
+        if self.armed or reading.voltage_low is not None:
             return False
         if self.misses or self.tick is None or reading.tick is None:
             return True

@@ -78,9 +78,12 @@ BAUD = _rw("baud rate", 8, 1, 1, 0, 6)
 RETURN_DELAY = _rw("return delay time", 9, 1, 250, 0, 254, "2 us")
 DRIVE_MODE = _rw("drive mode", 10, 1, 0, 0, 13)
 OPERATING_MODE = _rw("operating mode", 11, 1, 3, 0, 16)
+SECONDARY_ID = _rw("secondary id", 12, 1, 255, 0, 255)
 HOMING_OFFSET = _rw("homing offset", 20, 4, 0, -1044479, 1044479, "tick")
+TEMPERATURE_LIMIT = _rw("temperature limit", 31, 1, 70, 0, 100, "deg C")
 MAX_VOLTAGE = _rw("max voltage limit", 32, 2, 70, 31, 70, "0.1 V")
 MIN_VOLTAGE = _rw("min voltage limit", 34, 2, 35, 31, 70, "0.1 V")
+PWM_LIMIT = _rw("pwm limit", 36, 2, 885, 0, 885, "0.113 %")
 CURRENT_LIMIT = _rw("current limit", 38, 2, 1750, 0, 1750, "mA")
 VELOCITY_LIMIT = _rw("velocity limit", 44, 4, 445, 0, 2047, "0.229 rpm")
 MAX_POSITION = _rw("max position limit", 48, 4, 4095, 0, 4095, "tick")
@@ -140,13 +143,13 @@ TABLE: Final[tuple[Register, ...]] = (
     MODEL_NUMBER,
     _ro("model information", 2, 4, 0),
     FIRMWARE, ID, BAUD, RETURN_DELAY, DRIVE_MODE, OPERATING_MODE,
-    _rw("secondary id", 12, 1, 255, 0, 255),
+    SECONDARY_ID,
     _rw("protocol type", 13, 1, 2, 2, 22),
     HOMING_OFFSET,
     _rw("moving threshold", 24, 4, 10, 0, 1023, "0.229 rpm"),
-    _rw("temperature limit", 31, 1, 70, 0, 100, "deg C"),
+    TEMPERATURE_LIMIT,
     MAX_VOLTAGE, MIN_VOLTAGE,
-    _rw("pwm limit", 36, 2, 885, 0, 885, "0.113 %"),
+    PWM_LIMIT,
     CURRENT_LIMIT, VELOCITY_LIMIT, MAX_POSITION, MIN_POSITION,
     STARTUP,
     _rw("pwm slope", 62, 1, 140, 1, 255, "1.977 mV/ms"),

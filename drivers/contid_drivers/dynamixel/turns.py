@@ -24,7 +24,7 @@ from typing import Final
 
 from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.axis import FAR_RAD, Axis
 from contid_drivers.dynamixel.client import TRIES, ServoClient, ServoRefusedError
 from contid_drivers.dynamixel.options import HardStop, SingleTurn, Tensioning
 from contid_drivers.dynamixel.packets import sync_write
@@ -40,7 +40,7 @@ _MULTI_TURN_MODES: Final = tuple(reg.MODE_NUMBERS.values())
 #: Greatest number of turns that is stored.
 TURNS_MAX: Final = 80
 #: Greatest motion assumed between the last reading (``axis.seen``) and the first one after a reset.
-SEEN_TOLERANCE_RAD: Final = math.radians(45.0)
+SEEN_TOLERANCE_RAD: Final = FAR_RAD
 _TURN: Final = 2.0 * math.pi
 _NO_MARKS: Final = ((MARKER, MARKER.default), (reg.VELOCITY_I, reg.VELOCITY_I.default))
 
