@@ -282,7 +282,7 @@ def test_clear_fault_of_a_dead_servo_does_not_freeze_its_neighbours(running: Any
 
 
 def test_servos_behind_a_dead_one_are_found(rig: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A servo that waits for the answer of the one before it says nothing in a sync read."""
+    """A servo that waits for the answer of the one before it stays silent in a sync read."""
     r = rig(4, fast_read="off")
     r.bus.open()
     r.bus.enable(["r.a1", "r.a2", "r.a3", "r.a4"])

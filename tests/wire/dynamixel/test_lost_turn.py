@@ -40,7 +40,9 @@ def robot(rig: Make, monkeypatch: pytest.MonkeyPatch, layout: str) -> Any:
     r.bus.open()
     assert r.bus._link.indirect is (layout == "indirect")
     r.bus.enable(["r.a1", "r.a2"])
-    r.tick(a1=FAR * TICK, a2=FAR * TICK)
+    for goal in (*range(1000, FAR, 150), FAR, FAR, FAR):
+        r.tick(a1=goal * TICK, a2=goal * TICK)
+        time.sleep(0.004)
     r.until(lambda: all(abs(s.position_ticks - FAR) < 0.01 for s in made))
     r.bus.disable(["r.a1", "r.a2"], Rest.RELAX)
     r.tick(3)
