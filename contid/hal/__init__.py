@@ -56,6 +56,7 @@ from contid.hal.driver import (
     driver_names,
     load_driver,
 )
+from contid.hal.homing import Reference
 from contid.hal.optional import (
     Commissions,
     DeviceRate,
@@ -100,6 +101,7 @@ __all__ = [
     "MeasuresTips",
     "Paces",
     "Parks",
+    "Reference",
     "RefusedKey",
     "RegisterValue",
     "Report",

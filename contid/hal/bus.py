@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol, runtime_checkable
 
+from contid.hal.homing import UNKNOWN, Reference
+
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
@@ -55,12 +57,14 @@ class AxisOnBus:
         options: the driver's own validated options of this axis (id, channel, ...).
         travel: min and max device value [rad or Pa] allowed by the robot file, or None.
         tendon: the tendon that its device winds up; None for robots without tendons.
+        reference: what homing of this axis must agree with.
     """
 
     name: str
     options: BaseModel
     travel: tuple[float, float] | None = None
     tendon: SpooledTendon | None = None
+    reference: Reference = UNKNOWN
 
 
 #: A `Sample.fault` that begins with one of these gets a fault number of its own (docs/faults.md).

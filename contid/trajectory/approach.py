@@ -26,6 +26,11 @@ from contid.trajectory.standstill import MotionState
 _ROUNDING: Final = 1e-9
 
 
+#: Ways shorter than those of this time at full speed [s], and speeds below this share of the limit: such an
+#: axis is there already. The solver finds no motion for some of them, and for others one away and back.
+_THERE: Final = 1e-8
+
+
 class MotionError(ContidError):
     """No jerk-limited motion exists for these numbers; the message names them."""
 
@@ -69,10 +74,15 @@ class Approach:
         self._scale = velocity_limit
         if not all(map(math.isfinite, (*start, *start_velocity, *goal))):
             raise MotionError(f"no motion from {list(start)} to {self._goal}: they must be finite")
+        scaled_goal = _scaled(goal, self._scale)
         problem = _Problem(
-            _scaled(start, self._scale),
-            [_at_most_one(v) for v in _scaled(start_velocity, self._scale)],
-            *(_scaled(each, self._scale) for each in (goal, acceleration_limit, jerk_limit)),
+            [
+                there if abs(here - there) <= _THERE else here
+                for here, there in zip(_scaled(start, self._scale), scaled_goal, strict=True)
+            ],
+            [_known_speed(v) for v in _scaled(start_velocity, self._scale)],
+            scaled_goal,
+            *(_scaled(each, self._scale) for each in (acceleration_limit, jerk_limit)),
         )
         # ruckig leaves the line where the limits of the axes differ, as those of a wrist do.
         limits = velocity_limit, acceleration_limit, jerk_limit
@@ -149,7 +159,10 @@ def _cruising(problem: _Problem, straight: bool) -> CruiseMotion | StraightMotio
     return CruiseMotion([CruiseAxis(*each) for each in zip(start, velocity, goal, *limits, strict=True)])
 
 
-def _at_most_one(speed: float) -> float:
+def _known_speed(speed: float) -> float:
+    """A scaled speed without the rounding at 0 and at the limit."""
+    if abs(speed) <= _THERE:
+        return 0.0
     return math.copysign(1.0, speed) if 1.0 < abs(speed) < 1.0 + _ROUNDING else speed
 
 

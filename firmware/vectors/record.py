@@ -53,10 +53,10 @@ def motor_dialogue() -> Iterator[tuple[str, ...]]:
     yield ask(Type.DEMAND, messages.demand(0, 0, {}))
     yield ask(Type.ARM, messages.mask_body(0, [0]))
     yield ("#", "unknown message, wrong version, wrong length")
-    yield (">", messages.request(Type.HELLO, 9).replace(b"\x03\x01", b"\x03\x42", 1).hex())
+    yield (">", messages.request(Type.HELLO, 9).replace(b"\x04\x01", b"\x04\x42", 1).hex())
     yield (">", b"\x02\x01\x0a".hex())
     yield ask(Type.HELLO, b"\0")
-    yield (">", b"\x03".hex())
+    yield (">", b"\x04".hex())
     yield (
         "#",
         "configure: wrong CRC; safe state is not start state; wrong role; cut short; then as it should be",

@@ -11,7 +11,7 @@ from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Clock, Rest, Sample
 from contid_drivers.due import messages
 from contid_drivers.due.axis import POSITION_LOST, BoardAxis
-from contid_drivers.due.codes import BoardState, RestCode, Type
+from contid_drivers.due.codes import BoardState, Reason, RestCode, Type
 from contid_drivers.due.messages import Hello, Refused, Telemetry
 from contid_drivers.due.options import DueBusOptions
 from contid_drivers.due.session import DueConnection, refusal_error
@@ -166,9 +166,19 @@ class DueBus:
         body = messages.park(session.config_crc, (axis.channel for axis in axes), parked)
         self._request(session, Type.PARK, "cannot park", axes, body)
 
-    def home(self, axes: Sequence[str]) -> None:
-        """Start homing; call `exchange` until `homing` is false."""
+    def home(self, axes: Sequence[str], moved: bool = False) -> None:
+        """Start homing; call `exchange` until `homing` is false.
+
+        Where an end stop may have ``moved``, it need not be where the board found it before.
+        """
+        if moved:
+            self._park(self._need_session(), [self._axis(name) for name in axes], parked=False)
         self._request_for(self._need_session(), Type.HOME, "cannot home", [self._axis(name) for name in axes])
+
+    def reason(self, axis: str) -> Reason | None:
+        """Why the axis was in its safe state in the newest telemetry."""
+        report = self._axis(axis).report
+        return None if report is None else report.reason
 
     def homing(self, axis: str) -> bool:
         """True while the newest telemetry has the axis searching its end stop."""

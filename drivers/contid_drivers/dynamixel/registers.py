@@ -78,9 +78,12 @@ BAUD = _rw("baud rate", 8, 1, 1, 0, 6)
 RETURN_DELAY = _rw("return delay time", 9, 1, 250, 0, 254, unit="2 us")
 DRIVE_MODE = _rw("drive mode", 10, 1, 0, 0, 13)
 OPERATING_MODE = _rw("operating mode", 11, 1, 3, 0, 16)
+SECONDARY_ID = _rw("secondary id", 12, 1, 255, 0, 255)
 HOMING_OFFSET = _rw("homing offset", 20, 4, 0, -1044479, 1044479, unit="tick")
+TEMPERATURE_LIMIT = _rw("temperature limit", 31, 1, 70, 0, 100, unit="deg C")
 MAX_VOLTAGE = _rw("max voltage limit", 32, 2, 70, 31, 70, unit="0.1 V")
 MIN_VOLTAGE = _rw("min voltage limit", 34, 2, 35, 31, 70, unit="0.1 V")
+PWM_LIMIT = _rw("pwm limit", 36, 2, 885, 0, 885, unit="0.113 %")
 CURRENT_LIMIT = _rw("current limit", 38, 2, 1750, 0, 1750, unit="mA")
 VELOCITY_LIMIT = _rw("velocity limit", 44, 4, 445, 0, 2047, unit="0.229 rpm")
 MAX_POSITION = _rw("max position limit", 48, 4, 4095, 0, 4095, unit="tick")
@@ -107,6 +110,7 @@ PROFILE_ACCELERATION = _rw("profile acceleration", 108, 4, 0, 0, 32767, unit="21
 PROFILE_VELOCITY = _rw("profile velocity", 112, 4, 0, 0, 32767, unit="0.229 rpm")
 GOAL_POSITION = _rw("goal position", 116, 4, 0, -_TURNS, _TURNS, unit="tick")
 REALTIME_TICK = _ro("realtime tick", 120, 2, 0, "ms")
+REALTIME_TICKS: Final = 32768
 MOVING = _ro("moving", 122, 1, 0)
 PRESENT_CURRENT = _ro("present current", 126, 2, 0, "mA", signed=True)
 PRESENT_VELOCITY = _ro("present velocity", 128, 4, 0, "0.229 rpm", signed=True)
@@ -139,13 +143,13 @@ TABLE: Final[tuple[Register, ...]] = (
     MODEL_NUMBER,
     _ro("model information", 2, 4, 0),
     FIRMWARE, ID, BAUD, RETURN_DELAY, DRIVE_MODE, OPERATING_MODE,
-    _rw("secondary id", 12, 1, 255, 0, 255),
+    SECONDARY_ID,
     _rw("protocol type", 13, 1, 2, 2, 22),
     HOMING_OFFSET,
     _rw("moving threshold", 24, 4, 10, 0, 1023, unit="0.229 rpm"),
-    _rw("temperature limit", 31, 1, 70, 0, 100, unit="deg C"),
+    TEMPERATURE_LIMIT,
     MAX_VOLTAGE, MIN_VOLTAGE,
-    _rw("pwm limit", 36, 2, 885, 0, 885, unit="0.113 %"),
+    PWM_LIMIT,
     CURRENT_LIMIT, VELOCITY_LIMIT, MAX_POSITION, MIN_POSITION,
     STARTUP,
     _rw("pwm slope", 62, 1, 140, 1, 255, unit="1.977 mV/ms"),

@@ -95,10 +95,15 @@ class Cyclic:
         return bool(self._silent or self.answers.counts.late)
 
     def put_last(self, silent: Collection[int]) -> None:
-        """Move silent ids to the end of the order: each one delays, or ends, the answers after it."""
-        if self._silent != (now := frozenset(silent)):
+        """Move silent ids to the end of the order: each one delays, or ends, the answers after it.
+
+        Of several, another one is asked first in every exchange: those behind a dead one may be alive.
+        """
+        now = frozenset(silent)
+        if self._silent != now or len(now) > 1:
+            last = [device for device in self.ids if device in now]
+            self.ids = (*(device for device in self.ids if device not in now), *last[1:], *last[:1])
             self._silent = now
-            self.ids = tuple(sorted(self.ids, key=now.__contains__))
             self._reads.clear()
 
     def _read(self, block: Block, fast: bool) -> bytes:
