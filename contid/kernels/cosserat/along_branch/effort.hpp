@@ -28,7 +28,7 @@ constexpr Effort kTickEffort{450, 1, 2, 1, 60, false, 0, 140, 6, 20},
 inline const Effort& effort_of(const Settings& settings) { return settings.thorough ? kThoroughEffort : kTickEffort; }
 
 // What steps of descents cost, in those of two sections of three elements; and how many a cost allows.
-template <int K> constexpr int cost_of(int steps, int elements) { return (steps * elements * K + 5) / 6; }
-template <int K> constexpr int steps_for(int cost, int elements) { return 6 * cost / (elements * K); }
+constexpr int cost_of(int sections, int steps, int elements) { return (steps * elements * sections + 5) / 6; }
+constexpr int steps_for(int sections, int cost, int elements) { return 6 * cost / (elements * sections); }
 
 }  // namespace contid
