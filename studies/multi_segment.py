@@ -77,7 +77,7 @@ def stepped(method: str, arm: SegmentArm, goals: list[Goal], most: int) -> list[
 
 def ours(arm: SegmentArm, goals: list[Goal], native: bool) -> list[Row]:
     """Rows of contid's solver of bends, the kernel or its NumPy twin; empty where there is no kernel."""
-    kernel = load("tendon3" if arm.count == 3 else "tendon") if native else None
+    kernel = load("tendon") if native else None
     if native and kernel is None:
         return []
     sections, size = arm.sections, 2 * arm.count

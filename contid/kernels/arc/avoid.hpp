@@ -3,22 +3,16 @@
 #pragma once
 
 #include <algorithm>
-#include <vector>
 
-#include "../clearance/obstacle.hpp"
 #include "cholesky.hpp"
 #include "sections.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
-class Avoid {
+class Avoid : public Surroundings {
  public:
-  std::vector<Obstacle> obstacles;  // in the base frame
-  double radius = 0.0;              // of the body
-  double margin = 0.0;              // least distance of surfaces
-  double from = 0.0;                // arc length where the body begins
-  double zone = 0.0;                // the potential begins this far outside the margin
-  double force = 0.0;               // its scale
+  Avoid() = default;
+  explicit Avoid(const Surroundings& around) : Surroundings(around) {}
 
   // The potential. `slope` (may be null) gets its gradient; the lower triangle of `metric` (may be null) is increased
   // by the part of its second derivative that is never negative.
@@ -242,4 +236,4 @@ class Avoid {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

@@ -4,7 +4,7 @@
 
 #include "home.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 class Descent {
  public:
@@ -97,4 +97,4 @@ class Descent {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

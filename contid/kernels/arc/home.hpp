@@ -6,7 +6,7 @@
 #include "equation_step.hpp"
 #include "newton.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 class Homing {
  public:
@@ -258,4 +258,4 @@ class Homing {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

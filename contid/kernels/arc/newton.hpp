@@ -4,7 +4,7 @@
 
 #include "section_task.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 // The shift is added to the diagonal of a Hessian that is not positive definite, as in Levenberg-Marquardt.
 constexpr double kMinShift = 1e-3;
@@ -94,4 +94,4 @@ inline double settle(const Feasible& feasible, const Tuning& tuning, Task& here,
   return here.error;
 }
 
-}  // namespace contid
+}  // namespace contid::section_build

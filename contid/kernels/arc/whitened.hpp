@@ -8,7 +8,7 @@
 #include "cholesky.hpp"
 #include "sections.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 constexpr int kMaxRows = 9;  // of a task: tip, direction, mid-point
 
@@ -79,4 +79,4 @@ struct Whitened {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

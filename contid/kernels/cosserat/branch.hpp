@@ -131,7 +131,13 @@ double follow(const Rod& rod, const Station& from, const Station& to, int elemen
 }
 
 // True when anything acts on the rod; without load every equilibrium is stable and the strains are constant.
-inline bool loaded(const Rod& rod, Vec tip_force) { return load_moment(rod, tip_force) > 0.0; }
+inline bool loaded(const Rod& rod, Vec tip_force) {
+  const auto acts = [](Vec load) { return dot(load, load) > 0.0; };
+  if (acts(tip_force) || acts(rod.tip_moment)) return true;
+  return std::any_of(rod.begin(), rod.end(), [&](const Section& s) {
+    return acts(own_weight(s)) || acts(s.end_force) || acts(s.end_moment);
+  });
+}
 
 // The equilibrium that the arm reaches when pressures and loads grow together from zero; returns the part done.
 inline double equilibrium(const Rod& rod, const double* pressures, Vec tip_force, int elements, Vec& moment, Judged& out) {

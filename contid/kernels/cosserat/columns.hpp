@@ -80,22 +80,23 @@ struct OwnColumns {
 
 // The columns of a force on the tip, behind the three of the base moment.
 struct ForceColumns {
-  static constexpr int kFirst = 3, kCount = 8;
+  static constexpr double kAxes[3][8] = {{0, 0, 0, 1}, {0, 0, 0, 0, 1}, {0, 0, 0, 0, 0, 1}};
   const Inflated& inflated;
 
   bool at(int) const { return true; }
 
   void add(const Stage& s, int column, Lanes (&turn)[3], Lanes (&shift)[3]) const {
-    const Vec e = contid::column(s.R, 2);
-    for (int k = 0; k < kLanes; ++k) {
-      const int axis = column + k - kFirst;
-      if (axis < 0 || axis > 2) continue;
-      const Vec unit{axis == 0 ? 1.0 : 0.0, axis == 1 ? 1.0 : 0.0, axis == 2 ? 1.0 : 0.0}, moment = cross(unit, s.p);
-      const Vec w = inflated.bend * moment + ((inflated.twist - inflated.bend) * dot(e, moment)) * e;
-      const Vec q = inflated.shear * unit + ((inflated.axial - inflated.shear) * dot(e, unit)) * e;
-      turn[0][k] += w.x, turn[1][k] += w.y, turn[2][k] += w.z;
-      shift[0][k] += q.x, shift[1][k] += q.y, shift[2][k] += q.z;
-    }
+    const Vec e = contid::column(s.R, 2), p = s.p;
+    const Lanes x = lanes(kAxes[0][column]), y = lanes(kAxes[1][column]), z = lanes(kAxes[2][column]);
+    const Lanes mx = y * p.z - z * p.y, my = z * p.x - x * p.z, mz = x * p.y - y * p.x;
+    const Lanes m = (inflated.twist - inflated.bend) * (e.x * mx + e.y * my + e.z * mz);
+    turn[0] += inflated.bend * mx + m * e.x;
+    turn[1] += inflated.bend * my + m * e.y;
+    turn[2] += inflated.bend * mz + m * e.z;
+    const Lanes n = (inflated.axial - inflated.shear) * (e.x * x + e.y * y + e.z * z);
+    shift[0] += inflated.shear * x + n * e.x;
+    shift[1] += inflated.shear * y + n * e.y;
+    shift[2] += inflated.shear * z + n * e.z;
   }
 };
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
@@ -22,10 +21,6 @@ from contid.robot_file.sections import SectionRobot
 from contid.targets import REACH, ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import LIMIT_TOLERANCE_M, m_to_mm
 
-#: Counts of sections for which a kernel is compiled with that count fixed.
-EXACT_BUILDS: Final = (1, 2)
-
-
 def feasible_of(robot: SectionRobot) -> Feasible:
     """Geometry and limits of a robot description."""
     angles = tuple((math.radians(a), math.radians(b), math.radians(c)) for a, b, c in robot.tube_angles_deg)
@@ -36,8 +31,7 @@ def feasible_of(robot: SectionRobot) -> Feasible:
 def build_solver(feasible: Feasible, tuning: Tuning | None = None) -> Solver:
     """The native solver where it is built and not switched off, its NumPy twin otherwise."""
     tuning = tuning or tuning_for(feasible)
-    count = feasible.sections.count
-    kernel = load(f"arc{count}" if count in EXACT_BUILDS else "arc")
+    kernel = load("arc")
     if kernel is None:
         return SectionSolver(feasible, tuning)
     solver: Solver = kernel.SectionSolver(
