@@ -19,11 +19,10 @@ void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle 
   read(upper, s.upper, count, "upper: one number per section");
   read(home, s.home, 3 * count, "home: one number per length");
   s.rack = rack, s.curvature_max = curvature_max, s.tuning = contid::tuning_of(tuning);
-  new (self) SectionSolver{contid::build(s, [](const contid::ArcSetup& setup) -> std::unique_ptr<contid::ChainSolver> {
-    if (setup.count == 1) return contid::one_section::make_solver(setup);
-    if (setup.count == 2) return contid::two_sections::make_solver(setup);
-    return nullptr;
-  })};
+  auto* make_solver = &contid::any_sections::make_arc_solver;
+  if (count == 1 && contid::one_section::make_arc_solver) make_solver = &contid::one_section::make_arc_solver;
+  if (count == 2 && contid::two_sections::make_arc_solver) make_solver = &contid::two_sections::make_arc_solver;
+  new (self) SectionSolver{make_solver(s)};
 }
 
 nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
@@ -74,7 +73,7 @@ void inverse_many(const SectionSolver& self, contid::Matrix tip, nb::handle dire
 
 }  // namespace
 
-NB_MODULE(KERNEL_MODULE, module) {
+void contid::bind(nb::module_& module) {
   module.doc() =
       "Constant-curvature sections: native twin of contid.kinematics.arc.solve and contid.kinematics.arc.sections.";
   nb::class_<SectionSolver>(module, "SectionSolver")

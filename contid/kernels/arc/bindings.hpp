@@ -25,15 +25,6 @@ inline int count_of(nanobind::handle per_section) {
   return static_cast<int>(count);
 }
 
-// By `exact` where that is linked and the number is its own, else by the build for any.
-template <class Setup, class Exact>
-std::unique_ptr<ChainSolver> build(const Setup& setup, [[maybe_unused]] const Exact& exact) {
-#ifdef CONTID_EXACT
-  if (std::unique_ptr<ChainSolver> chain = exact(setup)) return chain;
-#endif
-  return any_sections::make_solver(setup);
-}
-
 inline Tuning tuning_of(nanobind::handle tuning) {
   const auto number = [&](const char* name) { return nanobind::cast<double>(tuning.attr(name)); };
   const auto integer = [&](const char* name) { return nanobind::cast<int>(tuning.attr(name)); };

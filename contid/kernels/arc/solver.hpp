@@ -94,16 +94,20 @@ struct TendonSetup {
   Tuning tuning;
 };
 
-// The builds, each in a namespace of its own: CMakeLists.txt gives `section_build` its name.
-#define CONTID_BUILD(name)                                   \
-  namespace name {                                           \
-  std::unique_ptr<ChainSolver> make_solver(const ArcSetup&);    \
-  std::unique_ptr<ChainSolver> make_solver(const TendonSetup&); \
-  }
-CONTID_BUILD(any_sections)
-CONTID_BUILD(one_section)
-CONTID_BUILD(two_sections)
-CONTID_BUILD(three_sections)
-#undef CONTID_BUILD
+// The builds, each in a namespace of its own, to which CMakeLists.txt gives the name `section_build`. Those for an exact
+// number of sections are null in a module that is linked without them.
+namespace any_sections {
+std::unique_ptr<ChainSolver> make_arc_solver(const ArcSetup&);
+std::unique_ptr<ChainSolver> make_tendon_solver(const TendonSetup&);
+}  // namespace any_sections
+namespace one_section {
+[[gnu::weak]] std::unique_ptr<ChainSolver> make_arc_solver(const ArcSetup&);
+}
+namespace two_sections {
+[[gnu::weak]] std::unique_ptr<ChainSolver> make_arc_solver(const ArcSetup&);
+}
+namespace three_sections {
+[[gnu::weak]] std::unique_ptr<ChainSolver> make_tendon_solver(const TendonSetup&);
+}
 
 }  // namespace contid

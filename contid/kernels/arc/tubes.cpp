@@ -3,7 +3,7 @@
 
 namespace contid::section_build {
 
-std::unique_ptr<ChainSolver> make_solver(const ArcSetup& setup) {
+std::unique_ptr<ChainSolver> make_arc_solver(const ArcSetup& setup) {
   const int count = setup.count;
   Feasible f;
   Sections& s = f.sections;

@@ -181,7 +181,7 @@ struct Engine {
 
 }  // namespace
 
-NB_MODULE(KERNEL_MODULE, m) {
+void contid::bind(nb::module_& m) {
   nb::class_<Engine>(m, "Engine")
       .def(nb::init<nb::handle>(), nb::arg("setup"))
       .def("inverse", &Engine::inverse, nb::arg("tip"), nb::arg("mid").none(), nb::arg("direction").none(),

@@ -10,7 +10,7 @@ namespace contid {
 template <class Keep>
 [[gnu::always_inline]] inline void step(const Inflated& s, Pose& pose, Vec N, Vec f, double h, const Keep& keep) {
   const bool weighs = dot(f, f) > 0.0;
-  Vec u[4], v[4], rate_mu[4];
+  Vec u[4], v[4], rate_mu[4] = {};
   Mat R = pose.R, half_R = pose.R;
   Vec p = pose.p, half_p = pose.p, mu = pose.mu;
 #pragma GCC unroll 4

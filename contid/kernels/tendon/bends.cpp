@@ -3,7 +3,7 @@
 
 namespace contid::section_build {
 
-std::unique_ptr<ChainSolver> make_solver(const TendonSetup& setup) {
+std::unique_ptr<ChainSolver> make_tendon_solver(const TendonSetup& setup) {
   const int count = setup.count;
   const auto held = std::make_unique<Feasible>();
   Feasible& f = *held;

@@ -76,7 +76,7 @@ struct Solver {
 
 }  // namespace
 
-NB_MODULE(KERNEL_MODULE, module) {
+void contid::bind(nb::module_& module) {
   module.doc() = "Rods of tendon robots: native twin of contid.kinematics.tendon.rod.";
   nb::class_<Solver>(module, "Rod")
       .def(nb::init<nb::handle>(), nb::arg("setup"))

@@ -22,9 +22,9 @@ void make(SectionSolver* self, nb::handle backbone, nb::handle rigid, nb::handle
   read(offsets, s.offsets.data(), planes, "offsets: one number per plane");
   read(normals, s.normals.data(), planes * 2 * count, "normals: two numbers per section and plane");
   s.tuning = contid::tuning_of(tuning);
-  new (self) SectionSolver{contid::build(s, [](const contid::TendonSetup& setup) {
-    return setup.count == 3 ? contid::three_sections::make_solver(setup) : nullptr;
-  })};
+  auto* make_solver = &contid::any_sections::make_tendon_solver;
+  if (count == 3 && contid::three_sections::make_tendon_solver) make_solver = &contid::three_sections::make_tendon_solver;
+  new (self) SectionSolver{make_solver(s)};
 }
 
 nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
@@ -40,7 +40,7 @@ nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction,
 
 }  // namespace
 
-NB_MODULE(KERNEL_MODULE, module) {
+void contid::bind(nb::module_& module) {
   module.doc() = "Bends of tendon robots: native twin of contid.kinematics.tendon, with the solver of arcs.";
   nb::class_<SectionSolver>(module, "SectionSolver")
       .def("__init__", &make, nb::arg("backbone"), nb::arg("rigid"), nb::arg("offset"), nb::arg("bend_max"),
