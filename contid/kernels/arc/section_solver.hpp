@@ -194,8 +194,12 @@ class SectionSolver final : public ChainSolver {
     out.converged = out.residual <= tuning().tolerance;
     std::fill(out.binding, out.binding + Answer::kWords, std::uint64_t{0});
     const LimitSet binding = feasible().binding(out.lengths);
-    for (int k = 0; k < feasible().limits(); ++k)
-      if (binding[k]) out.binding[k / 64] |= std::uint64_t{1} << k % 64;
+    if constexpr (sizeof binding == sizeof *out.binding) {
+      out.binding[0] = binding.to_ullong();
+    } else {
+      for (int k = 0; k < feasible().limits(); ++k)
+        if (binding[k]) out.binding[k / 64] |= std::uint64_t{1} << k % 64;
+    }
   }
 
   // Lengths from the closed forms, if they exist and are inside every limit.
