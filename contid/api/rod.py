@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike
 
 from contid.api.arguments import ArgumentError, as_rows
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.engine import RodSetup, RodSolver, build_engine
+from contid.kinematics.cosserat.engine import Limits, RodSetup, RodSolver
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
-from contid.kinematics.cosserat.solve import Limits
 from contid.units import MM_PER_M
 
 #: Integration steps per piece of the rod to begin with. They are doubled while the estimated error of a
@@ -144,8 +143,8 @@ class ElasticRod:
             dict.fromkeys(range(len(ends)), weight) if weight.any() else {},
         )
         frames = np.empty((len(stations_mm), 12))
-        carried, _, _ = self._solver(ends).statics([0.0] * (3 * len(ends)), acting, stations_mm, frames)
-        return RodShape(frames[:, :3] / self._mm_per_unit, frames[:, 3:].reshape(-1, 3, 3), carried)
+        found = self._solver(ends).statics([0.0] * (3 * len(ends)), acting, stations_mm, frames)
+        return RodShape(frames[:, :3] / self._mm_per_unit, frames[:, 3:].reshape(-1, 3, 3), found.carried)
 
     def _stations_mm(self, stations: ArrayLike) -> Array:
         stations_mm = np.array(stations, dtype=float, ndmin=1) * self._mm_per_unit
@@ -171,7 +170,7 @@ class ElasticRod:
             none = np.zeros(3 * len(ends))
             error = ERROR * self._section.length
             self._solvers.clear()
-            self._solvers[ends] = build_engine(
+            self._solvers[ends] = RodSolver(
                 RodSetup(Rod(pieces), Loads(), Limits(none, none, none), ELEMENTS, error, 0.0, 1.0, False)
             )
         return self._solvers[ends]

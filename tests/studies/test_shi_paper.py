@@ -9,14 +9,12 @@ import pytest
 from click.testing import CliRunner
 
 from contid.cli.commands.bench import command
-from contid.kernels import load
-from contid.kinematics.cosserat.equilibrium import newton
 from contid.kinematics.cosserat.loads import Loads
 from studies.shi import PAPER_ELEMENTS, forward, inverse, unknowns
 from studies.shi_cold import MODES, cold_starts
 from studies.shi_experiments import Plant, arm, experiment
 from studies.shi_paths import runs
-from tests.kinematics.cosserat_cases import GOLDEN, GRAM, rod_of
+from tests.kinematics.cosserat_cases import GOLDEN, GRAM, rod_of, standing
 
 TIP_LOADED = [case for case in GOLDEN["fk"] if set(case["loads"]) <= {"Ftip"}]
 
@@ -49,9 +47,9 @@ def test_total_wrench_form_is_the_same_mechanics() -> None:
     ends = forward(rod, pressures, force, 48)
     for p, tip, moment in zip(pressures, ends.tip, ends.moment_error, strict=True):
         assert np.abs(moment).max() < 1e-8
-        found = newton(rod, p, np.cross(tip, force), Loads(tip_force=force), 48)
-        assert found.converged
-        assert np.abs(found.sweep.tip - tip).max() < 1e-4
+        found = standing(rod, p, Loads(tip_force=force), 48)
+        assert found.carried == 1.0
+        assert np.abs(found.tip - tip).max() < 1e-4
 
 
 def test_paper_s_inverse_meets_a_nearby_target() -> None:
@@ -99,7 +97,6 @@ def test_bench_prints_one_json_object_per_row() -> None:
     assert max(row["tip_median"] for row in rows) < 10.0
 
 
-@pytest.mark.skipif(load("cosserat") is None, reason="too slow without the kernel")
 @pytest.mark.parametrize("mode", list(MODES))
 @pytest.mark.parametrize("grams", [0.0, 5.0, 10.0])
 def test_cold_starts_meet_reachable_targets(mode: str, grams: float) -> None:

@@ -16,15 +16,13 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
-from contid import kernels
-from contid.control.engine.bus_trackers import BusTrackers
 from contid.control.engine.clock import RealClock
 from contid.control.engine.engine import Engine
 from contid.control.engine.events.buses import BusReported
 from contid.control.engine.events.robots import RobotReported
 from contid.control.engine.events.run import LogWritten, NoteWritten, RunFailed, RunStarted
 from contid.control.engine.messages import Finish, Start
-from contid.control.engine.ports import BusPort
+from contid.control.engine.ports import BusPort, BusTrackers
 from contid.control.engine.report import robot_reports
 from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard, open_buses
 from contid.control.process.log_queue import LogQueue, handle_logs
@@ -144,7 +142,6 @@ def main(descriptor: int) -> int:
     parent_watch = ParentWatch(inbox)
     signal.signal(signal.SIGTERM, parent_watch.signalled)  # before, SIGTERM ended this process
     ring, logs = RingWriter(setup.ring), LogQueue("control")
-    logging.getLogger(kernels.__name__).setLevel(logging.ERROR)  # the daemon warns of NumPy twins
     try:
         with handle_logs(setup.log_level, logs):
             return _serve(setup, inbox, parent_watch, ring, logs)

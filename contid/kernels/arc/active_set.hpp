@@ -2,7 +2,11 @@
 //
 //     minimise 1/2 (d - d0)^T H (d - d0) with l + d feasible,    d0 the step without limits
 //
-// after Goldfarb and Idnani (1983). Twin and specification: contid/kinematics/arc/active_set.py.
+// after Goldfarb and Idnani (1983).
+//
+// It starts at the step without limits, adds the limit exceeded most, and drops limits whose multiplier would change
+// sign, until nothing is exceeded. Each limit is linearised at the present point, so a curved one (the cone of the bend
+// radius) is met by several tangent planes.
 #pragma once
 
 #include "whitened.hpp"

@@ -25,8 +25,8 @@ void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle 
   new (self) SectionSolver{make_solver(s)};
 }
 
-nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
-                nb::handle rotation) {
+nb::object solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
+                 nb::handle rotation) {
   const auto bits = [](const std::uint64_t* binding) { return binding[0]; };
   return contid::solve_row(self, tip, direction, mid, seed, rotation, bits);
 }
@@ -74,8 +74,7 @@ void inverse_many(const SectionSolver& self, contid::Matrix tip, nb::handle dire
 }  // namespace
 
 void contid::bind(nb::module_& module) {
-  module.doc() =
-      "Constant-curvature sections: native twin of contid.kinematics.arc.solve and contid.kinematics.arc.sections.";
+  module.doc() = "Chains of constant-curvature sections: frames, Jacobians and bounded inverse kinematics.";
   nb::class_<SectionSolver>(module, "SectionSolver")
       .def("__init__", &make, nb::arg("radius"), nb::arg("to_arc"), nb::arg("to_lengths"), nb::arg("rigid"),
            nb::arg("lower"), nb::arg("upper"), nb::arg("home"), nb::arg("rack"), nb::arg("curvature_max"),

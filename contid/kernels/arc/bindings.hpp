@@ -5,6 +5,7 @@
 #include <nanobind/ndarray.h>
 
 #include "../python.hpp"
+#include "../record.hpp"
 #include "solver.hpp"
 
 namespace contid {
@@ -47,19 +48,20 @@ inline void avoid_rows(SectionSolver& self, nanobind::handle obstacles, double r
   self.chain->avoid(around);
 }
 
-inline nanobind::tuple forward_row(const SectionSolver& self, nanobind::handle variables) {
+inline nanobind::object forward_row(const SectionSolver& self, nanobind::handle variables) {
   double x[kMostVariables];
   read(variables, x, self.size(), "as many numbers as the sections have variables");
   Frames frames;
   self.chain->forward(x, frames);
-  return nanobind::make_tuple(tuple_of(frames.tip, 3), tuple_of(frames.rotation, 9), tuple_of(frames.mid, 3));
+  static const Record record("contid.kernels.SectionFrames", {"tip", "rotation", "mid"});
+  return record(tuple_of(frames.tip, 3), tuple_of(frames.rotation, 9), tuple_of(frames.mid, 3));
 }
 
 // `binding`: the limits that bind, from their bits to what Python gets.
 template <class Binding>
-nanobind::tuple solve_row(const SectionSolver& self, nanobind::handle tip, nanobind::handle direction,
-                          nanobind::handle mid, nanobind::handle seed, nanobind::handle rotation,
-                          const Binding& binding) {
+nanobind::object solve_row(const SectionSolver& self, nanobind::handle tip, nanobind::handle direction,
+                           nanobind::handle mid, nanobind::handle seed, nanobind::handle rotation,
+                           const Binding& binding) {
   double p[3], t[3], m[3], r[9], x[kMostVariables];
   read(tip, p, 3, "tip: three numbers");
   if (!direction.is_none()) read(direction, t, 3, "direction: three numbers");
@@ -69,8 +71,10 @@ nanobind::tuple solve_row(const SectionSolver& self, nanobind::handle tip, nanob
   Answer answer;
   self.chain->solve(
       {p, direction.is_none() ? nullptr : t, mid.is_none() ? nullptr : m, rotation.is_none() ? nullptr : r}, x, answer);
-  return nanobind::make_tuple(tuple_of(answer.lengths, self.size()), answer.residual, answer.converged,
-                              binding(answer.binding), answer.iterations, answer.starts);
+  static const Record record("contid.kernels.SectionSolution",
+                             {"lengths", "residual_m", "converged", "binding", "iterations", "starts"});
+  return record(tuple_of(answer.lengths, self.size()), answer.residual, answer.converged, binding(answer.binding),
+                answer.iterations, answer.starts);
 }
 
 // Jacobians of tip, orientation and mid-point into given arrays, one column per variable.

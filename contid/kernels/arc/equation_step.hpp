@@ -1,5 +1,4 @@
 // A step of homing: the quadratic programme with the linearised task as an equation.
-// Twin and specification: Homing._step of contid/kinematics/arc/home.py.
 #pragma once
 
 #include "section_task.hpp"

@@ -1,5 +1,6 @@
 // Newton's method for a target that is not met, to the minimum of |e|^2/2 on the limits.
-// Twin and specification: Descent._settle of contid/kinematics/arc/descent.py.
+//
+//     min 1/2 d^T H d - (J^T e)^T d over the limits,   H the second derivative of |e|^2/2
 #pragma once
 
 #include "section_task.hpp"

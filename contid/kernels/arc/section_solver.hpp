@@ -1,5 +1,7 @@
 // Bounded inverse kinematics of a chain of sections from several starts. solve() does not allocate.
-// Twin and specification: contid/kinematics/arc/solve.py: same decisions, same order.
+//
+// The closed form comes first where there is one, then a descent from the seed. Where that does not meet the target,
+// further descents start from biarcs (for tip and direction) and from the nearest postures of a fixed library.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,6 @@
 // Goal of a chain of sections, its error and derivatives; all rows are lengths [m].
-// Twin and specification: contid/kinematics/arc/task.py.
+// They are the tip error, the mid-point error, and ell (t_target - t) for a direction, or ell phi with
+// exp(phi) R = R_target for a rotation.
 #pragma once
 
 #include <algorithm>

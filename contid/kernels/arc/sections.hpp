@@ -1,5 +1,8 @@
 // Chains of constant-curvature sections: frames and Jacobians without singularities, no allocation.
-// Twin and specification: contid/kinematics/arc/sections.py (same names, same formulas).
+//
+//     p = p1 + R1 (h1 e_z + p2 + R2 (...)),    J_i = R (Jp_i + Jw_i x rest_i) d(u, v, L)/dl
+//
+// R is the frame where section i starts and rest_i leads from its end to the tip.
 //
 // Compiled once per kind of section. Tubes and racks have three lengths per section. With CONTID_TENDON the backbone
 // of a section keeps its length, and its two variables are the bends times that length [m]
@@ -90,7 +93,7 @@ inline void forward(const Sections& s, const double* lengths, Frames& out) {
   std::memcpy(out.rotation, rotation, sizeof rotation);
 }
 
-// J_i = R (Jp_i + Jw_i x rest_i) d(u, v, L)/dl; see differentiate() in contid/kinematics/arc/sections.py.
+// J_i = R (Jp_i + Jw_i x rest_i) d(u, v, L)/dl.
 inline void differentiate(const Sections& s, const double* lengths, Derivatives& out, bool want_mid) {
   Column position{}, ends[kMaxSections], mid{};
   Column rotation[3] = {{1.0, 0.0, 0.0, 0.0}, {0.0, 1.0, 0.0, 0.0}, {0.0, 0.0, 1.0, 0.0}};

@@ -1,5 +1,4 @@
 // Limits with flat faces only, for the steps whose metric has the curvature of the cones.
-// Twin and specification: TangentLimits of contid/kinematics/arc/feasible.py.
 #pragma once
 
 #include "feasible.hpp"

@@ -1,5 +1,4 @@
 // A task in coordinates in which the metric W = F F^T of a step is the identity: K = J F^-T.
-// Part of contid/kinematics/arc/active_set.py and home.py, which are its specification.
 #pragma once
 
 #include <type_traits>

@@ -1,6 +1,6 @@
 // The bends a tendon robot may take: planes of travel and tension, and a cone per section for its largest bend.
 // Coordinates x are bends times section lengths [m], two per section.
-// Twin and specification: contid/kinematics/tendon/feasible.py, with the definition of each limit.
+// contid/kinematics/tendon/feasible.py makes and names the limits in the same order.
 #pragma once
 
 #include <bitset>

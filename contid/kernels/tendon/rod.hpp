@@ -1,5 +1,5 @@
 // Statics of a tendon robot's backbone as a rod: chain of elements of constant strain, equilibrium by virtual work.
-// Twin and specification: contid/kinematics/tendon/rod.py (same terms, same decisions). solve() does not allocate.
+// contid/kinematics/tendon/rod.py states the equations. solve() does not allocate.
 #pragma once
 
 #include <algorithm>

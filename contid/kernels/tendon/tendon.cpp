@@ -27,8 +27,8 @@ void make(SectionSolver* self, nb::handle backbone, nb::handle rigid, nb::handle
   new (self) SectionSolver{make_solver(s)};
 }
 
-nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
-                nb::handle rotation) {
+nb::object solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
+                 nb::handle rotation) {
   const auto bits = [](const std::uint64_t* binding) {  // more than any C++ integer has
     std::string digits;
     for (int k = contid::kMostPlanes + contid::kMostSections - 1; k >= 0; --k)
@@ -41,7 +41,7 @@ nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction,
 }  // namespace
 
 void contid::bind(nb::module_& module) {
-  module.doc() = "Bends of tendon robots: native twin of contid.kinematics.tendon, with the solver of arcs.";
+  module.doc() = "Bends of tendon robots: frames, Jacobians and bounded inverse kinematics, by the solver of arcs.";
   nb::class_<SectionSolver>(module, "SectionSolver")
       .def("__init__", &make, nb::arg("backbone"), nb::arg("rigid"), nb::arg("offset"), nb::arg("bend_max"),
            nb::arg("normals"), nb::arg("offsets"), nb::arg("tuning"))

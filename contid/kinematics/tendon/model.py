@@ -11,9 +11,8 @@ from typing import Final
 import numpy as np
 
 from contid.kinematics.any_target import any_target
-from contid.kinematics.arc.avoid import FORCE, ZONE
 from contid.kinematics.arc.sections import backbone
-from contid.kinematics.arc.solver import nearest_note
+from contid.kinematics.arc.solver import FORCE, ZONE, nearest_note
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.bend_solver import build_bend_solver, ell_of
 from contid.kinematics.tendon.capstan import CapstanLead
@@ -81,8 +80,8 @@ class TendonModel:
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Tip, orientation and end of the first section for pulls [m]; a load does not bend this model."""
-        tip, rotation, mid = self.solver.forward(tuple((self._by_pulls @ actuation).tolist()))
-        lift = self._base_m
+        found = self.solver.forward(tuple((self._by_pulls @ actuation).tolist()))
+        tip, rotation, mid, lift = found.tip, found.rotation, found.mid, self._base_m
         if self._correction is not None:
             tip = _moved(tip, self._correction.at(np.asarray(actuation)))
         return Pose(
@@ -141,14 +140,15 @@ class TendonModel:
             tip = (tip[0], tip[1], tip[2] - lift)
             mid = None if mid is None else (mid[0], mid[1], mid[2] - lift)
         start = tuple((self._by_pulls @ seed).tolist())
-        bends, residual_m, converged, binding, iterations, _ = self.solver.solve(
-            tip, target.direction, mid, start, target.rotation
+        found = self.solver.solve(tip, target.direction, mid, start, target.rotation)
+        pulls, limits = (
+            self._pulls(np.array(found.lengths) / self._lengths),
+            self.feasible.named(found.binding),
         )
-        pulls, limits = self._pulls(np.array(bends) / self._lengths), self.feasible.named(binding)
-        if converged:
-            return Solution(pulls, residual_m, True, limits, iterations)
-        note = nearest_note(residual_m)
-        return Solution(pulls, residual_m, False, limits or (_LENGTH,), iterations, note)
+        if found.converged:
+            return Solution(pulls, found.residual_m, True, limits, found.iterations)
+        note = nearest_note(found.residual_m)
+        return Solution(pulls, found.residual_m, False, limits or (_LENGTH,), found.iterations, note)
 
     def _corrected(self, target: Target, seed: Actuation, correction: TipCorrection) -> Solution:
         """The answer whose correction moves the tip onto the target: a fixed point, begun at the seed."""

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contid import kernels
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.on_path import tip_tolerance_m
@@ -209,7 +208,6 @@ def test_an_extra_axis_may_be_behind_by_its_speed_in_20_ms_or_in_a_tick(rate_hz:
     assert follower._behind(late, goal, target) == pytest.approx([0.0] * (len(goal) - 1) + [0.5])
 
 
-@pytest.mark.skipif(kernels.load("cosserat") is None, reason="needs compiled kernels")
 @pytest.mark.parametrize("slower", [0.7, 1.5, 2.0])
 def test_what_is_accepted_on_the_axis_of_the_arm_is_followed(
     slower: float, monkeypatch: pytest.MonkeyPatch
