@@ -1,4 +1,5 @@
-// The entry of an extension module whose bindings are linked to two builds: for every processor, and for wider registers.
+// The entry of an extension module whose bindings are linked to two builds: for every processor, and for wider
+// registers.
 #include <nanobind/nanobind.h>
 
 namespace contid {

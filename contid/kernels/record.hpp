@@ -20,12 +20,12 @@ class Record {
   }
 
   // One value per field, in their order.
-  template <class... Values>
-  nanobind::object operator()(Values&&... values) const {
+  template <class... Values> nanobind::object operator()(Values&&... values) const {
     nanobind::object record = nanobind::steal(PyStructSequence_New(type_));
     if (!record.is_valid()) throw nanobind::python_error();
     Py_ssize_t field = 0;
-    (PyStructSequence_SetItem(record.ptr(), field++, nanobind::cast(std::forward<Values>(values)).release().ptr()), ...);
+    (PyStructSequence_SetItem(record.ptr(), field++, nanobind::cast(std::forward<Values>(values)).release().ptr()),
+     ...);
     return record;
   }
 

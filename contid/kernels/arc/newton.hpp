@@ -1,6 +1,8 @@
 // Newton's method for a target that is not met, to the minimum of |e|^2/2 on the limits.
 //
 //     min 1/2 d^T H d - (J^T e)^T d over the limits,   H the second derivative of |e|^2/2
+//
+// It starts where the damped steps ended and stops when a step or the error vanishes, or after a given number of steps.
 #pragma once
 
 #include "section_task.hpp"

@@ -1,7 +1,12 @@
-// Bounded inverse kinematics of a chain of sections from several starts. solve() does not allocate.
+// Bounded inverse kinematics of a chain of sections from several starts.
 //
-// The closed form comes first where there is one, then a descent from the seed. Where that does not meet the target,
-// further descents start from biarcs (for tip and direction) and from the nearest postures of a fixed library.
+//     minimise  |e(x)|   over the feasible variables x, of the minima where e = 0 the one nearest to home
+//
+// e is the error of the task (section_task.hpp), x are lengths, or bends of tendon robots (feasible.hpp). The closed
+// form comes first where there is one, then a descent (descent.hpp) from the seed. Where that does not meet the target,
+// further descents start from biarcs (for tip and direction) and from the postures of a fixed library of Halton points
+// whose task is nearest to the goal. The search stops at the first start that meets the target, where enough starts end
+// at the same error, or when all have been tried. solve() does not allocate.
 #pragma once
 
 #include <algorithm>
@@ -46,7 +51,8 @@ class SectionSolver final : public ChainSolver {
     section_build::differentiate(feasible().sections, variables, at, true);
     const int n = size();
     for (int k = 0; k < 3; ++k)
-      for (int j = 0; j < n; ++j) tip[k * n + j] = at.tip[j][k], spin[k * n + j] = at.spin[j][k], mid[k * n + j] = at.mid[j][k];
+      for (int j = 0; j < n; ++j)
+        tip[k * n + j] = at.tip[j][k], spin[k * n + j] = at.spin[j][k], mid[k * n + j] = at.mid[j][k];
   }
 
   // Obstacles that redundant axes keep away from; none switches that off.

@@ -94,8 +94,8 @@ struct TendonSetup {
   Tuning tuning;
 };
 
-// The builds, each in a namespace of its own, to which CMakeLists.txt gives the name `section_build`. Those for an exact
-// number of sections are null in a module that is linked without them.
+// The builds, each in a namespace of its own, to which CMakeLists.txt gives the name `section_build`. Those for an
+// exact number of sections are null in a module that is linked without them.
 namespace any_sections {
 std::unique_ptr<ChainSolver> make_arc_solver(const ArcSetup&);
 std::unique_ptr<ChainSolver> make_tendon_solver(const TendonSetup&);

@@ -1,4 +1,5 @@
-// Moment balance of a rod: twin of contid/kinematics/cosserat/equilibrium.py.
+// Forward statics: the base moment that brings a rod with given pressures into balance with its loads, by Newton's
+// method from a given start. Which of several equilibria counts is decided in branch.hpp.
 #pragma once
 
 #include "rod.hpp"
@@ -13,7 +14,7 @@ inline bool finite(Vec a) { return std::isfinite(a.x) && std::isfinite(a.y) && s
 
 // Newton on the base moment at fixed pressures; `out` keeps the sweep with derivatives.
 inline bool newton(const Rod& rod, const double* pressures, Vec& moment, Vec tip_force, double share, int elements,
-            Sweep& out) {
+                   Sweep& out) {
   sweep(rod, pressures, moment, tip_force, share, elements, out);
   for (int i = 0; i < kNewtonSteps; ++i) {
     const double error = norm(out.moment);

@@ -1,5 +1,11 @@
-// The bounded step of a descent: a small quadratic programme in a box.
-// Twin and specification: contid/kinematics/cosserat/box_step.py.
+// The bounded step of a descent: a small quadratic programme in a box,
+//
+//     minimise  1/2 d^T H d + g^T d   over  low <= d <= high,   H positive definite, 0 in the box,
+//
+// by a primal active set (Nocedal and Wright, Numerical Optimization, 2nd edition, section 16.5). It starts at d = 0
+// and holds the bounds against which the gradient points. A Newton step of the free unknowns goes as far as the first
+// bound, which is held too; where none is in the way, the held bound whose multiplier has the wrong sign most is
+// released. It ends where no multiplier has, or after 4 n + 4 rounds.
 #pragma once
 
 #include "rod.hpp"

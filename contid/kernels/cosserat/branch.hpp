@@ -1,4 +1,16 @@
-// The branch of equilibria on which the arm stands: twin of contid/kinematics/cosserat/branch.py, its specification.
+// The branch of equilibria on which the arm stands.
+//
+// A loaded rod has several equilibria, some of them stable. The one that counts is reached when pressures and loads
+// grow together from zero, without a jump; where it loses its stability on the way, the arm snaps through to an
+// equilibrium that statics does not determine. Forward and inverse share this definition.
+//
+//     e(M(s), s P, s F) = 0,   s from 0 to 1
+//
+// is followed by prediction (a parabola in s through the last points) and correction by Newton's method (Allgower and
+// Georg, Numerical Continuation Methods, 1990). A path stays on its branch because each point must be stable, lie in
+// the neighbourhood of its prediction in which Newton's method contracts, and have about the stiffness predicted;
+// otherwise the step is halved. It ends at s = 1, or short of it where the step falls below 0.005 %: there the branch
+// ends.
 #pragma once
 
 #include <limits>
@@ -34,9 +46,7 @@ inline double load_moment(const Rod& rod, Vec tip_force) {
 }
 
 // What base moments are compared with [N*mm].
-inline double load_scale(const Rod& rod, Vec tip_force) {
-  return std::fmax(kLeastScale, load_moment(rod, tip_force));
-}
+inline double load_scale(const Rod& rod, Vec tip_force) { return std::fmax(kLeastScale, load_moment(rod, tip_force)); }
 
 // True when two base moments belong to one equilibrium.
 inline bool same_pose(const Rod& rod, Vec tip_force, Vec moment, Vec other) {
@@ -53,7 +63,7 @@ inline double tolerance_on_the_way(double scale, double stiff) {
 
 // Newton's method that ends where a step does not contract the balance. True for a stable equilibrium.
 inline bool settle(const Rod& rod, const double* pressures, Vec& moment, Vec tip_force, double share, int elements,
-            double tolerance, Judged& out) {
+                   double tolerance, Judged& out) {
   double before = std::numeric_limits<double>::infinity();
   for (int i = 0; i < kCorrections; ++i) {
     judge(rod, pressures, moment, tip_force, share, elements, out);
@@ -134,13 +144,13 @@ double follow(const Rod& rod, const Station& from, const Station& to, int elemen
 inline bool loaded(const Rod& rod, Vec tip_force) {
   const auto acts = [](Vec load) { return dot(load, load) > 0.0; };
   if (acts(tip_force) || acts(rod.tip_moment)) return true;
-  return std::any_of(rod.begin(), rod.end(), [&](const Section& s) {
-    return acts(own_weight(s)) || acts(s.end_force) || acts(s.end_moment);
-  });
+  return std::any_of(rod.begin(), rod.end(),
+                     [&](const Section& s) { return acts(own_weight(s)) || acts(s.end_force) || acts(s.end_moment); });
 }
 
 // The equilibrium that the arm reaches when pressures and loads grow together from zero; returns the part done.
-inline double equilibrium(const Rod& rod, const double* pressures, Vec tip_force, int elements, Vec& moment, Judged& out) {
+inline double equilibrium(const Rod& rod, const double* pressures, Vec tip_force, int elements, Vec& moment,
+                          Judged& out) {
   const double none[kMost] = {};
   moment = {0, 0, 0};
   if (loaded(rod, tip_force))
@@ -188,8 +198,7 @@ inline bool on_branch(const Rod& rod, const double* pressures, Vec moment, Vec t
   }
   if (smooth) return true;
   Vec found;
-  return equilibrium(rod, pressures, tip_force, elements, found, at) == 1.0 &&
-         same_pose(rod, tip_force, found, moment);
+  return equilibrium(rod, pressures, tip_force, elements, found, at) == 1.0 && same_pose(rod, tip_force, found, moment);
 }
 
 // Some equilibrium under the full load, for a rod whose branch ends before; `moment` and `out` are those of its end.

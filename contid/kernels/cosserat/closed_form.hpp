@@ -1,4 +1,8 @@
-// Pressures of unloaded arcs: twin of contid/kinematics/cosserat/closed_form.py.
+// Exact inverse kinematics of the unloaded rod: each section is a circular arc.
+//
+// Without load the strains of a section are constant. Its end determines its arc, the arc its three pressures; two
+// sections with a tip direction form a biarc with one free parameter, of which the member nearest to the centre is
+// taken.
 #pragma once
 
 #include "solve.hpp"

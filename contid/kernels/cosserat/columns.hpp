@@ -1,5 +1,5 @@
-// Derivatives of a sweep, a column for each unknown: twin of element._tangent_rates. Columns lie next to each other
-// and are treated by the register: the bits do not depend on its width.
+// Derivatives of a sweep, a column for each unknown; contid/kinematics/cosserat/element.py has their equations. Columns
+// lie next to each other and are treated by the register: the bits do not depend on its width.
 #pragma once
 
 #include "rod.hpp"

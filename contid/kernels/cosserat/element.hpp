@@ -1,4 +1,5 @@
-// One element of a rod, its rigid links and the loads at the ends of sections: twin of element.py, with the equations.
+// One element of a rod, its rigid links and the loads at the ends of sections; contid/kinematics/cosserat/element.py
+// has the equations.
 #pragma once
 
 #include "columns.hpp"
@@ -61,9 +62,8 @@ inline void step(const Inflated& s, Pose& pose, Vec N, Vec f, double h) {
 template <class Own>
 inline void step(const Inflated& s, State& state, Vec N, Vec f, double h, const Own& own, int count) {
   Stage stages[4];
-  step(s, state, N, f, h, [&](int i, const Mat& R, Vec p, Vec u, Vec v, Vec force, Vec M) {
-    stages[i].set(s, R, p, u, v, force, M);
-  });
+  step(s, state, N, f, h,
+       [&](int i, const Mat& R, Vec p, Vec u, Vec v, Vec force, Vec M) { stages[i].set(s, R, p, u, v, force, M); });
   advance(s, stages, own, f, h, count, state.by);
 }
 

@@ -1,5 +1,14 @@
-// Of all pressures that meet a target the nearest to the centre: twin of contid/kinematics/cosserat/home.py, its
-// specification.
+// Of all pressures that meet a redundant task the nearest to the centre.
+//
+//     minimise  1/2 |P - centre|^2   subject to   r(P) = 0,   P inside its limits
+//
+// Sequential quadratic programming from an answer on the target (Nocedal and Wright, Numerical Optimization, 2nd
+// edition, chapter 18). Every iterate meets the task: a step minimises a quadratic model with the linearised task as an
+// equation, chords bring it back onto the target. The metric is the identity at first; where steps do not shrink it
+// becomes the second derivative of the Lagrangian, with the task's curvature. Long steps must lower the distance; short
+// ones must lower it by more than rounding, or be shorter than the one before, because the derivatives of a sweep are
+// those of the rod, not of its elements. It stops at a step below 1e-7 bar, so that an answer solved again from itself
+// does not move, where no step is accepted any more, or after 100 steps.
 #pragma once
 
 #include "solve.hpp"

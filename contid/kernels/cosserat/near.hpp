@@ -1,5 +1,4 @@
-// An equilibrium near a known one, with the derivatives of the tip: a bounded piece of work for every tick. Twin of
-// contid/kinematics/cosserat/near.py, its specification.
+// An equilibrium near a known one, with the derivatives of the tip: a bounded piece of work for every tick.
 #pragma once
 
 #include "branch.hpp"
@@ -9,7 +8,8 @@ namespace contid {
 
 // At most kCorrections sweeps from a guess of the base moment, and two for the derivatives. False where Newton's method
 // does not contract from there, or the equilibrium is unstable.
-inline bool near_equilibrium(const Rod& rod, const double* pressures, Vec tip_force, Vec guess, int elements, Near& out) {
+inline bool near_equilibrium(const Rod& rod, const double* pressures, Vec tip_force, Vec guess, int elements,
+                             Near& out) {
   Judged at;
   out.moment = guess;
   const double tolerance = statics_tolerance(load_scale(rod, tip_force));

@@ -1,7 +1,7 @@
-// A pneumatic rod and its sweeps from base to tip: what `sweep.cpp` computes and every search asks for.
+// A pneumatic rod and its sweeps from base to tip: what sweep.cpp computes and every search asks for.
 //
-// Twins and specification: contid/kinematics/cosserat/{element,statics,stability,compliance,shape}.py; the second holds
-// the equations. Units: mm, N, N*mm, bar. C++17, no allocation, no exceptions.
+// contid/kinematics/cosserat/statics.py states the equations, element.py those of an element, negative.hpp the
+// stability. Units: mm, N, N*mm, bar. C++17, no allocation, no exceptions.
 #pragma once
 
 #include <algorithm>

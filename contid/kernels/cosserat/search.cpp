@@ -18,8 +18,8 @@ inline Vec load_of(const double* loads, std::size_t k) {
 Answer Arm::inverse(const Task& task, Vec force, const double* seed) const {
   const Found found = search_settled(rod, task, force, limits, seed, settings);
   const Outcome& o = found.outcome;
-  Answer answer{{}, o.residual, o.statics, found.snap, o.met, o.optimal, o.blocked, found.stable, found.iterations,
-                found.elements};
+  Answer answer{{},        o.residual, o.statics,    found.snap,       o.met,
+                o.optimal, o.blocked,  found.stable, found.iterations, found.elements};
   std::copy(o.pressures, o.pressures + kMost, answer.pressures);
   return answer;
 }

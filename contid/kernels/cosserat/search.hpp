@@ -1,4 +1,18 @@
-// Where solves start: twin of contid/kinematics/cosserat/{closed_form,search}.py.
+// Where a solve for a target starts and which of its answers is taken.
+//
+//     minimise  |r(P)|   over the pressures P in their limits, the arm in equilibrium on its branch
+//
+// r is the task error (task.hpp); a rod under load has several equilibria for one P, and the one that counts is defined
+// in branch.hpp. Bounded least squares has local minima, so descents (solve.hpp, home.hpp, track.hpp) start from
+//
+//   1. the last command;
+//   2. the unloaded closed form (closed_form.hpp), to which the loads are brought in steps;
+//   3. for a rod that carries nothing: the centre of the limits and a fixed list of Halton points.
+//
+// The first answer on the target and on the branch ends the search. An optimum next to the last command that is not
+// farther from the target than where the arm stands continues a motion and ends it too. Where neither is found for a
+// loaded arm, along_branch/branch_search.hpp searches among the poses on the branch alone. Elements are doubled at the
+// end until the discretisation error is small enough (along_branch/refine.hpp).
 #pragma once
 
 #include "along_branch/refine.hpp"
@@ -13,8 +27,8 @@ constexpr double kRampTolerance = 1e-2;
 // The best outcome of a search along the branch, first with few elements; false where there is none. Not inlined, as
 // Refinement.
 [[gnu::noinline]] inline bool search_along_branch(const Rod& rod, const Task& task, Vec tip_force, const Limits& limits,
-                                           const double* seed, const Settings& settings, int elements, int& spent,
-                                           Found& best) {
+                                                  const double* seed, const Settings& settings, int elements,
+                                                  int& spent, Found& best) {
   const Effort& effort = effort_of(settings);
   BranchSearch branch{rod, task, tip_force, limits, elements, settings.tolerance, effort};
   bool found = branch.run(seed);
@@ -29,7 +43,7 @@ constexpr double kRampTolerance = 1e-2;
 }
 
 inline Found search(const Rod& rod, const Task& task, Vec tip_force, const Limits& limits, const double* seed,
-                const Settings& settings) {
+                    const Settings& settings) {
   const int n = rod.pressures();
   const bool weighs = loaded(rod, tip_force);
   const bool light = massless(rod, 1.0);
@@ -70,7 +84,7 @@ inline Found search(const Rod& rod, const Task& task, Vec tip_force, const Limit
     // Without load the strains are constant, and one element is exact.
     if (!homed && !(start == seed && light &&
                     track(rod, task, tip_force, limits, start, weighs ? settings.elements : 1, settings.tolerance,
-                             found.outcome)))
+                          found.outcome)))
       found.outcome =
           solve(rod, task, tip_force, 1.0, limits, start, guess, settings.elements, settings.tolerance, iterations);
     homed = homed || home(found);
@@ -91,8 +105,8 @@ inline Found search(const Rod& rod, const Task& task, Vec tip_force, const Limit
       for (int k = 1; weighs && k < kLoadSteps; ++k) {
         const double part = static_cast<double>(k) / kLoadSteps;
         const Outcome rough = solve(rod, task, part * tip_force, part, limits, start,
-                                          predicted_moment(rod, task.tip, part * tip_force, part), settings.elements,
-                                          kRampTolerance, kRampIterations);
+                                    predicted_moment(rod, task.tip, part * tip_force, part), settings.elements,
+                                    kRampTolerance, kRampIterations);
         std::copy(rough.pressures, rough.pressures + n, start);
       }
       if (attempt(start, kRestartIterations)) return true;
@@ -117,8 +131,7 @@ inline Found search(const Rod& rod, const Task& task, Vec tip_force, const Limit
   if (!attempt(seed, kIterations) && !tracked() && !everywhere()) {
     for (int elements = settings.elements;; elements = kRefusalElements) {
       Found found;
-      const bool searched =
-          search_along_branch(rod, task, tip_force, limits, seed, settings, elements, spent, found);
+      const bool searched = search_along_branch(rod, task, tip_force, limits, seed, settings, elements, spent, found);
       if (searched && any && !found.outcome.met && best.outcome.residual <= found.outcome.residual)
         best.snap = found.snap;
       else if (searched)

@@ -1,4 +1,10 @@
-// Answers that stay when they are solved again: twin of contid/kinematics/cosserat/settled.py, its specification.
+// Answers that stay when they are solved again from themselves.
+//
+// A first answer far from its seed may end where a search from itself would go on: beside a saddle of the distance to
+// the centre, or where a descent along the branch took another way. It is solved again, each time from the answer
+// before, until it moves by less than 1e-7 bar, four times at most. A thorough search goes on in the same way from a
+// loaded answer out of reach, while that gets nearer to the target. Answers near their seed continue a motion, and
+// every tick solves again anyway.
 #pragma once
 
 #include "search.hpp"
@@ -9,7 +15,7 @@ constexpr int kMostSearches = 4;
 constexpr double kSettledBar = 1e-7;
 
 inline Found search_settled(const Rod& rod, const Task& task, Vec tip_force, const Limits& limits, const double* seed,
-                        const Settings& settings) {
+                            const Settings& settings) {
   const int n = rod.pressures();
   Found found = search(rod, task, tip_force, limits, seed, settings);
   const bool carries = loaded(rod, tip_force), redundant = task.independent() < n;

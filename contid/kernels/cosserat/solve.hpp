@@ -1,7 +1,19 @@
-// Bounded inverse statics: twin of contid/kinematics/cosserat/solve.py, its specification.
+// Inverse statics: bounded least squares on the task with equilibrium as a constraint.
 //
-// One difference: derivatives are reused for further steps (chords) while these reduce the error tenfold, since a sweep
-// without derivatives costs less than half. The result does not depend on it. A search tries track.hpp first.
+//     minimise  |r(M, P)|^2 + weight |P - centre|^2   subject to   e(M, P) = 0,   P inside its limits
+//
+// Unknowns are the base moment M and the pressures P. The moment balance e is linearised and eliminated,
+//
+//     dM = -A^-1 (e + B dP),    r + J dP  with  J = D - C A^-1 B,
+//
+// so that an unreachable target never costs equilibrium. What is left is a Gauss-Newton step inside the limits and a
+// trust box (box_step.hpp). The weight is 0 unless the task is redundant. A step must lower the cost |r|^2 + balance
+// |e|^2; else the trust box shrinks. A descent from one start ends on the target in balance, where the step is below
+// 1e-9 bar and predicts no gain (a bounded optimum), where the trust box has vanished, or after `iterations` sweeps
+// with derivatives.
+//
+// Derivatives serve for further steps (chords) while these reduce the error tenfold, since a sweep without them costs
+// less than half. The answer does not depend on it. A search tries track.hpp first.
 #pragma once
 
 #include <algorithm>
@@ -28,7 +40,8 @@ struct Outcome {
 };
 
 // H = J^T J + weight + 1e-13 trace(J^T J): the last term keeps it definite for a redundant task.
-template <int C> void normal_matrix(int n, const double (&J)[9][C], int rows, double weight, double (&H)[kMost][kMost]) {
+template <int C>
+void normal_matrix(int n, const double (&J)[9][C], int rows, double weight, double (&H)[kMost][kMost]) {
   double trace = 0.0;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j <= i; ++j) {
@@ -104,7 +117,7 @@ struct Reduced {
 
 // One descent from (start, moment).
 inline Outcome solve(const Rod& rod, const Task& task, Vec tip_force, double share, const Limits& limits,
-                 const double* start, Vec moment, int elements, double tolerance, int iterations) {
+                     const double* start, Vec moment, int elements, double tolerance, int iterations) {
   const int n = rod.pressures();
   const int rows = task.rows();
   const double weight = task.independent() < n ? kCentreWeight : 0.0;

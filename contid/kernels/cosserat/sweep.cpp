@@ -2,7 +2,7 @@
 #include "../column.hpp"
 #include "arcs.hpp"
 #include "element.hpp"
-#include "negative.hpp"
+#include "stability.hpp"
 
 namespace contid {
 
@@ -92,8 +92,7 @@ Ends ends_of(const Rod& rod, const double* pressures, Vec base_moment, Vec tip_f
   over_sections(
       rod, pressures, share, elements, base_force(rod, tip_force, share),
       [&](const Inflated& inflated, int, Vec N, Vec f, double h) { step(inflated, pose, N, f, h); },
-      [&](int i) { mid = i == 0 ? pose.p : mid; },
-      [&](int, Vec force, Vec moment) { joint(pose, force, moment); },
+      [&](int i) { mid = i == 0 ? pose.p : mid; }, [&](int, Vec force, Vec moment) { joint(pose, force, moment); },
       [&](int, double length, Vec f) { link(pose, length, f); });
   return {pose.R, pose.p, mid, pose.mu - cross(pose.p, tip_force) - share * rod.tip_moment};
 }

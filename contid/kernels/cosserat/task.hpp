@@ -1,5 +1,5 @@
-// Task of a rod, its error for a sweep, and the derivative of that error; all rows are lengths [mm].
-// Twin and specification: contid/kinematics/cosserat/task.py.
+// Task of a rod, its error for a sweep, and the derivative of that error. Rows are lengths [mm]; a direction or a frame
+// enters times `Task::length`.
 #pragma once
 
 #include "rod.hpp"

@@ -12,7 +12,7 @@ namespace contid {
 
 // False, with `out` undefined, where the general solve is needed.
 inline bool track(const Rod& rod, const Task& task, Vec tip_force, const Limits& limits, const double* start,
-           int elements, double tolerance, Outcome& out) {
+                  int elements, double tolerance, Outcome& out) {
   const int n = rod.pressures();
   const int rows = task.rows();
   if (task.independent() < n) return false;

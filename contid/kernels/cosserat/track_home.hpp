@@ -27,7 +27,7 @@ inline void mix(int n, const double* p, const double* before, const double* last
 
 // False, with `out` undefined, where the general solve is needed. `most` bounds the first step.
 inline bool track_home(int base, const Homing& homing, const double* start, Vec moment, double tolerance, double most,
-                Outcome& out) {
+                       Outcome& out) {
   const int n = homing.n;
   const Limits& limits = homing.limits;
   const bool judges = loaded(homing.rod, homing.force);

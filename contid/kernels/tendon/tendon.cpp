@@ -23,7 +23,8 @@ void make(SectionSolver* self, nb::handle backbone, nb::handle rigid, nb::handle
   read(normals, s.normals.data(), planes * 2 * count, "normals: two numbers per section and plane");
   s.tuning = contid::tuning_of(tuning);
   auto* make_solver = &contid::any_sections::make_tendon_solver;
-  if (count == 3 && contid::three_sections::make_tendon_solver) make_solver = &contid::three_sections::make_tendon_solver;
+  if (count == 3 && contid::three_sections::make_tendon_solver)
+    make_solver = &contid::three_sections::make_tendon_solver;
   new (self) SectionSolver{make_solver(s)};
 }
 

@@ -8,25 +8,47 @@ section. The limits of tension and travel are convex in them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from contid.kinematics.array import Array
+from contid.kinematics.tendon.feasible import TendonFeasible
 from contid.kinematics.tendon.tension import TendonStatics
 from contid.targets import Actuation
 
 
+@dataclass(frozen=True)
+class PullLimits:
+    """The limits of pulls; it knows no model, so that a model that holds it is in no cycle of references."""
+
+    lower: Actuation
+    upper: Actuation
+    statics: TendonStatics | None
+    feasible: TendonFeasible
+    #: Variables of the solver [m] by pulls [m].
+    by_pulls: Array
+
+    def excess(self, actuation: Actuation) -> Array:
+        """By how much limits of travel, tension and bends are exceeded by pulls [m], negative inside.
+
+        In the order: least pull, largest pull, slack, tension per tendon; bend per section.
+        """
+        q = np.array(actuation)
+        parts = [np.array(self.lower) - q, q - np.array(self.upper)]
+        if self.statics is not None:
+            k = self.statics.tendon_n_per_m
+            tension = self.statics.tensions(q)
+            parts += [(self.statics.floor_n - tension) / k, (tension - self.statics.limit_n) / k]
+        parts.append(self.feasible.excess(self.by_pulls @ q)[self.feasible.flat :])
+        return np.concatenate(parts)
+
+
 class TautPulls:
-    """Conversions between pulls [m] and bends [rad] with tightness [N].
+    """Conversions between pulls [m] and bends [rad] with tightness [N]."""
 
-    Args:
-        statics: of the robot.
-        excess: of the model: by how much pulls exceed every limit.
-    """
-
-    def __init__(self, statics: TendonStatics, excess: Callable[[Actuation], Array]) -> None:
-        self.excess = excess
+    def __init__(self, statics: TendonStatics, limits: PullLimits) -> None:
+        self.excess = limits.excess
         self._statics = statics
 
     def tightness(self, pulls: Array) -> Array:

@@ -1,5 +1,10 @@
-// Poses beside an answer on the target to which the straight path from the present state does not lead: twin of
-// contid/kinematics/cosserat/along_branch/beside.py, its specification.
+// Poses beside an answer on the target to which the straight path from the present state does not lead.
+//
+// Such a path passes a fork and ends on its other side. The forks that straight paths from one point meet are surfaces
+// in the space of pressures: around the answer there are points on both sides of them. 24 Halton points in a box around
+// it are tried, then as many in a smaller box around the nearest pose found; descents start from the four nearest to
+// the target among those that the arm gets to. A descent ends on the target, or is cut, by bisection, where the
+// straight path no longer leads there.
 #pragma once
 
 #include "../../halton.hpp"
@@ -27,8 +32,7 @@ template <class Each, int most> struct Nearest {
 };
 
 // Calls `visit` with a pose for each point around pressures.
-template <class Visit>
-void over_probes(const Limits& limits, const double* around, double width, Visit&& visit) {
+template <class Visit> void over_probes(const Limits& limits, const double* around, double width, Visit&& visit) {
   for (int k = 0; k < kProbes; ++k) {
     BranchPose probe;
     for (int i = 0; i < limits.count; ++i) {

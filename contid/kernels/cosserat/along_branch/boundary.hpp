@@ -1,5 +1,6 @@
-// The boundary of the pressures whose path from rest is stable, next to a pose: twin of
-// contid/kinematics/cosserat/along_branch/boundary.py, its specification.
+// The boundary of the pressures whose path from rest is stable, next to a pose. Beyond it the path leads to another
+// equilibrium: the arm would snap. A descent needs the direction in which it lies: at the weakest point of the path,
+// that in which pressures turn the base moment most.
 #pragma once
 
 #include "../box_step.hpp"

@@ -1,4 +1,15 @@
-// Descents along the branch from several starts: twin of contid/kinematics/cosserat/along_branch/branch_search.py.
+// Search for a loaded arm among the poses on its branch alone, after a descent from the last command did not end on the
+// target and on the branch.
+//
+//     minimise  |r(P)|   over the pressures P in their limits whose path from rest is stable (branch.hpp)
+//
+// Bounded least squares has many local minima there, and most descents of an unreachable target end at corners of the
+// box or where the arm would snap. Descents (descent.hpp) start from the present state, from the unloaded closed form,
+// and from points next to the corners of the box, nearest to the target first by a coarse look at all of them. Short
+// descents of many starts are followed by longer ones of the best, by points around the best, and by poses beside the
+// answers on the target to which no straight path leads (beside.hpp). It stops at the first answer on the target that
+// the arm reaches on a straight path (straight_path.hpp) and with which twice the elements agree, or when the work of
+// `Effort` is done.
 #pragma once
 
 #include "../closed_form.hpp"

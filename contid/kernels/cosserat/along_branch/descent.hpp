@@ -1,5 +1,13 @@
-// Descent of the task error along the branch and along its boundary: twin of
-// contid/kinematics/cosserat/along_branch/descent.py, its specification.
+// Descent of the task error along the branch and along its boundary.
+//
+//     minimise  |r(P)|^2   over the pressures P in their limits whose path from rest is stable
+//
+// Gauss-Newton steps in a trust box from one pose on the branch: every step ends in an equilibrium near the one before,
+// found by Newton's method, and must lower the error. Whether poses are on the branch is checked every few steps; the
+// descent goes back to the last that is. Next to the boundary of the stable pressures (boundary.hpp) every step is
+// checked, and a plane keeps the next ones in front of it. It stops on the target, where a step gains nothing or the
+// trust box has vanished, or by its `StopRule`. Slower than solve.hpp, which balances the moments on the way and may
+// end in any equilibrium.
 #pragma once
 
 #include "../solve.hpp"
@@ -56,7 +64,7 @@ struct Descent {
   };
   Point points[kUnchecked + 1]{};  // the first is on the branch
   int ahead = 0;                   // points after it
-  Ramp ramp{};                  // the path from rest to the first
+  Ramp ramp{};                     // the path from rest to the first
   const int n = rod.pressures();
   StableBoundary boundary{n};
   Sweep here{};
@@ -239,8 +247,8 @@ struct Descent {
   }
 };
 
-inline Outcome descend(const Rod& rod, const Task& task, Vec tip_force, const Limits& limits,
-                   const BranchPose& start, int elements, double tolerance, const StopRule& stop) {
+inline Outcome descend(const Rod& rod, const Task& task, Vec tip_force, const Limits& limits, const BranchPose& start,
+                       int elements, double tolerance, const StopRule& stop) {
   Descent descent{rod, task, tip_force, limits, elements, tolerance};
   return descent.run(start, stop);
 }

@@ -1,5 +1,4 @@
-// How much a search along the branch may do, in the control loop and elsewhere: twin of
-// contid/kinematics/cosserat/along_branch/effort.py.
+// How much a search along the branch may do, in the control loop and elsewhere.
 #pragma once
 
 #include "../discretisation.hpp"

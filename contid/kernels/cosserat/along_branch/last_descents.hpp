@@ -1,5 +1,12 @@
-// The last descents of answers out of reach: twin of contid/kinematics/cosserat/along_branch/last_descents.py, its
-// specification.
+// The last descents of answers out of reach: from the candidates of a branch search, nearest to the target first, with
+// the elements they need.
+//
+//     minimise  |r(P)|   over the pressures P in their limits whose path from rest is stable
+//
+// An answer counts only where twice the elements agree with it, and, next to the target, where the arm gets there on a
+// straight path; otherwise poses on the way back to the start of its descent are tried. An answer is never farther from
+// the target than where the arm stands. The best one is descended from once more until no step helps. It stops when the
+// work of `Effort` is done.
 #pragma once
 
 #include <limits>
@@ -15,7 +22,7 @@ constexpr double kLastGain = 1e-3, kLastTrust = 1e-5, kLastAhead = 8.0, kCertain
 // The pose on the branch with the pressures of an answer; where more elements have none, one next to it, towards the
 // seed.
 inline bool pose_near(const Rod& rod, Vec force, const Limits& limits, const double* seed, const double* pressures,
-               int elements, BranchPose& pose) {
+                      int elements, BranchPose& pose) {
   for (double part = 0.0; part < 1.0; part = part > 0.0 ? 4.0 * part : kRetreat) {
     for (int i = 0; i < rod.pressures(); ++i) pose.pressures[i] = pressures[i] + part * (seed[i] - pressures[i]);
     clamp(limits, pose.pressures);
@@ -26,7 +33,7 @@ inline bool pose_near(const Rod& rod, Vec force, const Limits& limits, const dou
 
 // How far from the target the arm stands, and a tolerance for its elements; infinite where they find no pose.
 inline double standing_error(const Rod& rod, const Task& task, Vec force, const Limits& limits, const double* seed,
-                      const Settings& settings) {
+                             const Settings& settings) {
   double here[kMost];
   Vec moment;
   Judged at;
@@ -98,7 +105,8 @@ struct LastDescents {
       if (part > 0.0) {
         BranchPose pose;
         const double* back = behind ? behind : pressures;
-        for (int i = 0; i < rod.pressures(); ++i) pose.pressures[i] = end.pressures[i] + part * (back[i] - end.pressures[i]);
+        for (int i = 0; i < rod.pressures(); ++i)
+          pose.pressures[i] = end.pressures[i] + part * (back[i] - end.pressures[i]);
         spend(kRampWork, found.elements);
         if (ramped(rod, pose.pressures, force, found.elements, pose.moment, pose.at, pose.ramp) < 1.0) continue;
         o = outcome_of(task, pose, settings.tolerance);
@@ -129,7 +137,7 @@ struct LastDescents {
     std::copy(best.outcome.pressures, best.outcome.pressures + rod.pressures(), pose.pressures);
     if (ramped(rod, pose.pressures, force, best.elements, pose.moment, pose.at, pose.ramp) < 1.0) return;
     Outcome o = descend(rod, task, force, limits, pose, best.elements, settings.tolerance,
-                              {std::max(steps_for(rod.count, kFinishWork, best.elements), kLeastWork)});
+                        {std::max(steps_for(rod.count, kFinishWork, best.elements), kLeastWork)});
     spend(pose.ramp.work() + o.iterations, best.elements);
     if (o.residual <= best.outcome.residual && is_fine(o, best.elements) && is_certain(o, best.elements, false))
       best.outcome = o;

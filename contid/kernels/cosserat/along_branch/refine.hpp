@@ -1,5 +1,4 @@
-// More elements for an answer, where its estimated error demands them. Twin and specification:
-// contid/kinematics/cosserat/along_branch/refine.py.
+// More elements for an answer, where its estimated error demands them.
 #pragma once
 
 #include "last_descents.hpp"
@@ -32,7 +31,7 @@ struct Refinement {
     if (!kept) found.stable = pose_near(rod, force, limits, seed, o.pressures, elements, pose);
     if (!kept && found.stable) {
       finer = descend(rod, task, force, limits, pose, elements, settings.tolerance,
-                         {o.met ? kRestartIterations : kFinerIterations});
+                      {o.met ? kRestartIterations : kFinerIterations});
       if (!holds(rod, force, finer, elements)) finer = outcome_of(task, pose, settings.tolerance);
     }
     found.iterations += finer.iterations;
@@ -45,7 +44,8 @@ struct Refinement {
     BranchPose pose;
     found.stable = pose_near(rod, force, limits, seed, o.pressures, found.elements, pose);
     if (!found.stable) return;
-    if (!same_pose(rod, force, pose.moment, o.moment) || most_change(rod.pressures(), o.pressures, pose.pressures) > 0.0)
+    if (!same_pose(rod, force, pose.moment, o.moment) ||
+        most_change(rod.pressures(), o.pressures, pose.pressures) > 0.0)
       o = outcome_of(task, pose, settings.tolerance);
     if (at_target(o)) found.stable = reached_from(rod, force, limits, seed, o, found.elements);
   }

@@ -1,5 +1,4 @@
-// The straight path in pressures from where the arm stands to an answer. Twin and specification:
-// contid/kinematics/cosserat/along_branch/straight_path.py.
+// The straight path in pressures from where the arm stands to an answer, and whether an answer counts.
 #pragma once
 
 #include "../solve.hpp"
@@ -16,15 +15,15 @@ inline bool at_target(const Outcome& o) { return o.met || o.residual <= kFine; }
 // The part of the path from an equilibrium to another at which the arm snaps through; 1 where it ends elsewhere without
 // a snap.
 inline double snap_on_path(const Rod& rod, Vec tip_force, const double* here, Vec moment, const Outcome& o,
-                    int elements) {
+                           int elements) {
   Judged at;
   const double done = follow(rod, {here, tip_force, 1.0}, {o.pressures, tip_force, 1.0}, elements, moment, at);
   return done == 1.0 && same_pose(rod, tip_force, moment, o.moment) ? kNoSnap : done;
 }
 
 // Where the arm stands: the equilibrium of the seed within the limits; false where the elements find none.
-inline bool standing(const Rod& rod, Vec tip_force, const Limits& limits, const double* seed, int elements, double* here,
-              Vec& moment, Judged& at) {
+inline bool standing(const Rod& rod, Vec tip_force, const Limits& limits, const double* seed, int elements,
+                     double* here, Vec& moment, Judged& at) {
   std::copy(seed, seed + rod.pressures(), here);
   clamp(limits, here);
   return equilibrium(rod, here, tip_force, elements, moment, at) == 1.0;
@@ -32,7 +31,7 @@ inline bool standing(const Rod& rod, Vec tip_force, const Limits& limits, const 
 
 // snap_on_path from where the arm stands with the seed; kNoSnap too where it has no equilibrium there.
 inline double snap_from(const Rod& rod, Vec tip_force, const Limits& limits, const double* seed, const Outcome& o,
-                 int elements) {
+                        int elements) {
   double here[kMost];
   Vec moment;
   Judged at;
@@ -42,7 +41,7 @@ inline double snap_from(const Rod& rod, Vec tip_force, const Limits& limits, con
 
 // True when the arm gets from the seed to an equilibrium, or has none at the seed.
 inline bool reached_from(const Rod& rod, Vec tip_force, const Limits& limits, const double* seed, const Outcome& o,
-                  int elements) {
+                         int elements) {
   return snap_from(rod, tip_force, limits, seed, o, elements) == kNoSnap;
 }
 
