@@ -1,4 +1,4 @@
-"""The papers' paths through ``contid path`` and ``contid run --mock --virtual``, and the end of a real run."""
+"""The papers' paths through ``contid path`` and ``contid run --mock --virtual``; the end of a real run."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
 // contid.kernels._arc: constant-curvature sections for Python. Single calls take microseconds and hold the GIL.
 #include "../batch_python.hpp"
+#define CONTID_VARIABLES "three lengths per section"
 #include "bindings.hpp"
 
 namespace nb = nanobind;
@@ -38,7 +39,7 @@ int follow(const SectionSolver& self, Out tips, nb::handle seed, Out lengths) {
       lengths.shape(1) != n)
     throw nb::value_error("tips (points, 3) and lengths (points, 3 n)");
   double l[contid::kMostVariables];
-  read(seed, l, n, "seed: three lengths per section");
+  read(seed, l, n, "seed: " CONTID_VARIABLES);
   int met = 0;
   for (std::size_t k = 0; k < tips.shape(0); ++k) {
     contid::Answer answer;

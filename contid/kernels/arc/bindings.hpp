@@ -1,4 +1,5 @@
-// What the bindings of both kinds of sections share: contid.kernels._arc and contid.kernels._tendon.
+// What the bindings of both kinds of sections share: contid.kernels._arc and contid.kernels._tendon. The file that
+// includes it says for messages what CONTID_VARIABLES are.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -50,7 +51,7 @@ inline void avoid_rows(SectionSolver& self, nanobind::handle obstacles, double r
 
 inline nanobind::object forward_row(const SectionSolver& self, nanobind::handle variables) {
   double x[kMostVariables];
-  read(variables, x, self.size(), "as many numbers as the sections have variables");
+  read(variables, x, self.size(), CONTID_VARIABLES);
   Frames frames;
   self.chain->forward(x, frames);
   static const Record record("contid.kernels.SectionFrames", {"tip", "rotation", "mid"});
@@ -67,7 +68,7 @@ nanobind::object solve_row(const SectionSolver& self, nanobind::handle tip, nano
   if (!direction.is_none()) read(direction, t, 3, "direction: three numbers");
   if (!mid.is_none()) read(mid, m, 3, "mid: three numbers");
   if (!rotation.is_none()) read(rotation, r, 9, "rotation: nine numbers, row by row");
-  read(seed, x, self.size(), "seed: as many numbers as the sections have variables");
+  read(seed, x, self.size(), "seed: " CONTID_VARIABLES);
   Answer answer;
   self.chain->solve(
       {p, direction.is_none() ? nullptr : t, mid.is_none() ? nullptr : m, rotation.is_none() ? nullptr : r}, x, answer);
@@ -81,10 +82,13 @@ nanobind::object solve_row(const SectionSolver& self, nanobind::handle tip, nano
 inline void differentiate_row(const SectionSolver& self, nanobind::handle variables, Out tip, Out spin, Out mid) {
   double x[kMostVariables];
   const std::size_t n = self.size();
-  read(variables, x, n, "as many numbers as the sections have variables");
-  for (const Out* out : {&tip, &spin, &mid})
-    if (out->ndim() != 2 || out->shape(0) != 3 || out->shape(1) != n)
-      throw nanobind::value_error("tip, spin, mid: arrays (3, variables)");
+  read(variables, x, n, CONTID_VARIABLES);
+  const auto check = [n](const Out& out, const char* what) {
+    if (out.ndim() != 2 || out.shape(0) != 3 || out.shape(1) != n) throw nanobind::value_error(what);
+  };
+  check(tip, "tip: an array (3, variables)");
+  check(spin, "spin: an array (3, variables)");
+  check(mid, "mid: an array (3, variables)");
   self.chain->differentiate(x, tip.data(), spin.data(), mid.data());
 }
 

@@ -1,6 +1,7 @@
 // contid.kernels._tendon: the solver of contid/kernels/arc over the bends of tendon robots.
 #include <string>
 
+#define CONTID_VARIABLES "two numbers per section"
 #include "../arc/bindings.hpp"
 
 namespace nb = nanobind;
