@@ -1,5 +1,5 @@
-// What the bindings of both kinds of sections share: contid.kernels._arc and contid.kernels._tendon. The file that
-// includes it says for messages what CONTID_VARIABLES are.
+// What the bindings of both kinds of sections share: contid.kernels._arc and contid.kernels._tendon. For messages the
+// file that includes it defines CONTID_VARIABLES.
 #pragma once
 
 #include <nanobind/nanobind.h>

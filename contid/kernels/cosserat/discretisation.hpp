@@ -1,5 +1,5 @@
 // How many elements per section a rod needs for a stated error of tip and mid-point: the scheme of element.hpp is of
-// fourth order, so a sweep with two thirds of the elements tells the error of the first.
+// fourth order, so that a sweep with two thirds of the elements gives an estimate of the error.
 #pragma once
 
 #include "branch.hpp"

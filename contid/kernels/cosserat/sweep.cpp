@@ -9,7 +9,7 @@ namespace contid {
 namespace {
 
 // Sections from base to tip in one state. `element(inflated, i, N, f, h)` moves it over one element of section i,
-// `end(i)` is told where its last one ends; both know the state.
+// `end(i)` is called where its last one ends; both work on the same state.
 template <class Element, class End, class Joint, class Link>
 [[gnu::always_inline]] inline void over_sections(const Rod& rod, const double* pressures, double share, int elements,
                                                  Vec N, const Element& element, const End& end, const Joint& joint,

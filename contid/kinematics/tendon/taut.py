@@ -20,7 +20,7 @@ from contid.targets import Actuation
 
 @dataclass(frozen=True)
 class PullLimits:
-    """The limits of pulls; it knows no model, so that a model that holds it is in no cycle of references."""
+    """The limits of pulls, without the model: a model that holds them is in no cycle of references."""
 
     lower: Actuation
     upper: Actuation
