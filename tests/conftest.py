@@ -118,11 +118,18 @@ RERUN_DELAY_S = 3
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Every coroutine test gets the task check, every `realtime` test its further tries."""
+    """Every coroutine test gets the task check, every `realtime` test its further tries.
+
+    The hooks of this file are also those of `extras/conftest.py`: called twice, they do their work once.
+    """
     for item in items:
-        if item.get_closest_marker("realtime"):
+        if item.get_closest_marker("realtime") and not item.get_closest_marker("flaky"):
             item.add_marker(pytest.mark.flaky(reruns=RERUNS, reruns_delay=RERUN_DELAY_S))
-        if isinstance(item, pytest.Function) and asyncio.iscoroutinefunction(item.function):
+        if (
+            isinstance(item, pytest.Function)
+            and asyncio.iscoroutinefunction(item.function)
+            and "no_tasks_left" not in item.fixturenames
+        ):
             item.fixturenames.append("no_tasks_left")
 
 
@@ -130,7 +137,7 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
     """Fail a run in which more than CONTID_MAX_RERUN_RATE of the tests had to be tried again (CI: 0.01)."""
     limit = os.environ.get("CONTID_MAX_RERUN_RATE")
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")
-    if limit is None or reporter is None or exitstatus != pytest.ExitCode.OK:
+    if limit is None or reporter is None or session.exitstatus != pytest.ExitCode.OK:
         return
     again = {report.nodeid for report in reporter.stats.get("rerun", [])}
     run = len(reporter.stats.get("passed", []))

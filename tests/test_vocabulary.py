@@ -20,7 +20,10 @@ BANNED = (
     *("so many", "knew", "asked for again", "goes nowhere", "way they came", "way they went", "forgets"),
 )
 BANNED_WORD = re.compile(rf"(?<![A-Za-z])(?<!of )({'|'.join(BANNED)})(?![A-Za-z])(?<!\.tell)", re.IGNORECASE)
-SCANNED = ("contid", "drivers", "studies", "firmware", "examples", "service", "configs", "docs", "benchmarks")
+SCANNED = (
+    *("contid", "drivers", "extras", "studies", "firmware", "examples", "service", "configs", "docs"),
+    "benchmarks",
+)
 SUFFIXES = frozenset({".py", ".cpp", ".hpp", ".h", ".ino", ".md", ".yaml", ".service", ".rules"})
 # Lines that hold a banned word for a reason: keys of old recordings, a quotation, a word of another program.
 QUOTATIONS = {"contid/session/format/channels.py": "RENAMED_EVENT_KEYS"}
@@ -88,7 +91,7 @@ DOUBLE_CLASSES = frozenset[str]()
 
 def test_no_class_name_in_two_modules() -> None:
     modules = defaultdict(set)
-    for path in python_files("contid", "drivers", "studies"):
+    for path in python_files("contid", "drivers", "extras", "studies"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ClassDef):
                 modules[node.name].add(path.relative_to(ROOT).as_posix())
@@ -97,11 +100,11 @@ def test_no_class_name_in_two_modules() -> None:
 
 
 def test_the_map_names_every_package() -> None:
-    """CONTRIBUTING.md, by folder: packages of contid, of its models and of the drivers."""
+    """CONTRIBUTING.md, by folder: packages of contid, of its models, of the drivers and of the extras."""
     folders = [
         path
-        for top in ("contid", "contid/kinematics", "drivers/contid_drivers")
-        for path in (ROOT / top).iterdir()
+        for top in ("contid", "contid/kinematics", "drivers/contid_drivers", "extras/*")
+        for path in ROOT.glob(f"{top}/*")
     ]
     packages = {path.name for path in folders if path.is_dir() and (path / "__init__.py").is_file()}
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -109,21 +112,26 @@ def test_the_map_names_every_package() -> None:
     assert not missing, f"a row in the map of CONTRIBUTING.md for {missing}"
 
 
-REFERENCE = re.compile(r"`((?:contid|contid_drivers|studies)(?:\.\w+)+)`")
+EXTRAS = "|".join(path.name for path in ROOT.glob("extras/*/contid_*"))
+REFERENCE = re.compile(rf"`((?:contid|contid_drivers|{EXTRAS}|studies)(?:\.\w+)+)`")
 # Names like modules: groups of entry points, and compiled kernels.
-NOT_MODULES = re.compile(r"contid\.(drivers|models|kernels\._\w+)")
+NOT_MODULES = re.compile(
+    r"contid\.(drivers|models|commands|addresses|observers|exports|stages|kernels\._\w+)"
+)
 
 
 def is_defined(reference: str) -> bool:
     """True when the module of a reference exists, and contains the name after it as a word."""
     names = reference.split(".")
+    package = names[0].removeprefix("contid_")
+    folder = ROOT / {"contid": "", "drivers": "drivers", "studies": ""}.get(package, f"extras/{package}")
     for count in range(len(names), 0, -1):
-        base = ROOT / ("drivers" if names[0] == "contid_drivers" else "") / Path(*names[:count])
+        base = folder / Path(*names[:count])
         for path in (base.with_suffix(".py"), base / "__init__.py"):
             if path.is_file():
                 rest = names[count : count + 1]
                 return not rest or bool(re.search(rf"\b{rest[0]}\b", path.read_text(encoding="utf-8")))
-    return (ROOT / Path(*names)).is_dir()
+    return (folder / Path(*names)).is_dir()
 
 
 def test_references_to_modules_exist() -> None:

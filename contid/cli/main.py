@@ -1,4 +1,4 @@
-"""The ``contid`` command: a table of commands, each imported only when it is called."""
+"""The ``contid`` command: a table of the core's commands, each imported only when it is called."""
 
 from __future__ import annotations
 
@@ -60,7 +60,6 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "view": ("contid.cli.commands.view", "show a recording: robots, axes, events"),
     "panel": ("contid.cli.commands.panel", "a page in the browser: STOP, state, jogging, trajectories"),
     "track": ("contid.cli.commands.track", "measure a tip with a camera and tags"),
-    "fleet": ("contid.cli.commands.fleet", "robots on several machines: one table, one stop"),
     "reach": ("contid.cli.commands.reach", "workspace of the tips: areas, volumes, overlaps, plots"),
     "bench": ("contid.cli.commands.bench", "the figures of the documentation, on this machine"),
     "train": ("studies.train", "train the neural network of `contid bench ik`"),
