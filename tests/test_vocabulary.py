@@ -115,9 +115,8 @@ def test_the_map_names_every_package() -> None:
 EXTRAS = "|".join(path.name for path in ROOT.glob("extras/*/contid_*"))
 REFERENCE = re.compile(rf"`((?:contid|contid_drivers|{EXTRAS}|studies)(?:\.\w+)+)`")
 # Names like modules: groups of entry points, and compiled kernels.
-NOT_MODULES = re.compile(
-    r"contid\.(drivers|models|commands|addresses|observers|exports|stages|kernels\._\w+)"
-)
+GROUPS = "drivers|models|commands|addresses|observers|exports|stages"
+NOT_MODULES = re.compile(rf"contid\.({GROUPS}|kernels\._\w+)")
 
 
 def is_defined(reference: str) -> bool:
