@@ -5,10 +5,14 @@ contid imports no extra: the metadata of a distribution names what it adds, and 
 | group | object |
 |---|---|
 | ``contid.commands`` | a table of commands, see `contid.cli.support.table` |
+| ``contid.observers`` | options of `contid run`: `contid.cli.support.added_options.RunOption` |
+| ``contid.exports`` | an option of `contid session export`: `contid.cli.support.added_options.ExportOption` |
+| ``contid.goals`` | options of `contid move`: `contid.cli.support.added_options.GoalOption` |
+| ``contid.workspaces`` | `contid.api.workspace.MeasureWorkspace`, of robots in the plane and in space |
 | ``contid.addresses`` | a function from a text ``NAME:...`` to a `contid.remote.client.wires.Address` |
 
-Drivers (``contid.drivers``) and models (``contid.models``) are found in the same way, by `contid.hal.driver`
-and `contid.robot_file.model_plugins`.
+Drivers (``contid.drivers``), models (``contid.models``) and stages of the tick (``contid.stages``) are found
+in the same way, by `contid.hal.driver`, `contid.robot_file.model_plugins`, `contid.control.engine.stages`.
 """
 
 from __future__ import annotations
@@ -17,6 +21,10 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final
 
 COMMANDS: Final = "contid.commands"
+OBSERVERS: Final = "contid.observers"
+GOALS: Final = "contid.goals"
+EXPORTS: Final = "contid.exports"
+WORKSPACES: Final = "contid.workspaces"
 ADDRESSES: Final = "contid.addresses"
 
 

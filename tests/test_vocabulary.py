@@ -21,7 +21,7 @@ BANNED = (
 )
 BANNED_WORD = re.compile(rf"(?<![A-Za-z])(?<!of )({'|'.join(BANNED)})(?![A-Za-z])(?<!\.tell)", re.IGNORECASE)
 SCANNED = (
-    *("contid", "drivers", "extras", "studies", "firmware", "examples", "service", "configs", "docs"),
+    *("contid", "drivers", "extras", "studies", "firmware", "examples", "host", "configs", "docs"),
     "benchmarks",
 )
 SUFFIXES = frozenset({".py", ".cpp", ".hpp", ".h", ".ino", ".md", ".yaml", ".service", ".rules"})
@@ -30,17 +30,23 @@ QUOTATIONS = {"contid/session/format/channels.py": "RENAMED_EVENT_KEYS"}
 
 
 def texts() -> Iterator[tuple[str, str]]:
-    """Path relative to the repository, and text, of every file that is scanned."""
+    """Path relative to the repository, and text, of every scanned file that is no test."""
     pages = sorted(ROOT.glob("*.md"))
     for folder in SCANNED:
-        pages += sorted(path for path in (ROOT / folder).rglob("*") if path.suffix in SUFFIXES)
+        found = (path for path in (ROOT / folder).rglob("*") if path.suffix in SUFFIXES)
+        pages += sorted(path for path in found if not is_extras_test(path))
     for path in pages:
         yield path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
 
 
+def is_extras_test(path: Path) -> bool:
+    return path.relative_to(ROOT).match("extras/*/tests/*")
+
+
 def python_files(*folders: str) -> Iterator[Path]:
+    """Of folders, which may be patterns."""
     for folder in folders:
-        yield from sorted((ROOT / folder).rglob("*.py"))
+        yield from sorted(ROOT.glob(f"{folder}/**/*.py"))
 
 
 def test_no_banned_word() -> None:
@@ -58,7 +64,7 @@ def test_no_banned_word_in_tests() -> None:
     """Names and text; tests of command lines and registers have words in the literal sense."""
     found = [
         f"{path.relative_to(ROOT).as_posix()}:{number}: {match[0]!r} in {line.strip()}"
-        for path in python_files("tests")
+        for path in python_files("tests", "extras/*/tests")
         if path != Path(__file__)
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1)
         for name in [re.search(r"\b(?:def|class) (\w+)", line)]
@@ -91,7 +97,7 @@ DOUBLE_CLASSES = frozenset[str]()
 
 def test_no_class_name_in_two_modules() -> None:
     modules = defaultdict(set)
-    for path in python_files("contid", "drivers", "extras", "studies"):
+    for path in python_files("contid", "drivers", "extras/*/contid_*", "studies"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ClassDef):
                 modules[node.name].add(path.relative_to(ROOT).as_posix())
@@ -115,7 +121,7 @@ def test_the_map_names_every_package() -> None:
 EXTRAS = "|".join(path.name for path in ROOT.glob("extras/*/contid_*"))
 REFERENCE = re.compile(rf"`((?:contid|contid_drivers|{EXTRAS}|studies)(?:\.\w+)+)`")
 # Names like modules: groups of entry points, and compiled kernels.
-GROUPS = "drivers|models|commands|addresses|observers|exports|stages"
+GROUPS = "drivers|models|commands|addresses|observers|exports|goals|stages|workspaces"
 NOT_MODULES = re.compile(rf"contid\.({GROUPS}|kernels\._\w+)")
 
 
@@ -176,7 +182,7 @@ def imported_names(path: Path) -> Iterator[str]:
 def test_no_test_imports_another_test() -> None:
     found = {
         match[0]
-        for path in python_files("tests")
+        for path in python_files("tests", "extras/*/tests")
         for name in imported_names(path)
         if (match := TEST_MODULE.match(name))
     }

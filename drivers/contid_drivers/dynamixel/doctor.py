@@ -28,7 +28,7 @@ HOT_C: Final = 60
 #: Exchanges with all servos in a row, and the time after which there are enough of them.
 EXCHANGES: Final = 200
 EXCHANGES_S: Final = 1.0
-_UDEV: Final = "install udev/99-contid.rules (see docs/devices/dynamixel.md) and plug the adapter in again"
+_UDEV: Final = "install host/99-contid.rules (see docs/devices/dynamixel.md) and plug the adapter in again"
 
 
 def examine(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus]) -> list[Finding]:

@@ -9,7 +9,7 @@ import pytest
 
 from tests.support.systemd import verify_unit
 
-SERVICE = Path(__file__).parents[3] / "service"
+SERVICE = Path(__file__).parents[3] / "host"
 UNIT = SERVICE / "contid-fleet@.service"
 ROUTER = SERVICE / "contid-fleet-router@.service"
 
