@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from contid.cli.main import cli
-from studies.singh import golden_trajectory
 
 PATHS = {
     "traverse": ("trirack", ["traverse", "--size", "300", "--height", "300"]),
@@ -21,7 +17,6 @@ PATHS = {
     "corners": ("trirack", ["corners", "--size", "240", "--height", "300"]),
     "two segments": ("trirack2", ["traverse", "--size", "200", "--height", "400"]),
     "two segments, direction": ("trirack2", ["circle", "--size", "160", "--height", "450", "--lean", "20"]),
-    "golden": ("cbha", ["cbha-golden"]),
 }
 
 
@@ -39,23 +34,6 @@ def test_the_papers_paths_run(name, tmp_path):
     assert report["ticks_followed"] >= 1000
     assert report["tip_error_max_mm"] < 1e-3
     assert report["ticks_limited"] == {}
-
-
-def test_the_golden_path_passes_the_golden_points():
-    result = CliRunner().invoke(
-        cli, ["path", "cbha-golden", "--period", "9.9", "--rate", "10", "--laps", "2"]
-    )
-    rows = [[float(x) for x in row] for row in list(csv.reader(io.StringIO(result.stdout)))[1:]]
-    table = np.array(rows)
-    assert table.shape == (199, 4)
-    np.testing.assert_allclose(table[:100, 1:], golden_trajectory().tips_m * 1e3, atol=1e-9)
-    np.testing.assert_allclose(table[99:, 1:][::-1], table[:100, 1:], atol=1e-9)
-
-
-def test_the_golden_path_takes_no_size():
-    result = CliRunner().invoke(cli, ["path", "cbha-golden", "--size", "10"])
-    assert result.exit_code == 2
-    assert "--period" in result.output
 
 
 def test_a_real_run_frees_its_kernels(tmp_path):

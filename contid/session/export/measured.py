@@ -17,8 +17,9 @@ from contid.control.engine.measured_tip import tip_in_world
 from contid.control.engine.tick_layout import RecordLayout
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
+from contid.errors import SessionError
 from contid.kinematics.array import Array
-from contid.session.read import Session, SessionError
+from contid.session.export.columns import RecordedTicks
 from contid.targets import Actuation, Vec3
 from contid.units import MM_PER_M
 
@@ -71,7 +72,7 @@ class MeasuredRobot:
         return (*axes, *(MM_PER_M * value for value in tip_m or _NO_TIP))
 
 
-def measured_robots(session: Session) -> list[MeasuredRobot]:
+def measured_robots(session: RecordedTicks) -> list[MeasuredRobot]:
     """The robots of a session by its recorded robot file; none if this version of contid refuses the file."""
     try:
         configs = build_robot_configs(session.robot_file(), session.rate_hz)

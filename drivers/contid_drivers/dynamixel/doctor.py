@@ -31,7 +31,7 @@ EXCHANGES_S: Final = 1.0
 #: Errors after which every new servo drops its torque, and temperature limits of the models.
 _SHUTDOWN: Final = 0x34
 _TEMPERATURES_C: Final = (65, 80)
-_UDEV: Final = "install udev/99-contid.rules (see docs/devices/dynamixel.md) and plug the adapter in again"
+_UDEV: Final = "install host/99-contid.rules (see docs/devices/dynamixel.md) and plug the adapter in again"
 
 
 def examine(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus]) -> list[Finding]:

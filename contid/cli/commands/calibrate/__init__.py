@@ -8,10 +8,6 @@ from contid.cli.support.table import TableGroup
 
 #: Calibration -> (module that defines it as ``command``, one line for ``contid calibrate --help``).
 CALIBRATIONS: Final[dict[str, tuple[str, str]]] = {
-    "camera": (
-        "contid.cli.commands.calibrate.camera",
-        "the camera of `contid track`, from pictures of a chessboard",
-    ),
     "currents": (
         "contid.cli.commands.calibrate.currents",
         "the usual current of a finger, from recordings without a contact",
@@ -35,5 +31,8 @@ CALIBRATIONS: Final[dict[str, tuple[str, str]]] = {
 }
 
 command = TableGroup(
-    CALIBRATIONS, "Calibrations", help="Fit a model's parameters to measurements and write them back."
+    CALIBRATIONS,
+    "Calibrations",
+    "calibrate",
+    help="Fit a model's parameters to measurements and write them back.",
 )
