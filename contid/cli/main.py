@@ -54,7 +54,6 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "scan": ("contid.cli.commands.scan", "find devices on serial ports"),
     "servo": ("contid.cli.commands.servo", "set the id or baud rate of a servo, or restart it"),
     "doctor": ("contid.cli.commands.doctor", "problems of buses and host, with remedies"),
-    "calibrate": ("contid.cli.commands.calibrate", "fit a model's parameters to measurements"),
     "firmware": ("contid.cli.commands.firmware", "build, flash and inspect the sketch of the Due boards"),
     "home": ("contid.cli.commands.home", "find the zero of axes and write it into the robot file"),
 }
