@@ -1,7 +1,7 @@
 """Chains of constant curvature as products of matrix exponentials, and what an optimum on limits must fulfil.
 
-The exponentials are series and take complex numbers, so that derivatives by complex steps are exact, and rows,
-so that the steps are computed side by side. Nothing here shares a formula with the kernels.
+The exponentials are series. They take complex numbers, so that derivatives by complex steps are exact, and
+rows, so that the steps are computed side by side. Nothing here shares a formula with the kernels.
 """
 
 from __future__ import annotations
