@@ -16,12 +16,13 @@ from contid.kinematics.model import build_model
 from contid.robot_file.shipped import load_named
 from tests.oracles.elastic_rods import ALLOWED, RODS, compared, rod, shapes
 from tests.oracles.rod_equations import integrate
+from tests.support.shared_data import shared_data
 
 
 @pytest.mark.parametrize("name", RODS)
 def test_shapes_are_those_of_sorosim(name: str) -> None:
     one = rod(name)
-    at, table = shapes(name)
+    at, table = shapes(shared_data(f"rod-statics/{name}.csv"))
     for shape in table[:12]:
         found = compared(one, at, shape)
         assert found.distance <= ALLOWED
