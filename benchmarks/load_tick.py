@@ -23,8 +23,8 @@ from contid.robot_file.load import LoadedFile, with_mock
 from contid.robot_file.pneumatic.sense import LoadSensing, ModelErrors, Sense
 from contid.robot_file.pneumatic.simulated import SimulatedArm
 from contid.robot_file.shipped import load_named
-from contid.sense.live.stage import LoadSensingStage
 from contid.targets import Target
+from contid_fit.sense.live.stage import LoadSensingStage
 
 RATE_HZ: Final = 500.0
 #: Ticks before the first that counts: the arm approaches, caches fill.

@@ -30,8 +30,8 @@ from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.hal import Emulates
 from contid.robot_file.load import load_robot_file
-from contid.view.observer import ViewerObserver
-from contid.view.view_target import Kind, ViewTarget
+from contid_view.observer import ViewerObserver
+from contid_view.view_target import Kind, ViewTarget
 
 RATE_HZ: Final = 200.0
 #: How long each viewer draws before it is killed; it begins to draw after a second or two.

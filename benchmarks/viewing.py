@@ -48,8 +48,8 @@ from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
-from contid.view.observer import ViewerObserver
-from contid.view.view_target import Kind, ViewTarget
+from contid_view.observer import ViewerObserver
+from contid_view.view_target import Kind, ViewTarget
 
 CASES = ("no viewer", "file", "page", "page, not idle", "stopped")
 PR_CAPBSET_DROP, CAP_SYS_NICE = 24, 23

@@ -52,6 +52,10 @@ class BadInputError(ContidError):
         super().__init__("\n".join(str(finding) for finding in self.findings))
 
 
+class SessionError(ContidError):
+    """A file is not a session, or not one that this version can read."""
+
+
 class DeviceError(ContidError):
     """A device refused, or could not be reached; ``device`` is its name in the robot file."""
 
@@ -112,13 +116,8 @@ def require_extra(what: str, *packages: str) -> None:
 
 
 def missing_extra(error: ImportError, what: str) -> ContidError | None:
-    """The error to show when ``what`` failed to import a package of an extra, or the folder ``studies``.
-
-    The wheel has no ``studies``; a clone of the repository has. None for other imports.
-    """
+    """The error to show when ``what`` failed to import a package of an extra; None for other imports."""
     package = (error.name or "").partition(".")[0]
-    if package == "studies":
-        return ContidError(f"{what} needs the folder studies of contid's repository: run it in a clone")
     if not isinstance(error, ModuleNotFoundError) or package not in EXTRAS:
         return None
     return MissingExtraError(what, package, EXTRAS[package])

@@ -1,4 +1,4 @@
-"""``contid bench cosserat``: speed and the experiments of Shi et al., simulated."""
+"""``python -m studies.bench_cosserat``: speed and the experiments of Shi et al., simulated."""
 
 from __future__ import annotations
 
@@ -148,3 +148,7 @@ def _console() -> Console:
     from rich.console import Console
 
     return Console(width=None if Console().is_terminal else 170)
+
+
+if __name__ == "__main__":
+    command()

@@ -1,4 +1,4 @@
-"""``contid bench ik``: Table I of Singh et al. (2017) and II of 2018 beside today's figures."""
+"""``python -m studies.bench_ik``: Table I of Singh et al. (2017) and II of 2018 beside today's figures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.option(
     "--network",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Neural network from `contid train`; without one, one is trained first (ten seconds or so).",
+    help="Neural network from `studies.train`; without one, one is trained first (ten seconds or so).",
 )
 @click.option("--no-network", is_flag=True, help="Leave the neural network out.")
 @click.option("--random", default=200, show_default=True, type=click.IntRange(0), help="Random trajectories.")
@@ -163,3 +163,7 @@ def _progress(total: int) -> Iterator[Callable[[str], None]]:
             started = True
 
         yield report
+
+
+if __name__ == "__main__":
+    command()

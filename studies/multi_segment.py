@@ -75,7 +75,7 @@ def stepped(method: str, arm: SegmentArm, goals: list[Goal], most: int) -> list[
 
 def ours(arm: SegmentArm, goals: list[Goal]) -> list[Row]:
     """Rows of contid's solver of bends."""
-    kernel = load("tendon3" if arm.count == 3 else "tendon")
+    kernel = load("tendon")
     sections, bend_max_rad, rows = arm.sections, (arm.bend_max_rad,) * arm.count, []
     for tolerance in TOLERANCES_M:
         # Half: the judge computes the same error by other formulas.

@@ -24,6 +24,7 @@ MODES = {"one segment, tip": (0,), "mid + tip": (0, 1), "tip + direction": (0, 1
 CHECK_EVERY = 20
 #: Elements of the check, and how far the two discretisations may be apart.
 CHECK_ELEMENTS, CHECK_TOLERANCE_MM = 48, 0.1
+CHECK_STEPS, CHECK_BALANCE_NMM = 10, 1e-8
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,10 +74,17 @@ def cold_starts(mode: str, grams: float, targets: int, seed: int = 7) -> Cold:
 
 
 def _is_held(rod: Rod, bar: tuple[float, ...], tip: Array, force: Array) -> bool:
-    """True where the paper's equations end at a tip, from the base moment of the force on it there."""
-    start = unknowns(rod, np.array(bar), force, np.cross(tip, force))[None]
-    ends = integrate(rod, start[:, 6:], start[:, :3], start[:, 3:6], force, CHECK_ELEMENTS)
-    return float(np.linalg.norm(ends.tip[0] - tip)) < CHECK_TOLERANCE_MM
+    """True where the paper's equations are in balance next to a tip: Newton's method on the base moment."""
+    moment, step = np.cross(tip, force), 1e-6
+    for _ in range(CHECK_STEPS):
+        trials = [unknowns(rod, np.array(bar), force, m) for m in moment + step * np.eye(4, 3, -1)]
+        start = np.array(trials)
+        ends = integrate(rod, start[:, 6:], start[:, :3], start[:, 3:6], force, CHECK_ELEMENTS)
+        left = ends.moment_error[0]
+        if float(np.linalg.norm(left)) < CHECK_BALANCE_NMM:
+            return float(np.linalg.norm(ends.tip[0] - tip)) < CHECK_TOLERANCE_MM
+        moment = moment - np.linalg.solve(((ends.moment_error[1:] - left) / step).T, left)
+    return False
 
 
 def campaign(targets: int) -> Iterator[Cold]:

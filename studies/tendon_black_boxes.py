@@ -14,9 +14,9 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from contid.calibrate.tendon.recording import TendonRecording
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.friction import play_series
+from contid_fit.calibrate.tendon.recording import TendonRecording
 
 #: Training inputs, training outputs, inputs to predict at: predictions.
 Method: TypeAlias = Callable[[Array, Array, Array], Array]

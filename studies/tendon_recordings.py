@@ -21,11 +21,11 @@ from typing import Final
 import click
 import numpy as np
 
-from contid.calibrate.tendon.accuracy import Accuracy, accuracy
-from contid.calibrate.tendon.geometry import find_geometry, nominal_of
-from contid.calibrate.tendon.models import Nominal
-from contid.calibrate.tendon.recording import TendonRecording, read_recording
-from contid.calibrate.tendon.stages import run_stages, split_rows
+from contid_fit.calibrate.tendon.accuracy import Accuracy, accuracy
+from contid_fit.calibrate.tendon.geometry import find_geometry, nominal_of
+from contid_fit.calibrate.tendon.models import Nominal
+from contid_fit.calibrate.tendon.recording import TendonRecording, read_recording
+from contid_fit.calibrate.tendon.stages import run_stages, split_rows
 from studies.tendon_black_boxes import black_boxes
 
 COUNT: Final = (3, 3, 3)

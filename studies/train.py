@@ -1,4 +1,4 @@
-"""``contid train``: the neural network of Singh et al.'s comparison, by distal supervised learning."""
+"""``python -m studies.train``: the network of Singh et al.'s comparison, by distal supervised learning."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 )
 @click.option("--seed", default=1, show_default=True, help="Of weights, noise and the split of the data.")
 def command(output: Path, hidden: int, levels: int, noise_mm: float, iterations: int, seed: int) -> None:
-    """Train an inverse network of the simulated CBHA and save it as OUTPUT (.npz), for `contid bench ik`."""
+    """Train an inverse network of the simulated CBHA and save it as OUTPUT (.npz), for `studies.bench_ik`."""
     from contid.units import mm_to_m
     from studies.distal_learning import Recipe
 
@@ -66,3 +66,7 @@ def trained(recipe: Recipe) -> InverseNetwork:
             progress.update(tasks[what], completed=iteration, error=f"{error_mm:.2f} mm")
 
         return train(recipe, report)
+
+
+if __name__ == "__main__":
+    command()

@@ -27,7 +27,8 @@ ROOT = Path(__file__).parent.parent
 )
 def test_checks_pass(command: list[str]) -> None:
     tool = Path(sys.executable).parent / command[0]
-    path = os.pathsep.join([str(ROOT), str(ROOT / "drivers"), os.environ.get("PYTHONPATH", "")])
+    folders = [ROOT, ROOT / "drivers", *sorted(ROOT.glob("extras/*"))]
+    path = os.pathsep.join([*map(str, folders), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
         [str(tool), *command[1:]],
         cwd=ROOT,

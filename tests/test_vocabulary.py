@@ -20,24 +20,33 @@ BANNED = (
     *("so many", "knew", "asked for again", "goes nowhere", "way they came", "way they went", "forgets"),
 )
 BANNED_WORD = re.compile(rf"(?<![A-Za-z])(?<!of )({'|'.join(BANNED)})(?![A-Za-z])(?<!\.tell)", re.IGNORECASE)
-SCANNED = ("contid", "drivers", "studies", "firmware", "examples", "service", "configs", "docs", "benchmarks")
+SCANNED = (
+    *("contid", "drivers", "extras", "studies", "firmware", "examples", "host", "configs", "docs"),
+    "benchmarks",
+)
 SUFFIXES = frozenset({".py", ".cpp", ".hpp", ".h", ".ino", ".md", ".yaml", ".service", ".rules"})
 # Lines that hold a banned word for a reason: keys of old recordings, a quotation, a word of another program.
 QUOTATIONS = {"contid/session/format/channels.py": "RENAMED_EVENT_KEYS"}
 
 
 def texts() -> Iterator[tuple[str, str]]:
-    """Path relative to the repository, and text, of every file that is scanned."""
+    """Path relative to the repository, and text, of every scanned file that is no test."""
     pages = sorted(ROOT.glob("*.md"))
     for folder in SCANNED:
-        pages += sorted(path for path in (ROOT / folder).rglob("*") if path.suffix in SUFFIXES)
+        found = (path for path in (ROOT / folder).rglob("*") if path.suffix in SUFFIXES)
+        pages += sorted(path for path in found if not is_extras_test(path))
     for path in pages:
         yield path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
 
 
+def is_extras_test(path: Path) -> bool:
+    return path.relative_to(ROOT).match("extras/*/tests/*")
+
+
 def python_files(*folders: str) -> Iterator[Path]:
+    """Of folders, which may be patterns."""
     for folder in folders:
-        yield from sorted((ROOT / folder).rglob("*.py"))
+        yield from sorted(ROOT.glob(f"{folder}/**/*.py"))
 
 
 def test_no_banned_word() -> None:
@@ -55,7 +64,7 @@ def test_no_banned_word_in_tests() -> None:
     """Names and text; tests of command lines and registers have words in the literal sense."""
     found = [
         f"{path.relative_to(ROOT).as_posix()}:{number}: {match[0]!r} in {line.strip()}"
-        for path in python_files("tests")
+        for path in python_files("tests", "extras/*/tests")
         if path != Path(__file__)
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1)
         for name in [re.search(r"\b(?:def|class) (\w+)", line)]
@@ -88,7 +97,7 @@ DOUBLE_CLASSES = frozenset[str]()
 
 def test_no_class_name_in_two_modules() -> None:
     modules = defaultdict(set)
-    for path in python_files("contid", "drivers", "studies"):
+    for path in python_files("contid", "drivers", "extras/*/contid_*", "studies"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ClassDef):
                 modules[node.name].add(path.relative_to(ROOT).as_posix())
@@ -97,11 +106,11 @@ def test_no_class_name_in_two_modules() -> None:
 
 
 def test_the_map_names_every_package() -> None:
-    """CONTRIBUTING.md, by folder: packages of contid, of its models and of the drivers."""
+    """CONTRIBUTING.md, by folder: packages of contid, of its models, of the drivers and of the extras."""
     folders = [
         path
-        for top in ("contid", "contid/kinematics", "drivers/contid_drivers")
-        for path in (ROOT / top).iterdir()
+        for top in ("contid", "contid/kinematics", "drivers/contid_drivers", "extras/*")
+        for path in ROOT.glob(f"{top}/*")
     ]
     packages = {path.name for path in folders if path.is_dir() and (path / "__init__.py").is_file()}
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -109,21 +118,25 @@ def test_the_map_names_every_package() -> None:
     assert not missing, f"a row in the map of CONTRIBUTING.md for {missing}"
 
 
-REFERENCE = re.compile(r"`((?:contid|contid_drivers|studies)(?:\.\w+)+)`")
+EXTRAS = "|".join(path.name for path in ROOT.glob("extras/*/contid_*"))
+REFERENCE = re.compile(rf"`((?:contid|contid_drivers|{EXTRAS}|studies)(?:\.\w+)+)`")
 # Names like modules: groups of entry points, and compiled kernels.
-NOT_MODULES = re.compile(r"contid\.(drivers|models|stages|kernels\._\w+)")
+GROUPS = "drivers|models|commands|addresses|observers|exports|goals|stages|workspaces"
+NOT_MODULES = re.compile(rf"contid\.({GROUPS}|kernels\._\w+)")
 
 
 def is_defined(reference: str) -> bool:
     """True when the module of a reference exists, and contains the name after it as a word."""
     names = reference.split(".")
+    package = names[0].removeprefix("contid_")
+    folder = ROOT / {"contid": "", "drivers": "drivers", "studies": ""}.get(package, f"extras/{package}")
     for count in range(len(names), 0, -1):
-        base = ROOT / ("drivers" if names[0] == "contid_drivers" else "") / Path(*names[:count])
+        base = folder / Path(*names[:count])
         for path in (base.with_suffix(".py"), base / "__init__.py"):
             if path.is_file():
                 rest = names[count : count + 1]
                 return not rest or bool(re.search(rf"\b{rest[0]}\b", path.read_text(encoding="utf-8")))
-    return (ROOT / Path(*names)).is_dir()
+    return (folder / Path(*names)).is_dir()
 
 
 def test_references_to_modules_exist() -> None:
@@ -169,8 +182,76 @@ def imported_names(path: Path) -> Iterator[str]:
 def test_no_test_imports_another_test() -> None:
     found = {
         match[0]
-        for path in python_files("tests")
+        for path in python_files("tests", "extras/*/tests")
         for name in imported_names(path)
         if (match := TEST_MODULE.match(name))
     }
     assert found <= IMPORTED_TESTS, sorted(found)
+
+
+MAX_POSITIONAL = 6
+#: Folders whose functions were checked; the others follow.
+FEW_POSITIONAL = (
+    *(
+        "contid/api",
+        "contid/clearance",
+        "contid/hal",
+        "contid/robot_file",
+        "contid/session",
+        "contid/trajectory",
+    ),
+    "drivers",
+)
+
+
+def positional(node: ast.FunctionDef | ast.AsyncFunctionDef) -> list[str]:
+    """Parameters that a call may give by their place, without those of a closure's constants."""
+    given = [each.arg for each in (*node.args.posonlyargs, *node.args.args)]
+    constants = {each.id for each in node.args.defaults if isinstance(each, ast.Name)}
+    named = [name for name in given if name not in constants]
+    return named[1:] if named[:1] in (["self"], ["cls"]) else named
+
+
+def test_no_function_takes_more_than_six_positional_parameters() -> None:
+    found = [
+        f"{path.relative_to(ROOT).as_posix()}:{node.lineno}: {node.name}"
+        for path in python_files(*FEW_POSITIONAL)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and len(positional(node)) > MAX_POSITIONAL
+    ]
+    assert not found, "make those from the seventh on keyword-only, or pass a record"
+
+
+#: Stems of identifiers that had two meanings: the one that is left, the term of the other, and its
+#: places in the folders that were checked. Keys of robot files keep their spelling (`friction.play_mm`).
+HOMONYMS = {
+    "play": ("run a trajectory; lost motion of a drive is backlash", {"contid/session", "play_mm"}),
+    "home": (
+        "find the zero of a device; a posture that redundancy prefers is a preferred posture",
+        {"drivers", "contid/hal"},
+    ),
+}
+TOKEN = re.compile(r"[A-Z]?[a-z]+")
+
+
+def identifiers(path: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        match node:
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name) | ast.arg(arg=name):
+                yield name
+            case ast.Name(id=name) | ast.Attribute(attr=name):
+                yield name
+
+
+@pytest.mark.parametrize("stem", HOMONYMS)
+def test_a_stem_has_one_meaning(stem: str) -> None:
+    meaning, places = HOMONYMS[stem]
+    found = {
+        f"{path.relative_to(ROOT).as_posix()}: {name}"
+        for folder in FEW_POSITIONAL
+        if folder not in places
+        for path in python_files(folder)
+        for name in identifiers(path)
+        if name not in places and stem in {token.lower() for token in TOKEN.findall(name)}
+    }
+    assert not found, f"{stem}: {meaning}"

@@ -26,9 +26,9 @@ from typing import Any, Final
 from benchmarks import bare_loop
 from benchmarks.on_sigterm import leave_on_sigterm
 from contid.client import Client
-from contid.fleet.fleet_file import OperatorFile
-from contid.fleet.operator import FleetOperator
 from contid.remote.server.lateness_histogram import BOUNDS_US
+from contid_fleet.fleet_file import OperatorFile
+from contid_fleet.operator import FleetOperator
 from tests.support.daemons import Running, armed, daemon
 from tests.support.fleets import bridge
 

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 
 from benchmarks.on_sigterm import leave_on_sigterm
 from contid.client import Client
-from contid.fleet.fleet_address import FleetAddress
-from contid.fleet.operator import FleetOperator
+from contid_fleet.fleet_address import FleetAddress
+from contid_fleet.operator import FleetOperator
 from tests.support.daemons import FAR, armed, daemon
 from tests.support.fleets import BridgeProcess, bridge
 from tests.support.ports import free_port

@@ -32,10 +32,10 @@ from typing import Any, Final
 import psutil
 
 from benchmarks.on_sigterm import leave_on_sigterm
-from contid.fleet.fleet_file import OperatorFile
-from contid.fleet.operator import FleetOperator
-from contid.fleet.stops import stop_fleet
 from contid.remote.protocol.wire import PROTOCOL, encode
+from contid_fleet.fleet_file import OperatorFile
+from contid_fleet.operator import FleetOperator
+from contid_fleet.stops import stop_fleet
 from tests.support.daemons import armed, daemon
 from tests.support.fleets import bridge
 from tests.support.waiting import until

@@ -24,13 +24,13 @@ from typing import Any, Final
 import httpx
 import psutil
 
-import contid.panel
+import contid_panel
 from benchmarks.on_sigterm import leave_on_sigterm
 from benchmarks.panel import nicegui_page
 from benchmarks.panel.presses import CHROMIUM, TIMEOUT_MS, Pages, button, daemon, executable, measured, served
 from benchmarks.stop_times import cells
 
-FOLDER: Final = Path(contid.panel.__file__).parent
+FOLDER: Final = Path(contid_panel.__file__).parent
 #: What a STOP button and plots need of the panel.
 NEEDED: Final = (
     *("access.py", "app.py", "guard.py", "hub.py", "limits.py", "mailbox.py", "page.py", "page_client.py"),

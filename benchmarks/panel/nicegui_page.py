@@ -21,8 +21,8 @@ from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from contid.client import AsyncClient
-from contid.panel.guard import POLICY
-from contid.panel.server import NICE
+from contid_panel.guard import POLICY
+from contid_panel.server import NICE
 
 RATE_HZ: Final = 20.0
 DRAWN_HZ: Final = 10.0

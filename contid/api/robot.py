@@ -16,7 +16,7 @@ from contid.api.described import DescribedRobots
 from contid.api.placed import PlacedRows
 from contid.api.plot import draw_backbones, draw_points, new_axes
 from contid.api.row_arguments import Records, RowArguments, records, renamed
-from contid.api.workspace import Workspace, planar_workspace, spatial_workspace
+from contid.api.workspace import Workspace, measure_workspace
 from contid.kinematics.array import Array
 from contid.kinematics.batch import POSE, Table, Targets, forward_many, inverse_many
 from contid.kinematics.frames import BaseFrame
@@ -234,10 +234,7 @@ class Robot(DescribedRobots):
             ArgumentError: a planar model without an exact region.
             MissingExtraError: shapely is not installed (planar robots).
         """
-        if self.dimension == 2:
-            return planar_workspace(self._model, self.description.base, self.units)
-        frame = BaseFrame.of(self.description.base)
-        return spatial_workspace(self._model, frame, self.units, voxel, across)
+        return measure_workspace(self._model, self.description.base, self.units, voxel, across)
 
     def plot(
         self,

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from typing import Protocol
 
-import numpy as np
-
+from contid import entry_points
 from contid.api.arguments import ArgumentError
 from contid.api.units import Units
-from contid.errors import MissingExtraError
 from contid.kinematics.array import Array
-from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model
-from contid.kinematics.rack.finger import RackFingerModel
 from contid.robot_file.base import BasePose
 
 
@@ -37,52 +33,26 @@ class Workspace:
     voxel: float
 
 
-def planar_workspace(model: Model, base: BasePose, units: Units) -> Workspace:
-    """The exact area of a planar finger.
+class MeasureWorkspace(Protocol):
+    """Measures a workspace: an object of the group ``contid.workspaces``, ``planar`` or ``spatial``."""
+
+    def __call__(
+        self, model: Model, base: BasePose, units: Units, voxel: float | None, across: int
+    ) -> Workspace:
+        """Of a model at its base, in ``units``; see `contid.api.robot`."""
+        ...
+
+
+def measure_workspace(
+    model: Model, base: BasePose, units: Units, voxel: float | None, across: int
+) -> Workspace:
+    """The workspace of a model, by the extra that measures it.
 
     Raises:
-        ArgumentError: a planar model without an exact region.
-        MissingExtraError: shapely is not installed.
+        ArgumentError: no installed package measures workspaces.
     """
-    if not isinstance(model, RackFingerModel):
-        raise ArgumentError(f"workspace: no region is defined for planar {type(model).__name__}")
-    try:
-        from shapely import get_parts
-
-        from contid.reach.planar import finger_region, to_world
-    except ImportError:
-        raise MissingExtraError("workspace", "shapely", "plots") from None
-    region = to_world(finger_region(model), base)
-    gap = np.full((1, 2), math.nan)
-    parts: list[Array] = []
-    for part in get_parts(region):
-        if part.geom_type == "Polygon":
-            for ring in (part.exterior, *part.interiors):
-                parts += [gap, np.asarray(ring.coords)[:, :2]]
-    points = units.from_si(np.concatenate(parts[1:]))
-    scale = units.scale()
-    bounds = np.array([np.nanmin(points, axis=0), np.nanmax(points, axis=0)])
-    return Workspace(float(region.area) * scale**2, 0.0, points, bounds, 0.0)
-
-
-def spatial_workspace(
-    model: Model, frame: BaseFrame, units: Units, voxel: float | None, across: int
-) -> Workspace:
-    """The voxels whose centres the inverse reaches; see `contid.reach.spatial`.
-
-    Without ``voxel``, the edge of a voxel is the widest side of the workspace divided by ``across``.
-    """
-    from contid.reach.spatial import reachable_volume
-
-    scale = units.scale()
-    if voxel is not None and not voxel > 0.0:
-        raise ArgumentError(f"voxel={voxel}: a positive length is needed")
-    volume = reachable_volume(model, frame, edge_m=None if voxel is None else voxel / scale, across=across)
-    centres = np.array(sorted(volume.voxels), dtype=float).reshape(-1, 3) * volume.edge_m
-    return Workspace(
-        volume.volume_m3 * scale**3,
-        volume.uncertainty_m3 * scale**3,
-        units.from_si(centres),
-        units.from_si(np.array(volume.bounds_m())),
-        volume.edge_m * scale,
-    )
+    kind = "planar" if model.dimension == 2 else "spatial"
+    measure: MeasureWorkspace | None = entry_points.load_one(entry_points.WORKSPACES, kind)
+    if measure is None:
+        raise ArgumentError(f"workspace: no installed package measures {kind} workspaces")
+    return measure(model, base, units, voxel, across)

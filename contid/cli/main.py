@@ -1,4 +1,4 @@
-"""The ``contid`` command: a table of commands, each imported only when it is called."""
+"""The ``contid`` command: a table of the core's commands, each imported only when it is called."""
 
 from __future__ import annotations
 
@@ -19,21 +19,11 @@ _ORDERS: Final = "contid.cli.commands.orders"
 #: Command -> (module[:attribute], one line for ``contid --help``).
 COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "run": ("contid.cli.commands.run", "make the robots follow a trajectory"),
-    "demo": ("contid.cli.commands.panel:demo", "a robot on simulated devices, in the browser"),
     "status": (
         "contid.cli.commands.status",
         "robots, buses and faults of a running daemon; --watch for a live view",
     ),
     "move": ("contid.cli.commands.move", "send robots of a running daemon to a point, or along a trajectory"),
-    "jog": ("contid.cli.commands.teleop.jog", "move a robot of a running daemon by keys"),
-    "teach": (
-        "contid.cli.commands.teleop.teach",
-        "torque off: save poses and motions of robots moved by hand",
-    ),
-    "play": (
-        "contid.cli.commands.teleop.play",
-        "play a sequence of named poses, with times, waits and loops",
-    ),
     "hold": (f"{_ORDERS}:hold", "stop robots and keep them where they are"),
     "resume": (f"{_ORDERS}:resume", "arm robots and continue with what they followed"),
     "stop": (f"{_ORDERS}:stop", "stop robots by the policy of the robot file"),
@@ -57,13 +47,6 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
         "run a recording through today's code and compare every command",
     ),
     "session": ("contid.cli.commands.session", "a recording: summary, check, export, repair"),
-    "view": ("contid.cli.commands.view", "show a recording: robots, axes, events"),
-    "panel": ("contid.cli.commands.panel", "a page in the browser: STOP, state, jogging, trajectories"),
-    "track": ("contid.cli.commands.track", "measure a tip with a camera and tags"),
-    "fleet": ("contid.cli.commands.fleet", "robots on several machines: one table, one stop"),
-    "reach": ("contid.cli.commands.reach", "workspace of the tips: areas, volumes, overlaps, plots"),
-    "bench": ("contid.cli.commands.bench", "the figures of the documentation, on this machine"),
-    "train": ("studies.train", "train the neural network of `contid bench ik`"),
     "emulate": (
         "contid.cli.commands.emulate",
         "wire-level devices on ptys: the real drivers without hardware",
@@ -71,7 +54,6 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "scan": ("contid.cli.commands.scan", "find devices on serial ports"),
     "servo": ("contid.cli.commands.servo", "set the id or baud rate of a servo, or restart it"),
     "doctor": ("contid.cli.commands.doctor", "problems of buses and host, with remedies"),
-    "calibrate": ("contid.cli.commands.calibrate", "fit a model's parameters to measurements"),
     "firmware": ("contid.cli.commands.firmware", "build, flash and inspect the sketch of the Due boards"),
     "home": ("contid.cli.commands.home", "find the zero of axes and write it into the robot file"),
 }

@@ -1,8 +1,8 @@
 """The requests of the socket, each declared once: its verb, its lease, and its rights by network.
 
-Whoever passes requests on derives from `REQUESTS` what it may pass: the server of the socket, the bridge of a
-fleet, a page. The verb of an order is the ``NAME`` of its message (`contid.control.engine.messages`), whose
-fields are those of the request and of the event in a recording.
+The server of the socket, the bridge of a fleet and a page derive from `REQUESTS` what they may pass on. The
+verb of an order is the ``NAME`` of its message (`contid.control.engine.messages`), whose fields are those of
+the request and of the event in a recording.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Right(enum.StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class SocketRequest:
     """One request of the socket.
 
     Attributes:
@@ -50,24 +50,24 @@ _WATCH, _MEASURE = frozenset({Right.WATCH}), frozenset({Right.MEASURE})
 _MOVE, _ARM = frozenset({Right.MOVE}), frozenset({Right.ARM})
 
 
-def _stop(order: type[msg.OrderToRobots] | type[msg.Stop]) -> Request:
-    return Request(order.NAME, frozenset(), stops=True, watches=True, journalled=True)
+def _stop(order: type[msg.OrderToRobots] | type[msg.Stop]) -> SocketRequest:
+    return SocketRequest(order.NAME, frozenset(), stops=True, watches=True, journalled=True)
 
 
-def _motion(order: type[msg.OrderToRobots] | type[msg.Grip], rights: frozenset[Right]) -> Request:
-    return Request(order.NAME, rights, leased=True, journalled=True)
+def _motion(order: type[msg.OrderToRobots] | type[msg.Grip], rights: frozenset[Right]) -> SocketRequest:
+    return SocketRequest(order.NAME, rights, leased=True, journalled=True)
 
 
 #: Every request of the socket by its verb.
-REQUESTS: Final[Mapping[str, Request]] = {
+REQUESTS: Final[Mapping[str, SocketRequest]] = {
     each.verb: each
     for each in (
-        Request("hello", frozenset(Right), watches=True),
-        Request("ping", _WATCH, watches=True),
-        Request("status", _WATCH, watches=True),
-        Request("describe", _WATCH, watches=True),
-        Request("subscribe", _WATCH, watches=True),
-        Request("unsubscribe", _WATCH, watches=True),
+        SocketRequest("hello", frozenset(Right), watches=True),
+        SocketRequest("ping", _WATCH, watches=True),
+        SocketRequest("status", _WATCH, watches=True),
+        SocketRequest("describe", _WATCH, watches=True),
+        SocketRequest("subscribe", _WATCH, watches=True),
+        SocketRequest("unsubscribe", _WATCH, watches=True),
         _stop(msg.Hold),
         _stop(msg.Stop),
         _stop(msg.Estop),
@@ -75,14 +75,14 @@ REQUESTS: Final[Mapping[str, Request]] = {
         _motion(msg.ClearFault, _ARM),
         _motion(msg.Recover, _ARM),
         _motion(msg.Grip, _MOVE),
-        Request("acquire", _MOVE | _ARM, journalled=True),
-        Request("release", _MOVE | _ARM, journalled=True),
-        Request("move", _MOVE, leased=True),
-        Request("rows", _MOVE),
-        Request("end", _MOVE),
-        Request("start", _MOVE),
-        Request("note", _MOVE),
-        Request("measure", _MEASURE),
-        Request("record"),
+        SocketRequest("acquire", _MOVE | _ARM, journalled=True),
+        SocketRequest("release", _MOVE | _ARM, journalled=True),
+        SocketRequest("move", _MOVE, leased=True),
+        SocketRequest("rows", _MOVE),
+        SocketRequest("end", _MOVE),
+        SocketRequest("start", _MOVE),
+        SocketRequest("note", _MOVE),
+        SocketRequest("measure", _MEASURE),
+        SocketRequest("record"),
     )
 }

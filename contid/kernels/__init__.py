@@ -16,8 +16,7 @@ __all__ = ["KernelMissingError", "in_use", "load", "require"]
 
 #: The kernels of a complete build; some are compiled a second time for AVX2.
 KERNELS: Final = (
-    "arc", "arc1", "arc2", "clearance", "cosserat", "finger", "ph_curve", "plant", "tendon", "tendon3",
-    "tendon_rod", "text",
+    "arc", "clearance", "cosserat", "finger", "ph_curve", "plant", "tendon", "tendon_rod", "text",
 )  # fmt: skip
 
 

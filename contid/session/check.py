@@ -59,7 +59,7 @@ class Violation:
     message: str
 
     def __str__(self) -> str:
-        """One line."""
+        """The violation in one line."""
         return f"tick {self.tick}: {f'{self.robot}: ' if self.robot else ''}{self.rule}: {self.message}"
 
 

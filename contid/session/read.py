@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.tick_layout import RecordLayout, RobotLayout, TickRecord
-from contid.errors import BadInputError, ContidError
+from contid.errors import BadInputError, SessionError
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
+from contid.session.export.table import data_frame, row_values
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import CHANNELS, REVISION
 from contid.session.format.decode import Decoder
@@ -25,10 +26,6 @@ from contid.trajectory.timed import Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-class SessionError(ContidError):
-    """A file is not a session, or not one that this version can read."""
 
 
 class Session:
@@ -128,8 +125,6 @@ class Session:
 
     def __iter__(self) -> Iterator[dict[str, float]]:
         """Every tick, by the columns of `to_pandas`; what is absent is NaN."""
-        from contid.session.export.table import row_values
-
         return row_values(self)
 
     def to_pandas(self) -> pd.DataFrame:
@@ -138,8 +133,6 @@ class Session:
         Raises:
             MissingExtraError: pandas is not installed.
         """
-        from contid.session.export.table import data_frame
-
         return data_frame(self)
 
     def option(self, name: str) -> str:

@@ -26,13 +26,13 @@ from contid.control.engine.order_events import answer_of, order_of
 from contid.control.engine.ports import BusJob, BusReply
 from contid.control.engine.tick_layout import AXIS, DEADLINE, LATENESS, SKIPPED, TICK, AxisRecord
 from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard
-from contid.errors import ContidError
+from contid.errors import ContidError, SessionError
 from contid.hal import Sample
 from contid.robot_file.load import LoadedFile
 from contid.session.compare import Comparison, Divergence
 from contid.session.differences import refuse_other_robots
 from contid.session.format.metadata import DURING_RUN
-from contid.session.read import Session, SessionError
+from contid.session.read import Session
 from contid.trajectory.timed import Trajectory
 
 #: Events that a replay needs besides the records.

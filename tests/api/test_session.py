@@ -55,6 +55,7 @@ def test_the_table_is_the_export_of_the_command_line(file: Path, tmp_path: Path)
     assert frame.attrs["rate_hz"] == 200.0
 
 
+@pytest.mark.slow
 def test_iteration_gives_the_rows_of_the_table(file: Path) -> None:
     session = Session(str(file))
     frame = session.to_pandas().reset_index()

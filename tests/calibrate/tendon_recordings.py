@@ -6,7 +6,7 @@ import io
 import re
 from typing import Final
 
-from contid.calibrate.tendon.recording import TendonRecording, read_recording
+from contid_fit.calibrate.tendon.recording import TendonRecording, read_recording
 from tests.support.shared_data import shared_data
 
 #: Of 48 patterns all pulls of one tendon, nine of one section and three pairs of sections: 466 of 1620 rows.

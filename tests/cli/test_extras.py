@@ -101,15 +101,6 @@ def test_a_missing_extra_is_named(line: str, extra: str, hidden: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_the_studies_are_in_a_clone_only(hidden: Path) -> None:
-    hide = hidden / "hide" / "sitecustomize.py"
-    hide.write_text(HIDE.replace(repr(set(EXTRAS)), repr({"studies"})))
-    for line in ("contid bench ik", "contid train --help", "contid path cbha-golden --for cbha"):
-        done = shell(line, hidden)
-        assert done.returncode == 2
-        assert done.stderr.endswith("run it in a clone\n")
-
-
 def test_every_extra_that_a_message_names_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]

@@ -14,8 +14,8 @@ PAGES = sorted(
         *(ROOT / "docs").rglob("*.md"),
         *(
             page
-            for name in (".", "examples", "firmware", "service", "tests")
-            for page in (ROOT / name).glob("*.md")
+            for name in (".", "examples", "firmware", "host", "tests", "extras/*")
+            for page in ROOT.glob(f"{name}/*.md")
         ),
     }
 )

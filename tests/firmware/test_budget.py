@@ -76,7 +76,7 @@ def measure() -> Load:
 
     board.tick()
     assert isinstance(ask(Type.CONFIGURE, wiring.config_body(blob)), messages.Configured)
-    answer = ask(Type.ARM, messages.masked(crc, range(MOTORS)))
+    answer = ask(Type.ARM, messages.mask_body(crc, range(MOTORS)))
     ticks = []
     for now in range(300):
         assert isinstance(answer, messages.Telemetry)

@@ -1,4 +1,4 @@
-"""Tasks of a rod and their errors by `forward` of its kernel, for tests of the inverse."""
+"""Rods, and their tasks with errors by `forward` of the kernel, for its tests."""
 
 from __future__ import annotations
 
@@ -9,10 +9,27 @@ from scipy.spatial.transform import Rotation
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import InverseAnswer, RodSolver
+from contid.kinematics.cosserat.loads import Loads
+from contid.kinematics.cosserat.section import Rod
 from contid.targets import Vec3
+from tests.kinematics.cosserat_cases import section
 
+#: Own weight per length of sections, and of the first link [N/mm].
+WEIGHT = np.array([1e-4, -2e-4, 1e-3])
 #: Step of differences [bar].
 STEP = 1e-5
+
+
+def rod_of(sections: int, tip_link: float = 3.0) -> Rod:
+    """Sections of both kinds in turn, each turned about its axis, 5 mm of link between them."""
+    last = sections - 1
+    return Rod(
+        tuple(section(i % 2, 5.0 if i < last else tip_link, first_pair_rad=0.3 * i) for i in range(sections))
+    )
+
+
+def own_weight(sections: int) -> Loads:
+    return Loads(weight=dict.fromkeys(range(sections), WEIGHT), link_weight={0: 2.0 * WEIGHT})
 
 
 @dataclass(frozen=True)

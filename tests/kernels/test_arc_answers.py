@@ -2,7 +2,7 @@
 
 Of the lengths that meet a target an answer is the nearest to home, in a metric written out here; where
 nothing meets it, the answer is a least error on the limits. Both are first-order conditions, with Jacobians
-by complex steps through the exponentials of scipy.
+by complex steps through matrix exponentials.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from contid.kernels import has_avx2, load
 from contid.kinematics.cosserat.engine import RodSolver
 from contid.kinematics.cosserat.loads import Loads
 from contid.targets import ZERO3
-from tests.kernels.test_rod_equilibria import own_weight, rod_of
+from tests.kernels.rod_tasks import own_weight, rod_of
 from tests.kinematics.cosserat_cases import GRAM, one, solver, two
 
 UNIT = (0.0, 0.0, 100.0)

@@ -90,9 +90,9 @@ def test_unloaded_rows_reach_their_targets_by_exponentials(
         assert abs(single.iterations - row["iterations"]) <= 1
 
 
-@pytest.mark.parametrize("elements", [1, 2, 3, 5])
-def test_unloaded_poses_are_products_of_exponentials(elements: int) -> None:
-    for sections in (1, 2, 3, 5, 8):
+@pytest.mark.parametrize("sections", [1, 2, 3, 5, 8])
+def test_unloaded_poses_are_products_of_exponentials(sections: int) -> None:
+    for elements in (1, 2, 3, 5):
         rod = rod_of(sections, 3.0)
         engine = solver(rod, elements=elements)
         pressures = np.random.default_rng(sections).uniform(-0.1, 2.1, (3, 3 * sections))
@@ -139,9 +139,10 @@ def test_rows_under_loads_are_those_of_single_calls(threads: int) -> None:
         assert answer.iterations == row["iterations"]
         bits = OPTIMAL * answer.optimal | STABLE * answer.stable | BLOCKED * answer.blocked
         assert row["limited_by"] == bits | (SNAPS if answer.snap < 2.0 else 0)
-    seen = set(found["limited_by"].tolist())
-    assert any(bits & BLOCKED for bits in seen)
-    assert threads == 1 or any(not bits & OPTIMAL for bits in seen)
+    if threads > 1:  # all rows
+        seen = set(found["limited_by"].tolist())
+        assert any(bits & BLOCKED for bits in seen)
+        assert any(not bits & OPTIMAL for bits in seen)
 
 
 def test_unloaded_rows_with_a_direction_are_solved_as_single_calls() -> None:

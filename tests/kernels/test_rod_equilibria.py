@@ -12,26 +12,13 @@ from contid.kinematics.cosserat.engine import NearAnswer
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
 from contid.targets import ZERO3, Vec3
+from tests.kernels.rod_tasks import own_weight, rod_of
 from tests.kinematics.cosserat_cases import GRAM, one, section, solver, standing, two
 from tests.oracles.rod_energy import variation
 from tests.oracles.rod_equations import equilibrium, integrate
 
-#: Own weight per length of sections, and of the first link [N/mm].
-WEIGHT = np.array([1e-4, -2e-4, 1e-3])
 #: A disagreement of places [mm] and of moments [N·mm] with 48 elements per section.
 SAME_MM, SAME_NMM = 2e-4, 2e-5
-
-
-def rod_of(sections: int, tip_link: float = 3.0) -> Rod:
-    """Sections of both kinds in turn, each turned about its axis, 5 mm of link between them."""
-    last = sections - 1
-    return Rod(
-        tuple(section(i % 2, 5.0 if i < last else tip_link, first_pair_rad=0.3 * i) for i in range(sections))
-    )
-
-
-def own_weight(sections: int) -> Loads:
-    return Loads(weight=dict.fromkeys(range(sections), WEIGHT), link_weight={0: 2.0 * WEIGHT})
 
 
 def drawn(sections: int, seed: int) -> tuple[Array, Vec3]:
@@ -80,7 +67,7 @@ def test_a_buckled_arm_stands_in_some_equilibrium_under_the_whole_load() -> None
     pressures = np.full(6, 0.5)
     found = engine.forward(pressures.tolist(), force)
     assert not found.stable
-    assert found.elements == 48  # more elements were asked before that was said
+    assert found.elements == 48  # more elements were tried before
     loads = Loads(tip_force=np.array(force))
     exact = integrate(two(), pressures, loads, np.array(found.base_moment_nmm))
     assert np.abs(exact.left).max() < 1e-5

@@ -11,8 +11,7 @@ from scipy.optimize import least_squares, lsq_linear
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import NO_SNAP, InverseAnswer, Limits, RodSolver
 from contid.targets import ZERO3, Vec3
-from tests.kernels.rod_tasks import Task, pull_inside
-from tests.kernels.test_rod_equilibria import own_weight, rod_of
+from tests.kernels.rod_tasks import Task, own_weight, pull_inside, rod_of
 from tests.kinematics.cosserat_cases import GRAM, one, solver, two
 
 TOLERANCE = 1e-6
@@ -76,7 +75,7 @@ def test_poses_of_other_pressures_are_met(sections: int, kind: str, force: Vec3,
 @pytest.mark.parametrize("weighs", [False, True])
 @pytest.mark.parametrize("sections", [1, 2])
 def test_from_one_command_to_the_next_few_sweeps_are_needed(sections: int, weighs: bool) -> None:
-    """Newton's method with chords: two sweeps with derivatives a tick, three where weights bend the arm."""
+    """Newton's method with chords: one sweep with derivatives a tick, three for two heavy sections."""
     engine = solver(rod_of(sections), own_weight(sections) if weighs else None, tolerance=1e-4)
     force, kind = (0.0, 0.0, 5.0 * GRAM), "tip" if sections == 1 else "mid"
     begin, end = np.random.default_rng(5).uniform(0.2, 1.2, (2, 3 * sections))
@@ -90,9 +89,8 @@ def test_from_one_command_to_the_next_few_sweeps_are_needed(sections: int, weigh
         seed = np.array(found.pressures_bar)
         assert np.abs(seed - bar).max() < 1e-4
         spent.append(found.iterations)
-    assert max(spent) <= (3 if weighs else 2)
+    assert max(spent) <= (3 if weighs and sections == 2 else 1)
     assert min(spent) >= 1
-    assert weighs or np.mean(spent) < 1.7
 
 
 @pytest.mark.parametrize("grams", [0.0, 3.0])
@@ -199,7 +197,7 @@ def _back_onto(engine: RodSolver, task: Task, bar: Array, J: Array) -> Array:
 ])  # fmt: skip
 @pytest.mark.parametrize("grams", [0.0, 3.0])
 def test_out_of_reach_no_pressure_helps_further(sections: int, kind: str, full: bool, grams: float) -> None:
-    """First-order optimality inside the limits, by differences; the error is what `forward` says."""
+    """First-order optimality inside the limits, by differences; the error is that of `forward`."""
     engine = solver(rod_of(sections), limits=uneven(sections), full_rotation=full)
     rng, judged, held = np.random.default_rng([4, sections, full]), 0, 0
     limits, force = engine.setup.limits, (0.0, 0.0, grams * GRAM)

@@ -1,7 +1,7 @@
 """The rod of tendon robots against its energy: an equilibrium is where the energy is stationary.
 
-The energy is that of springs, weights and a force, over elements placed by matrix exponentials of scipy; its
-gradient is by complex steps. The kernel sums virtual work instead, with twists of its own.
+The energy is that of springs, weights and a force, over elements placed by matrix exponentials; its gradient
+is by complex steps. The kernel sums virtual work instead, with twists of its own.
 """
 
 from __future__ import annotations

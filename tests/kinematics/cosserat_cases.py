@@ -57,7 +57,7 @@ def hanging(grams: float) -> Loads:
 
 
 def solver(rod: Rod, weight: Loads | None = None, **settings: Any) -> RodSolver:
-    """Of a rod whose elements are never doubled and whose searches are short, unless ``settings`` say so."""
+    """Of a rod whose elements are never doubled and whose searches are short, but for ``settings``."""
     usual: dict[str, Any] = {"elements": 3, "error": NEVER_MM, "tolerance": 1e-6, "direction_length": 42.0}
     usual |= {"limits": limits(len(rod.sections)), "full_rotation": False, "thorough": False}
     return RodSolver(RodSetup(rod, weight or Loads(), **{**usual, **settings}))

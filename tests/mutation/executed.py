@@ -28,7 +28,14 @@ from tests.mutation.trial import Tests, session
 
 #: Tests of the tick that start no processes.
 SUITES: Final = (
-    *("tests/control/tick", "tests/control/engine", "tests/golden", "tests/sense", "tests/clearance"),
+    *(
+        "tests/control/tick",
+        "tests/control/engine",
+        "tests/golden",
+        "tests/sense",
+        "extras/fit/tests",
+        "tests/clearance",
+    ),
     *("tests/control/daemon/test_stretch.py", "tests/api/test_sim.py"),
 )
 

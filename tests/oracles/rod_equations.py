@@ -47,12 +47,12 @@ def integrate(
     for i, section in enumerate(rod.sections):
         force = force + loads.joint_force.get(i, zero) + section.length * loads.weight.get(i, zero)
         force = force + section.link * loads.link_weight.get(i, zero)
-    wanted = np.zeros(0) if stations is None else np.asarray(stations, float)
+    places = np.zeros(0) if stations is None else np.asarray(stations, float)
     state: State = (np.zeros(3), np.eye(3), force, np.array(base_moment, float))
     begin, ends, frames = 0.0, [], []
     for i, section in enumerate(rod.sections):
         weight, link_weight = loads.weight.get(i, zero), loads.link_weight.get(i, zero)
-        inside = wanted[(wanted >= begin) & (wanted < begin + section.length)] - begin
+        inside = places[(places >= begin) & (places < begin + section.length)] - begin
         state, passed = _through(section, pressures[3 * i : 3 * i + 3], state, weight, inside)
         frames += passed
         begin += section.length
@@ -60,15 +60,15 @@ def integrate(
         ends.append(p)
         M, N = M - loads.joint_moment.get(i, zero), N - loads.joint_force.get(i, zero)
         axis = R[:, 2]
-        for at in wanted[(wanted >= begin) & (wanted < begin + section.link)] - begin:
+        for at in places[(places >= begin) & (places < begin + section.link)] - begin:
             frames.append(np.concatenate([p + at * axis, R.ravel()]))
         arm = section.link * axis
         M = M - np.cross(arm, N) + 0.5 * section.link * np.cross(arm, link_weight)
         state = (p + arm, R, N - section.link * link_weight, M)
         begin += section.link
     p, R, _, M = state
-    frames += [np.concatenate([p, R.ravel()])] * (len(wanted) - len(frames))
-    return Integrated(np.array(ends), p, R, M - loads.tip_moment, np.array(frames).reshape(len(wanted), 12))
+    frames += [np.concatenate([p, R.ravel()])] * (len(places) - len(frames))
+    return Integrated(np.array(ends), p, R, M - loads.tip_moment, np.array(frames).reshape(len(places), 12))
 
 
 def equilibrium(rod: Rod, pressures: Array, loads: Loads, guess: Array) -> Array | None:

@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from contid.kinematics.cosserat.engine import InverseAnswer, RodSolver
+from contid.kinematics.cosserat.engine import InverseAnswer, Limits, RodSolver
 from contid.kinematics.cosserat.model import CosseratModel
+from contid.kinematics.cosserat.section import Rod
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.shipped import load_named
 from contid.targets import Vec3
@@ -26,6 +27,12 @@ from tests.oracles.bounded import BOX, DENSITY, GRAM_N, TILTED, Case, best_of_sc
 FILE = Path(__file__).parents[1] / "reference" / "rod-searches.json"
 #: Rows of each arm for the control loop, and thorough ones; starts of scipy.
 BRIEF, THOROUGH, STARTS = 10, 3, 5
+#: Targets [mm] that the arm gets to, or next to, from rest under 5 g, but not straight from a start [bar].
+FORKED = (
+    ([4.218, -19.874, 18.585], [0.699, 0.175, 0.466, 0.531, 0.854, 1.479]),
+    ([2.0806, 29.5782, 29.0415], [0.4307, 1.372, 1.423, 0.942, 0.4155, 0.0074]),
+    ([-22.3773, 39.1604, 15.9996], [1.3597, 0.794, 0.1117, 0.4099, 1.3861, 0.8266]),
+)
 #: Reachable rows of each kind and load, draws for these, and iterations of a descent from the seed.
 HARD, DRAWS, ONE_DESCENT = 3, 400, 61
 
@@ -54,10 +61,17 @@ def solve(solvers: dict[tuple[int, bool], RodSolver], row: dict[str, Any]) -> In
 
 
 def solvers_of(models: list[CosseratModel]) -> dict[tuple[int, bool], RodSolver]:
-    """By number of an arm and whether searches are thorough."""
+    """By number of an arm and whether searches are thorough; the last arm has three sections."""
+    setups = [model.setup for model in models]
+    shipped = setups[2]
+    parts = (shipped.rod.sections[0], *shipped.rod.sections)
+    ends = [
+        np.tile(end[:3], 3) for end in (shipped.limits.lower, shipped.limits.upper, shipped.limits.centre)
+    ]
+    setups.append(replace(shipped, rod=Rod(parts), limits=Limits(*ends)))
     return {
-        (k, thorough): RodSolver(replace(model.setup, thorough=thorough))
-        for k, model in enumerate(models)
+        (k, thorough): RodSolver(replace(setup, thorough=thorough))
+        for k, setup in enumerate(setups)
         for thorough in (False, True)
     }
 
@@ -90,6 +104,26 @@ def drawn(models: list[CosseratModel], seed: int = 5) -> list[dict[str, Any]]:
             rows.append(row)
             print(k, thorough, found.residual_mm, row["best_mm"], found.iterations, flush=True)
     return rows
+
+
+def forked(models: list[CosseratModel]) -> list[dict[str, Any]]:
+    """Thorough rows that search beside an answer, and three sections; without scipy ``best_mm`` is 0."""
+    solvers = solvers_of(models)
+    rows: list[dict[str, Any]] = []
+    for tip, seed in FORKED:
+        rows.append({"arm": 2, "thorough": True, "tip": tip, "force": [0.0, 0.0, 5.0 * GRAM_N], "seed": seed})
+    rng, reach = np.random.default_rng(4), solvers[4, False].setup.rod.reach
+    for k in range(BRIEF):
+        force = rng.normal(size=3) * 0.4 * GRAM_N * (5.0 if k % 2 else 2.0)
+        rows.append({
+            "arm": 4, "thorough": False, "tip": (reach * rng.uniform(*BOX)).round(4).tolist(),
+            "force": force.round(5).tolist(), "seed": rng.uniform(0.0, 1.5, 9).round(4).tolist(),
+        })  # fmt: skip
+    for row in rows:
+        found = solve(solvers, row)
+        row |= {"best_mm": 0.0, "answer": found._asdict()}
+        print(row["arm"], found.residual_mm, found.met, found.stable, found.iterations, flush=True)
+    return [row for row in rows if row["answer"]["stable"]]
 
 
 def reachable(models: list[CosseratModel], seed: int = 8) -> list[dict[str, Any]]:
@@ -140,7 +174,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.oracles.searches")
     parser.add_argument("--write", action="store_true")
     given = parser.parse_args()
-    rows = [*drawn(arms()), *reachable(arms())]
+    rows = [*drawn(arms()), *reachable(arms()), *forked(arms())]
     if given.write:
         FILE.write_text("[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n", encoding="utf-8")
 

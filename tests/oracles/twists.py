@@ -1,7 +1,7 @@
 """Chains of constant curvature as products of matrix exponentials, and what an optimum on limits must fulfil.
 
-The exponentials are scipy's and take complex numbers, so that derivatives by complex steps are exact. Nothing
-here shares a formula with the kernels.
+The exponentials are series. They take complex numbers, so that derivatives by complex steps are exact, and
+rows, so that the steps are computed side by side. Nothing here shares a formula with the kernels.
 """
 
 from __future__ import annotations
@@ -10,12 +10,24 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 #: Lengths of tubes, or bends times lengths of sections, as arcs (u, v, L), shape ``(n, 3)``.
 Arcs = Callable[[np.ndarray], np.ndarray]
+
+
+def exponential(matrices: np.ndarray) -> np.ndarray:
+    """``sum M^k / k!`` of small matrices ``(..., 4, 4)``, of a 32nd of each, squared five times."""
+    part = matrices / 32.0
+    term = np.broadcast_to(np.eye(4), part.shape)
+    total = term.astype(part.dtype)
+    for k in range(1, 14):  # turns of up to two radians are 0.06 here: 1e-17 is left
+        term = term @ part / k
+        total = total + term
+    for _ in range(5):
+        total = total @ total
+    return total
 
 
 class Placed(NamedTuple):
@@ -34,45 +46,40 @@ class Chain(NamedTuple):
     offset_m: tuple[float, float] = (0.0, 0.0)
 
     def placed(self, variables: Any) -> Placed:
-        """Where the chain ends."""
-        frame = np.eye(4, dtype=complex)
-        mid = np.zeros(3)
-        arcs = self.arcs(variables)
-        twists = np.zeros((len(arcs), 4, 4), dtype=arcs.dtype)
-        twists[:, :2, 2], twists[:, 2, :2], twists[:, 2, 3] = arcs[:, :2], -arcs[:, :2], arcs[:, 2]
-        ahead = np.eye(4)
-        for k, (turned, rigid) in enumerate(zip(expm(twists), self.rigid_m, strict=True)):
+        """Where the chain ends; of each row of variables."""
+        arcs = self.arcs(np.asarray(variables))
+        twists = np.zeros((*arcs.shape[:-1], 4, 4), dtype=arcs.dtype)
+        twists[..., :2, 2], twists[..., 2, :2], twists[..., 2, 3] = (
+            arcs[..., :2],
+            -arcs[..., :2],
+            arcs[..., 2],
+        )
+        turned = exponential(twists)
+        frame, mid = np.eye(4), np.zeros(3)
+        for k, rigid in enumerate(self.rigid_m):
+            ahead = np.eye(4)
             ahead[2, 3] = rigid
-            frame = frame @ turned @ ahead
-            mid = frame[:3, 3] if k == 0 else mid
-        tip = frame[:3, 3] + frame[:3, :2] @ np.array(self.offset_m)
-        if np.iscomplexobj(variables):
-            return Placed(tip, frame[:3, :3], mid)
-        return Placed(tip.real, frame[:3, :3].real, mid.real)
+            frame = frame @ turned[..., k, :, :] @ ahead
+            mid = frame[..., :3, 3] if k == 0 else mid
+        tip = frame[..., :3, 3] + frame[..., :3, :2] @ np.array(self.offset_m)
+        return Placed(tip, frame[..., :3, :3], mid)
 
     def jacobians(self, variables: np.ndarray) -> Placed:
         """Derivatives of tip and mid, and in place of the frame the spatial angular velocity, ``(3, N)``."""
-        here, columns = self.placed(variables), []
-        for k in range(len(variables)):
-            step = np.zeros(len(variables), complex)
-            step[k] = 1e-30j
-            moved = self.placed(variables + step)
-            spin = moved.rotation.imag / 1e-30 @ here.rotation.T
-            turn = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
-            columns.append((moved.tip.imag / 1e-30, turn, moved.mid.imag / 1e-30))
-        return Placed(*(np.stack(each, axis=1) for each in zip(*columns, strict=True)))
+        here, moved = self.placed(variables), self.placed(variables + 1e-30j * np.eye(len(variables)))
+        spin = moved.rotation.imag / 1e-30 @ here.rotation.T
+        turn = np.stack((spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]))
+        return Placed(moved.tip.imag.T / 1e-30, turn, moved.mid.imag.T / 1e-30)
 
 
 def of_tubes(sections: Any) -> Chain:
     """Tubes at ``d (cos a, sin a)``: their lengths are ``L - d (u cos a + v sin a)``."""
-    rows = [
-        np.array([[-d * np.cos(a), -d * np.sin(a), 1.0] for a in angles])
-        for d, angles in zip(sections.radius_m, sections.angles_rad, strict=True)
-    ]
+    d, a = np.array(sections.radius_m)[:, None], np.array(sections.angles_rad)
+    rows = np.stack((-d * np.cos(a), -d * np.sin(a), np.ones_like(a)), axis=-1)
 
     def arcs(lengths: np.ndarray) -> np.ndarray:
-        each = np.reshape(lengths, (-1, 3))
-        return np.array([np.linalg.solve(row, l) for row, l in zip(rows, each, strict=True)])
+        each = lengths.reshape(*lengths.shape[:-1], -1, 3, 1)
+        return np.asarray(np.linalg.solve(np.broadcast_to(rows, (*each.shape[:-2], 3, 3)), each)[..., 0])
 
     return Chain(arcs, sections.rigid_m)
 
@@ -82,7 +89,8 @@ def of_bends(sections: Any) -> Chain:
     length = np.array(sections.backbone_m)[:, None]
 
     def arcs(variables: np.ndarray) -> np.ndarray:
-        return np.concatenate((np.reshape(variables, (-1, 2)) / length, length), axis=1)
+        bends = variables.reshape(*variables.shape[:-1], -1, 2) / length
+        return np.concatenate((bends, np.broadcast_to(length, (*bends.shape[:-1], 1))), axis=-1)
 
     return Chain(arcs, sections.rigid_m, sections.offset_m)
 

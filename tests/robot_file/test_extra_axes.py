@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 import yaml
 
+from contid.remote.client.described_robot import columns_of
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.robot_file.load import load_robot_file
-from contid.teleop.described_robot import columns_of
-from contid.teleop.jogger import Jogger
 from tests.support.command import contid_in
 
 pytestmark = pytest.mark.process
@@ -233,12 +232,3 @@ def test_clients_get_every_axis_in_its_unit(tmp_path: Path, configs: Path) -> No
     assert np.allclose(robot.maximum, [100.0, 100.0, 45.0])
     assert np.allclose(robot.axis_rates, [(60, 1000, 20000), (60, 1000, 20000), (180, 3000, 60000)])
     assert described["robots"]["finger"]["columns"][-1] == "wrist_deg"
-
-
-def test_a_jogged_wrist_turns_at_its_own_rate() -> None:
-    """A press moves a column by speed times its scale."""
-    ends = ([0.0, -90.0], [100.0, 45.0])
-    jogger = Jogger([60.0, 10.0], *ends, speed=15.0, max_speed=60.0, hold_s=0.2, scales=[1.0, 3.0])
-    jogger.press(0, 1.0, 0.0)
-    jogger.press(1, -1.0, 0.0)
-    assert jogger.advance(0.2) == pytest.approx([60.0 + 15.0 * 0.2, 10.0 - 45.0 * 0.2])

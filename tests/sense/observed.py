@@ -7,10 +7,10 @@ import numpy as np
 from contid.control.tick.tip_feedback import Measurement
 from contid.robot_file.pneumatic.sense import LoadSensing, ModelErrors, Sense
 from contid.robot_file.pneumatic.simulated import SimulatedArm, SimulatedErrors
-from contid.sense import HysteresisSides, calibrate_without_load, rod_family
-from contid.sense.live.load_observer import LoadObserver
-from contid.sense.written import calibration_keys
 from contid_drivers.sim.arm.body import SimulatedBody
+from contid_fit.sense import HysteresisSides, calibrate_without_load, rod_family
+from contid_fit.sense.live.load_observer import LoadObserver
+from contid_fit.sense.written import calibration_keys
 from tests.sense.plant import shipped_model, shipped_robot
 
 GRAM_N = 9.80665e-3

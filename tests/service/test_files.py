@@ -25,10 +25,10 @@ from tests.support.waiting import until
 pytestmark = pytest.mark.process
 
 ROOT = Path(__file__).parents[2]
-UNIT = ROOT / "service" / host_files.UNIT
+UNIT = ROOT / "host" / host_files.UNIT
 #: Of 10, by systemd's weights.
 MAX_EXPOSURE = 1.5
-RULES = ROOT / "udev" / host_files.RULES
+RULES = ROOT / "host" / host_files.RULES
 
 
 @pytest.fixture

@@ -13,8 +13,9 @@ import pytest
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
+from contid.errors import SessionError
 from contid.session.format.channels import EVENT, INFINITE, REVISION, TICK_CHANNELS
-from contid.session.read import Session, SessionError
+from contid.session.read import Session
 from contid.session.replay import replay
 from tests.golden.make import TOLERANCE
 from tests.session.runs import RUNS

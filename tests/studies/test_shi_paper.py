@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from contid.cli.commands.bench import command
 from contid.kinematics.cosserat.loads import Loads
+from studies.bench_cosserat import command
 from studies.shi import PAPER_ELEMENTS, forward, inverse, unknowns
 from studies.shi_cold import MODES, cold_starts
 from studies.shi_experiments import Plant, arm, experiment
@@ -111,7 +111,7 @@ def test_a_run_has_the_size_of_its_name_in_millimetres(run: Run) -> None:
 def test_bench_prints_one_json_object_per_row() -> None:
     done = CliRunner().invoke(
         command,
-        ["cosserat", "--no-speed", "--no-cold", "--trials", "1", "--samples", "12", "--json"],
+        ["--no-speed", "--no-cold", "--trials", "1", "--samples", "12", "--json"],
         catch_exceptions=False,
     )
     rows = [json.loads(line) for line in done.output.splitlines()]
@@ -123,7 +123,7 @@ def test_bench_prints_one_json_object_per_row() -> None:
 @pytest.mark.parametrize("mode", list(MODES))
 @pytest.mark.parametrize("grams", [0.0, 5.0, 10.0])
 def test_cold_starts_meet_reachable_targets(mode: str, grams: float) -> None:
-    """A short form of `contid bench cosserat`: allowed there are 0, 1 and 2 of 2000."""
+    """A short form of `python -m studies.bench_cosserat`: allowed there are 0, 1 and 2 of 2000."""
     found = cold_starts(mode, grams, 300)
     assert found.failures <= {"one segment, tip": 0, "mid + tip": 1, "tip + direction": 2}[mode]
     assert found.wrong_claims == 0

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from contid.client import Client
-from contid.fleet.fleet_address import FleetAddress
-from contid.fleet.fleet_file import load_operator_file
-from contid.fleet.operator import FleetOperator
+from contid_fleet.fleet_address import FleetAddress
+from contid_fleet.fleet_file import load_operator_file
+from contid_fleet.operator import FleetOperator
 
 PERIOD_S = 0.02
 

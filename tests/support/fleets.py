@@ -13,7 +13,7 @@ from typing import Any
 
 import yaml
 
-from contid.fleet.fleet_file import OperatorFile, load_operator_file
+from contid_fleet.fleet_file import OperatorFile, load_operator_file
 from tests.support.daemons import Running, command, daemon
 
 RIGHTS = ("watch", "move", "arm", "measure")

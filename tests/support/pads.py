@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from contid.teleop.gamepad.device import AbsInfo, Capabilities, InputDevice
+from contid_hands.teleop.gamepad.device import AbsInfo, Capabilities, InputDevice
 
 SYN, KEY, REL, ABS = 0, 1, 2, 3
 #: linux/input-event-codes.h.

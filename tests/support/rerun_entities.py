@@ -6,7 +6,7 @@ import re
 import subprocess
 from pathlib import Path
 
-from contid.view.rerun_program import rerun_program
+from contid_view.rerun.program import rerun_program
 
 
 def entities(path: Path) -> dict[str, int]:

@@ -36,8 +36,11 @@ from typing import Any, Final, TextIO
 ABOVE: Final = 512
 #: Space in the command line of the starter for those of its forks.
 ROOM: Final = 4096
-#: Modules whose libraries start threads when they are imported.
-NOT_IMPORTED: Final = ("contid.track", "contid.view")
+#: What is imported, as far as it is installed. `contid_view` and `contid_camera` import libraries with threads.
+PACKAGES: Final = (
+    *("contid", "contid_drivers", "contid_fit", "contid_fleet", "contid_hands", "contid_panel"),
+    "contid_reach",
+)
 #: What functions of contid import when they are called.
 LIBRARIES: Final = (
     *("asyncio", "logging.handlers", "scipy.optimize", "scipy.stats", "scipy.spatial", "scipy.linalg"),
@@ -80,7 +83,7 @@ def send(connection: socket.socket, request: dict[str, Any], descriptors: list[i
 def import_all(package: ModuleType) -> None:
     """Import the modules of a package that start no threads."""
     for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}.", onerror=lambda _: None):
-        if not found.name.startswith(NOT_IMPORTED) and not found.name.endswith("__main__"):
+        if not found.name.endswith("__main__"):
             with suppress(ImportError):
                 importlib.import_module(found.name)
 
@@ -158,8 +161,8 @@ def _open(number: int, name: str, like: TextIO) -> TextIO | None:
     mode = "wb" if number else "rb"
     unbuffered = bool(number) and bool(os.environ.get("PYTHONUNBUFFERED"))
     buffer = open(number, mode, 0 if unbuffered else -1, closefd=False)  # noqa: SIM115
-    raw = buffer if unbuffered else buffer.raw  # type: ignore[attr-defined]
-    raw.name = f"<{name}>"  # type: ignore[misc]
+    raw: Any = buffer if unbuffered else buffer.raw  # type: ignore[attr-defined]
+    raw.name = f"<{name}>"
     stream = io.TextIOWrapper(
         buffer,
         encoding=like.encoding,
@@ -301,11 +304,9 @@ def _call(module: str) -> int:
 
 def main() -> None:
     """Import, then serve the process at the other end of a socket."""
-    import contid
-    import contid_drivers
-
-    for package in (contid, contid_drivers):
-        import_all(package)
+    for name in PACKAGES:
+        with suppress(ImportError):
+            import_all(importlib.import_module(name))
     for name in LIBRARIES:
         with suppress(ImportError):
             importlib.import_module(name)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
+from contid import entry_points
+from contid.cli.support.added_options import ExtendedCommand, GoalOption
 from contid.cli.support.files import ROWS_FILE
 from contid.cli.support.numbers import NumberRange
 from contid.cli.support.orders import json_option, send, socket_option
@@ -15,15 +17,9 @@ if TYPE_CHECKING:
     from contid.client import Client
 
 
-@click.command()
+@click.command(cls=ExtendedCommand, group=entry_points.GOALS)
 @click.argument("message", nargs=-1, metavar="[ROBOT] COLUMN=VALUE...")
 @click.option("--trajectory", type=ROWS_FILE, help="CSV rows to follow instead of a point; - for stdin.")
-@click.option("--pose", help="Go to this named pose instead of a point.")
-@click.option(
-    "--poses",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="File of --pose; default ROBOTFILE.poses.yaml or poses.yaml beside the daemon's robot file.",
-)
 @click.option(
     "--grip",
     type=NumberRange(0.0, 1.0),
@@ -41,14 +37,13 @@ if TYPE_CHECKING:
 def command(
     message: tuple[str, ...],
     trajectory: TextIO | None,
-    pose: str | None,
-    poses: Path | None,
     grip: float | None,
     until_force_n: float | None,
     takeover: bool,
     no_wait: bool,
     socket: str | None,
     as_json: bool,
+    **values: Any,
 ) -> None:
     """Send robots to a point, or along the rows of --trajectory, and hold there.
 
@@ -63,13 +58,14 @@ def command(
     from contid.remote.client.move_arguments import columns_and_rows, point
 
     robots = tuple(part for part in message if "=" not in part)
-    only_grip = grip is not None and trajectory is None and pose is None and len(robots) == len(message)
-    if not only_grip and sum((bool(message), trajectory is not None, pose is not None)) != 1:
-        raise click.UsageError("give a point (COLUMN=VALUE...), --pose or --trajectory, one of them")
+    added: Mapping[str, GoalOption] = command.added
+    goals = [goal for goal in added.values() if goal.given(values)]
+    only_grip = grip is not None and trajectory is None and not goals and len(robots) == len(message)
+    if not only_grip and bool(message) + (trajectory is not None) + len(goals) != 1:
+        others = "".join(f", {goal.options[0].opts[0]}" for goal in added.values())
+        raise click.UsageError(f"give a point (COLUMN=VALUE...){others} or --trajectory, one of them")
     if until_force_n is not None and (trajectory is not None or only_grip):
         raise click.UsageError("--until-force-n needs a point (COLUMN=VALUE...) or --pose")
-    if poses is not None and pose is None:
-        raise click.UsageError("--poses names the file of --pose")
 
     def request(client: Client) -> dict[str, Any]:
         if takeover:
@@ -79,25 +75,12 @@ def command(
             if only_grip:
                 return limited
         if trajectory is None:
-            goal = target if pose is None else _target_of(client, pose, poses)
+            goal = goals[0].target(client, values) if goals else target
             return {"move": client.move(goal, until_force_n=until_force_n, wait=not no_wait)}
         return {"refused": client.stream(columns, rows)}
 
     if trajectory is None:
-        target = {} if only_grip or pose is not None else point(message)
+        target = {} if only_grip or goals else point(message)
     else:
         columns, rows = columns_and_rows(trajectory)
     send(socket, as_json, request)
-
-
-def _target_of(client: Client, name: str, file: Path | None) -> dict[str, float]:
-    """The target of a named pose, compared with the robots of the daemon."""
-    from contid.teach.check_targets import check_targets
-    from contid.teach.pose_file import read_pose_file
-    from contid.teach.pose_store import default_pose_file
-
-    describe = client.describe()
-    read = read_pose_file(file or default_pose_file(Path(describe["file"])))
-    target = dict(read.pose(name).target)
-    check_targets(read, describe, {name})
-    return target

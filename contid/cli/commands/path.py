@@ -15,15 +15,13 @@ from contid.cli.support.robot_names import robot_names
 if TYPE_CHECKING:
     from contid.trajectory.shapes import ShapePath
 
-#: The curve through the points on which the CBHA's methods are compared (`contid bench ik`).
-GOLDEN = "cbha-golden"
 #: The two arms of a chain swing their rope.
 SWING = "swing"
 SHAPES = ("line", "circle", "ellipse", "square", "box", "spiral", "corners", "traverse", "diagonal")
 
 
 @click.command()
-@click.argument("shape", type=click.Choice((*SHAPES, SWING, GOLDEN)))
+@click.argument("shape", type=click.Choice((*SHAPES, SWING)))
 @click.option(
     "--center", type=Numbers(2, 3, NUMBER), default="0,0", help="Centre x,y or x,y,z in the world [mm]."
 )
@@ -81,13 +79,8 @@ def command(
 
     Positions are in the world frame, so robots that share a target get equal columns.
     """
-    if fastest and (robot_file is None or shape in (GOLDEN, SWING)):
+    if fastest and (robot_file is None or shape == SWING):
         raise click.UsageError("--fastest takes a shape with --for ROBOT_FILE, whose limits it needs")
-    if shape == GOLDEN:
-        if any(value is not None for value in (radius, size, height, dz, lean, roll, mid_text)):
-            raise click.UsageError(f"{GOLDEN} has a fixed place and size; it takes --period, --laps, --rate")
-        _golden(period, laps, rate, robot_file, robots)
-        return
     if shape == SWING:
         if any(value is not None for value in (radius, dz, lean, roll, mid_text, robots)):
             raise click.UsageError("swing takes --for, --size, --ratio, --height, --period, --laps, --rate")
@@ -145,26 +138,6 @@ def command(
     text = io.StringIO()
     write_path(text, path, targets, mid)
     print_fastest(robot_file, "the path", io.StringIO(text.getvalue()))
-
-
-def _golden(period: float, laps: float, rate: float, robot_file: str | None, robots: str | None) -> None:
-    """The golden trajectory of the CBHA, for every robot named or of the file."""
-    from contid.trajectory.shapes import check_row_count
-    from contid.trajectory.table import robots_in_file, write_rows
-    from contid.units import m_to_mm
-    from studies.singh import golden_rows
-
-    check_row_count(period, laps, rate)
-    names = [name.strip() for name in robots.split(",")] if robots else []
-    prefixes = [f"{name}." if name else "" for name in names or [""]]
-    if robot_file is not None:
-        prefixes = [each.prefix for each in robots_in_file(robot_file, names)]
-    columns = ["t_s", *(f"{prefix}{axis}_mm" for prefix in prefixes for axis in "xyz")]
-    rows = (
-        [time_s, *(m_to_mm(value) for value in tip * len(prefixes))]
-        for time_s, tip in golden_rows(period, laps, rate)
-    )
-    write_rows(sys.stdout, columns, rows)
 
 
 def _swing(

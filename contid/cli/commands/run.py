@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import contextlib
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from contid import entry_points
+from contid.cli.support.added_options import ExtendedCommand, RunOption, Watch
 from contid.cli.support.files import NewFile
 from contid.cli.support.numbers import NUMBER
 from contid.cli.support.robot_names import robot_names
-from contid.errors import require_extra
 
 if TYPE_CHECKING:
     from contid.control.daemon.interfaces import RunObserver
     from contid.control.engine.report import RunReport
-    from contid.view.view_target import ViewTarget
 
 
-@click.command()
+@click.command(cls=ExtendedCommand, group=entry_points.OBSERVERS)
 @click.argument("robot_file", shell_complete=robot_names)
 @click.option("--mock", is_flag=True, help="Run on simulated devices instead of the real ones.")
 @click.option("--trajectory", type=click.Path(exists=True, dir_okay=False), help="Timed rows; else stdin.")
@@ -65,13 +66,6 @@ if TYPE_CHECKING:
     help="Folder of the recordings that clients begin, such as the panel. Default: the present one.",
 )
 @click.option(
-    "--view",
-    metavar="spawn|serve|FILE.rrd",
-    help="Show the robots: in a window, in a browser on this machine, or in a file for `contid view`.",
-)
-@click.option("--panel", is_flag=True, help="Serve a page that shows and moves the robots; prints its URL.")
-@click.option("--panel-open", is_flag=True, hidden=True, help="The same, and open a browser.")
-@click.option(
     "--socket",
     type=click.Path(dir_okay=False),
     help="Socket for clients. Default: $XDG_RUNTIME_DIR/contid/NAME.sock, or "
@@ -103,15 +97,13 @@ def command(
     log: str | None,
     record: str | None,
     recordings: str,
-    view: str | None,
-    panel: bool,
-    panel_open: bool,
     socket: str | None,
     socket_group: str | None,
     watch_group: str | None,
     as_json: bool,
     verbose: bool,
     quiet: bool,
+    **values: Any,
 ) -> None:
     """Make the robots of ROBOT_FILE follow a trajectory.
 
@@ -127,9 +119,7 @@ def command(
     make_stderr_nonblocking()
     if stretch and unreachable != "refuse":
         raise click.UsageError("--stretch needs targets within reach: leave out --unreachable nearest")
-    view_target = None if view is None else _view_target(view)
-    if panel or panel_open:
-        _check_panel(virtual)
+    watches = _watches(values, virtual)
     # First, because its imports take as long as ours.
     spawned = None if virtual else spawn()
     from contid.control.daemon.run import run
@@ -138,17 +128,14 @@ def command(
     from contid.control.tick.preflight.rows import Unreachable
 
     observers: list[RunObserver] = []
-    recording = drawing = None
+    recording = None
     options = {"mock": str(mock or virtual), "unreachable": unreachable, "input": trajectory or "stdin"}
     if record is not None:
         from contid.session.recording_observer import RecordingObserver
 
         recording = RecordingObserver(Path(record), options)
         observers.append(recording)
-    if view_target is not None:
-        from contid.view.observer import ViewerObserver
-
-        observers.append(drawing := ViewerObserver(view_target))
+    observers += [watch.observer for watch in watches if watch.observer is not None]
     commands = []
     with contextlib.ExitStack() as stack:
         if not virtual:
@@ -162,10 +149,9 @@ def command(
             ordered = Recordings(Path(recordings).absolute(), options, recording)
             observers.append(ordered)
             commands.append(SocketServer(endpoint, ordered))
-            if panel or panel_open:
-                from contid.panel.subprocess import panel_process
-
-                stack.enter_context(panel_process(path, opens=panel_open))
+            for watch in watches:
+                if watch.beside is not None:
+                    stack.enter_context(watch.beside(path))
         request = RunRequest(
             robot_file=robot_file,
             mock=mock or virtual,
@@ -182,30 +168,18 @@ def command(
             log_level=logging.DEBUG if verbose else logging.WARNING if quiet else logging.INFO,
         )
         report = run(request, spawned)
-    for file, name in ((recording, "the recording"), (drawing, "the file of --view")):
-        if file is not None and file.lost and report.exit_code == 0:
-            report.ending, report.exit_code = f"{report.ending}, but {name} is incomplete", 1
+    lost = ["the recording"] if recording is not None and recording.lost else []
+    lost += [name for watch in watches if (name := watch.lost())]
+    if lost and report.exit_code == 0:
+        report.ending, report.exit_code = f"{report.ending}, but {lost[0]} is incomplete", 1
     finish(report, as_json)
 
 
-def _check_panel(virtual: bool) -> None:
-    """Refuse a panel that cannot be, before the run starts."""
-    if virtual:
-        raise click.UsageError("--panel needs a daemon in real time; --virtual has no socket")
-    require_extra("the panel", "starlette", "uvicorn", "websockets")
-
-
-def _view_target(text: str) -> ViewTarget | None:
-    """The target of --view, refused before the run starts; None if only a display is missing."""
-    from contid.view.view_target import NoDisplayError, check, parse_view_target
-
-    target = parse_view_target(text)
-    try:
-        check(target)
-    except NoDisplayError as error:
-        click.echo(f"contid: view: {error}; the run continues without a view", err=True)
-        return None
-    return target
+def _watches(values: Mapping[str, Any], virtual: bool) -> list[Watch]:
+    """What watches the run, by the options of extras; refused before anything starts."""
+    added: Mapping[str, RunOption] = command.added
+    found = [option.prepare(values, virtual) for option in added.values()]
+    return [watch for watch in found if watch is not None]
 
 
 def finish(report: RunReport, as_json: bool) -> None:

@@ -12,8 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from contid.client import Client, ConnectionLostError, NoDaemonError
+from contid.remote.client.described_robot import unit_of
 from contid.remote.protocol.wire import Fields
-from contid.teleop.described_robot import unit_of
 
 BAR: Final = 24
 _TIER_STYLE: Final = {"fresh": "green", "late": "yellow", "stale": "yellow", "old": "red", "lost": "bold red"}

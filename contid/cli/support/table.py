@@ -1,38 +1,62 @@
-"""A group of commands kept in a table, each imported only when it is called."""
+"""A group of commands kept in a table, each imported only when it is called; extras add theirs to it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeAlias
 
 import click
 
+from contid import entry_points
+
+#: Name -> (``module`` or ``module:attribute``, one line of help); the attribute is ``command`` when left out.
+Table: TypeAlias = Mapping[str, tuple[str, str]]
+
 
 class TableGroup(click.Group):
-    """``table``: name -> (``module`` or ``module:attribute``, one line of help).
+    """The commands of a table, and those that extras offer for the same group; help imports none of them.
 
-    The attribute is ``command`` when left out. Help imports no command.
+    An extra offers a table in the group of entry points ``contid.commands``. Its names have the groups in
+    front: ``fleet``, ``calibrate camera``.
     """
 
-    def __init__(self, table: Mapping[str, tuple[str, str]], heading: str, **options: Any) -> None:
+    def __init__(self, table: Table, heading: str, group: str = "", **options: Any) -> None:
+        """``group``: how the names of the commands that extras add here begin; "" at the top."""
         super().__init__(**options)
         self.table = table
         self.heading = heading
+        self._group = f"{group} ".lstrip()
+
+    @cached_property
+    def added(self) -> Table:
+        """The commands of extras."""
+        tables: list[Table] = list(entry_points.load_all(entry_points.COMMANDS).values())
+        names = {
+            name.removeprefix(self._group): line
+            for table in tables
+            for name, line in table.items()
+            if name.startswith(self._group)
+        }
+        return {name: line for name, line in names.items() if " " not in name and name not in self.table}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Names in the order of the table."""
-        return list(self.table)
+        """Names in the order of the table, then those of extras."""
+        return [*self.table, *self.added]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import the module of one command."""
-        if cmd_name not in self.table:
+        line = self.table.get(cmd_name) or self.added.get(cmd_name)
+        if line is None:
             return None
-        module, _, attribute = self.table[cmd_name][0].partition(":")
+        module, _, attribute = line[0].partition(":")
         found: click.Command = getattr(import_module(module), attribute or "command")
         return found
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Print the table."""
-        with formatter.section(self.heading):
-            formatter.write_dl([(name, line) for name, (_, line) in self.table.items()])
+        """Print the tables."""
+        for heading, table in ((self.heading, self.table), (f"{self.heading} of extras", self.added)):
+            if table:
+                with formatter.section(heading):
+                    formatter.write_dl([(name, line) for name, (_, line) in table.items()])

@@ -11,9 +11,9 @@ imports no extra.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 from typing import Final, Protocol, TypeAlias
 
 from contid.control.engine.cycle import Sink, Timing
@@ -24,10 +24,6 @@ from contid.errors import ContidError
 from contid.targets import Target
 
 ENTRY_POINT_GROUP: Final = "contid.stages"
-
-#: Stages of this distribution; found without installed metadata, as in a checkout on PYTHONPATH.
-BUILT_IN: Final[Mapping[str, str]] = {"load_sensing": "contid.sense.live.stage:build_load_sensing"}
-
 
 #: Targets of a tick by robot, in the world frame.
 Targets = Mapping[str, Target | None]
@@ -110,12 +106,7 @@ def load_stage(name: str) -> BuildStage:
     Raises:
         ContidError: no stage of this name is installed.
     """
-    points: Iterable[EntryPoint]
-    if name in BUILT_IN:
-        points = [EntryPoint(name, BUILT_IN[name], ENTRY_POINT_GROUP)]
-    else:
-        points = entry_points(group=ENTRY_POINT_GROUP, name=name)
-    for point in points:
+    for point in entry_points(group=ENTRY_POINT_GROUP, name=name):
         try:
             build: BuildStage = point.load()
         except ModuleNotFoundError as error:

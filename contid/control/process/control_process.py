@@ -26,9 +26,8 @@ from contid.control.engine.ports import BusPort, BusTrackers
 from contid.control.engine.report import robot_reports
 from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard, open_buses
 from contid.control.process.log_queue import LogQueue, handle_logs
-from contid.control.process.pace import Pace
+from contid.control.process.pace import Pace, PlannedStart
 from contid.control.process.pipe import Inbox
-from contid.control.process.planned_start import PlannedStart
 from contid.control.process.realtime import disable_gc, request_real_time, sleep_until, warm_up
 from contid.control.process.ring_writer import RingWriter
 from contid.control.process.setup import RunSetup

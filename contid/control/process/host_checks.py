@@ -77,7 +77,7 @@ def unit(root: Path) -> Finding:
     missing = [line for line in UNIT_REQUIRES if line not in text]
     if missing:
         message = f"{path} lacks {', '.join(missing)}"
-        return Finding("service", False, message, f"compare it with service/{UNIT} of this version")
+        return Finding("service", False, message, f"compare it with host/{UNIT} of this version")
     program = Path(_command(text)[0])
     if not os.access(root / program.relative_to("/"), os.X_OK):
         message = f"{path} starts {program}, which does not exist or is not executable"

@@ -1,6 +1,6 @@
 """Files that contid installs on a machine: udev rules, real-time priority, and the unit of the service.
 
-They are in ``contid/host`` when installed (see CMakeLists.txt), in ``udev`` and ``service`` of a checkout.
+They are in ``contid/host`` when installed (see CMakeLists.txt), in ``host`` of a checkout.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class HostFile:
 def shipped_text(name: str) -> str:
     """The text of a shipped file, by its name."""
     package = Path(__file__).resolve().parents[2]
-    for folder in (package / "host", package.parent / "udev", package.parent / "service"):
+    for folder in (package / "host", package.parent / "host"):
         if (folder / name).is_file():
             return (folder / name).read_text(encoding="utf-8")
     raise ContidError(f"{name} is not part of this installation")

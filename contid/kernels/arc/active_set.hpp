@@ -16,7 +16,7 @@
 #include "tangent_limits.hpp"
 #endif
 
-namespace contid {
+namespace contid::section_build {
 
 constexpr int kMaxHeld = kMaxLengths + kMaxRows;
 constexpr int kLimitsTried = 40;
@@ -206,4 +206,4 @@ inline void damped_step(const Feasible& feasible, const Column (*J)[kMaxLengths]
   bounded_step(metric, at, feasible, &task, rows, weight, d);
 }
 
-}  // namespace contid
+}  // namespace contid::section_build

@@ -10,22 +10,16 @@
 #pragma once
 
 #include <algorithm>
-#include <vector>
 
-#include "../clearance/obstacle.hpp"
 #include "cholesky.hpp"
 #include "sections.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
-class Avoid {
+class Avoid : public Surroundings {
  public:
-  std::vector<Obstacle> obstacles;  // in the base frame
-  double radius = 0.0;              // of the body
-  double margin = 0.0;              // least distance of surfaces
-  double from = 0.0;                // arc length where the body begins
-  double zone = 0.0;                // the potential begins this far outside the margin
-  double force = 0.0;               // its scale
+  Avoid() = default;
+  explicit Avoid(const Surroundings& around) : Surroundings(around) {}
 
   // The potential. `slope` (may be null) gets its gradient; the lower triangle of `metric` (may be null) is increased
   // by the part of its second derivative that is never negative.
@@ -181,7 +175,7 @@ class Avoid {
       if (!slope) continue;
       if (!differentiated) jacobian(s, piece, chain, i, share, fixed, past, x, r, J);
       differentiated = true;
-      double out[3], row[kMaxLengths];
+      double out[3] = {}, row[kMaxLengths];
       obstacle.outwards(x, out);
       const int used = kColumns * (i + 1);
       for (int j = 0; j < used; ++j) row[j] = out[0] * J[0][j] + out[1] * J[1][j] + out[2] * J[2][j];
@@ -249,4 +243,4 @@ class Avoid {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

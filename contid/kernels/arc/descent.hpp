@@ -12,7 +12,7 @@
 
 #include "home.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 class Descent {
  public:
@@ -105,4 +105,4 @@ class Descent {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

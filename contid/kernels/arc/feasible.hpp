@@ -7,7 +7,7 @@
 
 #include "sections.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kBinding = 1e-9;    // a limit binds when less than this is left of it [m]
@@ -201,4 +201,4 @@ struct Feasible {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

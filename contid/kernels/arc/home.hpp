@@ -16,7 +16,7 @@
 #include "equation_step.hpp"
 #include "newton.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 class Homing {
  public:
@@ -268,4 +268,4 @@ class Homing {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

@@ -10,19 +10,22 @@
 #pragma once
 
 #include "arc.hpp"
+#include "solver.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 // A build for one number of sections (CONTID_SECTIONS) has constant loop ends: the same results in half the time.
 #ifdef CONTID_SECTIONS
 constexpr int kMaxSections = CONTID_SECTIONS;
 struct SectionCount {
   static constexpr int count = CONTID_SECTIONS;
+  void set_count(int) {}
 };
 #else
-constexpr int kMaxSections = 8;
+constexpr int kMaxSections = kMostSections;
 struct SectionCount {
   int count = 0;
+  void set_count(int given) { count = given; }
 };
 #endif
 #ifdef CONTID_TENDON
@@ -60,12 +63,6 @@ struct Sections : SectionCount {
     for (int i = 0; i < kColumns; ++i)
       out[kColumns * s + i] = m[3 * i] * uvl[0] + m[3 * i + 1] * uvl[1] + m[3 * i + 2] * uvl[2];
   }
-};
-
-struct Frames {
-  double tip[3];
-  double rotation[9];
-  double mid[3];
 };
 
 // Derivatives by the lengths, a column for each; size() of them in use.
@@ -158,4 +155,4 @@ inline void differentiate(const Sections& s, const double* lengths, Derivatives&
     }
 }
 
-}  // namespace contid
+}  // namespace contid::section_build

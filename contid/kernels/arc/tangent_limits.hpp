@@ -3,7 +3,7 @@
 
 #include "feasible.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 // The same limits with every cone replaced by its tangent plane at one point: all of them are flat.
 struct TangentLimits {
@@ -58,4 +58,4 @@ struct TangentLimits {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

@@ -7,7 +7,7 @@
 #include "cholesky.hpp"
 #include "sections.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 constexpr int kMaxRows = 9;  // of a task: tip, direction, mid-point
 
@@ -78,4 +78,4 @@ struct Whitened {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

@@ -8,12 +8,12 @@
 
 #include "../arc/sections.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kBinding = 1e-9;    // a limit binds when less than this is left of it [m]
 constexpr double kRounding = 1e-12;  // excess that counts as rounding [m]; the caller pulls the rest inside
-constexpr int kMaxPlanes = 640;
+constexpr int kMaxPlanes = kMostPlanes;
 
 using LimitSet = std::bitset<kMaxPlanes + kMaxSections>;
 
@@ -165,4 +165,4 @@ struct TangentLimits {
   double along(int s, const double* x) const { return normals[s][0] * x[2 * s] + normals[s][1] * x[2 * s + 1]; }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

@@ -78,7 +78,7 @@ struct Solver {
 
 }  // namespace
 
-NB_MODULE(KERNEL_MODULE, module) {
+void contid::bind(nb::module_& module) {
   module.doc() = "Backbones of tendon robots as rods: equilibria and their derivatives.";
   nb::class_<Solver>(module, "Rod")
       .def(nb::init<nb::handle>(), nb::arg("setup"))

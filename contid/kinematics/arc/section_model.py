@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
@@ -20,9 +19,6 @@ from contid.robot_file.sections import SectionRobot
 from contid.targets import REACH, ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import LIMIT_TOLERANCE_M, m_to_mm
 
-#: Counts of sections for which a kernel is compiled with that count fixed.
-EXACT_BUILDS: Final = (1, 2)
-
 
 def feasible_of(robot: SectionRobot) -> Feasible:
     """Geometry and limits of a robot description."""
@@ -37,8 +33,7 @@ def build_solver(feasible: Feasible, tuning: Tuning | None = None) -> Solver:
     Raises:
         KernelMissingError: It is not compiled in this installation.
     """
-    count = feasible.sections.count
-    kernel = load(f"arc{count}" if count in EXACT_BUILDS else "arc")
+    kernel = load("arc")
     solver: Solver = kernel.SectionSolver(
         feasible.sections.radius_m,
         feasible.sections.to_arc.ravel().tolist(),

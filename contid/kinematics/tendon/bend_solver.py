@@ -17,7 +17,7 @@ def build_bend_solver(feasible: TendonFeasible) -> Solver:
     sections = feasible.sections
     # Where a limit of tension binds next to the edge of the reach, homing ends up to 3e-6 m from its minimum.
     tuning = Tuning(ell_m=ell_of(feasible), still_m=1e-5, still_error_m=1e-8)
-    kernel = load("tendon3" if sections.count == 3 else "tendon")  # a build of its own for three
+    kernel = load("tendon")
     solver: Solver = kernel.SectionSolver(
         sections.backbone_m,
         sections.rigid_m,

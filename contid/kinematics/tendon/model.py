@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -21,7 +20,7 @@ from contid.kinematics.tendon.described import geometry_of, statics_of
 from contid.kinematics.tendon.feasible import limits_of
 from contid.kinematics.tendon.residual import TipCorrection
 from contid.kinematics.tendon.sections import BendSections
-from contid.kinematics.tendon.taut import TautPulls
+from contid.kinematics.tendon.taut import PullLimits, TautPulls
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import LIMIT_TOLERANCE_M, m_to_mm
@@ -61,8 +60,9 @@ class TendonModel:
             by_pulls = np.asarray(np.linalg.pinv(self.geometry.pull_matrix), dtype=np.float64)
         #: Variables of the solver [m] by pulls [m].
         self._by_pulls: Array = self._lengths[:, None] * by_pulls
+        self._limits = PullLimits(self.lower, self.upper, self.statics, self.feasible, self._by_pulls)
         #: Pulls as bends and tightness; None where tensions are not bounded.
-        self.taut = None if self.statics is None else TautPulls(self.statics, self.excess)
+        self.taut = None if self.statics is None else TautPulls(self.statics, self._limits)
         #: Lead of the friction in the bends; None without.
         self.capstan: CapstanLead | None = None
         if robot.capstan is not None and self.statics is not None:
@@ -181,27 +181,9 @@ class TendonModel:
         pulls = self.geometry.pulls(bends) if self.statics is None else self.statics.pulls(bends)
         return tuple(np.clip(pulls, self.lower, self.upper).tolist())
 
-    @cached_property
-    def _bounds(self) -> tuple[Array, Array, Array]:
-        """Least and largest pulls [m], and the largest bend of every section times its length [m]."""
-        bend_max_m = np.array(self.feasible.sections.backbone_m) * np.array(self.feasible.bend_max_rad)
-        return np.array(self.lower), np.array(self.upper), bend_max_m
-
     def excess(self, actuation: Actuation) -> Array:
-        """By how much limits of travel, tension and bends are exceeded by pulls [m], negative inside.
-
-        In the order: least pull, largest pull, slack, tension per tendon; bend per section.
-        """
-        q = np.array(actuation)
-        x = self._by_pulls @ q
-        lower, upper, bend_max_m = self._bounds
-        parts = [lower - q, q - upper]
-        if self.statics is not None:
-            k = self.statics.tendon_n_per_m
-            tension = self.statics.tensions(q)
-            parts += [(self.statics.floor_n - tension) / k, (tension - self.statics.limit_n) / k]
-        parts.append(np.hypot(x[0::2], x[1::2]) - bend_max_m)
-        return np.concatenate(parts)
+        """See `PullLimits.excess`."""
+        return self._limits.excess(actuation)
 
     @property
     def limit_names(self) -> tuple[str, ...]:

@@ -7,18 +7,15 @@ clients read both alike. The network of a fleet is one: ``fleet:FLEET/NODE``.
 from __future__ import annotations
 
 import asyncio
-import importlib
 import queue
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
+from contid import entry_points
 from contid.remote.client.client_protocol import CHUNK, Request
 from contid.remote.protocol.connect import connect
-
-#: Module with a function `address` by what an address begins with. By name: these lie in layers above.
-SCHEMES: Final[Mapping[str, str]] = {"fleet:": "contid.fleet.fleet_address"}
 
 
 class Wire(Protocol):
@@ -60,11 +57,12 @@ def address_of(given: object) -> Address | None:
     if given is None or not isinstance(given, str | Path):
         return given  # type: ignore[return-value]  # an address, or None
     text = str(given)
-    for begin, module in SCHEMES.items():
-        if text.startswith(begin):
-            found: Address = importlib.import_module(module).address(text)
-            return found
-    return None
+    scheme, colon, _ = text.partition(":")
+    make = entry_points.load_one(entry_points.ADDRESSES, scheme) if colon else None
+    if make is None:
+        return None
+    found: Address = make(text)
+    return found
 
 
 class SocketWire:

@@ -18,11 +18,10 @@ from pathlib import Path
 from typing import Final
 
 from contid.errors import ContidError
-from contid.remote.protocol.connect import connect
-from contid.remote.protocol.folders import default_directory
+from contid.remote.protocol.connect import connect, default_directory
 from contid.remote.protocol.wire import NoDaemonError
 
-#: Where ``service/contid@.service`` puts its sockets.
+#: Where ``host/contid@.service`` puts its sockets.
 SERVICES: Final = Path("/run/contid")
 #: Maximum bytes of a Unix socket's path, without its closing zero.
 MAX_PATH: Final = 107

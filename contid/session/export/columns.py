@@ -7,13 +7,16 @@ day since 1970.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final
+from pathlib import Path
+from typing import Final, Protocol
 
+from contid.control.engine.tick_layout import RecordLayout, RobotLayout
 from contid.robot_file.base import Quantity
+from contid.robot_file.load import LoadedFile
 from contid.session.format.channels import Field, fields
-from contid.session.read import Session
+from contid.session.format.entries import Entry
 
 _VECTORS: Final = {
     "tip_m": ("x_mm", "y_mm", "z_mm"),
@@ -39,7 +42,7 @@ TIMES: Final = ("tick", "t_s", "robot_s", "unix_s")
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column.
+    """A column of a table of ticks.
 
     Attributes:
         name: with its unit.
@@ -54,7 +57,27 @@ class Column:
     whole: bool = False
 
 
-def channel_columns(session: Session, channel: str) -> list[Column]:
+class RecordedTicks(Protocol):
+    """What a table needs of a session; see `contid.session.read.Session`, which offers the table."""
+
+    path: Path
+    metadata: dict[str, dict[str, str]]
+    layout: RecordLayout
+    device_units: dict[str, str]
+    rate_hz: float
+
+    @property
+    def robots(self) -> Mapping[str, RobotLayout]:
+        """The robots by name."""
+
+    def robot_file(self) -> LoadedFile:
+        """The robot file of the run."""
+
+    def entries(self) -> Iterator[Entry]:
+        """Ticks and events in their order."""
+
+
+def channel_columns(session: RecordedTicks, channel: str) -> list[Column]:
     """The columns of a channel after `TIMES`."""
     values = fields(session.layout, session.device_units, channel)
     return [column for each in values if each.path != ("tick",) for column in _columns(each)]

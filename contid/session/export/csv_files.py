@@ -16,10 +16,11 @@ from typing import Any, TextIO
 
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.json_form import to_json
+from contid.errors import SessionError
 from contid.session.export.columns import TIMES
 from contid.session.export.table import TickTable
 from contid.session.format.channels import EVENT, MEASURED, TICK_CHANNELS
-from contid.session.read import Session, SessionError
+from contid.session.read import Session
 from contid.whole_file import replacing
 
 

@@ -16,15 +16,13 @@ from contid.control.engine.events.base import RunEvent
 from contid.control.engine.tick_layout import SKIPPED, TICK
 from contid.errors import MissingExtraError
 from contid.kinematics.array import Array
-from contid.session.export.columns import TIMES, Column, channel_columns
+from contid.session.export.columns import TIMES, Column, RecordedTicks, channel_columns
 from contid.session.export.measured import measured_block, measured_robots
 from contid.session.format.channels import MEASURED, TICK_CHANNELS
 from contid.session.format.entries import Entry
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from contid.session.read import Session
 
 #: Ticks that are converted at once; a tick of a hand has 150 numbers.
 _BLOCK: Final = 4096
@@ -39,7 +37,7 @@ class TickTable:
         channels: the group of every column: a channel, ``measured``, or "" for a time.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: RecordedTicks) -> None:
         self._session = session
         self._columns: list[Column] = []
         self._robots = measured_robots(session)
@@ -97,7 +95,7 @@ class TickTable:
         }
 
 
-def _zero_time_ns(session: Session) -> int:
+def _zero_time_ns(session: RecordedTicks) -> int:
     """The time of day of tick 0 [ns], where ``t_s`` begins."""
     for entry in session.entries():
         if entry.values is not None:
@@ -105,7 +103,7 @@ def _zero_time_ns(session: Session) -> int:
     return int(session.metadata["clock"]["wall_ns"])
 
 
-def row_values(session: Session) -> Iterator[dict[str, float]]:
+def row_values(session: RecordedTicks) -> Iterator[dict[str, float]]:
     """Every tick as values by column."""
     table = TickTable(session)
     for block in table.blocks():
@@ -113,7 +111,7 @@ def row_values(session: Session) -> Iterator[dict[str, float]]:
             yield dict(zip(table.names, row, strict=True))
 
 
-def data_frame(session: Session) -> pd.DataFrame:
+def data_frame(session: RecordedTicks) -> pd.DataFrame:
     """The whole table; its index is ``t_s``.
 
     Raises:

@@ -30,7 +30,8 @@ def limit_ma(axis: Axis) -> float:
 
 
 def read_own_limit(client: ServoClient, axis: Axis) -> None:
-    """Read the Current Limit that the servo has; a Goal Current above it is refused."""
+    """Read the limits that the servo has; a Goal Current or Goal PWM above them is refused."""
+    axis.own_pwm = client.read(axis.device, reg.PWM_LIMIT)
     if axis.operating_mode == CURRENT_BASED and axis.model.ma_per_unit is not None:
         axis.own_limit_ma = axis.model.ma_per_unit * client.read(axis.device, reg.CURRENT_LIMIT)
 

@@ -45,7 +45,7 @@ def _descriptors() -> dict[int, str]:
 
 
 def _children() -> set[int]:
-    """Children of every thread of this process, also dead ones that nobody waited for."""
+    """Children of every thread of this process, also dead ones that have not been waited for."""
     found: set[int] = set()
     for thread in os.listdir("/proc/self/task"):  # noqa: PTH208
         try:

@@ -181,7 +181,7 @@ def test_port_that_stays_open_but_is_not_read(board):
         assert termios.tcgetattr(fd)
         ask(Type.CONFIGURE, wiring.config_body(blob))
         telemetry = ask(Type.DEMAND, messages.demand(crc, 0, {}))
-        telemetry = ask(Type.ARM, messages.masked(crc, range(3)))
+        telemetry = ask(Type.ARM, messages.mask_body(crc, range(3)))
         start = {channel: telemetry.channels[channel].position for channel in range(3)}
         began = telemetry.uptime_ms
 

@@ -18,7 +18,7 @@ from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import STALLS_LOGGED
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
-from contid_drivers.dynamixel.exchange.slack import SLACK_MIN_S, WINDOW, Slack
+from contid_drivers.dynamixel.cycle_time import SLACK_MIN_S, WINDOW, Slack
 from contid_drivers.dynamixel.port import ServoPort
 
 pytestmark = pytest.mark.realtime

@@ -11,6 +11,7 @@ import pytest
 from contid.errors import DeviceError
 from contid.hal import Rest
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.emulator import Servo
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
@@ -22,11 +23,11 @@ TURNS = 5 * 4096
 @pytest.fixture(params=["indirect", "plain"])
 def moving(rig: Make, request: pytest.FixtureRequest) -> Any:
     """Two servos five turns up and on their way to the eighth, with torque at power-up configured."""
-    from contid_drivers.dynamixel.exchange.block import INDIRECT, PLAIN
-
-    r = rig(2, watchdog_ms=500, retry_ms=0, fast_read="off")
-    r.bus._link._layout = {"indirect": INDIRECT, "plain": PLAIN}[request.param]
+    plain = request.param == "plain"
+    made = [Servo(1), Servo(2, firmware=53 if plain else 52)]
+    r = rig(2, made=made, watchdog_ms=500, retry_ms=0, fast_read="off")
     r.bus.open()
+    assert r.bus._link.indirect is not plain
     r.bus.enable(["r.a1", "r.a2"])
     r.tick(a1=TURNS * TICK, a2=TURNS * TICK)
     r.until(lambda: all(abs(r.emulator.servo(i).position_ticks - TURNS) < 1 for i in (1, 2)))

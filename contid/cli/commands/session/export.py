@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from contid import entry_points
+from contid.cli.support.added_options import ExportOption, ExtendedCommand
 from contid.cli.support.files import SESSION, NewFile
 from contid.cli.support.progress import counting
 
@@ -24,15 +25,13 @@ def _output(name: str, what: str) -> Callable[[Command], Command]:
     return click.option(f"--{name}", type=NewFile(dir_okay=name == "csv"), help=what)
 
 
-@click.command()
+@click.command(cls=ExtendedCommand, group=entry_points.EXPORTS)
 @SESSION
 @_output("csv", "FILE.csv: one table; else a folder of channels.")
 @_output("parquet", "One table, typed.")
 @_output("hdf5", "A group per channel, and the events.")
-@_output("foxglove", "MCAP with bodies, frames and joint states for Foxglove's panels.")
-@_output("rrd", "A recording for the Rerun viewer.")
 @_output("yaml", "The robot file it was recorded with.")
-@click.option("--robot", help="Robot file for the shapes (.rrd, Foxglove) instead of the recorded one.")
+@click.option("--robot", help="Robot file for the shapes of a viewer instead of the recorded one.")
 def export(session_file: str, robot: str | None, **outputs: str | None) -> None:
     """Write SESSION_FILE in the formats of other programs.
 
@@ -67,10 +66,9 @@ def export(session_file: str, robot: str | None, **outputs: str | None) -> None:
                 from contid.session.export.typed_tables import export_hdf5
 
                 export_hdf5(session, path)
-            elif name == "rrd":
-                _export_rrd(session, robot, path)
-            elif name == "foxglove":
-                _export_foxglove(session, robot, path)
+            else:
+                added: ExportOption = export.added[name]
+                added.write(session, file_to_draw(session, robot), path)
             written.append(path)
     click.echo("\n".join(map(str, written)))
     _note_cut(session)
@@ -104,26 +102,6 @@ def lerobot(folder: str, session_files: tuple[str, ...], task: str, fps: int | N
 def _note_cut(session: Session) -> None:
     if session.end.cut:
         click.echo(f"contid: {session.path}: {session.end.cut}; exported as far as it goes", err=True)
-
-
-def _export_rrd(session: Session, robot: str | None, path: Path) -> None:
-    loaded = file_to_draw(session, robot)
-    os.environ.setdefault("RUST_LOG", "off")  # contid reports errors itself
-    from contid.view.export import draw
-    from contid.view.view_target import Kind, ViewTarget
-
-    entries = ((entry.values, entry.event) for entry in session.entries())
-    draw(entries, loaded, session.layout, ViewTarget(Kind.FILE, path))
-
-
-def _export_foxglove(session: Session, robot: str | None, path: Path) -> None:
-    loaded = file_to_draw(session, robot)
-    from contid.view.foxglove_export import write_foxglove
-    from contid.whole_file import replacing
-
-    with replacing(path) as file:
-        entries = ((entry.time_ns, entry.values, entry.event) for entry in session.entries())
-        write_foxglove(file, entries, loaded, session.layout)
 
 
 def file_to_draw(session: Session, robot: str | None) -> LoadedFile:

@@ -22,11 +22,11 @@ from itertools import chain
 from typing import Final
 
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.cycle_time import Slack
 from contid_drivers.dynamixel.exchange.answers import AnswerCounts, Receiver, ServoAnswers
 from contid_drivers.dynamixel.exchange.block import Block, CyclicLayout, ServoReading, numbered_blocks
 from contid_drivers.dynamixel.exchange.fast_answer import HEAD as FAST_HEAD
 from contid_drivers.dynamixel.exchange.fast_answer import PART_OVERHEAD
-from contid_drivers.dynamixel.exchange.slack import Slack
 from contid_drivers.dynamixel.packets import (
     BROADCAST,
     Instruction,
@@ -95,10 +95,15 @@ class Cyclic:
         return bool(self._silent or self.answers.counts.late)
 
     def put_last(self, silent: Collection[int]) -> None:
-        """Move silent ids to the end of the order: each one delays, or ends, the answers after it."""
-        if self._silent != (now := frozenset(silent)):
+        """Move silent ids to the end of the order: each one delays, or ends, the answers after it.
+
+        Of several, another one is asked first in every exchange: those behind a dead one may be alive.
+        """
+        now = frozenset(silent)
+        if self._silent != now or len(now) > 1:
+            last = [device for device in self.ids if device in now]
+            self.ids = (*(device for device in self.ids if device not in now), *last[1:], *last[:1])
             self._silent = now
-            self.ids = tuple(sorted(self.ids, key=now.__contains__))
             self._reads.clear()
 
     def _read(self, block: Block, fast: bool) -> bytes:
@@ -152,7 +157,7 @@ class Cyclic:
         found: dict[int, ServoReading] = {}
         returned: list[int] = []
 
-        def answered(device: int, reading: ServoReading) -> None:
+        def take_answer(device: int, reading: ServoReading) -> None:
             if device in unproven:
                 returned.append(device)
                 return
@@ -161,7 +166,7 @@ class Cyclic:
                 each(device, reading)
 
         take_answers = self.answers.fast if fast else self.answers.plain
-        take_answers(self.ids, block, sent + on_wire_s + self.port.latency_s, slack_s, answered)
+        take_answers(self.ids, block, sent + on_wire_s + self.port.latency_s, slack_s, take_answer)
         self.returned = frozenset(returned)
         if returned:
             self._silent -= self.returned

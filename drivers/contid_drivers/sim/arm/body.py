@@ -47,7 +47,7 @@ class SimulatedBody:
         self.lost = False
 
     def follow(self, regulators_pa: list[float]) -> None:
-        """The regulators reached pressures [Pa]; the chambers follow as far as the play lets them."""
+        """The regulators reached pressures [Pa]; the chambers follow as far as the hysteresis lets them."""
         pressures = [p / BAR for p in regulators_pa]
         if not self._acting:
             self._acting = pressures

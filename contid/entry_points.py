@@ -1,0 +1,52 @@
+"""Objects that extras and other distributions offer, found by the name of a group of entry points.
+
+contid imports no extra: the metadata of a distribution names what it adds, and contid looks there.
+
+| group | object |
+|---|---|
+| ``contid.commands`` | a table of commands, see `contid.cli.support.table` |
+| ``contid.observers`` | options of `contid run`: `contid.cli.support.added_options.RunOption` |
+| ``contid.exports`` | an option of `contid session export`: `contid.cli.support.added_options.ExportOption` |
+| ``contid.goals`` | options of `contid move`: `contid.cli.support.added_options.GoalOption` |
+| ``contid.workspaces`` | `contid.api.workspace.MeasureWorkspace`, of robots in the plane and in space |
+| ``contid.addresses`` | a function from a text ``NAME:...`` to a `contid.remote.client.wires.Address` |
+
+Drivers (``contid.drivers``), models (``contid.models``) and stages of the tick (``contid.stages``) are found
+in the same way, by `contid.hal.driver`, `contid.robot_file.model_plugins`, `contid.control.engine.stages`.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Final
+
+COMMANDS: Final = "contid.commands"
+OBSERVERS: Final = "contid.observers"
+GOALS: Final = "contid.goals"
+EXPORTS: Final = "contid.exports"
+WORKSPACES: Final = "contid.workspaces"
+ADDRESSES: Final = "contid.addresses"
+
+
+def load_all(group: str) -> dict[str, Any]:
+    """Every object of a group by its name, in the order of names, without packages that are not there."""
+    points = {point.name: point for point in entry_points(group=group)}
+    loaded = {name: _load(points[name]) for name in sorted(points)}
+    return {name: found for name, found in loaded.items() if found is not None}
+
+
+def load_one(group: str, name: str) -> Any | None:
+    """The object of one name, None where no installed package offers it."""
+    for point in entry_points(group=group, name=name):
+        return _load(point)
+    return None
+
+
+def _load(point: EntryPoint) -> Any | None:
+    """Import an object; None when its whole package was removed, as packagers of the core alone do."""
+    try:
+        return point.load()
+    except ModuleNotFoundError as error:
+        if error.name != point.module.partition(".")[0]:
+            raise
+        return None

@@ -1,0 +1,170 @@
+"""From an image to a measured tip, or to the reason why there is none."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from contid.kinematics.array import Array
+from contid.targets import Vec3
+from contid.units import MM_PER_M
+from contid_camera.body_pose import BodyPose, alike, solve_pose, turn_rad
+from contid_camera.setup_file import LoadedSetup, corners_of
+from contid_camera.tags import SeenTag, TagDetector
+
+#: The corners of a fixed tag are averaged over this number of images.
+AVERAGED: Final = 200
+#: A fixed tag that is this far from its average has moved, or the camera has [px].
+MOVED_PX: Final = 2.0
+#: After this number of images with a moved tag its average begins again.
+MOVED_IMAGES: Final = 5
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MeasuredTip:
+    """A pose of the tip.
+
+    Attributes:
+        time_s: of the capture.
+        tip_m: in the world.
+        direction: of the body there, in the world.
+        rotation: tip to world, shape ``(3, 3)``.
+        error_px: root mean square of the corners.
+        tip_sd_m: standard deviation of the tip, without that of the fixed tags.
+        tags: that were used.
+    """
+
+    time_s: float
+    tip_m: Vec3
+    direction: Vec3
+    rotation: Array
+    error_px: float
+    tip_sd_m: float
+    tags: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Look:
+    """The result of an image.
+
+    Attributes:
+        seen: tags in it, by number.
+        tip: measured, None when it is refused or not seen.
+        refusal: why there is none, "" when there is.
+        body: pose of the tip in the camera, also of a refused one.
+        world: pose of the world in the camera, None before the fixed tags were seen.
+    """
+
+    seen: dict[int, SeenTag]
+    tip: MeasuredTip | None
+    refusal: str
+    body: BodyPose | None
+    world: BodyPose | None
+
+
+class TipTracker:
+    """Measures the tip in images of one camera that does not move.
+
+    Args:
+        loaded: setup and camera.
+    """
+
+    def __init__(self, loaded: LoadedSetup) -> None:
+        setup = loaded.setup
+        self._gate = setup.gate
+        self._matrix = loaded.camera.matrix
+        self._world, self._tip = corners_of(setup.world), corners_of(setup.tip)
+        self._detector = TagDetector(loaded.camera, self._world.keys() | self._tip.keys())
+        self._fixed: dict[int, tuple[int, Array]] = {}
+        self._moved: dict[int, int] = {}
+        self._world_pose: BodyPose | None = None
+        #: The newest pose that was taken, and those refused since that agree with each other.
+        self._last: MeasuredTip | None = None
+        self._strays: list[MeasuredTip] = []
+
+    def look(self, image: Array, time_s: float) -> Look:
+        """Measure the tip in an image.
+
+        Args:
+            image: grey values, shape ``(height, width)``, bytes.
+            time_s: of its capture; does not go back.
+        """
+        seen = self._detector.find(image)
+        moved = self._average(seen)
+        world = self._world_pose
+        near = None if self._last is None or world is None else world.rotation @ self._last.rotation
+        ideal = {tag: each.ideal_px for tag, each in seen.items()}
+        body = solve_pose(self._tip, ideal, self._matrix, near)
+        if moved:
+            return Look(seen, None, f"tag {moved} or the camera has moved", body, world)
+        if world is None:
+            return Look(seen, None, "no fixed tag was seen yet", body, world)
+        if body is None:
+            return Look(seen, None, "no tag of the tip is seen", body, world)
+        measured = self._measured(body, world, time_s)
+        refusal = self._refusal(body, measured)
+        if not refusal:
+            self._last, self._strays = measured, []
+        return Look(seen, None if refusal else measured, refusal, body, world)
+
+    def _average(self, seen: dict[int, SeenTag]) -> int | None:
+        """Take the fixed tags of an image into the average; the number of one that has moved."""
+        changed, moved = False, None
+        for tag in self._world.keys() & seen.keys():
+            ideal = seen[tag].ideal_px
+            count, mean = self._fixed.get(tag, (0, ideal))
+            if float(np.abs(ideal - mean).max()) > MOVED_PX:
+                moved = tag
+                self._moved[tag] = self._moved.get(tag, 0) + 1
+                if self._moved[tag] < MOVED_IMAGES:
+                    continue
+                count, mean = 0, ideal
+            self._moved[tag] = 0
+            weight = min(count + 1, AVERAGED)
+            self._fixed[tag] = (weight, mean + (ideal - mean) / weight)
+            # Early images count most; later ones change the mean by less and less.
+            changed = changed or weight < AVERAGED or count == 0
+        if changed:
+            near = None if self._world_pose is None else self._world_pose.rotation
+            places = {tag: mean for tag, (_, mean) in self._fixed.items()}
+            self._world_pose = solve_pose(self._world, places, self._matrix, near)
+        return moved
+
+    def _measured(self, body: BodyPose, world: BodyPose, time_s: float) -> MeasuredTip:
+        rotation = world.rotation.T @ body.rotation
+        tip = world.rotation.T @ (body.origin_m - world.origin_m)
+        sd_m = math.sqrt(float(np.trace(body.covariance[3:, 3:])))
+        x, y, z = tip.tolist()
+        dx, dy, dz = rotation[:, 2].tolist()
+        return MeasuredTip(time_s, (x, y, z), (dx, dy, dz), rotation, body.error_px, sd_m, body.tags)
+
+    def _refusal(self, body: BodyPose, measured: MeasuredTip) -> str:
+        """Why a pose is refused; "" when it is taken."""
+        gate, last = self._gate, self._last
+        if body.error_px > gate.error_px:
+            return f"the corners are {body.error_px:.2f} px off; gate.error_px is {gate.error_px:g}"
+        sd_mm = measured.tip_sd_m * MM_PER_M
+        if sd_mm > gate.tip_sd_mm:
+            return f"the tip is only known to {sd_mm:.2f} mm; gate.tip_sd_mm is {gate.tip_sd_mm:g}"
+        if alike(body, body.other) and last is None:
+            return "two poses look alike"
+        if last is None or self._follows(last, measured):
+            return ""
+        if self._strays and not self._follows(self._strays[-1], measured):
+            self._strays = []
+        self._strays.append(measured)
+        if len(self._strays) >= gate.lost and not alike(body, body.other):
+            return ""
+        off_mm = math.dist(last.tip_m, measured.tip_m) * MM_PER_M
+        return f"the tip jumps by {off_mm:.1f} mm"
+
+    def _follows(self, before: MeasuredTip, after: MeasuredTip) -> bool:
+        """True when a tip can be there after that time."""
+        gate, seconds = self._gate, max(after.time_s - before.time_s, 0.0)
+        off_mm = math.dist(before.tip_m, after.tip_m) * MM_PER_M
+        turned_deg = math.degrees(turn_rad(before.rotation, after.rotation))
+        allowed_deg = gate.turn_deg_s * seconds + 3.0
+        return off_mm <= gate.speed_mm_s * seconds + gate.jump_mm and turned_deg <= allowed_deg

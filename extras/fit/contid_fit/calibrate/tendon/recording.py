@@ -1,0 +1,114 @@
+"""Recordings of tendon robots: the pull of every tendon and the measured tip, row by row.
+
+CSV with the columns ``timestamp`` [s], ``pattern_label``, one ``servo_<id>_mm`` per tendon (positive: the
+tendon is pulled in), and ``tip_x,tip_y,tip_z`` [mm], as in the motion captures of
+``ContinuumRoboticsLab/opencr-mujoco``. Rows with the same label form one pattern; the suffix ``_hold`` of a
+label does not count.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from contid.errors import BadInputError, Located
+from contid.kinematics.array import Array
+from contid_fit.calibrate.measured_table import Columns, MeasuredRow, read_measured
+
+_SERVO = re.compile(r"servo_\w+_mm")
+_TIP = ("tip_x", "tip_y", "tip_z")
+_HOLD = "_hold"
+
+
+@dataclass(frozen=True, eq=False)
+class TendonRecording:
+    """Rows in the order of time; the robot keeps its state from row to row.
+
+    Attributes:
+        name: of the data, in messages.
+        pattern: label of each row, without ``_hold``.
+        servos: name of each column of ``pull_m``.
+        pull_m: pull of each tendon [m], shape ``(rows, tendons)``.
+        tip_m: measured tip [m], shape ``(rows, 3)``.
+    """
+
+    name: str
+    pattern: tuple[str, ...]
+    servos: tuple[str, ...]
+    pull_m: Array
+    tip_m: Array
+
+    def __len__(self) -> int:
+        return len(self.pattern)
+
+    @property
+    def runs(self) -> Array:
+        """Number of the run of each row, from 0, shape ``(rows,)``; a change of the label begins a run."""
+        labels = np.array(self.pattern)
+        changes = np.flatnonzero(labels[1:] != labels[:-1]) + 1
+        runs = np.zeros(len(self))
+        runs[changes] = 1.0
+        return np.cumsum(runs)
+
+    def rows(self, start: int, stop: int) -> TendonRecording:
+        """The rows from ``start`` to before ``stop``."""
+        part = slice(start, stop)
+        return replace(self, pattern=self.pattern[part], pull_m=self.pull_m[part], tip_m=self.tip_m[part])
+
+    def in_order(self, columns: Iterable[int]) -> TendonRecording:
+        """The same rows with other columns of pulls."""
+        order = list(columns)
+        return replace(self, servos=tuple(self.servos[i] for i in order), pull_m=self.pull_m[:, order])
+
+    def followed_by(self, other: TendonRecording) -> TendonRecording:
+        """Both, one after the other, of the same robot without a change between them.
+
+        Raises:
+            BadInputError: other servos.
+        """
+        if other.servos != self.servos:
+            message = f"its servos are not those of {self.name}, or in another order"
+            raise BadInputError([Located(other.name, 1, 1, message)])
+        return TendonRecording(
+            f"{self.name} and {other.name}",
+            self.pattern + other.pattern,
+            self.servos,
+            np.concatenate((self.pull_m, other.pull_m)),
+            np.concatenate((self.tip_m, other.tip_m)),
+        )
+
+
+def read_recording(lines: Iterable[str], name: str) -> TendonRecording:
+    """Read a CSV.
+
+    Raises:
+        BadInputError: every invalid cell, missing columns, or times that go back.
+    """
+    text = list(lines)
+    header = next((line for line in text if line.strip() and not line.lstrip().startswith("#")), "")
+    cells = [cell.strip() for cell in next(csv.reader([header]), [])]
+    servos = tuple(cell for cell in cells if _SERVO.fullmatch(cell))
+    columns = Columns([(name,) for name in ("timestamp", *servos, *_TIP)], text=("pattern_label",))
+    if header and len(servos) < 3:
+        message = f"{len(servos)} columns servo_<id>_mm; a tendon robot has three or more"
+        raise BadInputError([Located(name, 1, 1, message)])
+    last: list[float] = []
+
+    def in_time(row: MeasuredRow) -> Iterable[Located]:
+        time_s = row.numbers["timestamp"]
+        if last and time_s < last[0]:
+            yield row.finding("timestamp", f"{time_s} is before the row above")
+        last[:] = [time_s]
+
+    rows = read_measured(text, name, columns, in_time)
+    return TendonRecording(
+        name,
+        tuple(row.text["pattern_label"].removesuffix(_HOLD) for row in rows),
+        servos,
+        np.array([[row.numbers[servo] for servo in servos] for row in rows]) * 1e-3,
+        np.array([[row.numbers[axis] for axis in _TIP] for row in rows]) * 1e-3,
+    )

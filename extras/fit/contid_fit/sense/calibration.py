@@ -1,0 +1,237 @@
+"""The error of a model without load: offset, gain and hysteresis of every axis, and the scales of a rod.
+
+A model with wrong regulators misses the measured tip as if it had other pressures, one with wrong moduli or
+moments as another rod::
+
+    y = h(q + D a + e, F = 0; s) + n      D = [I, diag(q - middle), diag(side)]
+
+theta = (a, s), a an offset, a gain and half a hysteresis loop per axis (`contid_fit.sense.play`), s the
+parameters of a `Family` of models, is found by generalised least squares with priors, linearised again in
+every round. What remains is explained by e, an error of every axis of standard deviation sigma that stays as
+long as the actuation, and n (tracker and everything else). sigma is the one under which the remaining errors
+are most likely. So a wrong model is not reported as a load, and its remaining error is in the uncertainty of
+the load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final, Protocol
+
+import numpy as np
+
+from contid.errors import ContidError
+from contid.kinematics.array import Array
+from contid.kinematics.cosserat.identified import scaled_arm
+from contid.kinematics.cosserat.model import CosseratModel
+from contid.kinematics.model import Compliant, Model
+from contid.robot_file.cosserat import Cosserat
+from contid.targets import ZERO3, Actuation, Vec3
+
+#: Poses per axis that a calibration needs: 3 measured values per pose against 2 unknowns per axis.
+MIN_POSES_PER_AXIS: Final = 3
+_ROUNDS: Final = 6
+#: Standard deviations before a calibration: offsets and half loops as parts of the range, gains of axes.
+_OFFSET: Final = 0.05
+_LOOP: Final = 0.02
+_GAIN: Final = 0.01
+#: Of a parameter, for differences.
+_STEP: Final = 1e-4
+
+
+class CalibrationError(ContidError):
+    """The measurements do not determine the error of the model."""
+
+
+class CompliantModel(Model, Compliant, Protocol):
+    """A model that bends under a load."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Family:
+    """Models that differ by a few parameters; 0 is the robot file.
+
+    Attributes:
+        build: the model of parameters, shape ``(m,)``.
+        sigma: standard deviation of each before a calibration.
+        names: of the parameters.
+    """
+
+    build: Callable[[Array], CompliantModel]
+    sigma: tuple[float, ...]
+    names: tuple[str, ...]
+
+
+def rod_family(robot: Cosserat) -> Family:
+    """Rods with a scaled modulus and a scaled pressure moment per section: parameters are scale - 1."""
+    count = len(robot.geometry.sections)
+
+    def build(parameters: Array) -> CompliantModel:
+        return CosseratModel(scaled_arm(robot, parameters[:count].tolist(), parameters[count:].tolist()))
+
+    names = [f"s{i + 1}.{what}" for what in ("modulus", "moment") for i in range(count)]
+    return Family(build, (0.1,) * (2 * count), tuple(names))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LoadCalibration:
+    """The identified error of a model without load.
+
+    Attributes:
+        model: the one of the family that fits.
+        names: of the parameters of the family.
+        parameters: of the family.
+        middle: of the range of every axis [m or Pa], shape ``(k,)``.
+        correction: of every axis its offset [m or Pa], its gain, half its loop [m or Pa]; shape ``(3k,)``.
+        covariance: of correction and parameters together.
+        axis_sigma: standard deviation of the remaining error of an axis [m or Pa].
+        tip_sigma_m: standard deviation of the tip that no axis and no tracker explains [m].
+        residual_m: root mean square of what remains at the poses of the calibration [m].
+        before_m: the same without a correction [m].
+        poses: number of poses.
+    """
+
+    model: CompliantModel
+    names: tuple[str, ...]
+    parameters: Array
+    middle: Array
+    correction: Array
+    covariance: Array
+    axis_sigma: float
+    tip_sigma_m: float
+    residual_m: float
+    before_m: float
+    poses: int
+    _varied: tuple[CompliantModel, ...] = field(repr=False)
+
+    def corrected(self, actuation: Actuation, side: Actuation) -> Actuation:
+        """The actuation for which the model meets the arm [m or Pa]."""
+        q = np.array(actuation)
+        return _tuple(q + _design(q, np.array(side), self.middle) @ self.correction)
+
+    def tip_covariance(self, actuation: Actuation, side: Actuation, load_n: Vec3, jacobian: Array) -> Array:
+        """Covariance of the tip by what the calibration left open, shape ``(3, 3)`` [m^2].
+
+        Args:
+            actuation: commanded [m or Pa].
+            side: of the hysteresis of every axis, -1 to 1.
+            load_n: force on the tip [N].
+            jacobian: of the model at the corrected actuation.
+        """
+        corrected = self.corrected(actuation, side)
+        by_axes = jacobian @ _design(np.array(actuation), np.array(side), self.middle)
+        columns = np.hstack([by_axes, _by_parameters(self.model, self._varied, corrected, load_n)])
+        spread: Array = _spread(jacobian, self.axis_sigma, self.tip_sigma_m)
+        spread += columns @ self.covariance @ columns.T
+        return spread
+
+
+def calibrate_without_load(
+    family: Family, actuations: Array, sides: Array, tips: Array, noise_m: float
+) -> LoadCalibration:
+    """Identify the error of a model from poses without load.
+
+    Args:
+        family: of the arm.
+        actuations: commanded [m or Pa], shape ``(n, k)``; spread over the range.
+        sides: of the hysteresis of every axis, from `contid_fit.sense.play.HysteresisSides`,
+            shape ``(n, k)``.
+        tips: measured tips in the base frame, averaged while the arm rests, shape ``(n, 3)`` [m].
+        noise_m: standard deviation of such an averaged tip [m].
+
+    Raises:
+        CalibrationError: too few poses.
+    """
+    poses, axes = actuations.shape
+    if poses < MIN_POSES_PER_AXIS * axes:
+        raise CalibrationError(
+            f"{poses} poses without load; at least {MIN_POSES_PER_AXIS * axes} are needed for {axes} axes"
+        )
+    scales = np.zeros(len(family.sigma))
+    model = family.build(scales)
+    lower, upper = np.array(model.lower), np.array(model.upper)
+    middle, span = 0.5 * (lower + upper), upper - lower
+    sigma = np.concatenate([_OFFSET * span, np.full(axes, _GAIN), _LOOP * span, family.sigma])
+    prior = np.diag(1.0 / sigma**2)
+    correction = np.zeros(3 * axes)
+    axis_sigmas = float(span.mean()) * np.geomspace(1e-4, 0.1, 40)
+    tip_sigmas = noise_m * np.array([1.0, 1.5, 2.0, 3.0, 5.0, 8.0])
+    axis_sigma, tip_sigma, before_m = 0.0, 0.0, 0.0
+    information = prior
+    varied: tuple[CompliantModel, ...] = ()
+    errors = np.zeros((poses, 3))
+    for round_ in range(_ROUNDS + 1):
+        model, varied = family.build(scales), _varied(family, scales)
+        used = [
+            _tuple(q + _design(q, side, middle) @ correction)
+            for q, side in zip(actuations, sides, strict=True)
+        ]
+        errors = tips - np.array([model.forward(q).tip_m for q in used])
+        if round_ == 0:
+            before_m = _rms(errors)
+        if round_ == _ROUNDS:
+            break
+        jacobians = np.array([model.jacobian(q) for q in used])
+        # Most likely spread of the errors under the corrections so far.
+        axis_sigma, tip_sigma = max(
+            ((float(a), float(t)) for a in axis_sigmas for t in tip_sigmas),
+            key=lambda pair: _log_likelihood(errors, jacobians, *pair),
+        )
+        information, right = prior.copy(), -prior @ np.concatenate([correction, scales])
+        for q, side, corrected, error, jacobian in zip(
+            actuations, sides, used, errors, jacobians, strict=True
+        ):
+            by_parameters = _by_parameters(model, varied, corrected, ZERO3)
+            columns = np.hstack([jacobian @ _design(q, side, middle), by_parameters])
+            weighted = columns.T @ np.linalg.inv(_spread(jacobian, axis_sigma, tip_sigma))
+            information += weighted @ columns
+            right += weighted @ error
+        step = np.linalg.solve(information, right)
+        correction, scales = correction + step[: 3 * axes], scales + step[3 * axes :]
+    return LoadCalibration(
+        model, family.names, scales, middle, correction, _inverse(information),
+        axis_sigma, (tip_sigma**2 - noise_m**2) ** 0.5, _rms(errors), before_m, poses, varied,
+    )  # fmt: skip
+
+
+def _design(q: Array, side: Array, middle: Array) -> Array:
+    """Derivative of the corrected actuation by offsets, gains and loops, shape ``(k, 3k)``."""
+    return np.hstack([np.eye(len(q)), np.diag(q - middle), np.diag(side)])
+
+
+def _varied(family: Family, scales: Array) -> tuple[CompliantModel, ...]:
+    """The models with one parameter after the other raised by `_STEP`."""
+    return tuple(family.build(scales + _STEP * row) for row in np.eye(len(scales)))
+
+
+def _by_parameters(
+    model: CompliantModel, varied: tuple[CompliantModel, ...], corrected: Actuation, load_n: Vec3
+) -> Array:
+    """Derivative of the tip by the parameters of the family, shape ``(3, m)``."""
+    here = np.array(model.forward(corrected, load_n).tip_m)
+    moved = [(np.array(each.forward(corrected, load_n).tip_m) - here) / _STEP for each in varied]
+    return np.array(moved).reshape(-1, 3).T
+
+
+def _spread(jacobian: Array, axis_sigma: float, tip_sigma_m: float) -> Array:
+    spread: Array = axis_sigma**2 * jacobian @ jacobian.T + tip_sigma_m**2 * np.eye(3)
+    return spread
+
+
+def _log_likelihood(errors: Array, jacobians: Array, axis_sigma: float, tip_sigma_m: float) -> float:
+    spreads = np.array([_spread(jacobian, axis_sigma, tip_sigma_m) for jacobian in jacobians])
+    solved = np.linalg.solve(spreads, errors[:, :, None])[:, :, 0]
+    return float(-0.5 * (np.linalg.slogdet(spreads)[1].sum() + (errors * solved).sum()))
+
+
+def _inverse(matrix: Array) -> Array:
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+
+
+def _rms(errors: Array) -> float:
+    return float(np.sqrt((errors**2).sum(axis=1).mean()))
+
+
+def _tuple(q: Array) -> Actuation:
+    return tuple(q.tolist())

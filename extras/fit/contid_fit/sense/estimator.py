@@ -1,0 +1,170 @@
+"""The force on the tip by least squares over the newest measurements, with its uncertainty.
+
+    minimise  (ybar - hbar(F))^T V^-1 (ybar - hbar(F)) + |F|^2 / prior^2
+    V = noise^2/n I + what the calibration left open
+
+by Levenberg-Marquardt with the model's compliance dh/dF. The part of V that the calibration left open does
+not shrink with the number of measurements: more of them average the tracker, not the error of the model.
+A pure function of its inputs: the same measurements give the same estimate.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from contid.kinematics.array import Array
+from contid.targets import Actuation, Vec3, vec3
+from contid_fit.sense.calibration import LoadCalibration
+from contid_fit.sense.play import HysteresisSides
+
+#: Two-sided 95 % of the normal distribution.
+NORMAL_95: Final = 1.959964
+_ITERATIONS: Final = 40
+#: A command and the sides of the hysteresis there.
+_Pose: TypeAlias = tuple[Actuation, Actuation]
+_TRIALS: Final = 12
+_STEP_N: Final = 1e-6
+_ROUNDED_STEP_N: Final = 1e-3
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LoadEstimate:
+    """A force on the tip in the base frame.
+
+    Attributes:
+        force_n: x, y, z [N].
+        covariance: of it, shape ``(3, 3)`` [N^2].
+        converged: the iteration ended.
+        measurements: that it is from.
+    """
+
+    force_n: Vec3
+    covariance: Array
+    converged: bool
+    measurements: int
+
+    @property
+    def interval_n(self) -> Vec3:
+        """Half width of the 95 % interval of every component [N]."""
+        return vec3((NORMAL_95 * np.sqrt(np.diag(self.covariance))).tolist())
+
+    def along(self, direction: Vec3) -> tuple[float, float]:
+        """Component along a direction [N] and half width of its 95 % interval."""
+        unit = np.array(direction) / np.linalg.norm(direction)
+        half = NORMAL_95 * float(np.sqrt(unit @ self.covariance @ unit))
+        return float(unit @ np.array(self.force_n)), half
+
+
+class LoadEstimator:
+    """A window of measurements, and the force that explains them.
+
+    Args:
+        calibration: the model of the arm and its error without load.
+        noise_m: standard deviation of one measured tip, per component [m].
+        window_s: time that the estimate looks back [s].
+        prior_n: standard deviation of a component of the load before any measurement [N].
+    """
+
+    def __init__(
+        self,
+        calibration: LoadCalibration,
+        noise_m: float = 3e-4,
+        window_s: float = 1.0,
+        prior_n: float = 0.2,
+    ) -> None:
+        self._model = calibration.model
+        self._calibration = calibration
+        self._noise_m = noise_m
+        self._window_s = window_s
+        self._prior_n = prior_n
+        self._play = HysteresisSides(calibration.model)
+        self._window: deque[tuple[float, _Pose, Vec3]] = deque()
+        self._force = np.zeros(3)
+
+    def add(self, t_s: float, actuation: Actuation, tip_in_base_m: Vec3) -> None:
+        """A measurement; older ones than the window are dropped.
+
+        Raises:
+            ValueError: time does not grow.
+        """
+        self.add_at(t_s, actuation, self.command(actuation), tip_in_base_m)
+
+    def add_at(self, t_s: float, actuation: Actuation, side: Actuation, tip_in_base_m: Vec3) -> None:
+        """The same with the sides of the hysteresis already known (`contid_fit.sense.play`).
+
+        Raises:
+            ValueError: time does not grow.
+        """
+        if self._window and t_s <= self._window[-1][0]:
+            raise ValueError(f"measurement at {t_s:g} s after one at {self._window[-1][0]:g} s")
+        self._window.append((t_s, (actuation, side), tip_in_base_m))
+        while self._window[0][0] <= t_s - self._window_s:
+            self._window.popleft()
+
+    def command(self, actuation: Actuation) -> Actuation:
+        """A command [m or Pa] on the way, without a measurement: it decides the side of the hysteresis."""
+        return self._play.to(actuation)
+
+    def clear(self) -> None:
+        """Forget the window, as after a change of the load or a motion."""
+        self._window.clear()
+        self._force = np.zeros(3)
+
+    def estimate(self) -> LoadEstimate | None:
+        """The force that explains the window; None without a measurement."""
+        if not self._window:
+            return None
+        # One model evaluation per distinct actuation: while an arm rests there is one.
+        groups: dict[_Pose, list[Vec3]] = {}
+        for _, pose, tip in self._window:
+            groups.setdefault(pose, []).append(tip)
+        count = len(self._window)
+        newest = self._window[-1][1]
+        measured = np.mean([tip for _, _, tip in self._window], axis=0)
+        corrected = {pose: self._calibration.corrected(*pose) for pose in groups}
+        prior = np.eye(3) / self._prior_n**2
+
+        def missed(force: Array) -> Array:
+            load = vec3(force.tolist())
+            tips = [
+                len(group) * np.array(self._model.forward(corrected[pose], load).tip_m)
+                for pose, group in groups.items()
+            ]
+            error: Array = measured - np.sum(tips, axis=0) / count
+            return error
+
+        force, error = self._force, missed(self._force)
+        converged, damping, information = False, 0.0, prior
+        for _ in range(_ITERATIONS):
+            load = vec3(force.tolist())
+            jacobian = self._model.jacobian(corrected[newest], load)
+            compliance = self._model.compliance(corrected[newest], load)
+            spread = self._noise_m**2 / count * np.eye(3)
+            spread += self._calibration.tip_covariance(*newest, load, jacobian)
+            weight = np.linalg.inv(spread)
+            information = compliance.T @ weight @ compliance + prior
+            downhill = compliance.T @ weight @ error - prior @ force
+            cost = error @ weight @ error + force @ prior @ force
+            for _ in range(_TRIALS):
+                step = np.linalg.solve(information + damping * np.diag(np.diag(information)), downhill)
+                trial = force + step
+                trial_error = missed(trial)
+                if trial_error @ weight @ trial_error + trial @ prior @ trial <= cost:
+                    damping *= 0.2
+                    break
+                damping = max(4.0 * damping, 0.1)
+            else:
+                # The cost is at the rounding of the model; a step that is still long is a failure.
+                converged = float(np.linalg.norm(np.linalg.solve(information, downhill))) < _ROUNDED_STEP_N
+                break
+            force, error = trial, trial_error
+            if float(np.linalg.norm(step)) < _STEP_N:
+                converged = True
+                break
+        self._force = force if converged else np.zeros(3)
+        covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
+        return LoadEstimate(vec3(force.tolist()), covariance, converged, count)

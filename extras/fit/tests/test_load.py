@@ -1,0 +1,179 @@
+"""Loads of a plant by another formulation and with wrong parameters, as errors and intervals; the command."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from contid.targets import ZERO3
+from contid_fit.sense import (
+    CalibrationError,
+    HysteresisSides,
+    LoadEstimator,
+    calibrate_without_load,
+    rod_family,
+)
+from tests.sense.plant import NOISE_M, RATE_HZ, Plant, pascal, random_pressures, shipped_model, shipped_robot
+
+pytestmark = pytest.mark.process
+
+GRAM_N = 9.80665e-3
+CALIBRATION_POSES = 40
+LOADS = 40
+
+
+def estimated(estimator):
+    found = estimator.estimate()
+    assert found is not None
+    return found
+
+
+def calibrated(plant, rng, poses=CALIBRATION_POSES):
+    play = HysteresisSides(plant.model)
+    play.to(pascal(np.zeros(6)))
+    actuations, sides, tips = [], [], []
+    for _ in range(poses):
+        bar = random_pressures(rng)
+        plant.command(bar)
+        actuations.append(pascal(bar))
+        sides.append(play.to(pascal(bar)))
+        tips.append(plant.measurements(ZERO3, 1.0).mean(axis=0))
+    noise = NOISE_M / RATE_HZ**0.5
+    calibration = calibrate_without_load(
+        rod_family(shipped_robot()), np.array(actuations), np.array(sides), np.array(tips), noise
+    )
+    return calibration, pascal(bar)
+
+
+@pytest.fixture(scope="module")
+def weighed():
+    """Errors and half intervals [g] of static loads: 0 to 10 g along gravity and up to 2 g sideways."""
+    plant, rng = Plant(1), np.random.default_rng(5)
+    calibration, last = calibrated(plant, rng)
+    estimator = LoadEstimator(calibration, NOISE_M)
+    estimator.command(last)
+    errors, intervals = [], []
+    for k in range(LOADS):
+        bar = random_pressures(rng)
+        plant.command(bar)
+        force = np.array([*rng.uniform(-2.0, 2.0, 2), rng.uniform(0.0, 10.0)]) * GRAM_N
+        estimator.clear()
+        for i, tip in enumerate(plant.measurements(force, 1.0)):
+            estimator.add(10.0 * k + i / RATE_HZ, pascal(bar), tuple(tip.tolist()))
+        found = estimated(estimator)
+        assert found.converged
+        errors.append((np.array(found.force_n) - force) / GRAM_N)
+        intervals.append(np.array(found.interval_n) / GRAM_N)
+    return calibration, np.array(errors), np.array(intervals)
+
+
+def test_the_wrong_parameters_are_found(weighed):
+    calibration = weighed[0]
+    assert calibration.names == ("s1.modulus", "s2.modulus", "s1.moment", "s2.moment")
+    assert calibration.parameters == pytest.approx([0.04, -0.03, -0.02, -0.02], abs=0.01)
+    assert calibration.before_m > 5e-3
+    assert calibration.residual_m < 2e-4
+
+
+def test_static_loads_are_weighed_within_a_second(weighed):
+    rmse = np.sqrt((weighed[1] ** 2).mean(axis=0))
+    assert rmse[2] <= 0.5  # along gravity [g]
+    assert max(rmse[:2]) <= 0.3
+
+
+def test_the_intervals_hold_what_they_state(weighed):
+    _, errors, intervals = weighed
+    # Of 120 components; 40 of one arm are too few for a bound near 99 %.
+    assert 0.9 <= (np.abs(errors) <= intervals).mean() <= 1.0
+    assert np.median(intervals[:, 2]) < 1.0
+
+
+def test_without_the_calibration_the_wrong_model_would_be_a_load(weighed):
+    """The same tips with the uncorrected model: the load it reports is no load at all."""
+    plant = Plant(1)
+    bar = np.array([0.2, 0.4, 0.6, 0.1, 0.1, 0.8])
+    plant.command(bar)
+    tip = plant.tip_m(ZERO3)
+    shift = tip - np.array(shipped_model().forward(pascal(bar)).tip_m)
+    force = np.linalg.solve(shipped_model().compliance(pascal(bar)), shift) / GRAM_N
+    assert np.linalg.norm(force) > 1.0
+    estimator = LoadEstimator(weighed[0], NOISE_M)
+    estimator.add(0.0, pascal(bar), tuple(tip.tolist()))
+    found = estimated(estimator)
+    assert np.linalg.norm(found.force_n) / GRAM_N < np.linalg.norm(found.interval_n) / GRAM_N
+
+
+def test_the_same_measurements_give_the_same_estimate_and_time_grows(weighed):
+    def run():
+        estimator = LoadEstimator(weighed[0], NOISE_M)
+        for i in range(20):
+            estimator.add(i / 50, pascal([0.2, 0.4, 0.6, 0.1, 0.1, 0.8]), (0.01, 0.02 + 1e-4 * (i % 3), 0.09))
+        return estimator
+
+    first, second = run(), run()
+    assert estimated(first).force_n == estimated(second).force_n
+    with pytest.raises(ValueError, match="after one at"):
+        first.add(0.1, (0.0,) * 6, ZERO3)
+    assert LoadEstimator(weighed[0], NOISE_M).estimate() is None
+
+
+def test_more_measurements_do_not_shrink_the_error_of_the_model(weighed):
+    few, many = (LoadEstimator(weighed[0], NOISE_M, window_s=1e3) for _ in range(2))
+    bar = pascal([0.3, 0.3, 0.5, 0.2, 0.4, 0.6])
+    tip = weighed[0].model.forward(weighed[0].corrected(bar, (0.0,) * 6)).tip_m
+    for i in range(50):
+        few.add(i / 50, bar, tip)
+    for i in range(5000):
+        many.add(i / 50, bar, tip)
+    assert estimated(many).interval_n[2] > 0.3 * estimated(few).interval_n[2]
+
+
+def test_too_few_poses_are_refused():
+    poses, tips = np.zeros((5, 6)), np.zeros((5, 3))
+    with pytest.raises(CalibrationError, match="5 poses without load; at least 18 are needed for 6 axes"):
+        calibrate_without_load(rod_family(shipped_robot()), poses, poses, tips, 1e-4)
+
+
+def recorded(path, plant, poses, force_n):
+    """A session with rests of 2 s, the tips of the plant as measurements."""
+    axes = [f"s{i}.p{j}_bar" for i in (1, 2) for j in (1, 2, 3)]
+    lines = [",".join(["t_s", *axes, "meas.x_mm", "meas.y_mm", "meas.z_mm"])]
+    t = 0.0
+    plant.command(np.zeros(6))  # the rest pose, where the run begins
+    for bar in poses:
+        plant.command(bar)
+        # A path takes 2 s. Rows 1 ms apart at the ends of a rest keep the cubic from swinging over.
+        tips = plant.measurements(force_n, 1.6) * 1e3
+        times = np.sort([*(np.arange(len(tips) - 2) / RATE_HZ), 1e-3, (len(tips) - 3) / RATE_HZ - 1e-3])
+        for at, tip in zip(t + 2.0 + times, tips, strict=True):
+            lines.append(f"{at:.3f}," + ",".join(f"{v:.6f}" for v in [*bar, *tip]))
+        t += 2.0 + 1.6
+    csv = path.with_suffix(".csv")
+    csv.write_text("\n".join(lines) + "\n")
+    command = [sys.executable, "-m", "contid", "run", "stiffflop2", "--virtual", "--rate", "200"]
+    command += ["--trajectory", str(csv), "--record", str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=200)
+    assert done.returncode == 0, done.stderr
+    return path
+
+
+def test_the_command_weighs_a_recorded_session(tmp_path):
+    plant, rng = Plant(3), np.random.default_rng(8)
+    empty = recorded(tmp_path / "empty.mcap", plant, [random_pressures(rng) for _ in range(24)], ZERO3)
+    force = (0.0, 0.0, 5.0 * GRAM_N)
+    loaded = recorded(tmp_path / "loaded.mcap", plant, [random_pressures(rng) for _ in range(3)], force)
+    command = [sys.executable, "-m", "contid", "session", "load", str(loaded)]
+    done = subprocess.run(
+        [*command, "--unloaded", str(empty), "--json"], capture_output=True, text=True, timeout=200
+    )
+    assert done.returncode == 0, done.stderr
+    found = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(found) == 3
+    for each in found:
+        assert each["mass_g"] == pytest.approx(5.0, abs=max(1.0, 1.5 * each["mass_interval_g"]))
+    assert "24 rests without load" in done.stderr
+    few = subprocess.run([*command, "--unloaded", str(loaded)], capture_output=True, text=True, timeout=200)
+    assert few.returncode == 2
+    assert "3 poses without load; at least 18" in few.stderr

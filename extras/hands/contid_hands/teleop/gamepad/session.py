@@ -1,0 +1,137 @@
+"""Jogging by a gamepad: the deflection of its axes is the speed, while the dead-man button is held."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+from contid.client import Client, ServoState
+from contid.errors import ContidError
+from contid_hands.teleop.gamepad.mapping import BoundInput
+from contid_hands.teleop.gamepad.pad import ESTOP, Gamepad
+from contid_hands.teleop.jog_session import Console, JogOptions, JogSession, StopPressedError
+from contid_hands.teleop.jogger import Jogger
+
+#: Orders of the mapping that a key has too.
+_KEYS: Final = {"resume": "e", "space": "\t", "faster": "+", "slower": "-"}
+REFUSED_PERIOD_S: Final = 1.0
+
+
+class ReleasedError(ContidError):
+    """The dead-man button was released; ends a stream, so that the robot holds at once."""
+
+
+def apply(jogger: Jogger, pad: Gamepad, inputs: tuple[BoundInput | None, ...], now_s: float) -> None:
+    """Move every column of a jogger by the input at its place."""
+    for column, found in enumerate(inputs):
+        jogger.press(column, pad.share(found, now_s), now_s)
+
+
+class GamepadSession(JogSession):
+    """Jogs one robot by a gamepad; keys change and stop, but do not move.
+
+    Every end of a stream is a hold: the robot brakes within its limits instead of going on to the last
+    set-point. The next stream begins with the next press of the dead-man button.
+
+    Args:
+        client: of the daemon.
+        console: of the operator.
+        options: as those of `JogSession`; a mapping without the tip begins in axis space.
+        pad: the gamepad.
+
+    Raises:
+        ContidError: an unknown robot, or none named of several.
+    """
+
+    #: A release is seen within a tick of most robots.
+    rate_hz = 200.0
+
+    def __init__(self, client: Client, console: Console, options: JogOptions, pad: Gamepad) -> None:
+        super().__init__(client, console, replace(options, axes=options.axes or not any(pad.mapping.tip)))
+        self._pad = pad
+        self._held = self._estops = False
+        self._refused_s = float("-inf")
+
+    def step(self, jogger: Jogger, state: ServoState) -> bool:
+        """One period of a stream.
+
+        Raises:
+            ReleasedError: the dead-man button was released, or the columns change.
+            StopPressedError: the stop button was pressed.
+            DeviceLostError: the device is gone.
+        """
+        first = self._axis
+        goes_on = super().step(jogger, state)
+        if not goes_on or not self._held or self._axis != first:
+            raise ReleasedError("released")
+        apply(jogger, self._pad, self._inputs(), time.monotonic())
+        return True
+
+    def engaged(self, jogger: Jogger | None) -> bool:
+        """The dead-man button is held."""
+        return self._held
+
+    @property
+    def note(self) -> str:
+        """Part of the line of state."""
+        name = self._pad.mapping.dead_man_name
+        if self._held:
+            return f", {name} held"
+        centred = self._pad.centred(time.monotonic())
+        return f", press {name}" if centred else f", centre the sticks, then press {name}"
+
+    def _inputs(self) -> tuple[BoundInput | None, ...]:
+        """One per column."""
+        mapping, count = self._pad.mapping, len(self.columns)
+        if not self._axes:
+            return mapping.tip[:count]
+        placed = ((None,) * self._axis + mapping.axes)[:count]
+        return placed + (None,) * (count - len(placed))
+
+    def _direction(self, key: str) -> tuple[int, float] | None:
+        return None
+
+    def _read(self) -> None:
+        super()._read()
+        state = self._pad.poll(time.monotonic())
+        self._held = state.held
+        # A stop comes before whatever else was pressed.
+        self._waiting += [_KEYS.get(order, order) for order in state.orders]
+        self._waiting.sort(key=lambda key: key not in (ESTOP, "space"))
+
+    def _other(self, key: str, jogger: Jogger | None) -> None:
+        if key == ESTOP:
+            self._estops = True
+            if jogger is not None:
+                raise StopPressedError(key)
+            self._stop()
+        elif key == "next_axes":
+            following = self._axis + len(self._pad.mapping.axes)
+            self._axis = following if following < len(self.robot.axes) else 0
+        else:
+            super()._other(key, jogger)
+
+    def _stop(self) -> None:
+        if not self._estops:
+            super()._stop()
+            return
+        self._estops = False
+        self._order(lambda: self._client.estop(self.robot.robot))
+        self._log(f"{self.robot.robot}: STOP ({self.robot.estop}). e resumes")
+
+    def refused(self, message: str) -> None:
+        """Report a refused set-point, of a stick that is held outwards once a second."""
+        if (now_s := time.monotonic()) - self._refused_s > REFUSED_PERIOD_S:
+            self._refused_s = now_s
+            super().refused(message)
+
+    def _move(self, frame: Mapping[str, Any]) -> None:
+        try:
+            super()._move(frame)
+        except ReleasedError:
+            pass
+        finally:
+            self._held = False
+            self._pad.release()

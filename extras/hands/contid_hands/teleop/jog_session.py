@@ -1,0 +1,294 @@
+"""Jogging a robot of a running daemon by keys: `Client.servo` while it moves, telemetry while it does not."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from contid.client import Client, Code, RemoteError, ServoState
+from contid.errors import ContidError
+from contid.remote.client.described_robot import DescribedRobot, columns_of
+from contid.remote.client.servo import Controller
+from contid.robot_file.findings import allowed_names
+from contid_hands.teleop.jogger import Jogger
+from contid_hands.teleop.keys import Keyboard
+
+#: The lease lapses this long after the last request; between motions there is one every half second.
+LEASE_TIMEOUT_S: Final = 2.0
+#: Set-points per second, and telemetry while nothing moves.
+RATE_HZ: Final = 50.0
+#: A stream ends when no key came for this time; the next key begins another.
+IDLE_S: Final = 0.5
+SHOW_PERIOD_S: Final = 0.1
+#: First speed of a tip [mm/s], and first speed of an axis as a share of its velocity limit.
+TIP_MM_S: Final = 10.0
+AXIS_SHARE: Final = 0.1
+#: Greatest speed of the tip of pneumatic arms, whose axes have a rate of pressure.
+MAX_TIP_MM_S: Final = 100.0
+
+HELP: Final = "arrows/WASD R/F move, 1-9 axis, Tab tip/axes, +/- speed, space STOP, e resume, q quit"
+#: Keys to column and sign in tip space; without the third column R and F do nothing.
+_TIP: Final = {
+    "right": (0, 1), "d": (0, 1), "left": (0, -1), "a": (0, -1),
+    "up": (1, 1), "w": (1, 1), "down": (1, -1), "s": (1, -1),
+    "pageup": (2, 1), "r": (2, 1), "pagedown": (2, -1), "f": (2, -1),
+}  # fmt: skip
+_AXIS: Final = {key: sign for key, (_, sign) in _TIP.items()}
+
+
+class StopPressedError(ContidError):
+    """The operator pressed the key that stops."""
+
+
+@dataclass(frozen=True, slots=True)
+class Console:
+    """The terminal of an operator.
+
+    Attributes:
+        keyboard: where keys come from.
+        log: called with a line that stays.
+        show: called with the line of the present state.
+    """
+
+    keyboard: Keyboard
+    log: Callable[[str], None]
+    show: Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class JogOptions:
+    """How a robot is jogged.
+
+    Attributes:
+        robot: its name; None for the only one.
+        hold_s: how long one key press, or one set-point of a stick, moves.
+        speed: first speed of the tip [mm/s]; None: see `TIP_MM_S`.
+        axes: begin in axis space.
+    """
+
+    robot: str | None = None
+    hold_s: float = 0.15
+    speed: float | None = None
+    axes: bool = False
+
+
+class JogSession:
+    """Jogs one robot.
+
+    Attributes:
+        rate_hz: of set-points, unless the tick is slower.
+        robot: the robot.
+
+    Args:
+        client: of the daemon.
+        console: of the operator.
+        options: robot, hold time, speed, space.
+
+    Raises:
+        ContidError: an unknown robot, or none named of several.
+    """
+
+    rate_hz = RATE_HZ
+
+    def __init__(self, client: Client, console: Console, options: JogOptions) -> None:
+        name = options.robot
+        describe = client.describe()
+        known = columns_of(describe)
+        if name is None and len(known) > 1:
+            raise ContidError(f"there are several robots; name one: {', '.join(known)}")
+        if name is not None and name not in known:
+            raise ContidError(f"no robot {name!r}; {allowed_names(known, name)}")
+        self.robot: DescribedRobot = known[name] if name is not None else next(iter(known.values()))
+        self._rate_hz = min(self.rate_hz, float(describe["rate_hz"]))
+        self._client = client
+        self._keyboard = console.keyboard
+        self._log = console.log
+        self._show = console.show
+        self._hold_s = options.hold_s
+        self._axes = options.axes or not self.robot.tip
+        self._speeds = {False: options.speed or TIP_MM_S, True: AXIS_SHARE * self.robot.rates[0]}
+        self._axis = 0
+        self._shown_s = 0.0
+        self._waiting: list[str] = []
+        self._ended = False
+
+    def run(self, takeover: bool = False) -> None:
+        """Until the operator quits or the input ends.
+
+        Raises:
+            RemoteError: the lease is held by another client.
+            ConnectionLostError: the daemon is gone.
+        """
+        self._client.acquire(LEASE_TIMEOUT_S, takeover=takeover)
+        while (frame := self._idle()) is not None:
+            try:
+                self._move(frame)
+            except StopPressedError:
+                self._stop()
+            except RemoteError as error:
+                resumes = error.code in (Code.STOPPED, Code.NOT_ARMED)
+                self._log(f"{error}. e resumes" if resumes else str(error))
+
+    # -- standing ------------------------------------------------------------------------------------------
+
+    def _idle(self) -> Mapping[str, Any] | None:
+        """Read keys until one moves; the newest telemetry, None at the end."""
+        for frame in self._client.telemetry(min(RATE_HZ, self._rate_hz), robots=self.robot.robot):
+            state = frame["robots"][self.robot.robot]
+            self._display(state, None)
+            self._read()
+            while self._waiting:
+                if self._direction(self._waiting[0]) is not None:
+                    return frame
+                self._other(self._waiting.pop(0), None)
+            if self._ended:
+                return None
+            if self.engaged(None):
+                return frame
+        return None
+
+    def _read(self) -> None:
+        """Take in what was pressed since the last call."""
+        keys = self._keyboard.keys()
+        if keys is None:
+            self._ended = True
+        self._waiting += keys or []
+
+    def _other(self, key: str, jogger: Jogger | None) -> None:
+        """A key that does not move."""
+        match key:
+            case "space" if jogger is not None:
+                raise StopPressedError("stop")
+            case "space":
+                self._stop()
+            case "q" | "escape":
+                self._ended = True
+            case "\t" | "m" if self.robot.tip:
+                self._axes = not self._axes
+            case "+" | "=" | "-":
+                self._change_speed(key, jogger)
+            case "e":
+                self._order(lambda: self._client.resume(self.robot.robot, after_stop=True))
+            case "h" | "?":
+                self._log(HELP)
+            case _ if key.isdigit() and 1 <= int(key) <= len(self.robot.axes):
+                self._axis = int(key) - 1
+                self._axes = True
+
+    def _change_speed(self, key: str, jogger: Jogger | None) -> None:
+        found = jogger or self._jogger([0.0] * len(self.columns))
+        (found.slower if key == "-" else found.faster)()
+        self._speeds[self._axes] = found.speed
+
+    def _stop(self) -> None:
+        self._order(lambda: self._client.stop(self.robot.robot))
+        self._log(f"{self.robot.robot}: STOP. e resumes")
+
+    def _order(self, send: Callable[[], object]) -> None:
+        try:
+            send()
+            # A stop of another client revoked the lease: the person at the keys takes it again.
+            self._client.acquire(LEASE_TIMEOUT_S)
+        except RemoteError as error:
+            self._log(str(error))
+
+    # -- moving --------------------------------------------------------------------------------------------
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns that keys move now."""
+        return self.robot.axes if self._axes else self.robot.tip
+
+    def _direction(self, key: str) -> tuple[int, float] | None:
+        """Column and sign of a key that moves."""
+        if self._axes:
+            return (self._axis, _AXIS[key]) if key in _AXIS else None
+        column, sign = _TIP.get(key, (99, 0))
+        return (column, sign) if column < len(self.robot.tip) else None
+
+    def _jogger(self, start: list[float]) -> Jogger:
+        limits = (self.robot.minimum, self.robot.maximum) if self._axes else (None, None)
+        speed = self._speeds[self._axes]
+        fastest = self.robot.rates[0] if self._axes or self.robot.unit == "mm" else MAX_TIP_MM_S
+        scales = self._scales if self._axes else None
+        return Jogger(start, *limits, speed=speed, max_speed=fastest, hold_s=self._hold_s, scales=scales)
+
+    @property
+    def _scales(self) -> list[float]:
+        """Speed of every axis as a multiple of that of the model's axes: a wrist turns in degrees."""
+        return [rates[0] / self.robot.rates[0] for rates in self.robot.axis_rates]
+
+    def _move(self, frame: Mapping[str, Any]) -> None:
+        state = frame["robots"][self.robot.robot]
+        start = state["command"] if self._axes else (state["tip_mm"] or ())[: len(self.robot.tip)]
+        if not start or any(value is None for value in start):
+            self._waiting.clear()
+            raise RemoteError(Code.NOT_ARMED, f"{self.robot.robot} is {state['state']} and was never armed")
+        self._client.servo(self._rate_hz, self._controller(self._jogger(list(start))))
+
+    def _controller(self, jogger: Jogger) -> Controller:
+        """The controller of one stream: set-points of a jogger until nothing was pressed for a while."""
+        columns, pressed_s = self.columns, time.monotonic()
+
+        def set_point(state: ServoState) -> dict[str, float] | None:
+            nonlocal pressed_s
+            if state.refused:
+                jogger.refuse()
+                self.refused(state.refused)
+            elif state.step > 0:  # before that none was sent
+                jogger.accept()
+            goes_on = self.step(jogger, state)
+            now_s = time.monotonic()
+            if self.engaged(jogger):
+                pressed_s = now_s
+            if not goes_on or now_s - pressed_s > IDLE_S:
+                return None
+            return dict(zip(columns, jogger.advance(now_s), strict=True))
+
+        return set_point
+
+    def engaged(self, jogger: Jogger | None) -> bool:
+        """The operator moves the robot now; None: while no stream goes on."""
+        return jogger is not None and jogger.moving(time.monotonic())
+
+    def step(self, jogger: Jogger, state: ServoState) -> bool:
+        """One period of a stream: keys, then the line of state; False ends the stream."""
+        now_s = time.monotonic()
+        columns = self.columns
+        self._read()
+        waiting, self._waiting = self._waiting, []
+        for key in waiting:
+            found = self._direction(key) if self.columns == columns else None
+            if found is not None:
+                jogger.press(*found, now_s)
+            else:
+                self._other(key, jogger)
+        self._display(state.robots[self.robot.robot], jogger)
+        return not self._ended and self.columns == columns
+
+    def _display(self, state: Mapping[str, Any], jogger: Jogger | None) -> None:
+        if time.monotonic() - self._shown_s < SHOW_PERIOD_S:
+            return
+        self._shown_s = time.monotonic()
+        speed = self._speeds[self._axes]
+        space, unit = ("axes", self.robot.units[self._axis]) if self._axes else ("tip", "mm")
+        speed *= self._scales[self._axis] if self._axes else 1.0
+        which = f" {self.robot.axes[self._axis]}" if self._axes else ""
+        tip = " ".join(f"{value:.1f}" for value in state["tip_mm"] or ())
+        axes = " ".join(f"{value:.2f}" for value in state["measured"] or ())
+        fault = f" fault {state['fault']}" if state["fault"] else ""
+        self._show(
+            f"{self.robot.robot} {state['state']}{fault} | {space}{which}: {speed:.3g} {unit}/s, step "
+            f"{speed * self._hold_s:.3g} {unit}{self.note} | tip {tip} mm | axes {axes} {self.robot.unit}"
+        )
+
+    @property
+    def note(self) -> str:
+        """Part of the line of state."""
+        return ""
+
+    def refused(self, message: str) -> None:
+        """Report a refused set-point."""
+        self._log(f"refused: {message}")

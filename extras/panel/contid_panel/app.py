@@ -1,0 +1,119 @@
+"""The web application: static files, the WebSocket of the pages, and two requests."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Final
+
+from starlette.applications import Starlette
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp
+from starlette.websockets import WebSocket
+
+from contid import __version__
+from contid.errors import ContidError
+from contid_panel.access import Access
+from contid_panel.checks import Checks
+from contid_panel.guard import Guard
+from contid_panel.hub import Hub
+from contid_panel.limits import MAX_PAGES, MAX_UPLOAD, UPLOAD_TIMEOUT_S
+from contid_panel.page import Page
+from contid_panel.page_client import PageClient
+from contid_panel.poses import PanelPoses
+
+STATIC: Final = Path(__file__).parent / "static"
+
+
+class PanelApp:
+    """The panel of one daemon.
+
+    Attributes:
+        hub: its connection for telemetry.
+        asgi: the application, guarded.
+    """
+
+    def __init__(self, socket: Path, access: Access, read_only: bool) -> None:
+        self.hub = Hub(socket)
+        self._read_only = read_only
+        self._checks = Checks(self.hub)
+        self._poses = PanelPoses(self.hub)
+        self._stopper = PageClient(socket, "panel stop")
+        self._pages = 0
+        self._uploading = asyncio.Lock()
+        routes = [
+            Route("/", self._index),
+            Route("/api/hello", self._hello, methods=["GET"]),
+            Route("/api/estop", self._estop, methods=["POST"]),
+            Route("/api/check", self._check, methods=["POST"]),
+            WebSocketRoute("/socket", self._socket),
+            Mount("/static", StaticFiles(directory=STATIC)),
+        ]
+        self.asgi: ASGIApp = Guard(Starlette(routes=routes, lifespan=self._lifespan), access)
+
+    @contextlib.asynccontextmanager
+    async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
+        reading = [asyncio.create_task(each) for each in (self.hub.run(), self._poses.watch())]
+        try:
+            yield
+        finally:
+            for task in reading:
+                task.cancel()
+            await asyncio.gather(*reading, return_exceptions=True)
+            await self._stopper.abandon()
+
+    async def _index(self, request: Request) -> Response:
+        return FileResponse(STATIC / "index.html")
+
+    async def _hello(self, request: Request) -> Response:
+        return JSONResponse({"version": __version__, "read_only": self._read_only})
+
+    async def _estop(self, request: Request) -> Response:
+        """Stop all robots for a page whose WebSocket is lost; the body does not matter."""
+        try:
+            return JSONResponse(await self._stopper.stop(lambda client: client.estop()))
+        except (ContidError, OSError) as error:
+            return PlainTextResponse(f"{error}\n", status_code=503)
+
+    async def _check(self, request: Request) -> Response:
+        """Check an uploaded trajectory."""
+        if self._read_only:
+            return PlainTextResponse("this panel is read-only\n", status_code=403)
+        if self._uploading.locked():  # each takes memory, and a check takes a core
+            return PlainTextResponse("another trajectory is being checked\n", status_code=503)
+        async with self._uploading:
+            return await self._checked(request)
+
+    async def _checked(self, request: Request) -> Response:
+        body = bytearray()
+        try:
+            async with asyncio.timeout(UPLOAD_TIMEOUT_S):
+                async for chunk in request.stream():
+                    body += chunk
+                    if len(body) > MAX_UPLOAD:
+                        return PlainTextResponse(f"more than {MAX_UPLOAD >> 20} MiB\n", status_code=413)
+            text = body.decode("utf-8-sig")
+        except ClientDisconnect:
+            return PlainTextResponse("the upload was cut off\n", status_code=400)
+        except TimeoutError:
+            return PlainTextResponse("the file did not come in time\n", status_code=408)
+        except UnicodeDecodeError:
+            return PlainTextResponse("the file is not text in UTF-8\n", status_code=400)
+        name = "".join(c for c in request.query_params.get("name", "trajectory")[:80] if c.isprintable())
+        return JSONResponse(await self._checks.check(text, name))
+
+    async def _socket(self, websocket: WebSocket) -> None:
+        if self._pages >= MAX_PAGES:
+            message = f"{MAX_PAGES} pages are open; close one\n"
+            await websocket.send_denial_response(PlainTextResponse(message, status_code=503))
+            return
+        self._pages += 1
+        try:
+            await Page(self.hub, self._checks, self._poses, self._read_only).serve(websocket)
+        finally:
+            self._pages -= 1

@@ -1,0 +1,174 @@
+"""The robots as lines for the page: bodies, ropes, reach and floor [mm], in the world frame."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from contid.control.engine.wiring import chain_guards, clearance_guard
+from contid.control.tick.preflight.rows import Preflight, Unreachable
+from contid.errors import ContidError
+from contid.kinematics.array import Array
+from contid.remote.protocol.wire import Fields
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.load import LoadedFile, load_robot_file
+from contid.robot_file.robot import RobotDescription
+from contid.robot_file.tri_rack import TriRack
+from contid.targets import Actuation
+from contid.trajectory.columns import column_groups
+from contid.units import MM_PER_M
+from contid_panel.obstacles import obstacle_shape
+from contid_view.body_plan import SLENDERNESS
+from contid_view.robot_scene import RobotDrawing, RobotScene
+from contid_view.scene import Scene, build_scene, rope_line
+
+#: Random actuations whose tips show the reach of a spatial arm; always the same ones.
+REACH_TIPS: Final = 500
+#: Decimals of coordinates [mm].
+DECIMALS: Final = 2
+
+
+class PanelGeometry:
+    """What is drawn of the robots of one file.
+
+    Attributes:
+        loaded: the robot file.
+        scene: the same shapes as in the viewer.
+    """
+
+    def __init__(self, loaded: LoadedFile, rate_hz: float) -> None:
+        self.loaded = loaded
+        self._clearance = clearance_guard(loaded)
+        self.scene: Scene = build_scene(loaded, rate_hz)
+        self._drawn: dict[str, tuple[Actuation, RobotDrawing | None]] = {}
+
+    @classmethod
+    def of(cls, describe: Mapping[str, Any]) -> PanelGeometry:
+        """The geometry of the robots that a daemon describes.
+
+        Raises:
+            ContidError: its robot file cannot be read here, or has changed since the daemon read it.
+        """
+        path = Path(str(describe["file"]))
+        geometry = cls(load_robot_file(path), float(describe["rate_hz"]))
+        if geometry.limits() != {name: robot["axes"] for name, robot in describe["robots"].items()}:
+            raise ContidError(f"{path} has changed since the daemon read it; restart the daemon")
+        return geometry
+
+    def limits(self) -> Fields:
+        """The axes of every robot with their limits, as a daemon describes them."""
+        found: Fields = {}
+        for robot in self.scene.robots:
+            config = robot.config
+            ranges = zip(
+                config.axis_names, config.model.lower, config.model.upper, config.quantities, strict=True
+            )
+            found[config.name] = {
+                axis: {
+                    f"min_{each.unit}": minimum * each.per_si,
+                    f"max_{each.unit}": maximum * each.per_si,
+                }
+                for axis, minimum, maximum, each in ranges
+            }
+        return found
+
+    def describe(self) -> Fields:
+        """What does not change: per robot columns, sizes, reach; floor and obstacles."""
+        descriptions = self.loaded.driven
+        several, workspace = len(descriptions) > 1, self.scene.workspace()
+        return {
+            "planar": self.scene.planar,
+            "floor": [_line(line) for line in self.scene.floor()],
+            "bounds": _line(np.array([workspace.min(axis=0), workspace.max(axis=0)])),
+            "obstacles": [obstacle_shape(each, workspace) for each in self.scene.obstacles.values()],
+            "robots": {
+                robot.config.name: self._robot(robot, descriptions[robot.config.name], several)
+                for robot in self.scene.robots
+            },
+        }
+
+    def _robot(self, robot: RobotScene, description: RobotDescription, several: bool) -> Fields:
+        config = robot.config
+        groups = column_groups(f"{config.name}." if several else "", description)
+        reach = robot.outline if robot.outline is not None else self._reach(robot)
+        return {
+            "planar": robot.planar,
+            "tip_columns": groups.get("tip", []),
+            "axis_columns": [*groups.get("actuation", []), *groups.get("extra", [])],
+            "length_mm": robot.length_mm,
+            "radius_mm": _radius_mm(description) or robot.length_mm * SLENDERNESS,
+            "up": list(robot.up),
+            "reach": _line(reach),
+            "reach_is_outline": robot.outline is not None,
+            "bounds": _line(np.vstack([reach.min(axis=0), reach.max(axis=0)])),
+        }
+
+    @staticmethod
+    def _reach(robot: RobotScene) -> Array:
+        """Tips at random actuations within the limits, (n, 3) [mm]."""
+        random_numbers, model, tips = random.Random(1), robot.config.model, []
+        for _ in range(REACH_TIPS):
+            actuation = tuple(
+                random_numbers.uniform(low, high) for low, high in zip(model.lower, model.upper, strict=True)
+            )
+            try:
+                tip = model.forward(actuation).tip_m
+            except (ValueError, ArithmeticError):  # outside the domain of the model
+                continue
+            tips.append(robot.config.frame.point_in_world(tip))
+        return np.array(tips or [robot.config.frame.origin_in_world]) * MM_PER_M
+
+    def bodies(self, measured: Mapping[str, Sequence[float] | None]) -> Fields:
+        """Lines of every robot at measured axes (in the unit of the robot), and the ropes between them."""
+        drawings = {
+            robot.config.name: self._drawing(robot, measured.get(robot.config.name))
+            for robot in self.scene.robots
+        }
+        found = {
+            name: [] if drawing is None else [_line(strip) for strip in drawing.strips]
+            for name, drawing in drawings.items()
+        }
+        ropes = [line for rope in self.scene.ropes if (line := rope_line(rope, drawings)) is not None]
+        return {"robots": found, "ropes": [_line(line) for line in ropes]}
+
+    def _drawing(self, robot: RobotScene, measured: Sequence[float] | None) -> RobotDrawing | None:
+        if measured is None:
+            return None
+        actuation = actuation_of(robot, measured)
+        before = self._drawn.get(robot.config.name)
+        if before is not None and before[0] == actuation:
+            return before[1]
+        try:
+            drawing = robot.drawing(actuation)
+        except (ValueError, ArithmeticError):  # measured outside the domain of the model
+            drawing = None
+        self._drawn[robot.config.name] = actuation, drawing
+        return drawing
+
+    def preflight(self, commands: Mapping[str, Actuation]) -> Preflight:
+        """The check of a trajectory from where the robots are."""
+        configs = tuple(robot.config for robot in self.scene.robots)
+        guards, clearance = chain_guards(self.loaded), self._clearance
+        return Preflight(configs, guards, Unreachable.REFUSE, commands, clearance)
+
+
+def actuation_of(robot: RobotScene, values: Sequence[float]) -> Actuation:
+    """Values of the axes in their units, as telemetry has them, in m or Pa."""
+    return tuple(value / each.per_si for value, each in zip(values, robot.config.quantities, strict=True))
+
+
+def _radius_mm(description: RobotDescription) -> float:
+    if isinstance(description, Cosserat):
+        return max(section.radius_mm for section in description.geometry.sections)
+    if isinstance(description, TriRack):
+        return description.geometry.rack_radius_mm
+    return 0.0
+
+
+def _line(points: Array) -> list[list[float]]:
+    rounded: list[list[float]] = points.round(DECIMALS).tolist()
+    return rounded

@@ -1,0 +1,39 @@
+"""The options that this extra adds to `contid run`: a page beside the run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, Final
+
+import click
+
+from contid.cli.support.added_options import Watch
+from contid.errors import require_extra
+
+
+class PanelOption:
+    """The panel as a process beside a run; see `contid.cli.support.added_options.RunOption`."""
+
+    options = (
+        click.Option(
+            ["--panel"],
+            is_flag=True,
+            help="Serve a page that shows and moves the robots; prints its URL.",
+        ),
+        click.Option(["--panel-open"], is_flag=True, hidden=True, help="The same, and open a browser."),
+    )
+
+    def prepare(self, values: Mapping[str, Any], virtual: bool) -> Watch | None:
+        """Refuse a panel that cannot be, before the run starts."""
+        if not (values.get("panel") or values.get("panel_open")):
+            return None
+        if virtual:
+            raise click.UsageError("--panel needs a daemon in real time; --virtual has no socket")
+        require_extra("the panel", "starlette", "uvicorn", "websockets")
+        from contid_panel.subprocess import panel_process
+
+        return Watch(beside=partial(panel_process, opens=bool(values.get("panel_open"))))
+
+
+PANEL: Final = PanelOption()

@@ -1,0 +1,202 @@
+"""The orders that a page may give, and how its messages become requests to the daemon."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping
+from functools import partial
+from typing import Final, TypeAlias
+
+from contid.client import AsyncClient
+from contid.control.engine.messages import ClearFault, Hold, Stop
+from contid.control.orders import REQUESTS
+from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, RequestFields
+from contid_panel.checks import Checks
+from contid_panel.page_client import LEASE_TIMEOUT_S, PageClient
+from contid_panel.poses import PanelPoses
+
+#: Orders of a read-only page: every client may stop.
+READ_ONLY: Final = frozenset({"estop"})
+#: Pause before the last row of a jog is repeated when the credit is spent.
+CREDIT_PAUSE_S: Final = 0.03
+CREDIT_ATTEMPTS: Final = 40
+
+Order: TypeAlias = Callable[[RequestFields], Awaitable[Fields]]
+#: What one request makes of the connection of the page.
+Send: TypeAlias = Callable[[AsyncClient], Awaitable[Fields]]
+
+
+class PageOrders:
+    """Carries out the messages of one page.
+
+    Attributes:
+        orders: by verb.
+    """
+
+    def __init__(self, client: PageClient, checks: Checks, poses: PanelPoses) -> None:
+        self._client = client
+        self._checks = checks
+        self._poses = poses
+        self._move: tuple[int, tuple[str, ...]] | None = None
+        self._jogging = asyncio.Lock()
+        self.orders: dict[str, Order] = {
+            **{
+                order.NAME: _to_robots(
+                    client.stop if REQUESTS[order.NAME].stops else client.request,
+                    getattr(AsyncClient, order.NAME),
+                )
+                for order in (Stop, Hold, ClearFault)
+            },
+            "estop": self._estop,
+            # The page asks the person before it sends this after a stop of another client.
+            "resume": _to_robots(client.request, partial(AsyncClient.resume, wait=False, after_stop=True)),
+            "recover": _to_robots(client.request, partial(AsyncClient.recover, after_stop=True)),
+            "acquire": self._acquire,
+            "release": self._plain("release"),
+            "beat": self._plain("ping"),  # a heartbeat of the page keeps its lease
+            "goto": self._goto,
+            "jog": self._jog,
+            "jog_end": self._jog_end,
+            "play": self._play,
+            "pose": self._pose,
+            "save_pose": self._save_pose,
+            "record": self._record,
+        }
+
+    async def _estop(self, request: RequestFields) -> Fields:
+        # Every robot, whatever else the message contains.
+        return await self._client.stop(lambda client: client.estop())
+
+    async def _acquire(self, request: RequestFields) -> Fields:
+        takeover = request.flag("takeover")
+        request.end()
+        return await self._client.request(lambda client: client.acquire(LEASE_TIMEOUT_S, takeover=takeover))
+
+    def _plain(self, verb: str) -> Order:
+        """A request of the socket without fields."""
+
+        async def order(request: RequestFields) -> Fields:
+            request.end()
+            return await self._client.request(lambda client: client.request(verb))
+
+        return order
+
+    async def _goto(self, request: RequestFields) -> Fields:
+        target = request.mapping("target") or {}
+        request.end()
+        return await self._go(target)
+
+    async def _jog(self, request: RequestFields) -> Fields:
+        """Follow a row; a first row, or one of other columns, begins a stream."""
+        columns, row = request.names("columns"), request.rows("rows")
+        request.end()
+        if not columns or any(name.endswith("t_s") for name in columns):
+            raise RemoteError(Code.BAD_REQUEST, "columns: names of columns without t_s are expected")
+
+        async def jog(client: AsyncClient) -> Fields:
+            if self._move is None or self._move[1] != columns:
+                self._move = None
+                await _require_lease(client)
+                begun = await client.request("move", columns=list(columns))
+                self._move = int(begun["move"]), columns
+            return await self._rows(client, self._move[0], row)
+
+        async with self._jogging:
+            return await self._moving(jog)
+
+    async def _rows(self, client: AsyncClient, move: int, rows: list[list[float]]) -> Fields:
+        for _ in range(CREDIT_ATTEMPTS):
+            try:
+                return await client.request("rows", move=move, rows=rows)
+            except RemoteError as error:
+                if error.code == Code.REFUSED:  # the stream ended: a stop, or a takeover
+                    self._move = None
+                if error.code != Code.NO_CREDIT:
+                    raise
+            await asyncio.sleep(CREDIT_PAUSE_S)
+        raise RemoteError(Code.NO_CREDIT, "the daemon takes no further row")
+
+    async def _jog_end(self, request: RequestFields) -> Fields:
+        """End the stream: the robot goes to its last row and holds there."""
+        request.end()
+
+        async def end(client: AsyncClient) -> Fields:
+            move, self._move = self._move, None
+            return {} if move is None else await client.request("end", move=move[0])
+
+        async with self._jogging:
+            return await self._moving(end)
+
+    async def _play(self, request: RequestFields) -> Fields:
+        """Play a trajectory that was checked and shown before."""
+        checked = self._checks.get(request.text("check", ""))
+        request.end()
+
+        async def play(client: AsyncClient) -> Fields:
+            await _require_lease(client)
+            return {"refused": await client.stream(checked.columns, checked.rows, wait=False)}
+
+        return await self._moving(play)
+
+    async def _pose(self, request: RequestFields) -> Fields:
+        """Go to a named pose."""
+        target = self._poses.target(request.text("name", ""))
+        request.end()
+        return {**await self._go(target), "target": dict(target)}
+
+    async def _go(self, target: Mapping[str, float]) -> Fields:
+        async def go(client: AsyncClient) -> Fields:
+            await _require_lease(client)
+            return {"move": await client.move(target, wait=False)}
+
+        return await self._moving(go)
+
+    async def _save_pose(self, request: RequestFields) -> Fields:
+        """Save where robots are under a name."""
+        name, replace = request.text("name", ""), request.flag("replace")
+        robots = request.names("robots")
+        request.end()
+
+        async def save(client: AsyncClient) -> Fields:
+            await _require_lease(client)
+            return await self._poses.save(name, robots, replace)
+
+        return await self._client.request(save)
+
+    async def _record(self, request: RequestFields) -> Fields:
+        """Begin or end a recording; the daemon chooses its file."""
+        end = request.flag("end")
+        request.end()
+        return await self._client.request(lambda client: client.record(end=end))
+
+    async def _moving(self, send: Send) -> Fields:
+        """A request that moves; a stream does not survive its connection."""
+        try:
+            return await self._client.request(send)
+        except ConnectionLostError:
+            self._move = None
+            raise
+
+
+async def _require_lease(client: AsyncClient) -> None:
+    """Refuse to begin a motion without the lease: at the daemon, a move acquires a free one by itself.
+
+    A page that was frozen sends its waiting messages when it goes on, and its lease has lapsed meanwhile.
+    """
+    lease = (await client.status())["lease"]
+    if lease.get("client") != client.hello["client"]:
+        raise RemoteError(Code.LEASE_HELD, "this page does not hold the lease; take it first")
+
+
+def _to_robots(
+    make: Callable[[Send], Awaitable[Fields]],
+    order: Callable[[AsyncClient, tuple[str, ...] | None], Awaitable[Fields]],
+) -> Order:
+    """An order to the robots that the page names, or to all; ``make`` makes the request."""
+
+    async def to_robots(request: RequestFields) -> Fields:
+        robots = request.names("robots")
+        request.end()
+        return await make(lambda client: order(client, robots))
+
+    return to_robots
