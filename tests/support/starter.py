@@ -36,7 +36,7 @@ from typing import Any, Final, TextIO
 ABOVE: Final = 512
 #: Space in the command line of the starter for those of its forks.
 ROOM: Final = 4096
-#: What is imported, as far as it is installed. `contid_view` and `contid_camera` import libraries with threads.
+#: What is imported where it is installed. `contid_view` and `contid_camera` import libraries with threads.
 PACKAGES: Final = (
     *("contid", "contid_drivers", "contid_fit", "contid_fleet", "contid_hands", "contid_panel"),
     "contid_reach",
