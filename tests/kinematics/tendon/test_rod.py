@@ -116,6 +116,7 @@ def test_without_loads_it_is_a_chain_of_arcs_with_the_tensions_of_the_balance() 
     assert found.tensions_n == pytest.approx(STATICS.tensions(pulls), abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stretch", [np.inf, 3000.0])
 def test_under_weight_and_a_force_it_is_the_rod_of_the_boundary_value_problem(stretch: float) -> None:
     pulls = STATICS.pulls(BENDS)
