@@ -23,6 +23,7 @@ from contid.robot_file.load import LoadedFile, with_mock
 from contid.robot_file.pneumatic.sense import LoadSensing, ModelErrors, Sense
 from contid.robot_file.pneumatic.simulated import SimulatedArm
 from contid.robot_file.shipped import load_named
+from contid.sense.live.stage import LoadSensingStage
 from contid.targets import Target
 
 RATE_HZ: Final = 500.0
@@ -93,8 +94,9 @@ def run(name: str, ticks: int) -> np.ndarray:
     processes = {sensed: VirtualProcess(loaded, RATE_HZ, Silent()) for sensed, loaded in files.items()}
     model = processes[False].engine.robots.configs[0].model
     x, y, z = model.forward(tuple(0.4 * top for top in model.upper)).tip_m
-    loads: Any = processes[True].engine._loads
-    loads.tick, loads.loaded = Timed(loads.tick), Timed(loads.loaded)
+    (stage,) = [each for each in processes[True].engine._before if isinstance(each, LoadSensingStage)]
+    sensing: Any = stage
+    sensing.before = Timed(sensing.before)
     times = np.zeros((3, ticks + WARM_UP))
     for process in processes.values():
         process.engine.arm()
@@ -106,12 +108,12 @@ def run(name: str, ticks: int) -> np.ndarray:
             process.begin()
             if process.engine.robots.armed:
                 process.engine.obey(Rows({"arm": target}), process.tick)
-            loads.tick.spent_ns = loads.loaded.spent_ns = 0
+            sensing.before.spent_ns = 0
             begin = time.thread_time_ns()
             process.turn()
             times[int(sensed), k] = time.thread_time_ns() - begin
             if sensed:
-                times[2, k] = loads.tick.spent_ns + loads.loaded.spent_ns
+                times[2, k] = sensing.before.spent_ns
     for process in processes.values():
         process.close()
     return times[:, WARM_UP:] / 1e3

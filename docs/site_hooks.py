@@ -113,6 +113,11 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     return "".join(parts)
 
 
+def on_page_content(html: str, page: Any, config: Any, files: Files) -> str:
+    """Show the versions of names that came after the first release."""
+    return re.sub(r"<p>\.\. versionadded:: ([\d.]+)</p>", r"<p><em>From version \1 on.</em></p>", html)
+
+
 def prose(text: str) -> str:
     """Text without its blocks of code."""
     return re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)

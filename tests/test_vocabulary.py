@@ -111,7 +111,7 @@ def test_the_map_names_every_package() -> None:
 
 REFERENCE = re.compile(r"`((?:contid|contid_drivers|studies)(?:\.\w+)+)`")
 # Names like modules: groups of entry points, and compiled kernels.
-NOT_MODULES = re.compile(r"contid\.(drivers|models|kernels\._\w+)")
+NOT_MODULES = re.compile(r"contid\.(drivers|models|stages|kernels\._\w+)")
 
 
 def is_defined(reference: str) -> bool:

@@ -15,8 +15,7 @@ from contid.api.arguments import ArgumentError, Shape, as_rows, as_values
 from contid.api.described import DescribedRobots
 from contid.api.placed import PlacedRows
 from contid.api.plot import draw_backbones, draw_points, new_axes
-from contid.api.records import Records, records, renamed
-from contid.api.row_arguments import RowArguments
+from contid.api.row_arguments import Records, RowArguments, records, renamed
 from contid.api.workspace import Workspace, planar_workspace, spatial_workspace
 from contid.kinematics.array import Array
 from contid.kinematics.batch import POSE, Table, Targets, forward_many, inverse_many

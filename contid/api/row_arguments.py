@@ -1,10 +1,10 @@
-"""Rows given to `contid.api.robot.Robot`: checked, in SI, in the base frame of the robot."""
+"""Rows given to `contid.api.robot.Robot`, checked, in SI, in its base frame; and rows of its results."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -112,3 +112,31 @@ class RowArguments:
         if seed is None:
             return np.array(self.robot.rest[: len(self.axes)])
         return self.units.to_si(as_rows_like("seed", seed, self.axes, shape), self.robot.quantity)
+
+
+#: A structured array with its fields as attributes.
+Records: TypeAlias = "np.recarray[Any, np.dtype[np.record]]"
+
+
+def records(shape: tuple[int, ...], **fields: Any) -> Records:
+    """A record array of that shape from arrays with one entry per row."""
+    layout = [(name, values.dtype, values.shape[1:]) for name, values in fields.items()]
+    table = np.empty(int(np.prod(shape, dtype=int)), dtype=layout)
+    for name, values in fields.items():
+        table[name] = values
+    return table.reshape(shape).view(np.recarray)
+
+
+def renamed(table: np.ndarray[Any, Any], shape: tuple[int, ...], **fields: str) -> Records:
+    """A table's own memory as a record array of that shape; each field with the name that it has there."""
+    types = table.dtype.fields
+    assert types is not None
+    layout = np.dtype(
+        {
+            "names": list(fields),
+            "formats": [types[own][0] for own in fields.values()],
+            "offsets": [types[own][1] for own in fields.values()],
+            "itemsize": table.dtype.itemsize,
+        }
+    )
+    return table.view(layout).reshape(shape).view(np.recarray)

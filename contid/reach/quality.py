@@ -20,9 +20,9 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from contid.control.tick.load_sensing.identified_arm import SCALE_STEP, IdentifiedArm
 from contid.errors import ContidError
 from contid.kinematics.array import Array
+from contid.kinematics.cosserat.identified_arm import SCALE_STEP, IdentifiedArm
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Compliant, Model, build_model_for_ticks
 from contid.reach.spatial import Progress, reachable_volume

@@ -86,7 +86,7 @@ class Quantity(enum.StrEnum):
         return value / first * second
 
     def from_si(self, value: _Values) -> _Values:
-        """M, Pa or rad as mm, bar or degrees, correctly rounded; a number or an array."""
+        """A value in m, Pa or rad as mm, bar or degrees, correctly rounded; a number or an array."""
         first, second = self.edge_si
         return value / second * first
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from pydantic import Field, model_validator
 
@@ -13,6 +14,7 @@ from contid.robot_file.findings import allowed_names
 from contid.robot_file.positions import Document
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Vec3
+from contid.units import MM_PER_M
 
 
 class BodyDescription(Strict):
@@ -29,6 +31,13 @@ class BodyDescription(Strict):
     tip_free_mm: NonNegative = 0.0
 
 
+class PlaneInBase(NamedTuple):
+    """Unit normal of a plane in the frame of a base, and the plane's distance from the base along it."""
+
+    normal: Vec3
+    distance_mm: float
+
+
 class PlaneDescription(Strict):
     """A half space, such as a table or a wall.
 
@@ -39,6 +48,15 @@ class PlaneDescription(Strict):
 
     point_mm: Vec3
     normal: Direction
+
+    def in_base(self, base: BasePose) -> PlaneInBase:
+        """The plane in the frame of a base."""
+        length = math.hypot(*self.normal)
+        turn, origin = base.rotation, [MM_PER_M * v for v in base.position_m]
+        unit = [v / length for v in self.normal]
+        x, y, z = (sum(turn[3 * i + j] * unit[i] for i in range(3)) for j in range(3))
+        offset = sum(n * (p - o) for n, p, o in zip(unit, self.point_mm, origin, strict=True))
+        return PlaneInBase((x, y, z), offset)
 
 
 class SphereDescription(Strict):

@@ -116,6 +116,11 @@ class Cosserat(RobotDescription):
         return tuple(self.limits.max_bar.get(name, top) * BAR for name in self.axis_names)
 
     @property
+    def stages(self) -> tuple[str, ...]:
+        """``sense`` asks for the estimate of the force on the tip."""
+        return () if self.sense is None else ("load_sensing",)
+
+    @property
     def correction(self) -> ModelErrors | None:
         """Identified error that the kinematics of this arm has; None: it bends as ``geometry`` states."""
         found = None if self.sense is None else self.sense.load.calibration

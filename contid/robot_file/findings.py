@@ -1,4 +1,7 @@
-"""Pydantic's errors as located findings: what is wrong, what is allowed, the nearest name."""
+"""Pydantic's errors as located findings: what is wrong, what is allowed, the nearest name.
+
+Keys that have another name today are refused in files, with that name, and accepted in recordings.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,6 @@ from pydantic_core import ErrorDetails
 
 from contid.errors import MAX_FINDINGS, BadInputError, Located, first_findings
 from contid.robot_file.positions import Data, Document, KeyPath, step_into
-from contid.robot_file.renamed import RENAMED_KEYS
 
 Schema: TypeAlias = dict[str, Any]
 _Kind = TypeVar("_Kind", bound=BaseModel)
@@ -200,3 +202,35 @@ def _places(schema: Schema, root: Schema, path: KeyPath) -> Iterator[Schema]:
         below = schema.get("properties", {}).get(step, schema.get("additionalProperties"))
     if isinstance(below, dict):
         yield from _places(below, root, rest)
+
+
+#: Old key of an axis -> today's.
+RENAMED_KEYS: Final = {"dead_man": "on_watchdog", "safe_state": "on_watchdog"}
+
+
+def with_renamed_keys(data: Any) -> Any:
+    """The data of a robot file with today's keys, also where ``placeholder`` lists them."""
+    robots = data.get("robots") if isinstance(data, dict) else None
+    if not isinstance(robots, dict):
+        return data
+    return {**data, "robots": {name: _robot(robot) for name, robot in robots.items()}}
+
+
+def _robot(robot: Any) -> Any:
+    if not isinstance(robot, dict):
+        return robot
+    renamed = dict(robot)
+    if isinstance(axes := robot.get("axes"), dict):
+        renamed["axes"] = {name: _axis(axis) for name, axis in axes.items()}
+    if isinstance(listed := robot.get("placeholder"), list):
+        renamed["placeholder"] = [_dotted(key) if isinstance(key, str) else key for key in listed]
+    return renamed
+
+
+def _axis(axis: Any) -> Any:
+    return {RENAMED_KEYS.get(k, k): v for k, v in axis.items()} if isinstance(axis, dict) else axis
+
+
+def _dotted(key: str) -> str:
+    parent, dot, last = key.rpartition(".")
+    return f"{parent}{dot}{RENAMED_KEYS.get(last, last)}" if parent.startswith("axes.") else key

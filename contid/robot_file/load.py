@@ -11,10 +11,10 @@ from typing import Any
 from contid.errors import BadInputError, first_findings
 from contid.hal import load_driver
 from contid.robot_file.document import BusWiring, RobotFile
+from contid.robot_file.findings import with_renamed_keys
 from contid.robot_file.loader import Loader, robot_classes
 from contid.robot_file.model_plugins import load_plugin
 from contid.robot_file.positions import read_document, read_text
-from contid.robot_file.renamed import with_renamed_keys
 from contid.robot_file.robot import RobotDescription
 
 

@@ -70,6 +70,11 @@ class RobotDescription(Strict):
         return (*self._extra, *self.extra_deg)
 
     @property
+    def stages(self) -> tuple[str, ...]:
+        """Stages of the tick that its keys ask for, by their names in the group ``contid.stages``."""
+        return ()
+
+    @property
     def quantities(self) -> tuple[Quantity, ...]:
         """What every axis is, in the order of `all_axis_names`."""
         own = len(self.axis_names) + len(self._extra)

@@ -3,20 +3,24 @@
 Message records are copied as bytes; only their heads are decoded, and what the channel `measured` is computed
 from (`contid.session.measured_channel`). The new file replaces the old one in one step, so that a readable
 session exists at every instant.
+
+A repair is such a copy: a truncated session gets an end and an index, a damaged one a copy of its valid part.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import TICK_CHANNELS
+from contid.session.format.entries import DAMAGED, GROWING
 from contid.session.format.indexed_writer import IndexedWriter
 from contid.session.format.mcap_records import RecordStream
 from contid.session.measured_channel import MeasuredChannel, ModelFailedError
-from contid.session.output import PRIVATE, exists_error
+from contid.session.write import PRIVATE, exists_error
 from contid.whole_file import replacing
 
 log = logging.getLogger(__name__)
@@ -109,3 +113,40 @@ class _Compactor:
             self._tick.append((topic, body))
         else:
             writer.message(body)
+
+
+def repair(source: Path, output: Path | None, progress: Callable[[int], None] = lambda ticks: None) -> str:
+    """Rewrite a session; a complete one is unchanged unless ``output`` is given.
+
+    Args:
+        source: the session.
+        output: a file that does not exist; None replaces ``source``.
+        progress: called with the number of ticks read.
+
+    Returns:
+        A line for the user.
+
+    Raises:
+        ContidError: it is still being recorded; it is damaged inside and ``output`` is None; ``output``
+            exists or cannot be written.
+    """
+    from contid.session.info import summarize  # with numpy, which the recorder does without
+    from contid.session.read import Session, SessionError
+
+    session = Session(source, progress)
+    before = summarize(session)
+    end = session.end
+    if end.clean and end.chunked and output is None:
+        return f"{source}: nothing to repair"
+    if end.cut == GROWING:
+        raise SessionError(f"{source}: {GROWING}; nothing to repair before the run has ended")
+    if end.cut == DAMAGED and output is None:
+        raise SessionError(
+            f"{source}: {DAMAGED} after {before.ticks} ticks ({end.damage}); give --output for a copy of the "
+            "part before it; this file keeps the rest"
+        )
+    when = datetime.now(UTC).isoformat(timespec="seconds")
+    note = {} if end.clean else {"repaired": {"when": when, "found": end.cut}}
+    target = compact(source, output, note, before.ticks if end.cut == DAMAGED else None)
+    after = summarize(Session(target, progress))
+    return f"{target}: {after.ticks} of {before.ticks} ticks, {after.state}"

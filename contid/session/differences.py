@@ -10,8 +10,8 @@ import yaml
 
 from contid.control.engine.wiring import record_layout
 from contid.errors import ContidError
+from contid.robot_file.findings import with_renamed_keys
 from contid.robot_file.load import LoadedFile
-from contid.robot_file.renamed import with_renamed_keys
 from contid.session.read import Session
 
 

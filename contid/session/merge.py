@@ -20,8 +20,8 @@ from contid.session.clock_notes import ClockNotes, clock_notes
 from contid.session.format import mcap_records as mcap
 from contid.session.format.indexed_writer import IndexedWriter
 from contid.session.format.mcap_records import MESSAGE_INSIDE
-from contid.session.output import PRIVATE, exists_error
 from contid.session.read import Session
+from contid.session.write import PRIVATE, exists_error
 from contid.whole_file import replacing
 
 #: Metadata by which a merged file is known.

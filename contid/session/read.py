@@ -16,7 +16,7 @@ from contid.control.engine.tick_layout import RecordLayout, RobotLayout, TickRec
 from contid.errors import BadInputError, ContidError
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
 from contid.session.format import mcap_records as mcap
-from contid.session.format.channels import CHANNELS
+from contid.session.format.channels import CHANNELS, REVISION
 from contid.session.format.decode import Decoder
 from contid.session.format.entries import EndOfFile, Entry, read_entries
 from contid.session.format.mcap_records import DamagedRecordError, RecordStream
@@ -84,6 +84,11 @@ class Session:
         if version != FORMAT:
             raise SessionError(f"{path}: format {version}; this contid reads format {FORMAT}")
         try:
+            if (revision := int(self.metadata["contid"].get("revision", "0"))) > REVISION:
+                raise SessionError(
+                    f"{path}: revision {revision} of the messages; this contid reads revisions 0 to "
+                    f"{REVISION}: update contid"
+                )
             self.layout = RecordLayout.from_json(self.metadata["layout"]["record"])
             self.device_units: dict[str, str] = json.loads(self.metadata["layout"]["device_units"])
             # Refuses layouts and units that do not fit each other.

@@ -2,7 +2,7 @@
 
 Written data survive the end of this process; a power cut loses what was not yet on the disk. A clean end adds
 the footer, and `contid.session.compact` compresses the file. Until then the file is locked: it can be read,
-but not repaired.
+but not repaired. Files of recordings are private, and never overwritten.
 """
 
 from __future__ import annotations
@@ -23,11 +23,29 @@ from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import CHANNELS, EVENT, schema
 from contid.session.format.encode import Encoder
 from contid.session.format.header import Header
-from contid.session.output import PRIVATE, exists_error
 
+#: Sessions and command logs hold everything a robot did: for their owner only.
+PRIVATE: Final = 0o600
 #: Bytes collected before a write in virtual time, where no reader follows the file.
 _BUFFER_BYTES: Final = 1 << 20
 _EVENT_ID: Final = CHANNELS.index(EVENT) + 1
+
+
+def exists_error(path: Path) -> ContidError:
+    """The error for a recording that would be overwritten."""
+    return ContidError(f"{path}: file exists; recordings are never overwritten")
+
+
+def refuse_recording(path: Path) -> None:
+    """Recordings are never overwritten, by exports neither.
+
+    Raises:
+        ContidError: the file is a recording.
+    """
+    if path.is_file():
+        with path.open("rb") as file:
+            if file.read(len(mcap.MAGIC)) == mcap.MAGIC:
+                raise exists_error(path)
 
 
 class SessionWriter:

@@ -40,7 +40,7 @@ def frames(source: str, paced: bool = False) -> Iterator[tuple[Array, float]]:
 
 
 def grey(image: Any) -> Array:
-    """A image as grey values."""
+    """An image as grey values."""
     return np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
 
 
@@ -95,5 +95,5 @@ def _images(folder: Path) -> Iterator[tuple[Array, float]]:
     for number, path in enumerate(files):
         image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
         if image is None:
-            raise ContidError(f"{path}: not a image that OpenCV can read")
+            raise ContidError(f"{path}: not an image that OpenCV can read")
         yield np.asarray(image), number / 30.0

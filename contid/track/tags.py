@@ -42,7 +42,7 @@ def family() -> Any:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SeenTag:
-    """A tag in a image.
+    """A tag in an image.
 
     Attributes:
         corners_px: as seen, in the order of `contid.track.setup_file.CORNERS`, shape ``(4, 2)``.

@@ -1,4 +1,4 @@
-"""From a image to a measured tip, or to the reason why there is none."""
+"""From an image to a measured tip, or to the reason why there is none."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class MeasuredTip:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Look:
-    """The result of a image.
+    """The result of an image.
 
     Attributes:
         seen: tags in it, by number.
@@ -86,7 +86,7 @@ class TipTracker:
         self._strays: list[MeasuredTip] = []
 
     def look(self, image: Array, time_s: float) -> Look:
-        """Measure the tip in a image.
+        """Measure the tip in an image.
 
         Args:
             image: grey values, shape ``(height, width)``, bytes.
@@ -111,7 +111,7 @@ class TipTracker:
         return Look(seen, None if refusal else measured, refusal, body, world)
 
     def _average(self, seen: dict[int, SeenTag]) -> int | None:
-        """Take the fixed tags of a image into the average; the number of one that has moved."""
+        """Take the fixed tags of an image into the average; the number of one that has moved."""
         changed, moved = False, None
         for tag in self._world.keys() & seen.keys():
             ideal = seen[tag].ideal_px

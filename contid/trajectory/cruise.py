@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from contid.trajectory.pieces import Knot, extend, state_at
+from contid.trajectory.standstill import Knot, extend, state_at
 
 #: Of a bisection: beyond the digits of a float64.
 _STEPS = 200

@@ -7,6 +7,8 @@ The acceleration of an axis goes from 0 to a plateau b at full jerk j, stays the
 The slowest axis sets T; for it b is as high as the limit of acceleration allows. Each of the others has
 exactly one b, the smaller root of ``b^2 - j T b + j |v|``. There is no search and no tolerance, so it cannot
 fail. (ruckig 0.19, used for the approach, refuses one in eleven pairs of axes that move alike.)
+
+Motions of one axis are pieces of constant jerk, which start at their `Knot`.
 """
 
 from __future__ import annotations
@@ -15,7 +17,6 @@ import math
 from collections.abc import Sequence
 
 from contid.targets import Actuation
-from contid.trajectory.pieces import Knot, extend, state_at
 
 
 class JerkLimitedStop:
@@ -97,3 +98,32 @@ def _small_root(half: float, product: float) -> float:
     if half <= double:
         return double
     return product / (half + math.sqrt((half - double) * (half + double)))
+
+
+#: Start time of a piece; position, velocity, acceleration and jerk there.
+Knot = tuple[float, float, float, float, float]
+
+
+def extend(knots: list[Knot], lasts_s: float, jerk: float) -> None:
+    """Add a piece with a duration and a jerk; the last knot is its end."""
+    begin_s, position, velocity, acceleration, _ = knots[-1]
+    knots[-1] = (begin_s, position, velocity, acceleration, jerk)
+    knots.append((begin_s + lasts_s, *_advanced(knots[-1], lasts_s), 0.0))
+
+
+def state_at(knots: Sequence[Knot], time_s: float) -> tuple[float, float]:
+    """Position and velocity; the last knot is at rest."""
+    for knot in reversed(knots):
+        if time_s >= knot[0]:
+            break
+    return _advanced(knot, time_s - knot[0])[:2] if knot is not knots[-1] else (knot[1], 0.0)
+
+
+def _advanced(knot: Knot, by_s: float) -> tuple[float, float, float]:
+    """Position, velocity and acceleration ``by_s`` into a piece."""
+    _, position, velocity, acceleration, jerk = knot
+    return (
+        position + by_s * (velocity + by_s * (acceleration / 2.0 + by_s * jerk / 6.0)),
+        velocity + by_s * (acceleration + by_s * jerk / 2.0),
+        acceleration + by_s * jerk,
+    )

@@ -20,7 +20,7 @@ from contid.errors import ContidError
 from contid.robot_file.load import load_robot_file
 from contid.robot_file.shipped import load_named
 from contid.robot_file.tendon.robot import TendonRobot
-from tests.calibrate.tendon_recordings import EXCERPT
+from tests.calibrate.tendon_recordings import excerpt_lines
 
 CONFIG = Path(__file__).parents[2] / "configs" / "ftdcr_v4.yaml"
 
@@ -40,8 +40,7 @@ def fonts() -> None:
 def thinned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Pulls of one tendon and two patterns of each section."""
     path = tmp_path_factory.mktemp("data") / "pulls.csv"
-    lines = EXCERPT.read_text(encoding="utf-8").splitlines()
-    keep = [line for line in lines if "pair" not in line and "dir240" not in line]
+    keep = [line for line in excerpt_lines() if "pair" not in line and "dir240" not in line]
     path.write_text("\n".join(keep) + "\n", encoding="utf-8")
     return path
 
@@ -130,14 +129,17 @@ def test_another_robot_s_data_are_refused(tmp_path: Path) -> None:
     result = CliRunner().invoke(command, ["tendon", str(data), "--for", "ftdcr_v4"])
     assert result.exit_code != 0
     assert "3 servos, the robot has 9 tendons" in str(result.exception)
-    result = CliRunner().invoke(command, ["tendon", str(EXCERPT), "--for", "stiffflop2"])
+    result = CliRunner().invoke(command, ["tendon", str(data), "--for", "stiffflop2"])
     assert "tendon robot" in str(result.exception)
+    assert isinstance(load_named("ftdcr_v4").file.robots["arm"], TendonRobot)
+
+
+def test_too_few_rows_are_refused(tmp_path: Path) -> None:
     short = tmp_path / "short.csv"
-    lines = EXCERPT.read_text(encoding="utf-8").splitlines()
-    short.write_text("\n".join([*lines[2:3], *lines[-30:]]) + "\n", encoding="utf-8")
+    head, *rows = excerpt_lines()
+    short.write_text("\n".join([head, *rows[-30:]]) + "\n", encoding="utf-8")
     result = CliRunner().invoke(command, ["tendon", str(short), "--for", "ftdcr_v4"])
     assert "24 rows to fit; give 40 or more" in str(result.exception)
-    assert isinstance(load_named("ftdcr_v4").file.robots["arm"], TendonRobot)
 
 
 @pytest.mark.parametrize(

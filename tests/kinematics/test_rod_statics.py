@@ -15,6 +15,7 @@ from contid.kinematics.cosserat.model import CosseratModel
 from contid.kinematics.model import build_model
 from contid.robot_file.shipped import load_named
 from tests.oracles.elastic_rods import ALLOWED, RODS, compared, rod, shapes
+from tests.support.shared_data import shared_data
 
 
 @pytest.mark.parametrize("name", RODS)
@@ -22,7 +23,7 @@ from tests.oracles.elastic_rods import ALLOWED, RODS, compared, rod, shapes
 def test_shapes_are_those_of_sorosim(name: str, pure: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(PURE_PYTHON, pure)
     one = rod(name)
-    at, table = shapes(name)
+    at, table = shapes(shared_data(f"rod-statics/{name}.csv"))
     for shape in table[: 12 if pure == "0" else 3]:
         found = compared(one, at, shape)
         assert found.distance <= ALLOWED

@@ -1,7 +1,12 @@
 """Shapes of elastic rods computed by SoRoSim beside those of `ElasticRod`.
 
-The data grow along x, contid's rod along z: its axes (x, y, z) are the (y, z, x) of the data. Conventions:
-tests/reference/rod-statics/README.md.
+The tables are of the public repository `ContinuumRoboticsLab/opencr-mujoco` (MIT, commit 17fff8b). Their
+conventions were found by symmetry and by solving: the rod is clamped at the origin and straight along x;
+every row is in the base frame; loads are dead (moments and forces keep their direction); `gravity` is the
+acceleration; the rotation is Rx(EulX) Ry(EulY) Rz(EulZ). The shapes of TPU were computed without torsion
+(their frames agree to 0.1 deg with a torsional stiffness 1000 times as large); points and tangents do not
+depend on it. The rounding of the printed loads moves shapes by up to 0.08 % of the length. contid's rod
+grows along z: its axes (x, y, z) are the (y, z, x) of the data.
 """
 
 from __future__ import annotations
@@ -15,7 +20,6 @@ import numpy as np
 from contid import ElasticRod, Wrench
 from contid.kinematics.array import Array
 
-DATA = Path(__file__).parents[1] / "reference" / "rod-statics"
 #: E [Pa], Poisson's ratio, density [kg/m^3], radius [m], length [m].
 RODS = {"spring_steel": (200e9, 0.33, 7870.0, 0.8e-3, 0.6), "tpu": (70e6, 0.4, 1200.0, 5e-3, 0.4)}
 #: Largest distance of a point, as a part of the length; the loads are printed with four decimals.
@@ -38,12 +42,12 @@ def rod(name: str) -> ElasticRod:
     return ElasticRod(length, radius, modulus_pa=modulus, poisson=poisson, density_kg_m3=density, si=True)
 
 
-def shapes(name: str, folder: Path = DATA) -> tuple[Array, Array]:
+def shapes(table: Path) -> tuple[Array, Array]:
     """Stations (14,) as parts of the length, and shapes (n, 6, 17): gravity, two wrenches, the stations."""
-    _, head, *rows = (folder / f"{name}.csv").read_text().splitlines()
+    _, head, *rows = table.read_text(encoding="utf-8").splitlines()
     halves = np.array([float(cell) for cell in head.split(",")[4:]]).reshape(2, 7)
-    table = np.array([[float(cell) for cell in row.split(",")[1:]] for row in rows]).reshape(-1, 6, 17)
-    return 0.5 * np.concatenate([halves[0], 1.0 + halves[1]]), table
+    values = np.array([[float(cell) for cell in row.split(",")[1:]] for row in rows]).reshape(-1, 6, 17)
+    return 0.5 * np.concatenate([halves[0], 1.0 + halves[1]]), values
 
 
 def compared(steel_or_tpu: ElasticRod, at: Array, shape: Array) -> Compared:
@@ -80,7 +84,7 @@ def compare_all(folder: Path) -> bool:
     held = True
     for name in RODS:
         one = rod(name)
-        at, table = shapes(name, folder)
+        at, table = shapes(folder / f"{name}.csv")
         found = [compared(one, at, shape) for shape in table]
         off, spent = [c.distance for c in found], [c.microseconds for c in found]
         far = sum(distance > ALLOWED for distance in off)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contid.control.tick.contact.tip_contact import TipContact
 from contid.robot_file.clearance import PlaneDescription
 from contid.robot_file.pneumatic.simulated import SimulatedArm
+from contid.sense.live.tip_contact import TipContact
 from tests.sense.observed import ERRORS, GRAM_N, RATE_HZ, Loaded, Run, calibrated, pascal, plant
 from tests.sense.plant import shipped_robot
 

@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 
-from contid.control.tick.load_sensing.load_observer import LoadObserver
 from contid.control.tick.tip_feedback import Measurement
 from contid.robot_file.pneumatic.sense import LoadSensing, ModelErrors, Sense
 from contid.robot_file.pneumatic.simulated import SimulatedArm, SimulatedErrors
 from contid.sense import HysteresisSides, calibrate_without_load, rod_family
+from contid.sense.live.load_observer import LoadObserver
 from contid.sense.written import calibration_keys
 from contid_drivers.sim.arm.body import SimulatedBody
 from tests.sense.plant import shipped_model, shipped_robot

@@ -7,9 +7,9 @@ import pytest
 
 from contid import Session, kernels
 from contid.control.engine.events.robots import ContactBegan
-from contid.control.tick.contact.innovation_test import GATE, NEWEST, REFERENCE, InnovationTest, TipResidual
 from contid.errors import BadInputError
 from contid.robot_file.load import load_robot_file, parse_robot_file
+from contid.sense.live.innovation_test import GATE, NEWEST, REFERENCE, InnovationTest, TipResidual
 from tests.sense.commands import SIM, contid, rests
 from tests.sense.contact_runs import ContactRun, push, spiral, with_wall
 from tests.sense.observed import calibrated, plant

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from contid import kernels
-from contid.control.tick.load_sensing.load_observer import LoadObserver
 from contid.control.tick.tip_feedback import Measurement
+from contid.sense.live.load_observer import LoadObserver
 from tests.sense.observed import GRAM_N, RATE_HZ, Run, calibrated, plant
 
 pytestmark = pytest.mark.skipif(kernels.load("cosserat") is None, reason="NumPy takes minutes")

@@ -17,13 +17,13 @@ import numpy as np
 import pytest
 
 from contid.errors import ContidError
+from contid.session.compact import repair
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import CHANNELS, EVENT
 from contid.session.format.entries import DAMAGED
 from contid.session.format.metadata import decode_trajectory, encode_trajectory, trajectory_metadata
 from contid.session.info import summarize
 from contid.session.read import Session
-from contid.session.repair import repair
 from contid.session.replay import replay
 from contid.trajectory.rows import MAX_ROWS
 from tests.support.fingers import circle, load

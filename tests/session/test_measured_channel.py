@@ -14,10 +14,9 @@ from mcap.reader import make_reader
 
 from contid.control.engine.wiring import build_robot_configs
 from contid.remote.server.telemetry_view import TelemetryView
-from contid.session.compact import compact
+from contid.session.compact import compact, repair
 from contid.session.format.channels import MEASURED, TICK_CHANNELS
 from contid.session.read import Session
-from contid.session.repair import repair
 from contid.session.replay import replay
 from tests.session.runs import loaded_arm
 

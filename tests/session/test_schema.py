@@ -14,7 +14,7 @@ from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
 from contid.session.format.channels import EVENT, INFINITE, REVISION, TICK_CHANNELS
-from contid.session.read import Session
+from contid.session.read import Session, SessionError
 from contid.session.replay import replay
 from tests.golden.make import TOLERANCE
 from tests.session.runs import RUNS
@@ -101,6 +101,19 @@ def test_sessions_of_every_revision_are_read_and_replayed(path: Path) -> None:
     assert session.end.clean
     assert (result.divergence, result.stopped) == (None, "")
     assert result.ticks > 50
+
+
+def test_a_session_of_a_newer_revision_is_refused_with_the_remedy(growing: Path, tmp_path: Path) -> None:
+    """Its keys may have another meaning."""
+    written = b"revision\x01\0\0\0%d"
+    newer = tmp_path / "newer.mcap"
+    content = growing.read_bytes()
+    assert content.count(written % REVISION) == 1
+    newer.write_bytes(content.replace(written % REVISION, written % (REVISION + 1)))
+    with pytest.raises(
+        SessionError, match=rf"revision {REVISION + 1} .* revisions 0 to {REVISION}: update contid"
+    ):
+        Session(newer)
 
 
 @pytest.mark.parametrize("path", REVISIONS, ids=lambda path: path.stem)

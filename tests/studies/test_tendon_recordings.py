@@ -8,12 +8,12 @@ from pathlib import Path
 from click.testing import CliRunner
 
 from studies.tendon_recordings import main
-from tests.calibrate.tendon_recordings import EXCERPT
+from tests.calibrate.tendon_recordings import excerpt_lines
 
 
 def test_the_statics_predict_pairs_better_than_every_black_box(tmp_path: Path) -> None:
     """Fitted to single tendons and sections; pairs of sections stand for the file kept out."""
-    lines = EXCERPT.read_text(encoding="utf-8").splitlines()[2:]
+    lines = excerpt_lines()
     folder = tmp_path / "ftdcr_v4"
     folder.mkdir()
     files = {

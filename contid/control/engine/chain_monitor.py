@@ -23,11 +23,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from contid.control.engine.cycle import Sink
+from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.events.orders import OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.messages import RobotNames
 from contid.control.engine.robots import Robots
+from contid.control.engine.stages import Targets, TickStage
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
@@ -73,7 +74,7 @@ class Chained:
     arms: tuple[int, ...]
 
 
-class ChainMonitor:
+class ChainMonitor(TickStage):
     """The closed chains of a file.
 
     Attributes:
@@ -83,6 +84,7 @@ class ChainMonitor:
     def __init__(self, guards: Sequence[ChainGuard], robots: Robots, exchange: Exchange, sink: Sink) -> None:
         index = {config.name: number for number, config in enumerate(robots.configs)}
         self.chains = tuple(Chained(guard, tuple(index[arm] for arm in guard.arms)) for guard in guards)
+        self.robots = sorted({arm for chain in self.chains for arm in chain.arms})
         self._robots = robots
         self._exchange = exchange
         self._sink = sink
@@ -94,9 +96,7 @@ class ChainMonitor:
 
     # -- before a tick ----------------------------------------------------------------------------------
 
-    def before_tick(
-        self, targets: Mapping[str, Target | None], now_s: float, measured: Mapping[str, Measurement]
-    ) -> Mapping[str, Target | None]:
+    def before(self, targets: Targets, timing: Timing, now_s: float) -> Targets:
         """Begin ordered moves; the targets, with None for an arm that waits for the others of its chain.
 
         Arms that would begin a forbidden approach to their target in this tick get fault 301.
@@ -115,7 +115,9 @@ class ChainMonitor:
             for i in chain.arms:
                 name = configs[i].name
                 if _begins(states[i], targets.get(name)):
-                    after = self._after_tick_of(i, states[i], now_s, targets.get(name), measured.get(name))
+                    after = self._after_tick_of(
+                        i, states[i], now_s, targets.get(name), self._robots.measured.get(name)
+                    )
                     if after.mode is Mode.APPROACH:
                         begun[i] = after
             message = self._forbids(chain, states, begun, now_s) if begun else ""
@@ -125,7 +127,7 @@ class ChainMonitor:
 
     # -- orders -----------------------------------------------------------------------------------------
 
-    def goto(self, robot: str, target: Target) -> None:
+    def keep_goto(self, robot: str, target: Target) -> None:
         """Keep a goto of an arm until `begin_gotos` checks all of one tick together."""
         self._gotos[robot] = target
 
@@ -179,7 +181,7 @@ class ChainMonitor:
 
     # -- after a tick -----------------------------------------------------------------------------------
 
-    def after_tick(self, now_s: float) -> None:
+    def settle(self, now_s: float) -> None:
         """Fault 302 for the other arms of a chain when one arm enters FAULT."""
         robots = self._robots
         for chain in self.chains:

@@ -14,15 +14,18 @@ samples, so a replay decides the same.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from contid.clearance.guard import ClearanceGuard
 from contid.clearance.walk import RESOLUTION_M, Walk
-from contid.control.engine.cycle import Sink
+from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.events.orders import OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.robots import Robots
+from contid.control.engine.sources import Timed
+from contid.control.engine.stages import Targets, TickStage
+from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import transitions
 from contid.control.tick.axis_motions import braking_at_once, straight_stop
 from contid.control.tick.robot_tick import TickResult, tick
@@ -33,30 +36,39 @@ from contid.targets import ZERO3, Actuation, Target, Vec3
 from contid.trajectory.straight_stop import StraightStop
 
 
-class ClearanceWatch:
+class ClearanceWatch(TickStage):
     """The bodies of a file as the tick commands them.
 
     Args:
         guard: what is kept apart.
         robots: all of them.
         exchange: with their devices.
+        selector: of the source of targets.
         sink: of the refusals.
     """
 
-    def __init__(self, guard: ClearanceGuard, robots: Robots, exchange: Exchange, sink: Sink) -> None:
+    def __init__(
+        self,
+        guard: ClearanceGuard,
+        robots: Robots,
+        exchange: Exchange,
+        selector: TargetSelector,
+        sink: Sink,
+    ) -> None:
         self._guard = guard
         self._robots = robots
         self._exchange = exchange
+        self._selector = selector
         self._sink = sink
-        self._bodies = [i for i, config in enumerate(robots.configs) if config.name in guard.arms]
+        self.robots = [i for i, config in enumerate(robots.configs) if config.name in guard.arms]
         self._walk: Walk | None = None
         self._loads: dict[str, Vec3] = dict.fromkeys(guard.arms, ZERO3)
         self._driven: dict[str, bool] = {}
         #: Targets of a stream that were refused; a robot holds until it gets another one.
         self._refused: dict[int, Target] = {}
 
-    def before_tick(self, targets: Mapping[str, Target | None]) -> Mapping[str, Target | None]:
-        """The targets, with None instead of one that was refused before."""
+    def before(self, targets: Targets, timing: Timing, now_s: float) -> Targets:
+        """See `TickStage.before`: None instead of a target that was refused before."""
         if not self._refused:
             return targets
         kept = dict(targets)
@@ -68,17 +80,9 @@ class ClearanceWatch:
                 del self._refused[index]
         return kept
 
-    def after_tick(
-        self, outcomes: list[TickResult], targets: Mapping[str, Target | None], now_s: float, timed: bool
-    ) -> set[int]:
-        """Replace the results of robots that come too near by results that stop them; their indices.
-
-        Args:
-            outcomes: of the tick, by robot; changed in place.
-            targets: of the tick.
-            now_s: of the tick.
-            timed: the targets are those of a trajectory.
-        """
+    def after(self, outcomes: list[TickResult], targets: Targets, now_s: float) -> None:
+        """See `TickStage.after`: robots that come too near get results that stop them."""
+        timed = isinstance(self._selector.source, Timed)
         for name in self._guard.arms:
             target = targets.get(name)
             if target is not None:
@@ -90,25 +94,26 @@ class ClearanceWatch:
             message = ahead.to(self._commanded(outcomes)) or ahead.stops(self._stops(outcomes), RESOLUTION_M)
             if not message:
                 self._walk = ahead
-                return held
-            pair = [i for i in self._bodies if self._robots.configs[i].name in ahead.refused]
+                return
+            pair = [i for i in self.robots if self._robots.configs[i].name in ahead.refused]
             moving = [i for i in pair if i not in held and any(outcomes[i].state.increments)]
             for i in moving:
                 config = self._robots.configs[i]
                 stopped = self._stopped(i, message, targets.get(config.name), now_s, timed)
-                outcomes[i] = tick(config, stopped, now_s, self._exchange.samples_of(config), None)
+                result = tick(config, stopped, now_s, self._exchange.samples_of(config), None)
+                outcomes[i] = replace(result, held=True)
             held.update(moving)
             if not moving:  # every robot of the pair stops already
                 walk.place({**walk.configuration, **self._commanded(outcomes)})
                 self._walk = walk
-                return held
+                return
 
     def _placed(self, outcomes: Sequence[TickResult]) -> Walk:
         """The walk at the last commands, or at the samples of robots without power."""
         walk = self._walk
         now = {} if walk is None else dict(walk.configuration)
         jumped = walk is None
-        for i in self._bodies:
+        for i in self.robots:
             config, state = self._robots.configs[i], outcomes[i].state
             name, driven = config.name, _driven(state)
             if driven and self._driven.get(name, False):
@@ -129,11 +134,11 @@ class ClearanceWatch:
 
     def _commanded(self, outcomes: Sequence[TickResult]) -> dict[str, tuple[Actuation, Vec3]]:
         """The configuration at the commands of the robots under power."""
-        names = {i: self._robots.configs[i].name for i in self._bodies if _driven(outcomes[i].state)}
+        names = {i: self._robots.configs[i].name for i in self.robots if _driven(outcomes[i].state)}
         return {name: (outcomes[i].state.command, self._loads[name]) for i, name in names.items()}
 
     def _stops(self, outcomes: Sequence[TickResult]) -> dict[str, StraightStop]:
-        states = [(self._robots.configs[i], outcomes[i].state) for i in self._bodies]
+        states = [(self._robots.configs[i], outcomes[i].state) for i in self.robots]
         return {
             config.name: straight_stop(config, state.command, state.increments)
             for config, state in states

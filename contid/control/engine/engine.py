@@ -6,27 +6,29 @@ what differs between them: clock, ports and sink.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from contid.clearance.guard import ClearanceGuard
 from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.clearance_watch import ClearanceWatch
-from contid.control.engine.contact_orders import ContactOrders
+from contid.control.engine.contact_stage import ContactStage
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.exchange import Exchange
-from contid.control.engine.load_watch import LoadWatch
 from contid.control.engine.order_handler import OrderHandler
 from contid.control.engine.outcomes import Outcomes
 from contid.control.engine.pack_record import RecordPacker
 from contid.control.engine.ports import BusPort
 from contid.control.engine.robots import Order, Robots
-from contid.control.engine.sources import Timed
+from contid.control.engine.stages import EngineParts, TickStage, stages_of_extras, with_method
+from contid.control.engine.stall_watch import StallWatch
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.faults import Fault
 from contid.control.tick.robot_tick import TickResult, tick
+from contid.control.tick.supervisor import Mode
 from contid.kinematics.rope.chain import ChainGuard
-from contid.targets import Target
 from contid.trajectory.timed import Trajectory
 
 
@@ -71,20 +73,30 @@ class Engine:
         self.finished = False
         self.robots = Robots(configs, sink)
         self.exchange = Exchange(self.robots, ports, rate_hz, sink, now)
-        self._chains = ChainMonitor(guards, self.robots, self.exchange, sink)
-        self.selector = TargetSelector(self.robots, self._chains, rate_hz, sink, trajectory, on_end, attended)
-        self._clearance = (
-            None if clearance is None else ClearanceWatch(clearance, self.robots, self.exchange, sink)
+        chains = ChainMonitor(guards, self.robots, self.exchange, sink)
+        self.selector = TargetSelector(
+            self.robots, chains, rate_hz, sink, trajectory=trajectory, on_end=on_end, attended=attended
         )
-        self._loads = LoadWatch(self.robots, self.exchange)
-        self._contacts = ContactOrders(self.robots, self.exchange, self._loads, self._chains, sink)
+        contacts = None
+        if any(config.contact is not None for config in configs):
+            contacts = ContactStage(self.robots, self.exchange, chains, sink)
+        parts = EngineParts(self.robots, self.exchange, None if contacts is None else contacts.react, sink)
+        stages: list[TickStage] = []
+        if clearance is not None:
+            stages.append(ClearanceWatch(clearance, self.robots, self.exchange, self.selector, sink))
+        if chains.chains:
+            stages.append(chains)
+        if contacts is not None:
+            stages.append(contacts)
+        stages += [*stages_of_extras(parts), StallWatch(self.robots, rate_hz)]
+        self._before, self._after, self._settle = (
+            with_method(stages, method) for method in ("before", "after", "settle")
+        )
         self._recorder = RecordPacker(self.robots, self.exchange, sink, now)
         self._buses = tuple(ports)
-        self._orders = OrderHandler(
-            self.robots, self.selector, self.exchange, self._chains, self._contacts, self._loads,
-            rate_hz, sink,
-        )  # fmt: skip
-        self._outcomes = Outcomes(self.robots, self.selector, self.exchange, self._contacts, rate_hz, sink)
+        self._orders = OrderHandler(self.robots, self.selector, self.exchange, chains, stages, sink)
+        going_back = () if contacts is None else contacts.going_back
+        self._outcomes = Outcomes(self.robots, self.selector, self.exchange, going_back, sink)
         self._rate_hz = rate_hz
         self._step = -1
 
@@ -111,54 +123,69 @@ class Engine:
 
     def obey(self, message: object, tick_number: int) -> None:
         """Carry out a message of the daemon; a refusal becomes an event."""
-        self._orders.obey(message, tick_number, self._step + 1)
+        self._orders.obey(message, tick_number, self._step + 1, (self._step + 1) / self._rate_hz)
 
     def cycle(self, timing: Timing) -> None:
         """One tick of everything."""
         robots, selector, exchange = self.robots, self.selector, self.exchange
-        self._outcomes.begin(timing)
         # The time of the robots counts the ticks that ran, not the skipped ones.
         step = self._step = timing.tick - timing.skipped
         now_s = step / self._rate_hz
         source = selector.source
         targets = selector.targets(step, now_s)
-        if self._clearance is not None:
-            targets = self._clearance.before_tick(targets)
-        if self._chains.chains:
-            targets = self._chains.before_tick(targets, now_s, selector.measured)
-        self._loads.tick(now_s, selector.measured)
-        self._contacts.tick(timing.tick, now_s, selector.measured)
-        targets = self._loads.loaded(targets, now_s)
+        for stage in self._before:
+            try:
+                targets = stage.before(targets, timing, now_s)
+            except Exception as error:  # an error in a stage must not stop the robots of others
+                self._fail(stage, error, now_s)
+        outcomes = [
+            tick(
+                config,
+                state,
+                now_s,
+                exchange.samples_of(config),
+                targets.get(config.name),
+                robots.measured.get(config.name),
+            )
+            for config, state in zip(robots.configs, robots.states, strict=True)
+        ]
+        for stage in self._after:
+            try:
+                stage.after(outcomes, targets, now_s)
+            except Exception as error:
+                self._fail(stage, error, now_s)
+                self._tick_again(stage, outcomes, now_s)
         commands: dict[str, dict[str, float]] = {name: {} for name in self._buses}
         bus_of = exchange.bus_of
-        outcomes = [
-            self._computed(index, now_s, targets.get(config.name))
-            for index, config in enumerate(robots.configs)
-        ]
-        too_near: Collection[int] = ()
-        if self._clearance is not None:
-            timed = isinstance(source, Timed)
-            too_near = self._clearance.after_tick(outcomes, targets, now_s, timed)
-        for index, config in enumerate(robots.configs):
-            outcome = outcomes[index]
-            self._outcomes.take(index, timing.tick, outcome, targets.get(config.name), index in too_near)
+        for index, (config, outcome) in enumerate(zip(robots.configs, outcomes, strict=True)):
+            self._outcomes.take(index, timing.tick, outcome, targets.get(config.name))
             for axis, value in zip(config.axes, outcome.device, strict=False):
                 commands[bus_of[axis]][axis] = value
         # The commands of this tick are fixed: a stop that begins now begins at the time of the next.
         next_s = (step + 1) / self._rate_hz
         exchange.run(commands, timing, next_s)
-        if self._chains.chains:
-            self._chains.after_tick(next_s)
+        for stage in self._settle:
+            try:
+                stage.settle(next_s)
+            except Exception as error:
+                self._fail(stage, error, next_s)
         selector.watch(timing.tick, step, next_s)
         robots.report_changes(timing.tick)
         source_s = None if source is None else source.time_s
-        measured, loads = selector.measured, self._loads.in_world
-        self._recorder.record(timing, now_s, source_s, targets, outcomes, measured, loads)
+        self._recorder.record(timing, now_s, source_s, targets, outcomes)
         if selector.finishing and not self.finished:
             self.finished = robots.resting and not exchange.busy
 
-    def _computed(self, index: int, now_s: float, target: Target | None) -> TickResult:
-        """The tick of one robot."""
-        config, state = self.robots.configs[index], self.robots.states[index]
-        measured = self.selector.measured.get(config.name)
-        return tick(config, state, now_s, self.exchange.samples_of(config), target, measured)
+    def _fail(self, stage: TickStage, error: Exception, now_s: float) -> None:
+        """An error in a stage is a fault of its robots that are not OFF; they stop by their policy."""
+        message = f"{type(stage).__name__}: {type(error).__name__}: {error}"
+        for index in stage.robots:
+            if self.robots.states[index].mode is not Mode.OFF:
+                self.robots.fail(index, Fault.INTERNAL, message, now_s)
+
+    def _tick_again(self, stage: TickStage, outcomes: list[TickResult], now_s: float) -> None:
+        """The ticks of the robots of a stage that failed after them, from their states with the fault."""
+        for index in stage.robots:
+            config, state = self.robots.configs[index], self.robots.states[index]
+            result = tick(config, state, now_s, self.exchange.samples_of(config), None)
+            outcomes[index] = replace(result, held=True)

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from contid.control.engine import messages as msg
 from contid.control.engine.chain_monitor import ChainMonitor
-from contid.control.engine.contact_orders import ContactOrders
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events.orders import MarkReached, OrderRefused
 from contid.control.engine.events.robots import EffortLimited
 from contid.control.engine.exchange import Exchange
-from contid.control.engine.load_watch import LoadWatch
 from contid.control.engine.order_events import order_event
-from contid.control.engine.robots import Robots, stopping
+from contid.control.engine.robots import Order, Robots, stopping
+from contid.control.engine.stages import TickStage, with_method
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import transitions
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.state import RobotState
 from contid.control.tick.tip_feedback import Measurement
+from contid.targets import Target
 
 
 class OrderHandler:
@@ -26,22 +30,19 @@ class OrderHandler:
         selector: TargetSelector,
         exchange: Exchange,
         chains: ChainMonitor,
-        contacts: ContactOrders,
-        loads: LoadWatch,
-        rate_hz: float,
+        stages: Sequence[TickStage],
         sink: Sink,
     ) -> None:
         self._robots = robots
         self._selector = selector
         self._exchange = exchange
         self._chains = chains
-        self._contacts = contacts
-        self._loads = loads
-        self._rate_hz = rate_hz
+        self._changing_gotos = with_method(stages, "goto")
+        self._cancelled = with_method(stages, "cancel")
         self._sink = sink
 
-    def obey(self, message: object, tick_number: int, step: int) -> None:
-        """Carry out a message before a step of the robots; a refusal becomes an event."""
+    def obey(self, message: object, tick_number: int, step: int, now_s: float) -> None:
+        """Carry out a message before a step of the robots, at its time; a refusal becomes an event."""
         selector = self._selector
         if isinstance(message, msg.Go) and not selector.at_start:
             self._sink.event(OrderRefused(message=msg.NOT_AT_START))
@@ -49,7 +50,7 @@ class OrderHandler:
         if (order := order_event(message, tick_number)) is not None:
             self._sink.event(order)
         if not isinstance(message, msg.Goto):
-            self._chains.begin_gotos(step / self._rate_hz)
+            self._chains.begin_gotos(now_s)
         # A client that gives orders may give more: the run then waits even if every robot is in FAULT.
         selector.attended = selector.attended or not isinstance(
             message, msg.Rows | msg.Measured | msg.EndOfRows
@@ -63,19 +64,19 @@ class OrderHandler:
                 refusal = "the run is ending; motions are refused"
                 self._sink.event(OrderRefused(robot=robot, message=refusal))
             return
-        self._carry_out(message, tick_number, step)
+        self._carry_out(message, tick_number, step, now_s)
 
-    def _carry_out(self, message: object, tick_number: int, step: int) -> None:
+    def _carry_out(self, message: object, tick_number: int, step: int, now_s: float) -> None:
         """Apply a message to robots, selector and chains."""
         robots, selector, chains = self._robots, self._selector, self._chains
-        now_s = step / self._rate_hz
         if not isinstance(message, msg.Rows | msg.Measured | msg.EndOfRows | msg.Mark):
-            self._contacts.cancel()
+            for stage in self._cancelled:
+                stage.cancel()
         match message:
             case msg.Rows(targets):
                 selector.rows(targets, now_s)
             case msg.Measured(robot, tip_in_world, direction, age_s):
-                selector.measured[robot] = Measurement(tip_in_world, now_s - age_s, direction)
+                robots.measured[robot] = Measurement(tip_in_world, now_s - age_s, direction)
             case msg.EndOfRows():
                 selector.end_of_rows()
             case msg.Play(trajectory, waits):
@@ -87,10 +88,9 @@ class OrderHandler:
             case msg.Mark(number):
                 self._sink.event(MarkReached(number=number, tick=tick_number))
             case msg.Goto(robot, target, None) if chains.concerns(robot):
-                chains.goto(robot, target)
+                chains.keep_goto(robot, target)
             case msg.Goto(robot, target, force_n):
-                target = self._loads.loaded_goto(robot, target)
-                robots.order((robot,), lambda p, s, t: transitions.goto(p, s, target, t, force_n), now_s)
+                robots.order((robot,), self._goto(target, force_n), now_s)
             case msg.Hold(who):
                 selector.pause(who, step)
                 robots.order(who, transitions.hold, now_s)
@@ -114,6 +114,17 @@ class OrderHandler:
                 robots.order(who, transitions.recover, now_s)
             case msg.Finish(policy, reason):
                 selector.finish(policy, reason, now_s)
+
+    def _goto(self, target: Target, force_n: float | None) -> Order:
+        """The order to go to a target, as the stages change it."""
+
+        def order(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
+            goal = target
+            for stage in self._changing_gotos:
+                goal = stage.goto(config.name, goal)
+            return transitions.goto(config, state, goal, now_s, force_n)
+
+        return order
 
     def _limit_effort(self, who: msg.RobotNames, share: float, tick_number: int) -> None:
         """Limit the effort of robots; one named without an axis for it is a refusal."""

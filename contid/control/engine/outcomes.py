@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Container
+from typing import Final
 
-from contid.control.engine.contact_orders import ContactOrders
-from contid.control.engine.cycle import Sink, Timing
+from contid.control.engine.cycle import Sink
 from contid.control.engine.events.orders import GotoEnded
+from contid.control.engine.events.robots import SqueezeChanged
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.robots import Robots
 from contid.control.engine.sources import Timed
-from contid.control.engine.stall_watch import StallWatch
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.contact.squeeze_way import SqueezeEnd, SqueezeReport
 from contid.control.tick.preflight.path import NEAR_M
 from contid.control.tick.robot_tick import TickResult
 from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.supervisor import Mode
 from contid.targets import Target
+
+#: Messages of the event of a squeeze.
+_SQUEEZED: Final = {
+    SqueezeEnd.REACHED: "holds with {:.2f} N",
+    SqueezeEnd.LOST: "lost the object ({:.2f} N left); it holds where it is",
+    SqueezeEnd.NOTHING: "at the target without the force ({:.2f} N); it holds there",
+    SqueezeEnd.PRESSED: "no free way of 2 mm to measure friction on: move back from the object; it holds",
+    SqueezeEnd.WEAK: "friction may hide {:.2f} N on this way, more than the force to hold; it stays there",
+}
 
 
 class Outcomes:
@@ -28,42 +39,33 @@ class Outcomes:
         robots: Robots,
         selector: TargetSelector,
         exchange: Exchange,
-        contacts: ContactOrders,
-        rate_hz: float,
+        going_back: Container[int],
         sink: Sink,
     ) -> None:
+        """``going_back``: indices of the robots that retreat from a contact."""
         self._robots = robots
         self._selector = selector
         self._exchange = exchange
-        self._contacts = contacts
-        self._stalls = StallWatch(rate_hz)
+        self._going_back = going_back
         self._sink = sink
         #: Goto of each robot in the tick before; a replaced one has ended.
         self._going: list[Target | None] = [None for _ in robots.configs]
 
-    def begin(self, timing: Timing) -> None:
-        """A tick begins."""
-        self._stalls.begin(timing)
-
-    def take(
-        self, index: int, number: int, outcome: TickResult, target: Target | None, too_near: bool
-    ) -> None:
+    def take(self, index: int, number: int, outcome: TickResult, target: Target | None) -> None:
         """Take over the tick of a robot; queues its request to the devices and reports the end of a goto."""
         robots = self._robots
         config, state, tally = robots.configs[index], robots.states[index], robots.tallies[index]
         going, recovered = state.goto, state.recovering
-        retreating = self._contacts.retreating(index)
+        retreating = index in self._going_back
         if self._going[index] is not None and self._going[index] is not going and not retreating:
             self._sink.event(GotoEnded(robot=config.name, arrived=False, tick=number))
         state = outcome.state
-        if state.mode is Mode.FAULT and robots.reported[index] is not Mode.FAULT:
-            state = self._stalls.explained(state, config.watchdog_s)
         if state.pending is not Effect.NONE:
             state = self._exchange.ask(index, state)
         if outcome.squeezed is not None:
-            self._contacts.squeezed(config, number, outcome.squeezed)
+            self._sink.event(_squeeze_event(config, number, outcome.squeezed))
         if going is not None and state.goto is None and not recovered:
-            arrived = state.mode is Mode.HOLD and not too_near and not retreating and outcome.arrived
+            arrived = state.mode is Mode.HOLD and not retreating and outcome.arrived
             self._sink.event(GotoEnded(robot=config.name, arrived=arrived, tick=number))
         if not retreating or (going is not None and state.goto is None):
             self._going[index] = None if state.recovering else state.goto
@@ -83,6 +85,16 @@ class Outcomes:
         for bits in outcome.limits:
             if bits:
                 tally.limited[bits] += 1
+
+
+def _squeeze_event(config: RobotConfig, number: int, report: SqueezeReport) -> SqueezeChanged:
+    return SqueezeChanged(
+        tick=number,
+        robot=config.name,
+        what=report.end.value,
+        force_n=round(report.force_n, 4),
+        message=_SQUEEZED[report.end].format(report.force_n),
+    )
 
 
 def _behind_m(config: RobotConfig, state: RobotState, target: Target | None) -> float:

@@ -29,9 +29,8 @@ from contid.control.engine.tick_layout import (
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.robot_tick import TickResult
 from contid.control.tick.state import RobotState
-from contid.control.tick.tip_feedback import Measurement
 from contid.hal import Sample
-from contid.targets import Target, Vec3
+from contid.targets import Target
 
 _NAN = math.nan
 #: A measurement older than this is not recorded.
@@ -81,8 +80,6 @@ class RecordPacker:
         source_s: float | None,
         targets: Mapping[str, Target | None],
         outcomes: Sequence[TickResult],
-        measured: Mapping[str, Measurement],
-        loads: Mapping[str, tuple[Vec3, Vec3]],
     ) -> None:
         """Write one record, after the exchange.
 
@@ -92,8 +89,6 @@ class RecordPacker:
             source_s: time in the trajectory, None while none runs.
             targets: by robot, in the world frame.
             outcomes: of every robot's tick.
-            measured: newest measured tip by robot.
-            loads: forces on tips and their standard deviations by robot, in the world frame [N].
         """
         values = [*_HEAD]
         values[TICK], values[SKIPPED] = timing.tick, timing.skipped
@@ -103,12 +98,12 @@ class RecordPacker:
         for index, config in enumerate(self._robots.configs):
             outcome, state, target = outcomes[index], self._robots.states[index], targets.get(config.name)
             row = self._robot(index, outcome, state, target)
-            tip = measured.get(config.name)
+            tip = self._robots.measured.get(config.name)
             if tip is not None and (age_s := now_s - tip.time_s) <= MEASURED_MAX_AGE_S:
                 row[_MEASURED_TIP], row[_MEASURED_AGE] = tip.tip_in_world, age_s
                 if tip.direction_in_world:
                     row[_MEASURED_DIRECTION] = tip.direction_in_world
-            if (load := loads.get(config.name)) is not None:
+            if (load := self._robots.loads.get(config.name)) is not None:
                 row[_ESTIMATED], row[_SIGMA] = load
             values += row
             _add_axes(values, config, outcome, state, target, self._exchange.samples)

@@ -7,13 +7,14 @@ by the end of the tick gets no new job until it is; its robots count a miss.
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 
+from contid.control.engine.messages import Measured
 from contid.control.tick.state import Effect
 from contid.errors import ContidError
-from contid.hal import Bus, Rest, Sample
+from contid.hal import Bus, MeasuresTips, Rest, Sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,3 +173,19 @@ class BusPort:
     def _work(self) -> None:
         while (job := self._jobs.get()) is not None:
             self._answers.put(perform(self.bus, job))
+
+
+class BusTrackers:
+    """Buses that track tips, such as that of a simulated arm: their tips as the messages of any tracker.
+
+    A replay has the messages in the recording instead.
+    """
+
+    def __init__(self, buses: Iterable[Bus]) -> None:
+        self._buses = [bus for bus in buses if isinstance(bus, MeasuresTips)]
+
+    def arrived(self, deadline_s: float) -> Iterator[Measured]:
+        """What arrived since the last call; ages are those at the deadline of a tick."""
+        for bus in self._buses:
+            for tip in bus.measured_tips():
+                yield Measured(tip.robot, tip.tip_in_world_m, age_s=max(0.0, deadline_s - tip.time_s))

@@ -15,7 +15,9 @@ from contid.control.tick.faults import Fault, describe
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
 from contid.control.tick.statistics import RobotTally
 from contid.control.tick.supervisor import MOVING, UNARMED, Mode
+from contid.control.tick.tip_feedback import Measurement
 from contid.robot_file.base import StopPolicy
+from contid.targets import Vec3
 
 #: Returns the state of a robot after an order given at a time [s].
 Order: TypeAlias = Callable[[RobotConfig, RobotState, float], RobotState]
@@ -36,6 +38,8 @@ class Robots:
         states: state of each.
         tallies: statistics of each.
         reported: mode of each in its newest event.
+        measured: newest measured tip by name.
+        loads: estimated force on the tip and standard deviation of its components by name, world frame [N].
     """
 
     def __init__(self, configs: Sequence[RobotConfig], sink: Sink) -> None:
@@ -44,6 +48,8 @@ class Robots:
         self.tallies = [RobotTally() for _ in configs]
         self._index = {config.name: index for index, config in enumerate(configs)}
         self.reported = [Mode.OFF for _ in configs]
+        self.measured: dict[str, Measurement] = {}
+        self.loads: dict[str, tuple[Vec3, Vec3]] = {}
         self._sink = sink
 
     @property

@@ -1,4 +1,4 @@
-"""Selects the source of targets, keeps measured tips, and ends the run after the source."""
+"""Selects the source of targets, notes the tips that it measured, and ends the run after the source."""
 
 from __future__ import annotations
 
@@ -28,7 +28,6 @@ class TargetSelector:
 
     Attributes:
         source: of the targets, None without one.
-        measured: newest measured tip by robot.
         attended: a client may give orders: the run does not end because every robot is in FAULT.
         ended: the source has ended.
         finishing: the run is ending; no motion begins.
@@ -40,6 +39,7 @@ class TargetSelector:
         chains: ChainMonitor,
         rate_hz: float,
         sink: Sink,
+        *,
         trajectory: Trajectory | None,
         on_end: OnEnd,
         attended: bool,
@@ -48,7 +48,6 @@ class TargetSelector:
         self.source: Source | None = None
         if trajectory is not None:
             self.source = Timed(trajectory, rate_hz, robots.configs)
-        self.measured: dict[str, Measurement] = {}
         self.attended = attended
         self.ended = False
         self.finishing = False
@@ -156,7 +155,8 @@ class TargetSelector:
     def _note(self, targets: Mapping[str, Target | None], now_s: float) -> None:
         for robot, target in targets.items():
             if target is not None and target.measured_tip_m is not None:
-                self.measured[robot] = Measurement(target.measured_tip_m, now_s, target.measured_direction)
+                tip_m, direction = target.measured_tip_m, target.measured_direction
+                self._robots.measured[robot] = Measurement(tip_m, now_s, direction)
 
     def _replace(self, source: Source, now_s: float) -> None:
         """Change the source: robots that followed the old one approach the new one, or hold."""

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from contid.control.engine.bus_trackers import BusTrackers
 from contid.control.engine.clock import VirtualClock
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.engine import Engine
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.pace import TicksSkipped
 from contid.control.engine.messages import EndOfRows, Message, Rows
-from contid.control.engine.ports import BusPort
+from contid.control.engine.ports import BusPort, BusTrackers
 from contid.control.engine.report import RunReport, robot_reports
 from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard, open_buses
 from contid.robot_file.load import LoadedFile

@@ -17,14 +17,13 @@ from types import FrameType
 from typing import Final
 
 from contid import kernels
-from contid.control.engine.bus_trackers import BusTrackers
 from contid.control.engine.clock import RealClock
 from contid.control.engine.engine import Engine
 from contid.control.engine.events.buses import BusReported
 from contid.control.engine.events.robots import RobotReported
 from contid.control.engine.events.run import LogWritten, NoteWritten, RunFailed, RunStarted
 from contid.control.engine.messages import Finish, Start
-from contid.control.engine.ports import BusPort
+from contid.control.engine.ports import BusPort, BusTrackers
 from contid.control.engine.report import robot_reports
 from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard, open_buses
 from contid.control.process.log_queue import LogQueue, handle_logs

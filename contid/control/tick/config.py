@@ -74,6 +74,7 @@ class RobotConfig:
         capstan: lead of the friction of tendons in the bends, None without.
         taut: bounds of the tensions of a tendon robot, None without.
         sensing: description of an arm that senses the force on its tip, None without.
+        stages: stages of the tick that its robot file asks for (`contid.control.engine.stages`).
         contact: what it does after a contact, None when none is looked for.
         usual_a, contact_a: current of an axis without a contact, and what is one above it [A]; 0 when
             currents show none.
@@ -108,6 +109,7 @@ class RobotConfig:
     capstan: CapstanLead | None = None
     taut: TautPulls | None = None
     sensing: Cosserat | None = None
+    stages: tuple[str, ...] = ()
     contact: ContactPolicy | None = None
     usual_a: float = 0.0
     contact_a: float = 0.0
@@ -171,6 +173,7 @@ def robot_config(
         capstan=getattr(model, "capstan", None),
         taut=getattr(model, "taut", None),
         sensing=robot if isinstance(robot, Cosserat) and robot.sense is not None else None,
+        stages=robot.stages,
         contact=None if sense is None else sense.contact,
         usual_a=0.0 if currents is None else currents.usual_ma / 1e3,
         contact_a=0.0 if currents is None else currents.contact_ma / 1e3,

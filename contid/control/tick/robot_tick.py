@@ -46,6 +46,7 @@ class TickResult:
         tip_error_m: distance of the commanded model's tip from the (corrected) target; NaN without a target.
         limits: bits of `contid.control.tick.limits` per axis, empty when nothing was limited.
         squeezed: the report of a tip that closes or holds, None for none.
+        held: a stage stopped the robot in this tick (`contid.control.engine.stages`).
     """
 
     state: RobotState
@@ -54,11 +55,12 @@ class TickResult:
     tip_error_m: float = math.nan
     limits: tuple[int, ...] = ()
     squeezed: SqueezeReport | None = None
+    held: bool = False
 
     @property
     def arrived(self) -> bool:
-        """False when a move until a force ended without it."""
-        return self.squeezed is None or self.squeezed.end is SqueezeEnd.REACHED
+        """False when a stage stopped the robot, or a move until a force ended without it."""
+        return not self.held and (self.squeezed is None or self.squeezed.end is SqueezeEnd.REACHED)
 
 
 def tick(

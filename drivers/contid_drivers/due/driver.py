@@ -118,7 +118,7 @@ class DueDriver:
 
     def scan(self, ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
         """See `contid.hal.Scans`; a native port has no rate."""
-        from contid_drivers.due.scan import scan
+        from contid_drivers.due.service import scan
 
         return scan(ports, report)
 

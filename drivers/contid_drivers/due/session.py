@@ -12,10 +12,9 @@ from contid.hal import AxisOnBus, DeviceKind
 from contid_drivers.due import messages
 from contid_drivers.due.board_clock import BoardClock
 from contid_drivers.due.codes import CURRENT_SENSE, PORTS, PROTOCOL_VERSION, Refusal, Type
-from contid_drivers.due.frames import crc16
+from contid_drivers.due.frames import DuePort, crc16
 from contid_drivers.due.messages import Answer, Configured, Hello, Refused, Telemetry
 from contid_drivers.due.options import Bridge, DueBusOptions
-from contid_drivers.due.port import DuePort
 from contid_drivers.due.wiring import Adc, axis_options, board_config, config_body
 from contid_drivers.serial_ports import find_port
 

@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from contid.control.engine.cycle import Timing
+from contid.control.engine.robots import Robots
 from contid.control.engine.stall_watch import StallWatch
+from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.faults import Fault
+from contid.control.tick.robot_tick import TickResult
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
+from tests.support.fingers import Collector, load
 
 TRIP = "f0.left: watchdog tripped: no exchange for 200 ms"
 
 
 def fault(starts_s: list[float], fault: Fault = Fault.DEVICE_FAULT, message: str = TRIP) -> RobotState:
     """The explained state of a robot that faults after ticks at given times."""
-    watch = StallWatch(200.0)
+    config = replace(build_robot_configs(load(1), 200.0)[0], watchdog_s=0.2)
+    robots = Robots([config], Collector())
+    watch = StallWatch(robots, 200.0)
     for number, start_s in enumerate(starts_s):
-        watch.begin(Timing(number, 0, start_s, 0.0, start_s + 0.004))
-    return watch.explained(RobotState(mode=Mode.FAULT, fault=fault, message=message), 0.2)
+        watch.before({}, Timing(number, 0, start_s, 0.0, start_s + 0.004), start_s)
+    outcomes = [TickResult(RobotState(mode=Mode.FAULT, fault=fault, message=message))]
+    watch.after(outcomes, {}, starts_s[-1])
+    return outcomes[0].state
 
 
 def test_a_trip_after_a_gap_is_the_loops() -> None:

@@ -12,6 +12,7 @@ from contid.control.engine import messages as msg
 from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.clearance_watch import ClearanceWatch
 from contid.control.engine.command_log import CommandLog
+from contid.control.engine.contact_stage import ContactStage
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.engine.virtual import VirtualProcess, run_virtual
@@ -291,14 +292,14 @@ def test_a_live_row_is_solved_once_by_its_check_and_once_in_each_tick(
     assert len(solved) == 2
 
 
-def test_a_file_without_chains_and_clearance_makes_no_call_of_them_in_a_tick(
+def test_a_file_without_chains_clearance_and_contacts_makes_no_call_of_them_in_a_tick(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def called(*_: object) -> None:
         raise AssertionError("called")
 
-    for kind in (ChainMonitor, ClearanceWatch):
-        monkeypatch.setattr(kind, "before_tick", called)
-        monkeypatch.setattr(kind, "after_tick", called)
+    for kind in (ChainMonitor, ClearanceWatch, ContactStage):
+        for method in {"before", "after", "settle"} & vars(kind).keys():
+            monkeypatch.setattr(kind, method, called)
     loaded = load(2)
     assert run_virtual(loaded, RATE, circle(loaded)).exit_code == 0

@@ -39,8 +39,8 @@ def export(session_file: str, robot: str | None, **outputs: str | None) -> None:
     Tables are in mm and bar: all channels, and axes and tip by forward kinematics of the measurements.
     """
     from contid.session.export import csv_files
-    from contid.session.output import refuse_recording
     from contid.session.read import Session
+    from contid.session.write import refuse_recording
 
     paths = {name: Path(path) for name, path in outputs.items() if path is not None}
     if not paths:
@@ -60,11 +60,11 @@ def export(session_file: str, robot: str | None, **outputs: str | None) -> None:
                 written += export_csv(session, path)
                 continue
             elif name == "parquet":
-                from contid.session.export.parquet import export_parquet
+                from contid.session.export.typed_tables import export_parquet
 
                 export_parquet(session, path)
             elif name == "hdf5":
-                from contid.session.export.hdf5 import export_hdf5
+                from contid.session.export.typed_tables import export_hdf5
 
                 export_hdf5(session, path)
             elif name == "rrd":

@@ -68,7 +68,7 @@ def repair(session_file: str, output: str | None) -> None:
 
     The incomplete tick is dropped; the rest is indexed and compressed.
     """
-    from contid.session.repair import repair as repaired
+    from contid.session.compact import repair as repaired
 
     with counting("ticks read") as count:
         summary = repaired(Path(session_file), None if output is None else Path(output), count)

@@ -8,7 +8,6 @@ from typing import Final
 from contid.robot_file.cosserat import Cosserat
 from contid.units import BAR, MM_PER_M, STANDARD_GRAVITY
 from contid_drivers.sim.arm.statics import Numbers, arm_solver
-from contid_drivers.sim.plane import plane_in_base
 
 #: A new equilibrium that is not found in one step is approached in this many.
 _PARTS: Final = 16
@@ -38,7 +37,7 @@ class SimulatedBody:
         self._acting: list[float] = []
         self._normal, self._wall_mm = (0.0, 0.0, 0.0), 0.0
         if robot.sim.wall is not None:
-            self._normal, self._wall_mm = plane_in_base(robot.sim.wall, base)
+            self._normal, self._wall_mm = robot.sim.wall.in_base(base)
         #: Base moment [N·mm] and push of the wall [N] of the last equilibrium.
         self._unknowns: Numbers = (0.0, 0.0, 0.0, 0.0)
         #: Pressures [bar] and payload [N] of the last equilibrium.

@@ -18,7 +18,6 @@ from typing import Final
 
 from contid.robot_file.rack_finger import RackFinger
 from contid.units import MM_PER_M
-from contid_drivers.sim.plane import plane_in_base
 
 #: Nodes and weights of Gauss-Legendre on [0, 1] with five points (Abramowitz and Stegun, table 25.4).
 _NODES: Final = (0.046910077030668, 0.230765344947158, 0.5, 0.769234655052842, 0.953089922969332)
@@ -64,7 +63,7 @@ class FingerBody:
         self._shafts: list[float] = []
         self._normal, self._surface_mm = (0.0, 0.0, 0.0), 0.0
         if self._sim.object is not None:
-            self._normal, self._surface_mm = plane_in_base(self._sim.object, description.base)
+            self._normal, self._surface_mm = self._sim.object.in_base(description.base)
 
     def settle(self, free_rad: list[float], t_s: float) -> list[tuple[float, float]]:
         """Angles of the shafts [rad] and currents of their servos [A].

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from contid.control.tick.load_sensing.pressure_trace import OLDEST_S, RESTING_S, PressureTrace
+from contid.sense.live.pressure_trace import OLDEST_S, RESTING_S, PressureTrace
 
 PERIOD_S = 0.005
 HALF_LOOP = (0.03, 0.01)

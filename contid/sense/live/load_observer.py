@@ -15,15 +15,15 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from contid.control.tick.load_sensing.identified_arm import SCALE_STEP, IdentifiedArm, Numbers
-from contid.control.tick.load_sensing.load_filter import LoadFilter
-from contid.control.tick.load_sensing.pressure_trace import PressurePose, PressureTrace
 from contid.control.tick.tip_feedback import Measurement
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import NearAnswer
+from contid.kinematics.cosserat.identified_arm import SCALE_STEP, IdentifiedArm, Numbers
 from contid.kinematics.frames import BaseFrame
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.pneumatic.sense import LoadSensing
+from contid.sense.live.load_filter import LoadFilter
+from contid.sense.live.pressure_trace import PressurePose, PressureTrace
 from contid.targets import ZERO3, Vec3, vec3
 from contid.units import MM_PER_M, STANDARD_GRAVITY
 

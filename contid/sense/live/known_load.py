@@ -1,9 +1,9 @@
 """The load that an arm carries when no contact acts: a Kalman filter of a force that hardly changes.
 
-The estimate of `load_sensing` follows a contact at once and is uncertain where the arm is stiff. This filter
-begins with that estimate, then follows measurements that were no contact. While the arm moves, its stiff
-direction changes, so the measurements determine one component of the force after the other; the covariance
-states which are still uncertain.
+The estimate of `contid.sense.live.load_observer` follows a contact at once and is uncertain where the arm is
+stiff. This filter begins with that estimate, then follows measurements that were no contact. While the arm
+moves, its stiff direction changes, so the measurements determine one component of the force after the other;
+the covariance states which are still uncertain.
 
 Units: mm and N.
 """

@@ -1,4 +1,7 @@
-"""A session as HDF5: a group per channel with a dataset per column, and the events as lines of JSON."""
+"""A session as a typed table: Parquet with the columns of the joined CSV, or HDF5 with a group per channel.
+
+In Parquet what is absent is null; HDF5 has the events as lines of JSON.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,33 @@ from contid.whole_file import replacing
 #: Group of the times of the ticks.
 TIME: Final = "time"
 _CHUNK: Final = 4096
+
+
+def export_parquet(session: Session, path: Path) -> None:
+    """Write all ticks; the metadata of the schema has the text of the robot file and the rate.
+
+    Raises:
+        ContidError: the file cannot be written.
+    """
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    table = TickTable(session)
+    kinds = [pa.int64() if whole else pa.float64() for whole in table.whole]
+    about = {
+        "contid": contid.__version__,
+        "session": session.path.name,
+        "rate_hz": repr(session.rate_hz),
+        "robot_file": session.robot_text,
+    }
+    schema = pa.schema(list(zip(table.names, kinds, strict=True)), metadata=about)
+    with replacing(path) as file, parquet.ParquetWriter(file, schema, compression="zstd") as writer:
+        for block in table.blocks():
+            columns = [
+                pa.array(values, kind, from_pandas=True)  # NaN becomes null
+                for values, kind in zip(table.series(block).values(), kinds, strict=True)
+            ]
+            writer.write_table(pa.Table.from_arrays(columns, schema=schema))
 
 
 def export_hdf5(session: Session, path: Path) -> None:

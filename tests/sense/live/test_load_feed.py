@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from contid.control.tick.load_sensing.load_feed import (
+from contid.sense.live.load_feed import (
     FADE_S,
     GAIN_PER_S,
     STALE_S,

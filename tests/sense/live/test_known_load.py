@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from contid.control.tick.contact.known_load import DRIFT_N, MODEL_MM, KnownLoad
+from contid.sense.live.known_load import DRIFT_N, MODEL_MM, KnownLoad
 
 
 def posterior(prior, measurements):

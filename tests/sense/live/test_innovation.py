@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from contid.control.tick.contact.innovation_test import (
+from contid.sense.live.innovation_test import (
     GATE,
     NEWEST,
     REFERENCE,

@@ -21,8 +21,8 @@ from typing import Final
 
 import numpy as np
 
-from contid.control.tick.load_sensing.symmetric import cofactors, squared_distance
 from contid.kinematics.array import Array
+from contid.sense.live.symmetric import cofactors, squared_distance
 
 #: A larger squared distance is a sudden change; noise alone exceeds it once in 1e9 tests of three components.
 GATE: Final = 44.0

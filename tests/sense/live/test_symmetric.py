@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from contid.control.tick.load_sensing.symmetric import cofactors, squared_distance
+from contid.sense.live.symmetric import cofactors, squared_distance
 
 
 def test_it_is_what_numpy_finds():

@@ -17,21 +17,21 @@ from typing import Final
 
 import numpy as np
 
-from contid.control.tick.contact.innovation_test import (
+from contid.control.tick.tip_feedback import Measurement
+from contid.kinematics.array import Array
+from contid.kinematics.cosserat.identified_arm import IdentifiedArm, Numbers
+from contid.kinematics.frames import BaseFrame
+from contid.robot_file.cosserat import Cosserat
+from contid.sense.live.innovation_test import (
     NEWEST,
     REFERENCE,
     Departure,
     InnovationTest,
     TipResidual,
 )
-from contid.control.tick.contact.known_load import KnownLoad
-from contid.control.tick.load_sensing.identified_arm import IdentifiedArm, Numbers
-from contid.control.tick.load_sensing.load_observer import LoadFound
-from contid.control.tick.load_sensing.pressure_trace import PressurePose, PressureTrace
-from contid.control.tick.tip_feedback import Measurement
-from contid.kinematics.array import Array
-from contid.kinematics.frames import BaseFrame
-from contid.robot_file.cosserat import Cosserat
+from contid.sense.live.known_load import KnownLoad
+from contid.sense.live.load_observer import LoadFound
+from contid.sense.live.pressure_trace import PressurePose, PressureTrace
 from contid.targets import Vec3, vec3
 from contid.units import MM_PER_M
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from contid.control.tick.load_sensing.load_filter import GATE, WIDTHS, LoadFilter
+from contid.sense.live.load_filter import GATE, WIDTHS, LoadFilter
 
 NOISE_MM, EXPECTED_N = 0.3, 0.2
 MODEL_MM2 = 1e-4 * np.eye(3)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from contid import kernels
-from contid.control.tick.load_sensing.identified_arm import HALF_LOOP_RANGE, SCALE_STEP, IdentifiedArm
 from contid.kinematics.cosserat.identified import scaled_arm
+from contid.kinematics.cosserat.identified_arm import HALF_LOOP_RANGE, SCALE_STEP, IdentifiedArm
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.pneumatic.sense import LoadSensing, ModelErrors, Sense
 from contid.units import BAR

@@ -4,25 +4,22 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from contid.control.engine.chain_monitor import ChainMonitor
-from contid.control.engine.cycle import Sink
+from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.events.orders import OrderRefused
-from contid.control.engine.events.robots import ContactBegan, SqueezeChanged
+from contid.control.engine.events.robots import ContactBegan
 from contid.control.engine.exchange import Exchange
-from contid.control.engine.load_watch import LoadWatch
 from contid.control.engine.robots import Order, Robots
+from contid.control.engine.stages import Targets, TickStage
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.contact.current_contact import CurrentContact
-from contid.control.tick.contact.squeeze_way import SqueezeEnd, SqueezeReport
-from contid.control.tick.contact.tip_contact import TipContact, TipContactFound
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
-from contid.control.tick.tip_feedback import Measurement
 from contid.hal import Sample
 from contid.robot_file.base import ContactPolicy
 from contid.targets import Actuation, Target
@@ -33,44 +30,30 @@ RETREAT_S: Final = 0.5
 _OLDEST_S: Final = 0.6
 #: Step of an axis of the difference by which the direction of its motion of the tip is computed [m].
 _STEP: Final = 1e-5
-#: Messages of the event of a squeeze.
-_SQUEEZED: Final = {
-    SqueezeEnd.REACHED: "holds with {:.2f} N",
-    SqueezeEnd.LOST: "lost the object ({:.2f} N left); it holds where it is",
-    SqueezeEnd.NOTHING: "at the target without the force ({:.2f} N); it holds there",
-    SqueezeEnd.PRESSED: "no free way of 2 mm to measure friction on: move back from the object; it holds",
-    SqueezeEnd.WEAK: "friction may hide {:.2f} N on this way, more than the force to hold; it stays there",
-}
 #: A robot in another mode does not react: it stops already, or does not move.
 _REACTING: Final = (Mode.RUN, Mode.APPROACH, Mode.HOLD)
 
 
-class ContactOrders:
-    """The robots that look for contacts.
+class ContactStage(TickStage):
+    """The robots that look for contacts: their currents, and the reactions to every contact.
 
     Args:
         robots: all of them.
         exchange: with their devices.
-        loads: their estimated loads.
         chains: the closed chains among them.
         sink: of the events.
+
+    Attributes:
+        going_back: targets of the robots on their way back by their index, None while they brake. A robot is
+            in it from a contact until it is back; only then the end of its goto is reported.
     """
 
-    def __init__(
-        self, robots: Robots, exchange: Exchange, loads: LoadWatch, chains: ChainMonitor, sink: Sink
-    ) -> None:
+    def __init__(self, robots: Robots, exchange: Exchange, chains: ChainMonitor, sink: Sink) -> None:
+        self.robots = [index for index, config in enumerate(robots.configs) if config.contact is not None]
         self._robots = robots
         self._exchange = exchange
-        self._loads = loads
         self._chains = chains
         self._sink = sink
-        self._tips = {
-            index: TipContact(config.sensing, observer.arm)
-            for index, config in enumerate(robots.configs)
-            if config.contact is not None
-            and config.sensing is not None
-            and (observer := loads.observers.get(index)) is not None
-        }
         self._currents = {
             index: CurrentContact(len(config.axes), config.usual_a, config.contact_a, config.period_s)
             for index, config in enumerate(robots.configs)
@@ -86,23 +69,18 @@ class ContactOrders:
         }
         #: Commands to which robots that still brake will go back.
         self._retreats: dict[int, Actuation] = {}
-        #: Targets of the robots on their way back; None while they brake.
-        self._going_back: dict[int, Target | None] = {}
+        self.going_back: dict[int, Target | None] = {}
 
     def cancel(self) -> None:
         """Cancel the ways back that have not begun; called when an order came."""
         self._retreats.clear()
 
-    def retreating(self, index: int) -> bool:
-        """True from a contact until the robot is back; only then the end of its goto is reported."""
-        return index in self._going_back
-
-    def tick(self, number: int, now_s: float, measured: Mapping[str, Measurement]) -> None:
-        """Look for contacts; called before the ticks of the robots and after those of the load estimates."""
-        for index, target in list(self._going_back.items()):
+    def before(self, targets: Targets, timing: Timing, now_s: float) -> Targets:
+        """See `TickStage.before`: robots that react go back, currents are looked at."""
+        for index, target in list(self.going_back.items()):
             ended = target is None or self._robots.states[index].goto is not target
             if ended and index not in self._retreats:
-                del self._going_back[index]
+                del self.going_back[index]
         for index, goal in list(self._retreats.items()):
             self._go_back(index, goal, now_s)
         for index, way in self._ways.items():
@@ -111,15 +89,9 @@ class ContactOrders:
                 way.append((now_s - self._robots.configs[index].period_s, state.command))
             else:
                 way.clear()
-        for index, tip in self._tips.items():
-            observer = self._loads.observers[index]
-            config = self._robots.configs[index]
-            found = tip.tick(observer.trace, measured.get(config.name), observer.found)
-            if found is not None:
-                self._report(index, number, found)
-                self._react(index, found.time_s, "contact of its tip", now_s)
         for index, currents in self._currents.items():
-            self._tick_currents(index, currents, number, now_s)
+            self._tick_currents(index, currents, timing.tick, now_s)
+        return targets
 
     def _tick_currents(self, index: int, currents: CurrentContact, number: int, now_s: float) -> None:
         config, state = self._robots.configs[index], self._robots.states[index]
@@ -155,38 +127,10 @@ class ContactOrders:
             )
         )
         if policy is not ContactPolicy.IGNORE:
-            self._react(index, now_s, what, now_s)
+            self.react(index, now_s, what, now_s)
 
-    def squeezed(self, config: RobotConfig, number: int, report: SqueezeReport) -> None:
-        """Write the event of a tip that closes until a force, or holds it."""
-        self._sink.event(
-            SqueezeChanged(
-                tick=number,
-                robot=config.name,
-                what=report.end.value,
-                force_n=round(report.force_n, 4),
-                message=_SQUEEZED[report.end].format(report.force_n),
-            )
-        )
-
-    def _report(self, index: int, number: int, found: TipContactFound) -> None:
-        config = self._robots.configs[index]
-        assert config.contact is not None
-        direction = [round(part, 4) for part in config.frame.vector_in_world(found.direction_in_base)]
-        self._sink.event(
-            ContactBegan(
-                tick=number,
-                robot=config.name,
-                time_s=found.time_s,
-                direction=direction,
-                force_n=found.force_n,
-                confidence=found.confidence,
-                policy=config.contact.value,
-                message=_message(direction, found.force_n, config.contact),
-            )
-        )
-
-    def _react(self, index: int, found_s: float, what: str, now_s: float) -> None:
+    def react(self, index: int, found_s: float, what: str, now_s: float) -> None:
+        """See `contid.control.engine.stages.React`."""
         config, state = self._robots.configs[index], self._robots.states[index]
         if config.contact is ContactPolicy.IGNORE or state.mode not in _REACTING:
             return
@@ -199,7 +143,7 @@ class ContactOrders:
         # A chain goes back as a whole or not at all.
         if config.contact is ContactPolicy.RETRACT and moves and not self._chains.concerns(config.name):
             self._retreats[index] = self._before(index, found_s)
-            self._going_back[index] = None
+            self.going_back[index] = None
 
     def _before(self, index: int, found_s: float) -> Actuation:
         """The command `RETREAT_S` before a time, or the oldest one kept."""
@@ -215,7 +159,7 @@ class ContactOrders:
         del self._retreats[index]
         if held and state.command != goal:
             self._robots.change(index, _retreat_to(goal), now_s)
-            self._going_back[index] = self._robots.states[index].goto
+            self.going_back[index] = self._robots.states[index].goto
 
 
 def _against(
@@ -240,8 +184,3 @@ def _against(
 
 def _retreat_to(goal: Actuation) -> Order:
     return lambda config, state, now_s: transitions.retreat(config, state, goal, now_s)
-
-
-def _message(direction: list[float], force_n: float, policy: ContactPolicy) -> str:
-    along = ", ".join(f"{part:.2f}" for part in direction)
-    return f"contact: force {1e3 * force_n:.1f} mN along ({along}); policy {policy.value}"

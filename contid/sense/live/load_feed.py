@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from contid.control.tick.load_sensing.symmetric import squared_distance
+from contid.sense.live.symmetric import squared_distance
 from contid.targets import ZERO3, Target, Vec3
 
 #: Of the filter; slower than the estimate, so that its noise does not move the arm.
