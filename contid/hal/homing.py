@@ -13,8 +13,10 @@ from typing import Final
 
 from contid.errors import DeviceError
 
-#: Greatest distance of two findings of one stop, and of the way back from the back-off.
+#: Greatest distance of two findings of one stop.
 REPEAT_RAD: Final = math.radians(1.0)
+#: Greatest share of the back-off that friction may keep from it, with the low current of a search.
+WAY_SHARE: Final = 0.4
 #: The same for tendons, which give [m].
 REPEAT_TENDON_M: Final = 0.002
 #: A shorter way back would drown in noise.
@@ -49,6 +51,8 @@ class Reference:
     def require_way_back(self, device: str, moved_rad: float, backoff_rad: float) -> None:
         """Refuse a shaft that did not move back from the place where it stood still.
 
+        One that fails on the way is found by the repetition.
+
         Args:
             device: names the axis in the error.
             moved_rad: way back that was measured, positive away from the reference [rad].
@@ -57,7 +61,7 @@ class Reference:
         Raises:
             DeviceError: it is jammed, or its encoder is dead.
         """
-        if abs(moved_rad - backoff_rad) > REPEAT_RAD:
+        if abs(moved_rad - backoff_rad) > max(REPEAT_RAD, WAY_SHARE * backoff_rad):
             raise DeviceError(
                 device,
                 f"it stands still, but does not move back: {math.degrees(moved_rad):.2f} of "
