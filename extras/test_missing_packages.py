@@ -12,7 +12,7 @@ import pytest
 
 from contid.errors import EXTRAS
 
-ROOT = Path(__file__).parent.parent.parent
+ROOT = Path(__file__).parent.parent
 # Processes that a command starts hide them as well: they import this module too.
 HIDE = f"""
 import sys
