@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from contid.kinematics.arc.section_model import SectionModel, build_solver
-from contid.kinematics.arc.sections import forward
-from contid.kinematics.arc.task import tuning_for
+from contid.kinematics.arc.tuning import tuning_for
 from contid.kinematics.model import build_model
 from contid.robot_file.load import load_robot_file
 from contid.targets import Target
 from studies import singh
+from studies.arc_chains import forward
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 

@@ -1,4 +1,4 @@
-"""Processor time of distances between random chains of arcs, compiled and by NumPy."""
+"""Processor time of distances between random chains of arcs, by the kernel."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from contid.clearance.body import Body, sampled_body
-from contid.clearance.distance import between_bodies, numpy_between_bodies, to_obstacle
+from contid.clearance.distance import between_bodies, to_obstacle
 from contid.clearance.obstacles import Box
 from tests.clearance.arcs import random_chain
 
@@ -41,7 +41,6 @@ def main() -> None:
     print("two arms             ", times_us(pairs, between_bodies, 20))
     print("only the margin      ", times_us(pairs, lambda a, b: between_bodies(a, b, MARGIN_M), 20))
     print("arm and box          ", times_us(pairs, lambda a, _: to_obstacle(a, box), 20))
-    print("two arms, NumPy twin ", times_us(pairs[:50], numpy_between_bodies, 2))
 
 
 if __name__ == "__main__":

@@ -17,16 +17,15 @@ from typing import Any
 import numpy as np
 
 from contid.kernels import load
-from contid.kinematics.arc.biarc import biarc
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import build_solver
-from contid.kinematics.arc.sections import forward
 from contid.kinematics.array import Array
 from contid.kinematics.ph.ends import CurveEnds, PhFit, through
-from contid.kinematics.ph.inverse import ShapeInverse, ph_inverse
+from contid.kinematics.ph.inverse import ShapeInverse
 from contid.kinematics.rope.catenary import Catenary, as_quintic, hang
 from contid.targets import ZERO3, Vec3
 from studies import singh
+from studies.arc_chains import biarc, forward, lengths_of
 from studies.shape_comparison import compare_shapes, split_of, tube_sections
 
 SECTIONS = singh.cbha_sections()
@@ -62,16 +61,15 @@ def times() -> None:
     split = split_of(golden.lengths_m[0])
     count, rows = len(tips), []
     kernel = load("ph_curve")
-    if kernel is not None:
-        for what, known in (("unknown", np.full(count, math.nan)), ("known", lengths)):
-            native = kernel.ShapeInverse(
-                [each.distance_m for each in tube_sections()],
-                [list(each.angles_rad) for each in tube_sections()],
-                list(split),
-            )
-            poses = np.ascontiguousarray(np.column_stack([golden.tips_m, frames.rotation[:, :, 2], known]))
-            out = np.empty((count, 6))
-            rows.append((f"PH, length {what}, in the kernel", rows_us(native, poses, out) / count))
+    for what, known in (("unknown", np.full(count, math.nan)), ("known", lengths)):
+        native = kernel.ShapeInverse(
+            [each.distance_m for each in tube_sections()],
+            [list(each.angles_rad) for each in tube_sections()],
+            list(split),
+        )
+        poses = np.ascontiguousarray(np.column_stack([golden.tips_m, frames.rotation[:, :, 2], known]))
+        out = np.empty((count, 6))
+        rows.append((f"PH, length {what}, in the kernel", rows_us(native, poses, out) / count))
     prepared = ShapeInverse(tube_sections(), split)
     rows.append(
         ("PH, length unknown, from Python", median_us(lambda k: prepared.solve(tips[k], ways[k]), count))
@@ -82,18 +80,11 @@ def times() -> None:
             median_us(lambda k: prepared.solve(tips[k], ways[k], float(lengths[k])), count),
         )
     )
-    rows.append(
-        (
-            "PH in NumPy",
-            median_us(lambda k: ph_inverse(tips[k], ways[k], tube_sections(), split), count, 2),
-        )
-    )
-    bounded = build_solver(Feasible(SECTIONS, (0.100, 0.090), (0.150, 0.140)))
+    bounded: Any = build_solver(Feasible(SECTIONS, (0.100, 0.090), (0.150, 0.140)))
     seeds = [tuple(row) for row in golden.lengths_m.tolist()]
-    if hasattr(bounded, "follow"):
-        out = np.empty((count, 6))
-        us = median_us(lambda _: bounded.follow(golden.tips_m, seeds[0], out), 1, 300) / count
-        rows.append(("bounded Newton, tip, in the kernel", us))
+    out = np.empty((count, 6))
+    us = median_us(lambda _: bounded.follow(golden.tips_m, seeds[0], out), 1, 300) / count
+    rows.append(("bounded Newton, tip, in the kernel", us))
     rows.append(
         (
             "bounded Newton, tip, from Python",
@@ -109,7 +100,7 @@ def times() -> None:
 
     def one_biarc(k: int) -> object:
         arcs = biarc(golden.tips_m[k], frames.rotation[k, :, 2], 0.0625, (0.0, 0.0))
-        return None if arcs is None else SECTIONS.lengths(np.array(arcs))
+        return None if arcs is None else lengths_of(SECTIONS, np.array(arcs))
 
     rows.append(("biarc of one control leg, in NumPy", median_us(one_biarc, count, 5)))
     rows.append(

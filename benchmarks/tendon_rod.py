@@ -1,13 +1,11 @@
 """Rod statics of a tendon robot: ``python benchmarks/tendon_rod.py [TARGETS]``.
 
 `tendon3` with ``rod: {weight_n_per_m: [0.8]}``: solves of the rod, and targets along a path under a force on
-the tip, each from the answer before as in the tick; native kernel and NumPy twin in one run, because only
-ratios hold on other machines. The shortest of three calls counts.
+the tip, each from the answer before as in the tick. The shortest of three calls counts.
 """
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -17,7 +15,6 @@ from typing import Final
 
 import numpy as np
 
-from contid.kernels import PURE_PYTHON
 from contid.kinematics.model import build_model
 from contid.kinematics.tendon.loaded import LoadedTendonModel
 from contid.robot_file.load import parse_robot_file
@@ -28,12 +25,11 @@ TIMES: Final = 3
 LOAD_N: Final = (0.02, 0.0, -0.05)
 
 
-def model_of(pure: bool) -> LoadedTendonModel:
-    """The model with its kernel or its twin."""
+def loaded_model() -> LoadedTendonModel:
+    """`tendon3` with the weight of its sections."""
     text = Path(find_robot_file("tendon3")).read_text(encoding="utf-8")
     text = text.replace("    rates:\n", "    rod: {weight_n_per_m: [0.8]}\n    rates:\n", 1)
     (robot,) = parse_robot_file(text, "tendon3.yaml").file.robots.values()
-    os.environ[PURE_PYTHON] = "1" if pure else "0"
     model = build_model(robot)
     assert isinstance(model, LoadedTendonModel)
     return model
@@ -49,9 +45,9 @@ def shortest_us(call: Callable[[], object]) -> float:
     return 1e6 * min(times)
 
 
-def measured(pure: bool, count: int) -> tuple[Sequence[float], Sequence[float]]:
+def measured(count: int) -> tuple[Sequence[float], Sequence[float]]:
     """Times of solves of the rod and of targets [us]."""
-    model = model_of(pure)
+    model = loaded_model()
     seed: Actuation = (0.0,) * 9
     solves, answers = [], []
     for k in range(count):
@@ -70,16 +66,12 @@ def measured(pure: bool, count: int) -> tuple[Sequence[float], Sequence[float]]:
 def main() -> None:
     """See the module."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 300
-    medians = []
-    for name, pure, number in (("kernel", False, count), ("NumPy", True, max(3, count // 30))):
-        solves, answers = measured(pure, number)
-        line = [f"{name}, {number - 1} targets:"]
-        for what, times in (("rod", solves), ("target", answers)):
-            median, p99 = np.percentile(times, [50, 99])
-            medians.append(median)
-            line.append(f"{what} median {median:.0f} us, p99 {p99:.0f} us;")
-        print(" ".join(line))
-    print(f"NumPy over kernel: rod {medians[2] / medians[0]:.0f}, target {medians[3] / medians[1]:.0f} times")
+    solves, answers = measured(count)
+    line = [f"{count - 1} targets:"]
+    for what, times in (("rod", solves), ("target", answers)):
+        median, p99 = np.percentile(times, [50, 99])
+        line.append(f"{what} median {median:.0f} us, p99 {p99:.0f} us;")
+    print(" ".join(line))
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ OPTIONS: tuple[list[str], ...] = (
 )
 
 
+@pytest.mark.process
 @pytest.mark.realtime
 @pytest.mark.parametrize("options", OPTIONS, ids=lambda options: options[0])
 def test_files_of_the_working_directory_are_not_imported(options: list[str], tmp_path: Path) -> None:

@@ -12,6 +12,8 @@ import pytest
 
 from contid.errors import EXTRAS
 
+pytestmark = pytest.mark.process
+
 ROOT = Path(__file__).parent.parent
 # Processes that a command starts hide them as well: they import this module too.
 HIDE = f"""

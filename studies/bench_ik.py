@@ -84,7 +84,6 @@ def _print(rows: list[ComparisonRow], drifts: list[Drift], random: int) -> None:
     console.print(table)
     timed = {row.name: row.time_us for row in rows if row.time_us is not None}
     newton = next(value for name, value in timed.items() if name.startswith("Newton"))
-    # The native one stands before its NumPy twin.
     ours = next(value for name, value in timed.items() if name.startswith("contid, bounded"))
     console.print(
         f"Newton-Raphson in NumPy takes {newton / ours:.0f} times as long as contid's bounded solver.\n"

@@ -12,15 +12,13 @@ import numpy as np
 
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import build_solver
-from contid.kinematics.arc.sections import differentiate, forward
-from contid.kinematics.arc.solve import SectionSolver
 from contid.kinematics.arc.solver import Solver
-from contid.kinematics.arc.task import tuning_for
 from contid.kinematics.array import Array
 from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
 from contid.kinematics.ph.model import arc_direction
 from contid.targets import vec3
 from studies import singh
+from studies.arc_chains import differentiate, forward
 from studies.distal_learning import InverseNetwork
 
 #: Lengths along one path or many, from tips and the lengths at the start.
@@ -40,7 +38,6 @@ class Method:
     step: Step
     paper_mm: tuple[float, float, float] | None = None
     paper_us: float | None = None
-    golden_only: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +86,11 @@ def cbha() -> Feasible:
     return Feasible(_SECTIONS, (0.100, 0.090), (0.150, 0.140))
 
 
-def bounded(name: str, solver: Solver, golden_only: bool = False) -> Method:
+def bounded(name: str, solver: Solver) -> Method:
     """The solver robots run on, as a method of the table."""
 
     def step(target: Array, before: Array, lengths: Array) -> Array:
-        return np.array(solver.solve(vec3(target.tolist()), None, None, tuple(lengths.tolist()))[0])
+        return np.array(solver.solve(vec3(target.tolist()), None, None, tuple(lengths.tolist())).lengths)
 
     def along(tips: Array, start: Array) -> Array:
         paths, starts = tips.reshape(-1, *tips.shape[-2:]), start.reshape(-1, 6)
@@ -104,7 +101,7 @@ def bounded(name: str, solver: Solver, golden_only: bool = False) -> Method:
                 lengths = found[k, j] = step(target, target, lengths)
         return found.reshape(*tips.shape[:-1], 6)
 
-    return Method(name, along, step, golden_only=golden_only)
+    return Method(name, along, step)
 
 
 def by_shape(feasible: Feasible) -> Method:
@@ -122,8 +119,7 @@ def by_shape(feasible: Feasible) -> Method:
         found = np.array([step(tip, tip, tip) for tip in tips.reshape(-1, 3)])
         return found.reshape(*tips.shape[:-1], 6)
 
-    where = "native" if prepared.compiled else "NumPy"
-    return Method(f"PH quintic, direction of one arc ({where})", along, step)
+    return Method("PH quintic, direction of one arc (native)", along, step)
 
 
 def _printed_dls(
@@ -170,13 +166,7 @@ def methods(network: InverseNetwork | None) -> list[Method]:
         )
     feasible = cbha()
     table.append(by_shape(feasible))
-    solver = build_solver(feasible)
-    if not isinstance(solver, SectionSolver):
-        table.append(bounded("contid, bounded (native)", solver))
-        solver = SectionSolver(feasible, tuning_for(feasible))
-        table.append(bounded("contid, bounded (NumPy twin)", solver, golden_only=True))
-    else:
-        table.append(bounded("contid, bounded (NumPy)", solver, golden_only=True))
+    table.append(bounded("contid, bounded (native)", build_solver(feasible)))
     return table
 
 
@@ -194,7 +184,7 @@ def compare(
         error = 1e3 * (forward(_SECTIONS, lengths).tip - golden.tips_m)
         worst = np.abs(error).max(axis=0)
         median = highest = outside = None
-        if paths and not method.golden_only:
+        if paths:
             tips = np.stack([path.tips_m for path in paths])
             found = method.along(tips, np.stack([path.lengths_m[0] for path in paths]))
             each = 1e3 * np.linalg.norm(forward(_SECTIONS, found).tip - tips, axis=-1).max(axis=-1)

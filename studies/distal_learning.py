@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contid.errors import ContidError
-from contid.kinematics.arc.sections import forward
 from contid.kinematics.array import Array
+from studies.arc_chains import forward
 from studies.network import Network
 from studies.singh import LOWER_M, UPPER_M, cbha_sections, lengths_at
 

@@ -27,8 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from contid.kinematics.arc.feasible import Feasible
-from contid.kinematics.arc.sections import differentiate
 from contid.kinematics.array import Array
+from studies.arc_chains import differentiate
 
 # The printed push is a column of M per second, in the paper's millimetres.
 _PUSH_M = 1e-3

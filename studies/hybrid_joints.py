@@ -20,8 +20,9 @@ from typing import Final
 import click
 import numpy as np
 
-from contid.kinematics.arc.sections import Sections, differentiate, forward
+from contid.kinematics.arc.sections import Sections
 from contid.kinematics.array import Array
+from studies.arc_chains import differentiate, forward
 from studies.singh import cbha_sections, damped, golden_trajectory
 
 #: Joints per section of the printed lines: between 17 vertebrae of both sections, and twice as many.

@@ -21,8 +21,8 @@ from typing import Final
 import numpy as np
 
 from contid.kinematics.arc.sections import ArcChain
-from contid.kinematics.arc.task import Goal, task
 from contid.kinematics.array import Array
+from studies.arc_chains import Goal, task
 from studies.segment_arms import SegmentArm
 
 #: lambda with virtual lengths: of 0.5, 0.2, 0.1, 0.03 and 0.01 the one that fails least (other poses).

@@ -1,7 +1,7 @@
 """Table of inverse kinematics of two to seven segments: ``python -m studies.multi_segment --cases N``.
 
-contid's solver and its NumPy twin beside six methods in NumPy, over the same poses, from the straight arm,
-in one process (see `studies.segment_arms`). A method in NumPy runs until 1e-8 m or the most iterations; the
+contid's compiled solver beside six methods in NumPy, over the same poses, from the straight arm, in one
+process (see `studies.segment_arms`). A method in NumPy runs until 1e-8 m or the most iterations; the
 three tolerances are read off on the way. contid is solved for each tolerance. Times are of the solver
 alone, without the judge, and of met poses.
 """
@@ -18,12 +18,10 @@ import click
 import numpy as np
 
 from contid.kernels import load
-from contid.kinematics.arc.solve import SectionSolver
-from contid.kinematics.arc.solver import SectionSolution
-from contid.kinematics.arc.task import Goal, Tuning
+from contid.kinematics.arc.tuning import Tuning
 from contid.kinematics.array import Array
-from contid.kinematics.tendon.feasible import TendonFeasible
 from studies import jacobian_methods, reaching_methods
+from studies.arc_chains import Goal
 from studies.segment_arms import SegmentArm
 
 TOLERANCES_M: Final = (1e-4, 1e-6, 1e-8)
@@ -75,36 +73,21 @@ def stepped(method: str, arm: SegmentArm, goals: list[Goal], most: int) -> list[
     return rows
 
 
-def ours(arm: SegmentArm, goals: list[Goal], native: bool) -> list[Row]:
-    """Rows of contid's solver of bends, the kernel or its NumPy twin; empty where there is no kernel."""
-    kernel = load("tendon3" if arm.count == 3 else "tendon") if native else None
-    if native and kernel is None:
-        return []
-    sections, size = arm.sections, 2 * arm.count
-    feasible = TendonFeasible(sections, (arm.bend_max_rad,) * arm.count, np.zeros((0, size)), np.zeros(0), ())
-    rows = []
+def ours(arm: SegmentArm, goals: list[Goal]) -> list[Row]:
+    """Rows of contid's solver of bends."""
+    kernel = load("tendon")
+    sections, bend_max_rad, rows = arm.sections, (arm.bend_max_rad,) * arm.count, []
     for tolerance in TOLERANCES_M:
         # Half: the judge computes the same error by other formulas.
         tuning = Tuning(ell_m=arm.ell_m, tolerance_m=0.5 * tolerance, still_m=1e-5, still_error_m=1e-8)
-        solver = (
-            SectionSolver(feasible, tuning)
-            if kernel is None
-            else kernel.SectionSolver(
-                sections.backbone_m,
-                sections.rigid_m,
-                sections.offset_m,
-                feasible.bend_max_rad,
-                [],
-                [],
-                tuning,
-            )
+        solver = kernel.SectionSolver(
+            sections.backbone_m, sections.rigid_m, sections.offset_m, bend_max_rad, [], [], tuning
         )
-        row = Row("contid, kernel" if native else "contid, NumPy twin", tolerance, len(goals))
+        row = Row("contid, kernel", tolerance, len(goals))
         for goal in goals:
             start = time.perf_counter()
-            answer = solver.solve(goal.tip, goal.direction, None, (0.0,) * size)
+            answer = solver.solve(goal.tip, goal.direction, None, (0.0,) * (2 * arm.count))
             took = time.perf_counter() - start
-            answer = SectionSolution(*answer)
             bends = np.reshape(answer.lengths, (arm.count, 2)) / arm.length_m
             inside = bool(np.all(np.hypot(*bends.T) <= arm.bend_max_rad + 1e-9))
             if inside and arm.error_m(bends, goal) <= tolerance:
@@ -117,7 +100,7 @@ def ours(arm: SegmentArm, goals: list[Goal], native: bool) -> list[Row]:
 def compared(arm: SegmentArm, cases: int, direction: bool, seed: int, most: int) -> list[Row]:
     """Rows of every method over the same poses."""
     goals = arm.goals(cases, direction, seed)
-    rows = [*ours(arm, goals, native=True), *ours(arm, goals, native=False)]
+    rows = ours(arm, goals)
     for method in METHODS:
         rows += stepped(method, arm, goals, most)
     return rows

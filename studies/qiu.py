@@ -15,7 +15,7 @@ the turn of the quaternion ``(z; -y, x, 0)``. For an end frame with the quaterni
 Here all points of a circle are one array. Limits are not part of the method. Errors are measured as the
 kernels do: metres, and a rotation vector times a fifth of the length; Newton may take more steps than the
 published four to six, because the tolerance here is finer. ``python -m studies.qiu [POSES]`` compares it with
-the NumPy twin of contid's solver, in one process.
+contid's compiled solver, in one process.
 """
 
 from __future__ import annotations
@@ -29,10 +29,9 @@ import click
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from contid.kernels import PURE_PYTHON
-from contid.kinematics.arc.task import Goal, task
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.sections import BendSections
+from studies.arc_chains import Goal, task
 
 #: Parts of the circle, and corrections of the last and of the first section, from coarse to fine.
 CIRCLES: Final = ((0.03, 1, 2), (0.01, 5, 2), (0.001, 5, 5))
@@ -201,9 +200,8 @@ def _bends(r: Array) -> Array:
 @click.argument("count", metavar="[POSES]", default=200, type=click.IntRange(1))
 def main(count: int) -> None:
     """Compare both methods on POSES random reachable poses of `tendon3`."""
-    import os
-
     from contid.kinematics.model import build_model
+    from contid.kinematics.tendon.bend_solver import ell_of
     from contid.kinematics.tendon.model import TendonModel
     from contid.robot_file.shipped import load_named
     from contid.robot_file.tendon.robot import TendonRobot
@@ -211,20 +209,18 @@ def main(count: int) -> None:
 
     (robot,) = load_named("tendon3").file.robots.values()
     assert isinstance(robot, TendonRobot)
-    kernel = build_model(robot)
-    os.environ[PURE_PYTHON] = "1"
-    twin = build_model(robot)
-    assert isinstance(twin, TendonModel)
-    feasible, rng = twin.feasible, np.random.default_rng(23)
+    model = build_model(robot)
+    assert isinstance(model, TendonModel)
+    feasible, rng = model.feasible, np.random.default_rng(23)
     length = feasible.sections.backbone_m[0]
     lengths = np.repeat(feasible.sections.backbone_m, 2)
-    qiu = QiuSolver(length, 0.2 * feasible.longest_m)
-    ours, theirs = "contid, NumPy", "Qiu et al., NumPy"
-    rows: dict[str, list[tuple[bool, bool, float]]] = {theirs: [], ours: [], "contid": []}
+    qiu = QiuSolver(length, ell_of(feasible))
+    ours, theirs = "contid", "Qiu et al., NumPy"
+    rows: dict[str, list[tuple[bool, bool, float]]] = {theirs: [], ours: []}
     for _ in range(count):
         bends = feasible.pulled(rng.uniform(feasible.low, feasible.high)) / lengths
-        pulls = tuple((np.zeros(9) if twin.statics is None else twin.statics.pulls(bends)).tolist())
-        pose = twin.forward(pulls)
+        pulls = tuple((np.zeros(9) if model.statics is None else model.statics.pulls(bends)).tolist())
+        pose = model.forward(pulls)
         frame = np.reshape(pose.rotation, (3, 3))
         end = np.array(pose.tip_m) - (0.0, 0.0, robot.geometry.base_offset_mm / 1e3)
         end = end - frame @ np.array(robot.tip_offset_m)
@@ -233,11 +229,10 @@ def main(count: int) -> None:
         took = time.perf_counter() - start
         inside = bool(np.max(feasible.excess(found)) <= 1e-9)
         rows[theirs].append((error <= 1e-6, inside and error <= 1e-6, took))
-        for name, model in ((ours, twin), ("contid", kernel)):
-            target = Target(tip_m=pose.tip_m, rotation=pose.rotation)
-            start = time.perf_counter()
-            answer = model.inverse(target, robot.rest)
-            rows[name].append((answer.converged, answer.converged, time.perf_counter() - start))
+        target = Target(tip_m=pose.tip_m, rotation=pose.rotation)
+        start = time.perf_counter()
+        answer = model.inverse(target, robot.rest)
+        rows[ours].append((answer.converged, answer.converged, time.perf_counter() - start))
     for name, results in rows.items():
         met, kept, seconds = (np.array(each) for each in zip(*results, strict=True))
         median, p99 = np.percentile(1e3 * seconds, [50, 99])

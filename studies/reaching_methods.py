@@ -24,8 +24,8 @@ from typing import Final
 
 import numpy as np
 
-from contid.kinematics.arc.task import Goal
 from contid.kinematics.array import Array
+from studies.arc_chains import Goal
 from studies.segment_arms import SegmentArm
 
 LARGEST_RAD: Final = math.radians(175.0)

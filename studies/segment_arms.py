@@ -18,9 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contid.kinematics.arc.task import Goal
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.sections import BendSections
+from studies.arc_chains import Goal
 
 
 @dataclass(frozen=True, slots=True)

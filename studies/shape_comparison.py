@@ -15,14 +15,13 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from contid.kinematics.arc.biarc import biarc
 from contid.kinematics.arc.section_model import build_solver
-from contid.kinematics.arc.sections import forward
 from contid.kinematics.array import Array
 from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
 from contid.kinematics.ph.model import arc_direction
 from contid.targets import Vec3
 from studies import singh
+from studies.arc_chains import biarc, forward, lengths_of
 from studies.comparison import cbha
 
 #: Six lengths from: tip, direction, true lengths (for methods with a known length), previous lengths.
@@ -92,7 +91,6 @@ def shape_methods() -> list[ShapeMethod]:
     """Every method of the comparison."""
     middle = 0.5 * (np.array(singh.LOWER_M) + np.array(singh.UPPER_M))
     prepared = ShapeInverse(tube_sections(), split_of(middle))
-    where = "native" if prepared.compiled else "NumPy"
     bounded = build_solver(cbha())
 
     def unknown(tip: Array, direction: Array, true: Array, before: Array) -> Array:
@@ -110,17 +108,17 @@ def shape_methods() -> list[ShapeMethod]:
 
     def two_arcs(tip: Array, direction: Array, true: Array, before: Array) -> Array:
         arcs = biarc(tip, direction, 0.5 * float(middle[0]), (0.0, 0.0))
-        return before if arcs is None else _SECTIONS.lengths(np.array(arcs))
+        return before if arcs is None else lengths_of(_SECTIONS, np.array(arcs))
 
     def both(tip: Array, direction: Array, true: Array, before: Array) -> Array:
-        return np.array(bounded.solve(vec3(tip), vec3(direction), None, tuple(before.tolist()))[0])
+        return np.array(bounded.solve(vec3(tip), vec3(direction), None, tuple(before.tolist())).lengths)
 
     return [
         ShapeMethod(
-            f"PH quintic ({where})", "tip, direction", unknown, (4.40, 5.23, 3.60), (2.82, 2.20, 0.98), 270.0
+            "PH quintic (native)", "tip, direction", unknown, (4.40, 5.23, 3.60), (2.82, 2.20, 0.98), 270.0
         ),
-        ShapeMethod(f"PH quintic ({where})", "tip, direction, length, split", known),
-        ShapeMethod(f"PH quintic, direction of one arc ({where})", "tip", alone),
+        ShapeMethod("PH quintic (native)", "tip, direction, length, split", known),
+        ShapeMethod("PH quintic, direction of one arc (native)", "tip", alone),
         ShapeMethod("Newton-Raphson (NumPy)", "tip", newton, (13.2, 7.5, 9.9), (6.39, 3.94, 6.24), 233_500.0),
         ShapeMethod("biarc, middle control leg (NumPy)", "tip, direction", two_arcs),
         ShapeMethod("contid, bounded", "tip, direction", both),

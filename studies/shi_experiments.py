@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.engine import RodSetup, build_engine
+from contid.kinematics.cosserat.engine import Limits, RodSetup, RodSolver
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
-from contid.kinematics.cosserat.solve import Limits
 from contid.targets import Vec3
 from studies.shi import Ends, forward
 from studies.shi_paths import Run
@@ -142,7 +141,7 @@ def _vec3(row: Array) -> Vec3:
 
 def solve_run(run: Run) -> tuple[Array, Array, int]:
     """Pressures along a run, warm-started from point to point; residuals; how many targets were not met."""
-    engine = build_engine(setup(arm(run.segments)))
+    engine = RodSolver(setup(arm(run.segments)))
     force = _vec3(_force(run))
     seed: tuple[float, ...] = (0.75,) * (3 * len(run.segments))
     pressures, residuals, unmet = [], [], 0
@@ -154,10 +153,10 @@ def solve_run(run: Run) -> tuple[Array, Array, int]:
             force,
             seed,
         )
-        seed = answer[0]
+        seed = answer.pressures_bar
         pressures.append(seed)
-        residuals.append(answer[1])
-        unmet += not (answer[2] and answer[4])
+        residuals.append(answer.residual_mm)
+        unmet += not (answer.met and answer.stable)
     return np.array(pressures), np.array(residuals), unmet
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contid.kinematics.cosserat.engine import build_engine
+from contid.kinematics.cosserat.engine import RodSolver
 from studies.shi import inverse, unknowns
 from studies.shi_experiments import GRAVITY_M_S2, arm, setup
 from studies.shi_paths import Run, ellipse, spiral, square
@@ -77,7 +77,7 @@ def measure(run: Run, paper_points: int, laps: int = 5) -> Speed:
     The baseline is solved between the laps, under the same load of the machine, and counted in processor
     time: its milliseconds would otherwise include other programs' time slices.
     """
-    engine = build_engine(setup(arm(run.segments)))
+    engine = RodSolver(setup(arm(run.segments)))
     force = (0.0, 0.0, run.grams * 1e-3 * GRAVITY_M_S2)
     tips = [tuple(row) for row in run.tip.tolist()]
     mids = [None] * len(tips) if run.mid is None else [tuple(row) for row in run.mid.tolist()]
@@ -100,8 +100,8 @@ def measure(run: Run, paper_points: int, laps: int = 5) -> Speed:
             started = time.perf_counter()
             answer = engine.inverse(tip, mid, axis, force, seed)
             times[lap, i] = time.perf_counter() - started
-            seed = answer[0]
-            unmet += not (answer[2] and answer[4])
+            seed = answer.pressures_bar
+            unmet += not (answer.met and answer.stable)
     # The first point of a lap is a jump from the end of the one before.
     counted = times[1:, 1:] * 1e6
     paper, slow = solved
@@ -122,7 +122,7 @@ def paper_solves(run: Run, by_the_paper: bool) -> Iterator[tuple[float, bool]]:
     """
     rod = arm(run.segments)
     force = np.array([0.0, 0.0, run.grams * 1e-3 * GRAVITY_M_S2])
-    engine = build_engine(setup(rod))
+    engine = RodSolver(setup(rod))
     seed: tuple[float, ...] = (0.75,) * (3 * len(run.segments))
     state = None
     directions = run.direction
@@ -136,11 +136,11 @@ def paper_solves(run: Run, by_the_paper: bool) -> Iterator[tuple[float, bool]]:
             None if axis is None else axis.tolist(),
             (0.0, 0.0, float(force[2])),
             seed,
-        )[0]
-        _, rotation, _, _, moment, _ = engine.forward(seed, (0.0, 0.0, float(force[2])))
-        frame = None if axis is None else np.array(rotation).reshape(3, 3)
+        ).pressures_bar
+        at = engine.forward(seed, (0.0, 0.0, float(force[2])))
+        frame = None if axis is None else np.array(at.rotation).reshape(3, 3)
         if state is None:
-            state = unknowns(rod, np.array(seed), force, np.array(moment))
+            state = unknowns(rod, np.array(seed), force, np.array(at.base_moment_nmm))
             continue
         started = time.thread_time()
         state, good = inverse(rod, state, force, run.tip[i], mid, frame, by_the_paper=by_the_paper)

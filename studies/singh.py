@@ -20,9 +20,10 @@ from typing import Final
 
 import numpy as np
 
-from contid.kinematics.arc.sections import Sections, differentiate, forward
+from contid.kinematics.arc.sections import Sections
 from contid.kinematics.array import Array
 from contid.targets import Vec3
+from studies.arc_chains import differentiate, forward
 
 # Constants of the golden trajectory (simulated; no robot data exist in either paper).
 _FA: Final = (1.3, 0.9, 1.7, 1.1, 0.7, 1.5)

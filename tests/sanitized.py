@@ -57,7 +57,7 @@ def build(sanitizers: str) -> Path:
         else:
             shutil.copy(source, target)
     commands = [
-        ["-S", str(ROOT), "-B", str(objects), f"-DPython_EXECUTABLE={sys.executable}", "-DCONTID_KERNELS=ON",
+        ["-S", str(ROOT), "-B", str(objects), f"-DPython_EXECUTABLE={sys.executable}",
          "-DCMAKE_BUILD_TYPE=None", f"-DCONTID_SANITIZE={sanitizers}"],
         ["--build", str(objects), "--parallel", str(os.cpu_count() or 1)],
         ["--install", str(objects), "--prefix", str(tree), "--component", "kernels"],

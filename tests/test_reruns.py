@@ -10,10 +10,12 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.process
+
 ROOT = Path(__file__).parent.parent
 #: Helpers that start daemons, which keep to the clock of this machine.
 DAEMONS = re.compile(r"^from tests\.support\.(daemons|fleets|panels) import", re.MULTILINE)
-HOOKS = "from tests.conftest import pytest_collection_modifyitems, pytest_sessionfinish\n"
+HOOKS = "from tests.support.plugins.reruns import pytest_collection_modifyitems, pytest_sessionfinish\n"
 UNSTEADY = """
 import pytest
 

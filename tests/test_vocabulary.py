@@ -187,3 +187,71 @@ def test_no_test_imports_another_test() -> None:
         if (match := TEST_MODULE.match(name))
     }
     assert found <= IMPORTED_TESTS, sorted(found)
+
+
+MAX_POSITIONAL = 6
+#: Folders whose functions were checked; the others follow.
+FEW_POSITIONAL = (
+    *(
+        "contid/api",
+        "contid/clearance",
+        "contid/hal",
+        "contid/robot_file",
+        "contid/session",
+        "contid/trajectory",
+    ),
+    "drivers",
+)
+
+
+def positional(node: ast.FunctionDef | ast.AsyncFunctionDef) -> list[str]:
+    """Parameters that a call may give by their place, without those of a closure's constants."""
+    given = [each.arg for each in (*node.args.posonlyargs, *node.args.args)]
+    constants = {each.id for each in node.args.defaults if isinstance(each, ast.Name)}
+    named = [name for name in given if name not in constants]
+    return named[1:] if named[:1] in (["self"], ["cls"]) else named
+
+
+def test_no_function_takes_more_than_six_positional_parameters() -> None:
+    found = [
+        f"{path.relative_to(ROOT).as_posix()}:{node.lineno}: {node.name}"
+        for path in python_files(*FEW_POSITIONAL)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and len(positional(node)) > MAX_POSITIONAL
+    ]
+    assert not found, "make those from the seventh on keyword-only, or pass a record"
+
+
+#: Stems of identifiers that had two meanings: the one that is left, the term of the other, and its
+#: places in the folders that were checked. Keys of robot files keep their spelling (`friction.play_mm`).
+HOMONYMS = {
+    "play": ("run a trajectory; lost motion of a drive is backlash", {"contid/session", "play_mm"}),
+    "home": (
+        "find the zero of a device; a posture that redundancy prefers is a preferred posture",
+        {"drivers", "contid/hal"},
+    ),
+}
+TOKEN = re.compile(r"[A-Z]?[a-z]+")
+
+
+def identifiers(path: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        match node:
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name) | ast.arg(arg=name):
+                yield name
+            case ast.Name(id=name) | ast.Attribute(attr=name):
+                yield name
+
+
+@pytest.mark.parametrize("stem", HOMONYMS)
+def test_a_stem_has_one_meaning(stem: str) -> None:
+    meaning, places = HOMONYMS[stem]
+    found = {
+        f"{path.relative_to(ROOT).as_posix()}: {name}"
+        for folder in FEW_POSITIONAL
+        if folder not in places
+        for path in python_files(folder)
+        for name in identifiers(path)
+        if name not in places and stem in {token.lower() for token in TOKEN.findall(name)}
+    }
+    assert not found, f"{stem}: {meaning}"

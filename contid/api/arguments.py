@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,15 +24,22 @@ class ArgumentError(ContidError, ValueError):
     """An argument of the library is wrong; the message has what was given and what is allowed."""
 
 
-def as_rows(what: str, values: ArrayLike, columns: Sequence[str]) -> tuple[Array, Shape]:
-    """Rows as an array ``(N, len(columns))``, and the shape of the rows as given.
+class GivenRows(NamedTuple):
+    """GivenRows as an array ``(N, columns)``, and the shape of the rows as given."""
+
+    values: Array
+    shape: Shape
+
+
+def as_rows(what: str, values: ArrayLike, columns: Sequence[str]) -> GivenRows:
+    """GivenRows of numbers with these columns.
 
     Raises:
         ArgumentError: not numbers, another last dimension, or not finite.
     """
-    array = _floats(what, values, expected(columns))
+    array = _floats(what, values, describe_columns(columns))
     if array.ndim == 0 or array.shape[-1] != len(columns):
-        raise ArgumentError(f"{what} has shape {array.shape}; {expected(columns)}")
+        raise ArgumentError(f"{what} has shape {array.shape}; {describe_columns(columns)}")
     rows = array.reshape(-1, len(columns))
     bad = ~(np.abs(rows) <= MAX_NUMBER)
     if bad.any():
@@ -42,11 +49,11 @@ def as_rows(what: str, values: ArrayLike, columns: Sequence[str]) -> tuple[Array
         count = int(bad.any(axis=1).sum())
         more = f" ({count} such rows)" if count > 1 else ""
         raise ArgumentError(f"{what}: {columns[column]} in row {row} is {value}, {problem}{more}")
-    return np.ascontiguousarray(rows), array.shape[:-1]
+    return GivenRows(np.ascontiguousarray(rows), array.shape[:-1])
 
 
 def as_rows_like(what: str, values: ArrayLike, columns: Sequence[str], shape: Shape) -> Array:
-    """Rows beside others: one for all of them, or as many as there are.
+    """GivenRows beside others: one for all of them, or as many as there are.
 
     Raises:
         ArgumentError: as `as_rows`, or another number of rows.
@@ -62,7 +69,7 @@ def as_rows_like(what: str, values: ArrayLike, columns: Sequence[str], shape: Sh
 
 
 def as_directions(what: str, values: ArrayLike, columns: Sequence[str], shape: Shape) -> Array:
-    """Rows normalised to unit vectors.
+    """GivenRows normalised to unit vectors.
 
     Raises:
         ArgumentError: as `as_rows_like`, or a zero vector.
@@ -99,7 +106,7 @@ def as_rotations(what: str, values: ArrayLike, shape: Shape) -> Array:
 
 
 def as_values(what: str, values: ArrayLike, shape: Shape) -> Array:
-    """One number per row.
+    """Numbers, one for each row.
 
     Raises:
         ArgumentError: not numbers, or another shape.
@@ -117,7 +124,7 @@ def _floats(what: str, values: ArrayLike, shape: str) -> Array:
         raise ArgumentError(f"{what}: an array of numbers is needed, {shape} ({error})") from None
 
 
-def expected(columns: Sequence[str]) -> str:
+def describe_columns(columns: Sequence[str]) -> str:
     """The shape of rows with these columns."""
     size = len(columns)
     return f"expected: ({size},) or (N, {size}) with columns {', '.join(columns)}"

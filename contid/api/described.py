@@ -8,6 +8,7 @@ from typing import Self
 
 import numpy as np
 
+from contid import kernels
 from contid.api.arguments import ArgumentError
 from contid.api.limits import AxisRanges, LimitBits
 from contid.api.units import Units
@@ -22,6 +23,7 @@ class DescribedRobots:
     """The robots of a file, of which one may be chosen; base of `contid.api.robot.Robot`."""
 
     def __init__(self, file: str | Path, *, si: bool = False) -> None:
+        kernels.require()
         self.loaded: LoadedFile = load_named(str(file))
         self.units = Units(si)
         self._robots = {n: robot for n, robot in self.loaded.file.robots.items() if not robot.passive}

@@ -51,15 +51,17 @@ class AxisRanges:
 
 
 class LimitBits:
-    """Bits for names of limits; names of other models join at the end.
-
-    Attributes:
-        names: bit k stands for ``names[k]``.
-    """
+    """Bits for names of limits; names of other models join at the end."""
 
     def __init__(self, model: str, axes: Sequence[str]) -> None:
         own = [f"{axis}.{end}" for end in ("min", "max") for axis in axes]
-        self.names: tuple[str, ...] = tuple(dict.fromkeys([*own, *OF_MODELS.get(model, ())]))
+        names = dict.fromkeys([*own, *OF_MODELS.get(model, ())])
+        self._places = {name: place for place, name in enumerate(names)}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Bit k stands for ``names[k]``."""
+        return tuple(self._places)
 
     def translated(self, solutions: Solutions) -> NDArray[np.uint64]:
         """``limited_by`` of a batch, whose bits have an order of their own, in the order of `names`."""
@@ -69,14 +71,10 @@ class LimitBits:
         for k, name in enumerate(solutions.limit_names):
             here = limited[(given[limited] >> np.uint64(k)) & np.uint64(1) != 0]
             if len(here):
-                found[here] |= np.uint64(1 << self._place(name))
+                place = self._places.setdefault(name, len(self._places))
+                found[here] |= np.uint64(1 << min(place, BITS - 1))
         return found
 
     def of(self, bits: int) -> tuple[str, ...]:
         """The names of the bits that are set."""
         return tuple(name for k, name in enumerate(self.names) if bits >> k & 1)
-
-    def _place(self, name: str) -> int:
-        if name not in self.names:
-            self.names = (*self.names, name)
-        return min(self.names.index(name), BITS - 1)

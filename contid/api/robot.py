@@ -44,7 +44,7 @@ class Robot(DescribedRobots):
         units: of all arrays.
 
     Raises:
-        ContidError: no such file or name; the file has mistakes.
+        ContidError: no such file or name; the file has mistakes; the kernels are not compiled.
     """
 
     @cached_property

@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike
 
 from contid.api.arguments import ArgumentError, as_rows
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.engine import RodSetup, RodSolver, build_engine
+from contid.kinematics.cosserat.engine import Limits, RodSetup, RodSolver
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
-from contid.kinematics.cosserat.solve import Limits
 from contid.units import MM_PER_M
 
 #: Integration steps per piece of the rod to begin with. They are doubled while the estimated error of a
@@ -121,12 +120,12 @@ class ElasticRod:
         """
         length_mm = self._section.length
         stations_mm = self._stations_mm(stations)
-        weight = self._mass_kg_mm * as_rows("gravity", gravity, ("gx", "gy", "gz"))[0][0]
+        weight = self._mass_kg_mm * as_rows("gravity", gravity, ("gx", "gy", "gz")).values[0]
         tip_force, tip_moment = np.zeros(3), np.zeros(3)
         inside: dict[float, tuple[Array, Array]] = {}
         for load in loads:
-            force = as_rows("force", load.force, ("fx_n", "fy_n", "fz_n"))[0][0]
-            moment = self._mm_per_unit * as_rows("moment", load.moment, ("mx", "my", "mz"))[0][0]
+            force = as_rows("force", load.force, ("fx_n", "fy_n", "fz_n")).values[0]
+            moment = self._mm_per_unit * as_rows("moment", load.moment, ("mx", "my", "mz")).values[0]
             arc_length_mm = load.at * self._mm_per_unit
             if not 0.0 <= arc_length_mm <= length_mm:
                 raise ArgumentError(f"wrench at {load.at}; allowed: 0 to {self.length} {self.unit}")
@@ -144,8 +143,8 @@ class ElasticRod:
             dict.fromkeys(range(len(ends)), weight) if weight.any() else {},
         )
         frames = np.empty((len(stations_mm), 12))
-        carried, _, _ = self._solver(ends).statics([0.0] * (3 * len(ends)), acting, stations_mm, frames)
-        return RodShape(frames[:, :3] / self._mm_per_unit, frames[:, 3:].reshape(-1, 3, 3), carried)
+        found = self._solver(ends).statics([0.0] * (3 * len(ends)), acting, stations_mm, frames)
+        return RodShape(frames[:, :3] / self._mm_per_unit, frames[:, 3:].reshape(-1, 3, 3), found.carried)
 
     def _stations_mm(self, stations: ArrayLike) -> Array:
         stations_mm = np.array(stations, dtype=float, ndmin=1) * self._mm_per_unit
@@ -171,7 +170,7 @@ class ElasticRod:
             none = np.zeros(3 * len(ends))
             error = ERROR * self._section.length
             self._solvers.clear()
-            self._solvers[ends] = build_engine(
+            self._solvers[ends] = RodSolver(
                 RodSetup(Rod(pieces), Loads(), Limits(none, none, none), ELEMENTS, error, 0.0, 1.0, False)
             )
         return self._solvers[ends]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from contid.api.arguments import (
     ArgumentError,
+    GivenRows,
     Shape,
     as_directions,
     as_rotations,
@@ -27,7 +29,7 @@ from contid.targets import ZERO3, Actuation, Vec3
 WRENCH: Final = ("fx_n", "fy_n", "fz_n", "mx", "my", "mz")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RowArguments:
     """Converts arguments of one robot; every method raises `ArgumentError` for wrong ones.
 
@@ -45,7 +47,12 @@ class RowArguments:
     placed: PlacedRows
     axes: tuple[str, ...]
 
-    @property
+    @cached_property
+    def _rest(self) -> Array:
+        """Rest pose of the axes [m or Pa]."""
+        return np.array(self.robot.rest[: len(self.axes)])
+
+    @cached_property
     def point_columns(self) -> tuple[str, ...]:
         """Columns of a position."""
         return tuple(f"{axis}_{self.units.length}" for axis in "xyz"[: self.robot.dimension])
@@ -57,10 +64,10 @@ class RowArguments:
             message = f"model {self.robot.model} of {self.name} takes no {kind}; allowed: {allowed}"
             raise ArgumentError(f"{kind}: {message}")
 
-    def actuations(self, actuation: ArrayLike) -> tuple[Array, Shape]:
-        """Actuations [m or Pa], and the shape of the rows."""
+    def actuations(self, actuation: ArrayLike) -> GivenRows:
+        """Actuations [m or Pa]."""
         rows, shape = as_rows("actuation", actuation, self.axes)
-        return self.units.to_si(rows, self.robot.quantity), shape
+        return GivenRows(self.units.to_si(rows, self.robot.quantity), shape)
 
     def loads(self, load: ArrayLike | None, shape: Shape) -> Array | None:
         """Forces on the tip in the base frame [N], None for none."""
@@ -110,7 +117,7 @@ class RowArguments:
     def seeds(self, seed: ArrayLike | None, shape: Shape) -> Array:
         """Where the search begins [m or Pa]; the rest pose for None."""
         if seed is None:
-            return np.array(self.robot.rest[: len(self.axes)])
+            return self._rest.copy()
         return self.units.to_si(as_rows_like("seed", seed, self.axes, shape), self.robot.quantity)
 
 

@@ -82,7 +82,7 @@ class Nearest:
     distance: Distance
 
     def __str__(self) -> str:
-        """One sentence without an end."""
+        """The encounter as a sentence without its full stop."""
         found = self.distance
         where = f"{self.robot} at {m_to_mm(found.at_m):.0f} mm of its length"
         if found.upper_m <= 0.0:

@@ -132,7 +132,7 @@ class Walk:
         stops: Mapping[str, StraightStop],
         floor_m: float,
     ) -> Nearest | None:
-        """Where a pair comes too near while it stops; None when it does not.
+        """Find where a pair comes too near while it stops; None when it does not.
 
         ``own`` are the stops of the pair, ``stops`` those of all robots; ``times`` keeps their shapes.
         """
@@ -146,7 +146,7 @@ class Walk:
             if end.distance.lower_m < floor_m:
                 return end
             moved = sum(
-                self._guard.arms[name].motion_m(stop.at(begin_s)[0], stop.at(end_s)[0])
+                self._guard.arms[name].motion_m(stop.at(begin_s).position, stop.at(end_s).position)
                 for name, stop in own.items()
             )
             if moved <= 2.0 * RESOLUTION_M:

@@ -56,6 +56,7 @@ from contid.hal.driver import (
     driver_names,
     load_driver,
 )
+from contid.hal.homing import Reference
 from contid.hal.optional import (
     Commissions,
     DeviceRate,
@@ -68,6 +69,7 @@ from contid.hal.optional import (
     LimitsRate,
     Paces,
     Parks,
+    RefusedKey,
     RegisterValue,
     Report,
     Restricts,
@@ -99,6 +101,8 @@ __all__ = [
     "MeasuresTips",
     "Paces",
     "Parks",
+    "Reference",
+    "RefusedKey",
     "RegisterValue",
     "Report",
     "Rest",

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol, runtime_checkable
 
+from contid.hal.homing import UNKNOWN, Reference
+
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
@@ -35,14 +37,14 @@ class SpooledTendon:
         stiffness_nm: torque of the tendon per angle wound in [N m/rad].
         bends: angle wound in per bend of the backbone, with the sign of the device's rotation [rad/rad].
         bending_nm: stiffness of each of these bends [N m/rad].
-        play_rad: half width of the play between spool and tendon.
+        backlash_rad: half width of the backlash between spool and tendon.
         capstan: coefficient of friction in each section, which has two bends; empty: none.
     """
 
     stiffness_nm: float
     bends: tuple[float, ...]
     bending_nm: tuple[float, ...]
-    play_rad: float = 0.0
+    backlash_rad: float = 0.0
     capstan: tuple[float, ...] = ()
 
 
@@ -55,12 +57,14 @@ class AxisOnBus:
         options: the driver's own validated options of this axis (id, channel, ...).
         travel: min and max device value [rad or Pa] allowed by the robot file, or None.
         tendon: the tendon that its device winds up; None for robots without tendons.
+        reference: what homing of this axis must agree with.
     """
 
     name: str
     options: BaseModel
     travel: tuple[float, float] | None = None
     tendon: SpooledTendon | None = None
+    reference: Reference = UNKNOWN
 
 
 #: A `Sample.fault` that begins with one of these gets a fault number of its own (docs/faults.md).
@@ -143,7 +147,7 @@ class Bus(Protocol):
         """Make axes ready to move without moving them: goal := present, torque on, watchdog armed."""
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
-        """One tick: send the commands of this tick, read every axis.
+        """Send the commands of a tick, and read every axis.
 
         Args:
             commands: device values [rad or Pa] by axis name; axes left out keep their goal.

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 from contid.hal.bus import AxisOnBus, Finding
 
@@ -77,12 +77,19 @@ class Paces(Protocol):
         """Time of one exchange with every axis of a bus."""
 
 
+class RefusedKey(NamedTuple):
+    """A key of a bus whose value does not go with its other options or its axes, and why."""
+
+    key: str
+    message: str
+
+
 @runtime_checkable
 class Restricts(Protocol):
     """Refuses some combinations of valid bus options and valid axes: ``contid check``, ``contid run``."""
 
-    def refused(self, options: BaseModel, axes: Sequence[tuple[str, BaseModel]]) -> Iterator[tuple[str, str]]:
-        """The key of the bus and a message, for everything refused; ``axes`` are names and options."""
+    def refused(self, options: BaseModel, axes: Sequence[tuple[str, BaseModel]]) -> Iterator[RefusedKey]:
+        """Everything that is refused; ``axes`` are names and options."""
 
 
 @dataclass(frozen=True, slots=True)

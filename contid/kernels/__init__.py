@@ -1,74 +1,74 @@
-"""Compiled kernels of the models; each has a NumPy twin that is its specification."""
+"""The compiled kernels: every solver of contid, once, in C++17."""
 
 from __future__ import annotations
 
-import logging
-import os
 import sys
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Final
 
-__all__ = ["PURE_PYTHON", "in_use", "load", "warn_of_twins"]
+from contid.errors import ContidError
 
-LOG = logging.getLogger(__name__)
+__all__ = ["KernelMissingError", "in_use", "load", "require"]
 
 #: The kernels of a complete build; some are compiled a second time for AVX2.
 KERNELS: Final = (
-    "arc", "arc1", "arc2", "clearance", "cosserat", "finger", "ph_curve", "plant", "tendon", "tendon3",
-    "tendon_rod", "text",
+    "arc", "clearance", "cosserat", "finger", "ph_curve", "plant", "tendon", "tendon_rod", "text",
 )  # fmt: skip
 
-#: Set to anything but 0 to disable the compiled kernels.
-PURE_PYTHON: Final = "CONTID_PURE_PYTHON"
+
+class KernelMissingError(ContidError):
+    """A kernel is not compiled in this installation, or cannot be loaded; the message has the remedy."""
+
+    def __init__(self, name: str, reason: str = "is not compiled") -> None:
+        self.kernel = name
+        super().__init__(f"{Path(__file__).parent}: contid's kernel '{name}' {reason}: {_remedy()}")
 
 
-def load(name: str) -> ModuleType | None:
-    """The kernel ``contid.kernels._name``, or None if it is not compiled or ``CONTID_PURE_PYTHON`` is set.
+def require() -> None:
+    """Check that the kernels are compiled, without loading them: before devices are opened.
 
-    Called when a model is built, so that one process can hold both kinds (tests compare them).
+    Raises:
+        KernelMissingError: One of them is not compiled in this installation.
     """
-    if _disabled():
-        return None
+    for name in KERNELS:
+        if find_spec(f"contid.kernels._{name}") is None:
+            raise KernelMissingError(name)
+
+
+def load(name: str) -> ModuleType:
+    """The kernel ``contid.kernels._NAME``, built for AVX2 where there is one and the processor has it.
+
+    Raises:
+        KernelMissingError: It is not compiled in this installation, or cannot be loaded.
+    """
     kernel = (_imported(f"{name}_avx2") if has_avx2() else None) or _imported(name)
     if kernel is None:
-        _warn_once()
+        raise KernelMissingError(name)
     return kernel
 
 
-def warn_of_twins() -> None:
-    """Log once that no kernel is compiled, for a process whose children compute."""
-    load(KERNELS[0])
-
-
 def in_use() -> str:
-    """Which arithmetic the models use, for reports: compiled kernels or NumPy twins, and why."""
-    if _disabled():
-        return f"NumPy twins ({PURE_PYTHON} is set)"
-    missing = [name for name in KERNELS if _imported(name) is None]
-    if not missing:
-        return "compiled, AVX2" if has_avx2() and _imported("cosserat_avx2") else "compiled"
-    return f"NumPy twins for {', '.join(missing)}: about 1000 times slower; {_remedy()}"
+    """Which build of the kernels serves, for reports.
 
-
-def _disabled() -> bool:
-    return os.environ.get(PURE_PYTHON, "") not in ("", "0")
-
-
-@cache
-def _warn_once() -> None:
-    """One line per process: on stderr in a script, in the log of a daemon."""
-    LOG.warning("contid uses NumPy twins, about 1000 times slower than its kernels: %s", _remedy())
+    Raises:
+        KernelMissingError: One of them is not compiled in this installation, or cannot be loaded.
+    """
+    for name in KERNELS:
+        load(name)
+    return "compiled, AVX2" if has_avx2() and _imported("cosserat_avx2") else "compiled"
 
 
 def _remedy() -> str:
-    """How to get the kernels: install the checkout that was imported, or what a build needs."""
+    """How to get the kernels: install the checkout that was imported, or contid again."""
     root = Path(__file__).resolve().parents[2]
     if (root / "CMakeLists.txt").is_file():
         return f"run '{sys.executable} -m pip install -e {root}', or start outside {root}"
-    return "install g++ and the Python headers (Debian: apt install g++ python3-dev), then reinstall contid"
+    again = f"run '{sys.executable} -m pip install --force-reinstall --no-deps contid'"
+    return f"{again}; building it needs g++ and the Python headers (Debian: apt install g++ python3-dev)"
 
 
 @cache
@@ -89,3 +89,5 @@ def _imported(name: str) -> ModuleType | None:
         if error.name != module:
             raise
         return None
+    except ImportError as error:  # compiled for another system
+        raise KernelMissingError(name, f"cannot be loaded ({error})") from error

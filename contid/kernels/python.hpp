@@ -5,6 +5,9 @@
 
 namespace contid {
 
+// What module.cpp calls.
+void bind(nanobind::module_& module);
+
 // `count` floats of any sequence, without a temporary; raises ValueError(what) for another length.
 inline void read(nanobind::handle sequence, double* out, Py_ssize_t count, const char* what) {
   const nanobind::object fast = nanobind::steal(PySequence_Fast(sequence.ptr(), what));

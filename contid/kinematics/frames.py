@@ -48,8 +48,14 @@ class BaseFrame:
 
     def point_in_base(self, point: Vec3) -> Vec3:
         """A point of the world frame [m] in the base frame."""
-        origin = self.origin_in_world
-        return self.vector_in_base((point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]))
+        # Written out, without a call of `vector_in_base`: this runs for every robot in every tick.
+        origin, r = self.origin_in_world, self.rotation
+        x, y, z = point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]
+        return (
+            r[0] * x + r[3] * y + r[6] * z,
+            r[1] * x + r[4] * y + r[7] * z,
+            r[2] * x + r[5] * y + r[8] * z,
+        )
 
     def vector_in_base(self, vector: Vec3) -> Vec3:
         """A direction or force of the world frame in the base frame."""

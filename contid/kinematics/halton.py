@@ -1,4 +1,4 @@
-"""Halton points, evenly spread in the unit cube: specification of ``kernels/halton.hpp``."""
+"""Halton points, evenly spread in the unit cube."""
 
 from __future__ import annotations
 

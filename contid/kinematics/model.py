@@ -10,6 +10,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Final, Protocol, runtime_checkable
 
+from contid import kernels
 from contid.kinematics.array import Array
 from contid.robot_file.model_plugins import load_plugin
 from contid.robot_file.robot import RobotDescription
@@ -81,7 +82,12 @@ MODELS: Final[dict[str, str]] = {
 
 
 def build_model(robot: RobotDescription) -> Model:
-    """The model of a robot description; imports only that one."""
+    """The model of a robot description; imports only that one.
+
+    Raises:
+        KernelMissingError: The kernels are not compiled in this installation.
+    """
+    kernels.require()
     if robot.kinematics not in MODELS:
         built: Model = load_plugin(robot.model).build(robot)
         return built

@@ -122,7 +122,7 @@ class Placement(Strict):
 
     @property
     def position_m(self) -> tuple[float, float, float]:
-        """Its origin [m]."""
+        """Origin of the base in the world [m]."""
         return (self.x_mm / MM_PER_M, self.y_mm / MM_PER_M, self.z_mm / MM_PER_M)
 
     @property

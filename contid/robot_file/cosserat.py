@@ -100,7 +100,7 @@ class Cosserat(RobotDescription):
 
     @property
     def accepts(self) -> frozenset[str]:
-        """One section has three pressures, too few for a direction."""
+        """Kinds of targets; the three pressures of a single section are too few for a direction."""
         kinds = {"tip", "actuation", "load"}
         return frozenset(kinds if len(self.geometry.sections) == 1 else kinds | {"mid", "direction"})
 

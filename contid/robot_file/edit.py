@@ -1,10 +1,13 @@
 """Writing single values into a robot file atomically; comments, order, anchors, quotes and style stay.
 
-ruamel.yaml reads and writes the text.
+ruamel.yaml reads and writes the text. A value that others share through an alias or a merge key is written
+for the given key only: what it shares becomes a copy, and the result is compared with what was asked for.
 """
 
 from __future__ import annotations
 
+import copy
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
@@ -44,7 +47,11 @@ def set_values(path: Path, changes: Sequence[Change]) -> None:
 
 
 def edited(text: str, changes: Sequence[Change]) -> str:
-    """The text with the changes made."""
+    """The text with the changes made.
+
+    Raises:
+        ContidError: a key is not in the text, or the text cannot be written without another change.
+    """
     from ruamel.yaml import YAML
 
     yaml = YAML()
@@ -52,8 +59,10 @@ def edited(text: str, changes: Sequence[Change]) -> str:
     yaml.width = 4096
     yaml.indent(mapping=2, sequence=4, offset=2)
     document: Any = yaml.load(text)
+    expected = _plain(document)
     for change in changes:
         *parents, last = _path(document, change.key)
+        _unshare(document, [*parents, last])
         node = document
         for i, parent in enumerate(parents):
             try:
@@ -68,11 +77,75 @@ def edited(text: str, changes: Sequence[Change]) -> str:
             _replace(node, last, change.value)
         else:
             node[last] = _on_one_line(change.value)
+        _set(expected, [*parents, last], change.value)
         if change.comment:
             _comment(document, node, parents, last, change.comment)
     out = StringIO()
     yaml.dump(document, out)
-    return out.getvalue()
+    written = out.getvalue()
+    if _plain(yaml.load(written)) != expected:
+        keys = ", ".join(change.key for change in changes)
+        raise ContidError(f"{keys}: cannot be written alone; write its aliases (*) out in full")
+    return written
+
+
+def _plain(node: Any) -> Any:
+    """A copy in which nothing is shared; aliases and merge keys are written out."""
+    if isinstance(node, Mapping):
+        return {key: _plain(inner) for key, inner in node.items()}
+    return [_plain(inner) for inner in node] if isinstance(node, list) else node
+
+
+def _set(plain: Any, path: Sequence[str], value: Value) -> None:
+    for part in path[:-1]:
+        plain = _below(plain, part)
+    plain[path[-1]] = _plain(value)
+
+
+def _unshare(document: Any, path: Sequence[str]) -> None:
+    """Replace what the way to a key shares with other keys by copies; a key that is missing is left alone."""
+    node = document
+    for part in path:
+        try:
+            inner = _below(node, part)
+        except (LookupError, ValueError, TypeError):
+            return
+        if isinstance(inner, dict | list) and _places(document)[id(inner)] > 1:
+            inner = _apart(inner)
+            node[int(part) if isinstance(node, list) else part] = inner
+        node = inner
+
+
+def _apart(node: Any) -> Any:
+    """A copy that shares nothing, with its comments and without anchors."""
+    from ruamel.yaml.anchor import Anchor
+
+    made = copy.deepcopy(node)
+    if hasattr(made, Anchor.attrib):
+        delattr(made, Anchor.attrib)
+    for key, inner in list(node.items() if isinstance(node, dict) else enumerate(node)):
+        inherited = any(merged.get(key) is inner for merged in getattr(node, "merge", ()))
+        if isinstance(inner, dict | list) and not inherited:
+            made[key] = _apart(inner)
+    return made
+
+
+def _places(document: Any) -> Counter[int]:
+    """How many mappings and lists hold a mapping or a list, by its identity; merge keys count as well."""
+    places: Counter[int] = Counter()
+    waiting, seen = [document], {id(document)}
+    while waiting:
+        node = waiting.pop()
+        inners = list(node.values()) if isinstance(node, dict) else list(node)
+        inners += getattr(node, "merge", ())
+        for inner in inners:
+            if not isinstance(inner, dict | list):
+                continue
+            places[id(inner)] += 1
+            if id(inner) not in seen:
+                seen.add(id(inner))
+                waiting.append(inner)
+    return places
 
 
 def _on_one_line(value: Any) -> Any:
@@ -145,7 +218,7 @@ def _path(document: Any, key: str) -> list[str]:
 
 
 def _below(node: Any, part: str) -> Any:
-    """One step down a dotted key: a name in a mapping, a number in a list."""
+    """Step down a dotted key: by a name in a mapping, by a number in a list."""
     return node[int(part)] if isinstance(node, list) else node[part]
 
 

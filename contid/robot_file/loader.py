@@ -19,7 +19,7 @@ from contid.robot_file.document import MAX_RATE_HZ, AnyRobot, BusDescription, Bu
 from contid.robot_file.findings import allowed_names, explain, shown
 from contid.robot_file.model_plugins import ModelPluginError, load_plugin, plugin_names
 from contid.robot_file.positions import Data, Document, KeyPath
-from contid.robot_file.recovery import recovered
+from contid.robot_file.recovery import recover
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tick_rate import rate_too_high, watchdog_too_short
 
@@ -99,7 +99,7 @@ class Loader:
             return kind.model_validate_json(json.dumps(data), strict=True)
         except ValidationError as error:
             self.findings += explain(error, self.document, at, kind, also)
-            return None if self.too_many_findings else recovered(kind, data)
+            return None if self.too_many_findings else recover(kind, data)
 
     def _bus(self, name: str, raw: Data) -> BusWiring | None:
         at: KeyPath = ("buses", name)

@@ -19,7 +19,7 @@ _Model = TypeVar("_Model", bound=BaseModel)
 _ROUNDS: Final = 4
 
 
-def recovered(kind: type[_Model], data: Data) -> _Model | None:
+def recover(kind: type[_Model], data: Data) -> _Model | None:
     """``data`` as a ``kind`` with every invalid value dropped or replaced; None when that fails."""
     data = copy.deepcopy(data)
     for _ in range(_ROUNDS):

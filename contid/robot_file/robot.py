@@ -152,8 +152,8 @@ class RobotDescription(Strict):
         return (*ranges, *extra)
 
     @property
-    def play(self) -> Actuation | None:
-        """Half width of the play between every device and its axis [m or Pa]; None: there is none."""
+    def backlash(self) -> Actuation | None:
+        """Half width of the backlash between every device and its axis [m or Pa]; None: there is none."""
         return None
 
     @property

@@ -86,7 +86,7 @@ class TriTube(SectionRobot):
 
     @property
     def accepts(self) -> frozenset[str]:
-        """As for every arm of sections; ``ph`` takes no mid-point and no frame."""
+        """Kinds of targets: those of every arm of sections, without mid-point and frame for ``ph``."""
         return super().accepts - {"mid", "rotation"} if self.solver.method == "ph" else super().accepts
 
     @property

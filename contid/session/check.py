@@ -25,6 +25,7 @@ from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.gaps import RecorderOverrun
 from contid.control.engine.events.orders import OrderGiven
 from contid.control.engine.events.robots import FaultLatched
+from contid.control.engine.messages import ClearFault, Recover
 from contid.control.engine.tick_layout import RobotRecord, TickRecord
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
@@ -58,7 +59,7 @@ class Violation:
     message: str
 
     def __str__(self) -> str:
-        """One line."""
+        """The violation in one line."""
         return f"tick {self.tick}: {f'{self.robot}: ' if self.robot else ''}{self.rule}: {self.message}"
 
 
@@ -149,7 +150,9 @@ class _RobotCheck:
     ) -> Iterator[tuple[str, str]]:
         was = Mode.OFF if before is None else before.mode
         # Devices may take some ticks to be cleared.
-        self._cleared = bool({"clear_fault", "recover"} & {*orders}) or (self._cleared and was == Mode.FAULT)
+        self._cleared = bool({ClearFault.NAME, Recover.NAME} & {*orders}) or (
+            self._cleared and was == Mode.FAULT
+        )
         if now.mode == Mode.FAULT and was != Mode.FAULT and before is not None:
             reported = [each for each in events if isinstance(each, FaultLatched) and each.robot == self.name]
             if not any(each.fault == now.fault for each in reported):

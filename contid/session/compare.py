@@ -56,7 +56,7 @@ class Divergence:
 
 @dataclass(frozen=True, slots=True)
 class _Value:
-    """One compared value."""
+    """A value of a record that a replay compares."""
 
     slot: int
     robot: int
@@ -121,7 +121,7 @@ class Comparison:
         """A robot's values in a tick, for the report."""
         layout = self._layout
         state: dict[str, Any] = {
-            name: named(kind, values[layout.robot_place(index, name)])
+            name: name_of(kind, values[layout.robot_place(index, name)])
             for name, kind in (("mode", Mode), ("fault", Fault))
         }
         for number, axis in enumerate(layout.robots[index].axes):
@@ -131,7 +131,7 @@ class Comparison:
         return state
 
 
-def named(kind: type[IntEnum], value: float) -> str:
+def name_of(kind: type[IntEnum], value: float) -> str:
     """The name of a number in a record; the number itself if it has none in this version."""
     return next((each.name for each in kind if each == value), f"{value:g}")
 

@@ -13,7 +13,7 @@ from contid.control.engine.events.robots import FaultLatched
 from contid.control.engine.events.run import LogWritten
 from contid.control.engine.tick_layout import DEADLINE, LATENESS, SKIPPED, TICK
 from contid.control.tick.supervisor import Mode
-from contid.session.compare import named
+from contid.session.compare import name_of
 from contid.session.format.entries import DAMAGED, GROWING
 from contid.session.read import Session
 
@@ -75,7 +75,7 @@ class Info:
     versions: dict[str, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        """As lines of text."""
+        """The summary as lines of text."""
         size = f"{self.bytes / 1e6:.3g} MB" + (", compacted" if self.compacted else "")
         lines = [
             f"{self.file}: {self.state}, {size}",
@@ -128,7 +128,7 @@ def summarize(session: Session) -> Info:
     if "repaired" in session.metadata:
         info.state += f", repaired {session.metadata['repaired'].get('when', '')}".rstrip()
     for index, robot in enumerate(session.layout.robots):
-        mode = "unknown" if last is None else named(Mode, last[session.layout.robot_place(index, "mode")])
+        mode = "unknown" if last is None else name_of(Mode, last[session.layout.robot_place(index, "mode")])
         info.robots[robot.name] = {"model": robot.model, "axes": list(robot.axes), "mode": mode}
     return info
 

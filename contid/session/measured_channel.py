@@ -89,7 +89,7 @@ class MeasuredChannel:
         return cls(session, robots) if robots else None
 
     def declaration(self) -> tuple[Any, Any]:
-        """Its schema and its channel as records of the ``mcap`` package."""
+        """Schema and channel, as records of the ``mcap`` package."""
         from mcap import records
 
         text = json.dumps(measured_schema(self._keys)).encode()
@@ -112,7 +112,7 @@ class MeasuredChannel:
         for robot in self._robots:
             name = robot.config.name
             try:
-                actuation, tip = robot.measured(record)
+                actuation, tip = robot.pose(record)
             except Exception as error:  # any error of a model
                 raise ModelFailedError(f"{name}: {error!r}") from error
             found: dict[str, Any] = {

@@ -45,7 +45,7 @@ class MergeReport:
 
 @dataclass(slots=True)
 class _Input:
-    """One session."""
+    """A session that is merged, and its clock against the conductor's."""
 
     session: Session
     clock: ClockNotes

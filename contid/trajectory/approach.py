@@ -19,10 +19,16 @@ from typing import Any, Final, NamedTuple
 from contid.errors import ContidError
 from contid.targets import Actuation
 from contid.trajectory.cruise import CruiseAxis, CruiseMotion, StraightMotion
+from contid.trajectory.standstill import MotionState
 
 #: A speed above its limit by rounding is set to the limit: the solver fails for one in eight problems where
 #: several axes are a few float64 steps above it.
 _ROUNDING: Final = 1e-9
+
+
+#: Ways shorter than those of this time at full speed [s], and speeds below this share of the limit: such an
+#: axis is there already. The solver finds no motion for some of them, and for others one away and back.
+_THERE: Final = 1e-8
 
 
 class MotionError(ContidError):
@@ -59,6 +65,7 @@ class Approach:
         velocity_limit: Sequence[float],
         acceleration_limit: Sequence[float],
         jerk_limit: Sequence[float],
+        *,
         straight: bool = False,
     ) -> None:
         self._goal: Actuation = tuple(float(value) for value in goal)
@@ -67,10 +74,15 @@ class Approach:
         self._scale = velocity_limit
         if not all(map(math.isfinite, (*start, *start_velocity, *goal))):
             raise MotionError(f"no motion from {list(start)} to {self._goal}: they must be finite")
+        scaled_goal = _scaled(goal, self._scale)
         problem = _Problem(
-            _scaled(start, self._scale),
-            [_at_most_one(v) for v in _scaled(start_velocity, self._scale)],
-            *(_scaled(each, self._scale) for each in (goal, acceleration_limit, jerk_limit)),
+            [
+                there if abs(here - there) <= _THERE else here
+                for here, there in zip(_scaled(start, self._scale), scaled_goal, strict=True)
+            ],
+            [_known_speed(v) for v in _scaled(start_velocity, self._scale)],
+            scaled_goal,
+            *(_scaled(each, self._scale) for each in (acceleration_limit, jerk_limit)),
         )
         # ruckig leaves the line where the limits of the axes differ, as those of a wrist do.
         limits = velocity_limit, acceleration_limit, jerk_limit
@@ -79,14 +91,14 @@ class Approach:
         self._trajectory: Any = solve(problem, straight)
         self.duration_s: float = self._trajectory.duration
 
-    def at(self, time_s: float) -> tuple[Actuation, Actuation]:
-        """Position and velocity ``time_s`` after the start; the start before it, the goal at rest after."""
+    def at(self, time_s: float) -> MotionState:
+        """The state ``time_s`` after the start; the start before it, the goal at rest after."""
         if time_s >= self.duration_s:
-            return self._goal, (0.0,) * len(self._goal)
+            return MotionState(self._goal, (0.0,) * len(self._goal))
         if time_s <= 0.0:
-            return self._start, self._start_velocity
+            return MotionState(self._start, self._start_velocity)
         position, velocity = self._trajectory.at_time(time_s)[:2]
-        return (
+        return MotionState(
             tuple([value * scale for value, scale in zip(position, self._scale, strict=True)]),
             tuple([value * scale for value, scale in zip(velocity, self._scale, strict=True)]),
         )
@@ -147,7 +159,10 @@ def _cruising(problem: _Problem, straight: bool) -> CruiseMotion | StraightMotio
     return CruiseMotion([CruiseAxis(*each) for each in zip(start, velocity, goal, *limits, strict=True)])
 
 
-def _at_most_one(speed: float) -> float:
+def _known_speed(speed: float) -> float:
+    """A scaled speed without the rounding at 0 and at the limit."""
+    if abs(speed) <= _THERE:
+        return 0.0
     return math.copysign(1.0, speed) if 1.0 < abs(speed) < 1.0 + _ROUNDING else speed
 
 

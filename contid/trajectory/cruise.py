@@ -39,7 +39,7 @@ class CruiseMotion:
     def at_time(self, time_s: float) -> tuple[list[float], list[float]]:
         """Positions and velocities."""
         states = [state_at(knots, time_s) for knots in self._knots]
-        return [position for position, _ in states], [velocity for _, velocity in states]
+        return [each.position for each in states], [each.velocity for each in states]
 
 
 class StraightMotion:
@@ -97,7 +97,7 @@ class CruiseAxis:
 
     def knots(self, duration_s: float) -> list[Knot]:
         """The pieces of the motion of a duration from `next_duration_s`."""
-        knots: list[Knot] = [(0.0, self._start, self._velocity, 0.0, 0.0)]
+        knots: list[Knot] = [Knot(0.0, self._start, self._velocity, 0.0, 0.0)]
         shortest_s, longest_s = self._without_stop()
         own, way, slowest, most = self._own, self._way, self._slowest, self._cruise
         if self._left == 0.0 or not shortest_s <= duration_s <= longest_s:
@@ -109,7 +109,7 @@ class CruiseAxis:
             self._add_ramp(knots, self._sign * (cruise - own))
             extend(knots, max(self._hold_s(own, way, cruise), 0.0), 0.0)
             self._add_ramp(knots, -self._sign * cruise)
-        knots.append((knots[-1][0], self._goal, 0.0, 0.0, 0.0))
+        knots.append(Knot(knots[-1].time_s, self._goal, 0.0, 0.0, 0.0))
         return knots
 
     def _without_stop(self) -> tuple[float, float]:
@@ -152,8 +152,7 @@ class CruiseAxis:
         up_s = min(math.sqrt(size / self._jerk), self._acceleration / self._jerk)
         for lasts_s, slope in ((up_s, jerk), (self._ramp_s(change) - 2.0 * up_s, 0.0), (up_s, -jerk)):
             extend(knots, lasts_s, slope)
-        time_s, position, velocity = knots[-1][:3]
-        knots[-1] = (time_s, position, velocity, 0.0, 0.0)  # without the rounding of the acceleration
+        knots[-1] = knots[-1]._replace(acceleration=0.0)  # without the rounding of the acceleration
 
 
 def _last(holds: Callable[[float], bool], low: float, high: float) -> float:

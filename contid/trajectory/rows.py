@@ -88,7 +88,8 @@ class RowReader:
             BadInputError: this line is wrong; the next one can be read all the same.
         """
         line = line.rstrip("\r\n")
-        return None if is_comment(line) else self.layout.targets(self.row(line, number))
+        text = line.lstrip()
+        return self.layout.targets(self.row(line, number)) if text and text[0] != "#" else None
 
     def row(self, given: str | Sequence[float], number: int) -> list[float]:
         """One row in SI, from a line or from numbers in the units of the columns.

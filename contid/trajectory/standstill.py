@@ -15,8 +15,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from contid.targets import Actuation
+
+
+class MotionState(NamedTuple):
+    """Where the axes of a robot are in a motion, and how fast [m or Pa, m/s or Pa/s]."""
+
+    position: Actuation
+    velocity: Actuation
 
 
 class JerkLimitedStop:
@@ -41,19 +49,21 @@ class JerkLimitedStop:
     ) -> None:
         axes = [_StoppingAxis(*each) for each in zip(velocity, acceleration_limit, jerk_limit, strict=True)]
         together_s = max((axis.shortest_s for axis in axes), default=0.0)
-        self._start = position, velocity
+        self._start = MotionState(position, velocity)
         self._knots = [axis.knots(each, together_s) for axis, each in zip(axes, position, strict=True)]
-        self._end = tuple([knots[-1][1] for knots in self._knots]), (0.0,) * len(axes)
-        self.duration_s = max((knots[-1][0] for knots in self._knots), default=0.0)
+        self._end = MotionState(tuple([knots[-1].position for knots in self._knots]), (0.0,) * len(axes))
+        self.duration_s = max((knots[-1].time_s for knots in self._knots), default=0.0)
 
-    def at(self, time_s: float) -> tuple[Actuation, Actuation]:
-        """Position and velocity ``time_s`` after the start; the start before it, rest at the end after."""
+    def at(self, time_s: float) -> MotionState:
+        """The state ``time_s`` after the start; the start before it, rest at the end after."""
         if time_s >= self.duration_s:
             return self._end
         if time_s <= 0.0:
             return self._start
         states = [state_at(knots, time_s) for knots in self._knots]
-        return tuple([position for position, _ in states]), tuple([velocity for _, velocity in states])
+        return MotionState(
+            tuple([each.position for each in states]), tuple([each.velocity for each in states])
+        )
 
 
 class _StoppingAxis:
@@ -80,7 +90,7 @@ class _StoppingAxis:
         # Rounding must not exceed the peak, where the hold would be negative.
         ramp_s, hold_s = self._parts(min(plateau, self._peak))
         jerk = -math.copysign(self._jerk, self._velocity)
-        knots: list[Knot] = [(0.0, position, self._velocity, 0.0, 0.0)]
+        knots: list[Knot] = [Knot(0.0, position, self._velocity, 0.0, 0.0)]
         for lasts_s, slope in ((ramp_s, jerk), (hold_s, 0.0), (ramp_s, -jerk)):
             extend(knots, lasts_s, slope)
         return knots
@@ -100,30 +110,44 @@ def _small_root(half: float, product: float) -> float:
     return product / (half + math.sqrt((half - double) * (half + double)))
 
 
-#: Start time of a piece; position, velocity, acceleration and jerk there.
-Knot = tuple[float, float, float, float, float]
+class AxisState(NamedTuple):
+    """Position, velocity and acceleration of one axis."""
+
+    position: float
+    velocity: float
+    acceleration: float
+
+
+class Knot(NamedTuple):
+    """Start of a piece: its time, the state of the axis there, and the jerk of the piece."""
+
+    time_s: float
+    position: float
+    velocity: float
+    acceleration: float
+    jerk: float
+
+    def state_after(self, by_s: float) -> AxisState:
+        """The state ``by_s`` into the piece."""
+        _, position, velocity, acceleration, jerk = self
+        return AxisState(
+            position + by_s * (velocity + by_s * (acceleration / 2.0 + by_s * jerk / 6.0)),
+            velocity + by_s * (acceleration + by_s * jerk / 2.0),
+            acceleration + by_s * jerk,
+        )
 
 
 def extend(knots: list[Knot], lasts_s: float, jerk: float) -> None:
     """Add a piece with a duration and a jerk; the last knot is its end."""
-    begin_s, position, velocity, acceleration, _ = knots[-1]
-    knots[-1] = (begin_s, position, velocity, acceleration, jerk)
-    knots.append((begin_s + lasts_s, *_advanced(knots[-1], lasts_s), 0.0))
+    begin = knots[-1] = knots[-1]._replace(jerk=jerk)
+    knots.append(Knot(begin.time_s + lasts_s, *begin.state_after(lasts_s), 0.0))
 
 
-def state_at(knots: Sequence[Knot], time_s: float) -> tuple[float, float]:
-    """Position and velocity; the last knot is at rest."""
+def state_at(knots: Sequence[Knot], time_s: float) -> AxisState:
+    """The state at a time; the last knot is at rest."""
     for knot in reversed(knots):
-        if time_s >= knot[0]:
+        if time_s >= knot.time_s:
             break
-    return _advanced(knot, time_s - knot[0])[:2] if knot is not knots[-1] else (knot[1], 0.0)
-
-
-def _advanced(knot: Knot, by_s: float) -> tuple[float, float, float]:
-    """Position, velocity and acceleration ``by_s`` into a piece."""
-    _, position, velocity, acceleration, jerk = knot
-    return (
-        position + by_s * (velocity + by_s * (acceleration / 2.0 + by_s * jerk / 6.0)),
-        velocity + by_s * (acceleration + by_s * jerk / 2.0),
-        acceleration + by_s * jerk,
-    )
+    if knot is knots[-1]:
+        return AxisState(knot.position, 0.0, 0.0)
+    return knot.state_after(time_s - knot.time_s)

@@ -15,13 +15,14 @@ import math
 from collections.abc import Sequence
 
 from contid.targets import Actuation
+from contid.trajectory.standstill import MotionState
 
 #: Rounding of a number of ticks.
 _ROUNDING = 1e-9
 
 
 class StraightStop:
-    """From a position and the step to it to standstill on a straight line.
+    """A stop on a straight line, from a position and the step that led to it.
 
     Args:
         position: of the axes [m or Pa].
@@ -52,8 +53,8 @@ class StraightStop:
         self.duration_s = (self._ticks - 1) * period_s
         self.distances: Actuation = tuple([0.5 * abs(each) * (self._ticks - 1) for each in step])
 
-    def at(self, time_s: float) -> tuple[Actuation, Actuation]:
-        """Position and velocity a time after the start; the start before it, rest at the end after."""
+    def at(self, time_s: float) -> MotionState:
+        """The state a time after the start; the start before it, rest at the end after."""
         tick = min(max(time_s, 0.0), self.duration_s) / self._period_s
         steps = tick - 0.5 * tick * (tick + 1.0) / self._ticks
         reached = [
@@ -62,4 +63,4 @@ class StraightStop:
         ]
         moving = tick * self._period_s < self.duration_s
         velocity_per_step = (1.0 - tick / self._ticks) / self._period_s if moving else 0.0
-        return tuple(reached), tuple([step * velocity_per_step for step in self._step])
+        return MotionState(tuple(reached), tuple([step * velocity_per_step for step in self._step]))

@@ -104,7 +104,7 @@ class Trajectory:
         return row
 
     def stretched(self, factor: float) -> Trajectory:
-        """The same path, each of its parts as many times slower; the time of the first row stays."""
+        """The same path, each of its parts ``factor`` times slower; it begins at the same time."""
         assert self.layout.time is not None
         rows = self.rows.copy()
         times = rows[:, self.layout.time]
@@ -113,7 +113,7 @@ class Trajectory:
         return Trajectory(self.layout, rows, self.lines, self.interpolation)
 
     def accepted(self) -> Trajectory:
-        """The same, with every target found within reach."""
+        """The same trajectory, marked as one whose targets were all found within reach."""
         same = copy.copy(self)
         object.__setattr__(same, "within_reach", True)
         return same

@@ -63,6 +63,7 @@ def test_an_unknown_robot_names_the_nearest(tmp_path: Path) -> None:
         Robot(tmp_path / "arm.yaml")
 
 
+@pytest.mark.process
 def test_importing_contid_imports_no_library() -> None:
     code = (
         "import sys, contid; heavy = {'numpy', 'pydantic', 'contid.api', 'contid.client'} & {*sys.modules}; "

@@ -41,6 +41,7 @@ def table(columns: tuple[str, ...], rows: np.ndarray) -> str:
     return ",".join(columns) + "\n" + "".join(",".join(map(repr, row)) + "\n" for row in rows.tolist())
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(("name", "which"), ARMS)
 def test_fk_and_ik_have_the_bits_of_the_command_line(name: str, which: str | None) -> None:
     robot = arm(name, which)

@@ -37,6 +37,7 @@ def exported(file: Path, folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(lines))
 
 
+@pytest.mark.process
 def test_the_table_is_the_export_of_the_command_line(file: Path, tmp_path: Path) -> None:
     printed = exported(file, tmp_path)
     frame = Session(file).to_pandas()

@@ -29,6 +29,7 @@ def ramp(step: int) -> dict[str, float]:
     return {"left.x_mm": x, "left.y_mm": 80.0, "right.left_mm": 55.0 + 0.05 * step, "right.right_mm": 60.0}
 
 
+@pytest.mark.process
 def test_the_commands_are_those_of_a_run_in_virtual_time(tmp_path: Path) -> None:
     rows = [ramp(step) for step in range(300)]
     text = ",".join(rows[0]) + "\n" + "".join(",".join(map(repr, row.values())) + "\n" for row in rows)
@@ -51,6 +52,7 @@ def test_the_commands_are_those_of_a_run_in_virtual_time(tmp_path: Path) -> None
     assert compared == 300
 
 
+@pytest.mark.process
 def test_a_recording_replays_bit_for_bit(tmp_path: Path) -> None:
     file = tmp_path / "run.mcap"
     with Sim("hand", record=file) as sim:

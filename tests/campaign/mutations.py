@@ -13,7 +13,7 @@ import pytest
 
 from contid.control.engine.cycle import Timing
 from contid.control.engine.engine import Engine
-from contid.control.tick import next_command, on_path, transitions
+from contid.control.tick import next_command, transitions
 from contid.control.tick import robot_tick as loop
 from contid.control.tick.arming import next_arming
 from contid.control.tick.config import RobotConfig
@@ -51,8 +51,7 @@ def _no_limiter(patch: pytest.MonkeyPatch) -> None:
     ) -> tuple[tuple[float, ...], tuple[int, ...]]:
         return tuple(targets), (0,) * len(targets)
 
-    for module in (next_command, on_path):
-        patch.setattr(module, "limit", unlimited)
+    patch.setattr(next_command, "limit", unlimited)
 
 
 def _gain(patch: pytest.MonkeyPatch) -> None:
@@ -64,8 +63,7 @@ def _gain(patch: pytest.MonkeyPatch) -> None:
         beyond = [1.3 * min(target, axis.upper) for axis, target in zip(limits, targets, strict=True)]
         return tuple(beyond), (0,) * len(targets)
 
-    for module in (next_command, on_path):
-        patch.setattr(module, "limit", amplified)
+    patch.setattr(next_command, "limit", amplified)
 
 
 def _one_by_one(patch: pytest.MonkeyPatch) -> None:

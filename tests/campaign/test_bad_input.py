@@ -13,6 +13,8 @@ from contid.errors import ContidError
 from tests.campaign import bad_input, siege
 from tests.campaign.corpus import stored
 
+pytestmark = pytest.mark.campaign
+
 ROUNDS = int(os.environ.get("CONTID_BAD_INPUTS", "60"))
 
 

@@ -14,6 +14,8 @@ from tests.campaign.campaign import campaign
 from tests.campaign.mutations import MUTATIONS
 from tests.campaign.script import machines
 
+pytestmark = pytest.mark.campaign
+
 CASES = int(os.environ.get("CONTID_CAMPAIGN_CASES", "24"))
 
 

@@ -10,6 +10,8 @@ import pytest
 from tests.campaign.disturbances import KINDS, obstacle, one
 from tests.campaign.disturbed_daemon import PLANTS
 
+pytestmark = pytest.mark.campaign
+
 ALL = [(plant, kind) for plant in PLANTS for kind in KINDS]
 SHORT = [("lab", "kill control process"), ("chain", "suspend"), ("chain", "epoch"), ("lab", "quota")]
 

@@ -24,7 +24,7 @@ from tests.support.waiting import until
 #: Driven by these hands: whether a search is under way, and whether any output is driven.
 Look = Callable[[], bool]
 DRIVES = 2
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.campaign, pytest.mark.realtime]
 
 
 @contextmanager

@@ -6,6 +6,8 @@ import pytest
 
 from tests.campaign.everything import Part, everything, parts
 
+pytestmark = pytest.mark.campaign
+
 
 def test_every_part_gets_its_slices_and_a_violation_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     good = Part("good", "-m tests.campaign --cases 2 --seed {seed}", 2)

@@ -10,6 +10,8 @@ import pytest
 
 from tests.campaign.exits import STATES, Exits
 
+pytestmark = pytest.mark.campaign
+
 SHORT = (
     *(Exits.waiting_for_stdin, Exits.board_that_does_not_answer, Exits.approach, Exits.stopping),
     *(Exits.bus_gone, Exits.bus_hangs, Exits.recording),

@@ -13,7 +13,7 @@ from tests.campaign.wired.checks import STATES, Tally
 
 CASES = int(os.environ.get("CONTID_CAMPAIGN_PTYS", "4"))
 # Against real time: a machine that stands still for a tenth of a second looks like a dead bus.
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.campaign, pytest.mark.realtime]
 
 
 def test_no_fault_on_wires_makes_anything_unsafe() -> None:

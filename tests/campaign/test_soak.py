@@ -18,7 +18,7 @@ from benchmarks.soak_lab import robot_file
 from contid.robot_file.load import parse_robot_file
 from tests.support.rights import real_time_permitted
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.campaign, pytest.mark.realtime]
 
 MINUTES = float(os.environ.get("CONTID_SOAK_MINUTES", "0.1"))
 

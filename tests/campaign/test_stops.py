@@ -11,6 +11,8 @@ from contid.remote.protocol.estop_line import is_estop
 from tests.campaign.spellings import Spellings
 from tests.campaign.stops import siege
 
+pytestmark = pytest.mark.campaign
+
 COUNT = 10_000
 
 

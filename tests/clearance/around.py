@@ -6,10 +6,11 @@ from scipy.spatial.transform import Rotation
 from contid.clearance.body import sampled_body
 from contid.clearance.distance import to_obstacle
 from contid.clearance.obstacles import Box, Capsule, Obstacle, Plane
-from contid.kinematics.arc.avoid import FORCE, ZONE, Avoid
+from contid.kinematics.arc import arc
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.sections import Sections, backbone
-from contid.kinematics.arc.task import tuning_for
+from contid.kinematics.arc.solver import FORCE, ZONE
+from contid.kinematics.arc.tuning import tuning_for
 
 RADIUS_M, MARGIN_M, FROM_M = 0.04, 0.005, 0.06
 RACKS = (-np.pi, -np.pi / 3, -5 * np.pi / 3)
@@ -38,18 +39,51 @@ def some_obstacles(rng, count=5):
     return found
 
 
-def around(feasible, obstacles):
-    """What `SectionModel.avoid` makes of obstacles."""
+def zone_and_force(feasible):
+    """Of the potential [m], as `SectionModel.avoid` chooses them."""
     ell_m = tuning_for(feasible).ell_m
-    rows = np.array([each.packed for each in obstacles])
-    return Avoid(rows, RADIUS_M, MARGIN_M, FROM_M, ZONE * ell_m, FORCE * ell_m)
+    return ZONE * ell_m, FORCE * ell_m
 
 
 def avoiding(solver, feasible, obstacles):
     """A solver that avoids them."""
-    a = around(feasible, obstacles)
-    solver.avoid(a.obstacles.tolist(), a.radius_m, a.margin_m, a.from_m, a.zone_m, a.force_m)
+    rows = [each.packed.tolist() for each in obstacles]
+    solver.avoid(rows, RADIUS_M, MARGIN_M, FROM_M, *zone_and_force(feasible))
     return solver
+
+
+def potential(feasible, lengths, obstacles):
+    """What avoidance adds to the distance from home, by its definition.
+
+    ``F z f((r + m + z - d) / z)`` summed over twelve points of each arc beyond the begin of the body, the
+    points of rigid pieces at most a radius apart, and all obstacles.
+    """
+    zone, force = zone_and_force(feasible)
+    origin, frame, total = np.zeros(3), np.eye(3), 0.0
+    for i, (u, v, length) in enumerate(feasible.sections.arcs(np.asarray(lengths))):
+        begin = FROM_M / length if i == 0 else 0.0
+        share = begin + (1.0 - begin) * np.arange(1, 13) / 12
+        points, _ = arc.pose(share * u, share * v, share * length)
+        end, turn = arc.pose(u, v, length)
+        rigid = feasible.sections.rigid_m[i]
+        if rigid > 0.0:
+            count = int(np.clip(np.ceil(rigid / RADIUS_M), 1, 8))
+            past = rigid * np.arange(1, count + 1)[:, None] / count
+            points = np.concatenate((points, end + past * turn[:, 2]))
+        for each in obstacles:
+            x = (RADIUS_M + MARGIN_M + zone - each.signed_distance(origin + points @ frame.T)) / zone
+            total += force * zone * float(np.sum(rise(x)))
+        origin, frame = origin + frame @ (end + rigid * turn[:, 2]), frame @ turn
+    return total
+
+
+def rise(x):
+    """``x^3 / (1 - x)`` from 0 to 0.9, and a parabola with its value, slope and curvature beyond."""
+    at = np.clip(x, 0.0, 0.9)
+    slope = (3.0 - 2.0 * at) * at**2 / (1.0 - at) ** 2
+    curvature = (6.0 - 6.0 * at + 2.0 * at**2) * at / (1.0 - at) ** 3
+    more = np.maximum(x - 0.9, 0.0)
+    return at**3 / (1.0 - at) + more * slope + 0.5 * more**2 * curvature
 
 
 def posture(feasible, rng):

@@ -2,21 +2,29 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from contid.kernels import load
-from contid.kinematics.arc.avoid import _distance
+from contid.clearance.obstacles import Box, Capsule, Plane
 from contid.kinematics.arc.section_model import build_solver
-from contid.kinematics.arc.solve import SectionSolver
-from contid.kinematics.arc.task import tuning_for
+from contid.kinematics.arc.tuning import tuning_for
+from contid.kinematics.tendon.model import TendonModel
+from contid.robot_file.shipped import load_named
+from contid.robot_file.tendon.robot import TendonRobot
+from contid.targets import Target
 from tests.clearance.around import (
+    FROM_M,
     MARGIN_M,
-    around,
+    RADIUS_M,
     avoiding,
     gap_m,
     posture,
+    potential,
     racks,
     some_obstacles,
+    zone_and_force,
 )
+from tests.kernels.arc_cases import metric
+from tests.oracles import section_limits, twists
 
 ARMS = pytest.mark.parametrize("sections", [2, 3])
 
@@ -78,6 +86,7 @@ def test_far_obstacles_change_no_bit(sections):
     assert kept.solve(target, None, None, seed) == plain.solve(target, None, None, seed)
 
 
+@pytest.mark.slow
 @ARMS
 def test_answers_along_a_line_past_obstacles_have_no_jump(sections):
     """From step to step the axes move in proportion to the tip, also where the potential begins."""
@@ -98,53 +107,142 @@ def test_answers_along_a_line_past_obstacles_have_no_jump(sections):
     assert np.quantile(moved, 0.99) < 0.01
 
 
-@ARMS
-def test_the_gradient_of_the_potential_is_that_of_differences(sections):
-    rng, feasible = np.random.default_rng(4), racks(sections)
-    active = 0
-    for _ in range(40):
-        avoid, lengths = around(feasible, some_obstacles(rng, 10)), posture(feasible, rng)
-        found = avoid.potential(feasible.sections, lengths)
-        active += found.value > 0.0
-        for k in range(len(lengths)):
-            step = np.zeros(len(lengths))
-            step[k] = 1e-7
-            ends = [avoid.potential(feasible.sections, lengths + s * step).value for s in (1, -1)]
-            assert found.gradient[k] == pytest.approx((ends[0] - ends[1]) / 2e-7, rel=1e-4, abs=1e-5)
-    assert active > 10
-
-
-def test_the_distance_of_packed_obstacles_is_that_of_clearance():
-    rng = np.random.default_rng(5)
-    for each in some_obstacles(rng, 30):
-        points = rng.uniform(-0.5, 0.8, (50, 3))
-        distance, outwards = _distance(each.packed, points)
-        assert distance == pytest.approx(each.signed_distance(points), abs=1e-15)
-        ahead = each.signed_distance(points + 1e-7 * outwards)
-        assert (ahead - distance) / 1e-7 == pytest.approx(np.ones(50), abs=1e-4)
+def slope(feasible, lengths, obstacles):
+    """Gradient of the potential, by differences of fourth order."""
+    found = []
+    for step in 1e-5 * np.eye(len(lengths)):
+        a, b, c, d = (potential(feasible, lengths + k * step, obstacles) for k in (-2, -1, 1, 2))
+        found.append((a - 8.0 * b + 8.0 * c - d) / 12e-5)
+    return np.array(found)
 
 
 @ARMS
-def test_a_body_that_is_too_near_is_never_clear(sections):
+def test_an_answer_is_a_minimum_of_the_distance_from_home_and_the_potential(sections):
+    """First-order conditions with the potential written out from its definition."""
+    lefts, pushed = [], 0
+    for feasible, _, target, obstacles, found in cases(sections, 25, seed=4):
+        lengths = np.array(found.lengths)
+        chain, limits = twists.of_tubes(feasible.sections), section_limits.of_tubes(feasible)
+        _, J = twists.task(chain, 1.0, lengths, target)
+        push = slope(feasible, lengths, obstacles)
+        gradient = metric(feasible) @ (lengths - feasible.home) + push
+        pushed += bool(np.linalg.norm(push) > 1e-3)
+        normals = section_limits.binding_normals(limits, lengths)
+        lefts.append(twists.multipliers_left(gradient, J, normals) / np.linalg.norm(gradient))
+    assert pushed >= 15
+    # A body that touches has no minimum but a kink: obstacles have edges. Most are settled.
+    assert np.quantile(lefts, 0.6) <= 2e-4
+
+
+@ARMS
+def test_the_first_answer_is_taken_exactly_where_the_body_is_clear(sections):
+    """Else starts of the library are tried, up to 32 of them or 300 steps, until one is clear."""
+    firsts = seconds = 0
     rng, feasible = np.random.default_rng(6), racks(sections)
-    kept = 0
+    solver, plain = build_solver(feasible), build_solver(feasible)
+    few = tuning_for(feasible).tracking * tuning_for(feasible).ell_m
     for _ in range(200):
-        obstacles, lengths = some_obstacles(rng, 10), posture(feasible, rng)
-        gap, clear = (
-            gap_m(feasible, lengths, obstacles),
-            around(feasible, obstacles).clear(feasible.sections, lengths),
+        obstacles, target = some_obstacles(rng, 12), plain.forward(tuple(posture(feasible, rng).tolist())).tip
+        seed = posture(feasible, rng)
+        found = avoiding(solver, feasible, obstacles).solve(target, None, None, tuple(seed.tolist()))
+        gap = gap_m(feasible, found.lengths, obstacles)
+        if found.starts == 1:
+            followed = np.abs(np.subtract(found.lengths, seed)).max() <= few
+            assert followed or gap >= MARGIN_M - 1e-5
+            firsts += 1
+        elif gap >= MARGIN_M:
+            seconds += 1
+        elif found != plain.solve(target, None, None, tuple(seed.tolist())):  # what is met in no way around
+            assert found.starts == 33 or found.iterations >= 300
+            assert gap < MARGIN_M + 1e-3
+    assert firsts > 100
+    assert seconds >= 2
+
+
+@pytest.mark.parametrize("kind", ["plane", "sphere", "capsule", "box"])
+def test_each_kind_of_obstacle_pushes_the_body_away(kind):
+    """Beside a straight arm, where the plain answer keeps less than the margin."""
+    feasible = racks(2)
+    solver, plain = build_solver(feasible), build_solver(feasible)
+    home = tuple(feasible.home.tolist())
+    tip = (0.1, 0.0, 0.55)
+    middle = np.array(plain.forward(plain.solve(tip, None, None, home).lengths).mid)
+    turned = Rotation.from_euler("zy", (0.7, 0.4)).as_matrix()
+    for side in np.arange(6) * np.pi / 3:
+        out = np.array((np.cos(side), np.sin(side), 0.0))
+        near = middle + (RADIUS_M + 0.5 * MARGIN_M) * out
+        obstacle = {
+            "plane": Plane(near, -out),
+            "sphere": Capsule(near + 0.03 * out, near + 0.03 * out, 0.03),
+            "capsule": Capsule(near + 0.03 * out - (0, 0, 0.02), near + 0.03 * out + (0, 0, 0.02), 0.03),
+            "box": Box(near + 0.04 * out, turned, np.array((0.02, 0.03, 0.025))),
+        }[kind]
+        before = plain.solve(tip, None, None, home)
+        found = avoiding(solver, feasible, [obstacle]).solve(tip, None, None, home)
+        assert found.converged
+        clearer = potential(feasible, found.lengths, [obstacle])
+        assert clearer < potential(feasible, before.lengths, [obstacle])
+        if kind != "plane":
+            assert gap_m(feasible, found.lengths, [obstacle]) > gap_m(feasible, before.lengths, [obstacle])
+
+
+def test_each_number_of_the_avoidance_counts():
+    feasible = racks(2)
+    home, tip = tuple(feasible.home.tolist()), (0.1, 0.0, 0.55)
+    plain = build_solver(feasible).solve(tip, None, None, home)
+    middle = np.array(build_solver(feasible).forward(plain.lengths).mid)
+    beside = middle + np.array((0.0, 0.08, 0.0))
+    row = Capsule(beside, beside, 0.03).packed.tolist()
+    zone, force = zone_and_force(feasible)
+
+    def around(radius=RADIUS_M, margin=MARGIN_M, begin=FROM_M, zone=zone, force=force):
+        solver = build_solver(feasible)
+        solver.avoid([row], radius, margin, begin, zone, force)
+        return solver.solve(tip, None, None, home).lengths
+
+    usual = around()
+    assert usual != plain.lengths
+    for changed in (
+        {"radius": 0.05}, {"margin": 0.01}, {"begin": 0.2}, {"zone": 0.6 * zone}, {"force": 0.5 * force},
+    ):  # fmt: skip
+        assert np.abs(np.subtract(around(**changed), usual)).max() > 1e-5, changed
+    assert around(radius=1e-3, margin=0.0, zone=1e-3) == pytest.approx(plain.lengths, abs=1e-9)
+
+
+def test_bends_of_a_tendon_robot_keep_away_too():
+    """Three sections, a tip alone: the body leads around a sphere beside it, and the tip is met."""
+    (robot,) = load_named("tendon3").file.robots.values()
+    assert isinstance(robot, TendonRobot)
+    model = TendonModel(robot)
+    rng, kept, free = np.random.default_rng(9), 0, 0
+    straight = (0.0,) * len(model.axis_names)
+    for _ in range(30):
+        feasible = model.feasible
+        assert model.statics is not None
+        bends = feasible.pulled(rng.uniform(feasible.low, feasible.high)) / np.repeat(
+            feasible.sections.backbone_m, 2
         )
-        kept += clear
-        assert gap >= MARGIN_M if clear else gap < MARGIN_M + 1e-3
-    assert 20 < kept < 180
-
-
-@ARMS
-@pytest.mark.skipif(load("arc") is None, reason="no kernel")
-def test_the_kernel_answers_as_its_twin(sections):
-    for feasible, _, target, obstacles, found in cases(sections, 8, seed=7):
-        twin = avoiding(SectionSolver(feasible, tuning_for(feasible)), feasible, obstacles)
-        expected = twin.solve(target, None, None, tuple(feasible.home.tolist()))
-        assert found[1:4] == pytest.approx(expected[1:4], abs=1e-9)
-        assert found[5] == expected[5]
-        assert found[0] == pytest.approx(expected[0], abs=1e-7)
+        tip = model.forward(tuple(model.statics.pulls(bends).tolist())).tip_m
+        target = Target(tip_m=tip)
+        model.avoid([], 0.01, 0.002, 0.0)
+        before = model.inverse(target, straight)
+        body = model.shape(before.actuation, 200)
+        side = np.cross(body[100] - body[99], rng.normal(size=3))
+        at = body[100] + 0.016 * side / np.linalg.norm(side)
+        sphere = Capsule(at, at, 0.005)
+        if np.linalg.norm(at - tip) < 0.04:
+            continue
+        model.avoid([sphere.packed.tolist()], 0.01, 0.002, 0.02)
+        found = model.inverse(target, straight)
+        if not (before.converged and found.converged):
+            continue
+        free += 1
+        gaps = [
+            float(sphere.signed_distance(model.shape(each.actuation, 400)).min()) - 0.01
+            for each in (before, found)
+        ]
+        kept += gaps[1] >= 0.002 - 1e-4 > gaps[0]
+        assert np.linalg.norm(np.subtract(model.forward(found.actuation).tip_m, tip)) <= 1e-6
+    model.avoid([], 0.01, 0.002, 0.0)
+    assert free >= 8
+    assert kept >= 0.7 * free

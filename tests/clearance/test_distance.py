@@ -9,16 +9,11 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from contid.clearance.body import Body, sampled_body
-from contid.clearance.distance import (
-    between_bodies,
-    numpy_between_bodies,
-    numpy_to_obstacle,
-    segment_distance,
-    to_obstacle,
-)
+from contid.clearance.distance import between_bodies, to_obstacle
 from contid.clearance.guard import Shapes
 from contid.clearance.obstacles import Box, Capsule, Plane
 from contid.control.engine.wiring import clearance_guard
+from contid.kernels import load
 from contid.targets import ZERO3
 from tests.campaign.script import close_hand
 from tests.clearance.arcs import random_chain
@@ -47,6 +42,7 @@ def true_distance(a, b):
     return min(float(apart.min()), refined(distance, start, [(0, a.length), (0, b.length)]))
 
 
+@pytest.mark.slow
 def test_two_arms_are_never_accepted_nearer_than_they_are():
     rng = np.random.default_rng(1)
     falsely_refused = penetrations = 0
@@ -81,6 +77,7 @@ def random_obstacle(rng):
     return Box(at, Rotation.random(random_state=rng).as_matrix(), rng.uniform(0.005, 0.1, 3))
 
 
+@pytest.mark.slow
 def test_obstacles_bound_the_dense_sampling():
     rng = np.random.default_rng(2)
     for _ in range(CONFIGURATIONS):
@@ -111,6 +108,7 @@ def test_the_signed_distance_of_a_box_is_the_distance_to_its_nearest_point():
     assert cube.signed_distance(np.array([[0.5, 0, 0], [0, 0, 0]])) == pytest.approx([-0.5, -1.0])
 
 
+@pytest.mark.slow
 def test_segments_against_scipy_also_when_parallel_crossing_or_points():
     rng = np.random.default_rng(4)
     for case in range(200):
@@ -121,7 +119,12 @@ def test_segments_against_scipy_also_when_parallel_crossing_or_points():
             q = p + 0.3 * u - 0.4 * v  # they cross
         if case % 8 == 7:
             u = np.zeros(3)
-        got = float(segment_distance(p[None], u[None], q[None], v[None])[0])
+        # Two points each, as far apart along the curve as they are: nothing lies beside the chords.
+        a = Body(np.stack((p, p + u)), float(np.linalg.norm(u)), 0.0)
+        b = Body(np.stack((q, q + v)), float(np.linalg.norm(v)), 0.0)
+        found = between_bodies(a, b)
+        got = found.lower_m
+        assert found.upper_m == pytest.approx(got, abs=1e-7)
 
         def apart(x, p=p, u=u, q=q, v=v):
             return float(np.sum((p + x[0] * u - q - x[1] * v) ** 2))
@@ -160,6 +163,7 @@ def test_a_curve_between_coarse_samples_is_not_missed():
     assert found.lower_m <= 0.0
 
 
+@pytest.mark.slow
 def test_many_pairs_against_dense_sampling():
     """The long form: python -m tests.clearance.dense 1000000."""
     counts = run(2000, 1)
@@ -168,22 +172,61 @@ def test_many_pairs_against_dense_sampling():
     assert counts.falsely_refused <= 0.02 * counts.accepted
 
 
-def test_the_kernel_gives_the_distances_of_its_twin():
-    rng = np.random.default_rng(7)
-    for _ in range(300):
-        a, b = (sampled_body(random_chain(rng, 0.12).evenly, rng.uniform(0.002, 0.03)) for _ in range(2))
-        obstacle = random_obstacle(rng)
-        pairs = [
-            (between_bodies(a, b), numpy_between_bodies(a, b)),
-            (to_obstacle(a, obstacle), numpy_to_obstacle(a, obstacle)),
-        ]
-        for found, twin in pairs:
-            assert found.lower_m == pytest.approx(twin.lower_m, abs=1e-12)
-            assert found.upper_m == pytest.approx(twin.upper_m, abs=1e-12)
-            assert found.lower_m <= found.upper_m
-        for enough in (0.0, 1e-3, 0.05):
-            kept, twin = to_obstacle(a, obstacle, enough), numpy_to_obstacle(a, obstacle, enough)
-            assert (kept.lower_m >= enough) == (twin.lower_m >= enough)
+def test_a_straight_body_has_the_distances_of_a_line():
+    """Lower and upper bound are the same, and the nearest place is known, also off the middle."""
+    line = np.stack([np.zeros(65), np.zeros(65), np.linspace(0.0, 0.64, 65)], axis=1)
+    body = Body(line, 0.01, 0.02, start_m=0.1)
+    for z in (0.003, 0.1234, 0.31, 0.4, 0.6393):
+        at = np.array([0.1, 0.0, z])
+        ball = Capsule(at, at, 0.03)
+        side = np.array((0.0, 0.2, 0.0))
+        across = Body(np.stack((at - side, at + side)), 0.4, 0.03)
+        for found in (to_obstacle(body, ball), between_bodies(body, across)):
+            assert found.lower_m == pytest.approx(0.05, abs=1e-7)
+            assert found.upper_m == pytest.approx(0.05, abs=1e-7)
+            assert found.at_m == pytest.approx(0.1 + z, abs=0.011)
+    for enough in (0.04, 0.06):
+        assert (to_obstacle(body, ball, enough).lower_m >= enough) == (enough < 0.05)
+        assert (between_bodies(body, across, enough).lower_m >= enough) == (enough < 0.05)
+
+
+def test_a_slack_curve_is_bounded_by_its_chord_and_its_length():
+    """Two samples 1 apart with an arc length of 1.25: the curve stays within 0.375 of its chord."""
+    body = Body(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), 1.25, 0.0)
+    wall = Plane(np.array([0.0, -2.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+    found = to_obstacle(body, wall)
+    assert found.lower_m == pytest.approx(2.0 - 0.375, abs=1e-6)
+    assert found.upper_m == pytest.approx(2.0, abs=1e-12)
+    other = Body(np.array([[0.0, 2.0, 0.0], [1.0, 2.0, 0.0]]), 1.0, 0.0)
+    found = between_bodies(body, other)
+    assert (found.lower_m, found.upper_m) == pytest.approx((2.0 - 0.375, 2.0 + 0.375), abs=1e-9)
+
+
+def test_wrong_arrays_are_refused():
+    kernel = load("clearance")
+    line, packed = np.zeros((3, 3)), Capsule(np.zeros(3), np.zeros(3), 1.0).packed
+    for points in (np.zeros((1, 3)), np.zeros((3, 2))):
+        with pytest.raises(ValueError, match="points: an array"):
+            kernel.between(points, 0.1, line, 0.1, 1.0)
+        with pytest.raises(ValueError, match="points: an array"):
+            kernel.between(line, 0.1, points, 0.1, 1.0)
+        with pytest.raises(ValueError, match="points: an array"):
+            kernel.to_obstacle(points, 0.1, packed, 1.0)
+    with pytest.raises(ValueError, match="17 numbers"):
+        kernel.to_obstacle(line, 0.1, packed[:16].copy(), 1.0)
+
+
+def test_bodies_swapped_have_the_same_distance():
+    kernel, rng = load("clearance"), np.random.default_rng(8)
+    for _ in range(100):
+        a, b = (sampled_body(random_chain(rng, 0.12).evenly, 0.01) for _ in range(2))
+        there = kernel.between(a.points, a.spacing_m, b.points, b.spacing_m, np.inf)
+        back = kernel.between(b.points, b.spacing_m, a.points, a.spacing_m, np.inf)
+        assert there.lower == pytest.approx(back.lower, abs=1e-12)
+        assert there.upper == pytest.approx(back.upper, abs=1e-12)
+        places = [int(2 * each) // 2 for each in (there.at, there.other_at)]
+        apart = np.linalg.norm(a.points[places[0]] - b.points[places[1]])
+        assert apart <= there.upper + 2.0 * (a.spacing_m + b.spacing_m)
 
 
 def test_points_that_are_not_numbers_are_refused_not_far_away():
@@ -196,6 +239,7 @@ def test_points_that_are_not_numbers_are_refused_not_far_away():
         to_obstacle(Body(broken, 0.1 / 32, 0.01), Plane(np.zeros(3), np.array([0.0, 0.0, 1.0])))
 
 
+@pytest.mark.slow
 def test_a_part_of_a_body_ends_where_it_has_to():
     """Against 4001 samples of the part; whole pieces made it up to 2 mm longer, in jumps."""
     rng = np.random.default_rng(6)
@@ -207,13 +251,13 @@ def test_a_part_of_a_body_ends_where_it_has_to():
         part = first.part(0.1 * free, a.length - free)
         s = np.linspace(0.1 * free, a.length - free, 4001)
         truth = float(cKDTree(b.evenly(4001)).query(a.at(s))[0].min()) - radii.sum()
-        for found in (between_bodies(part, second), numpy_between_bodies(part, second)):
-            assert found.lower_m - 1e-6 <= truth <= found.upper_m + 1e-6
-            assert found.upper_m - found.lower_m < 4.0 * TOLERANCE_M
+        found = between_bodies(part, second)
+        assert found.lower_m - 1e-6 <= truth <= found.upper_m + 1e-6
+        assert found.upper_m - found.lower_m < 4.0 * TOLERANCE_M
         wall = random_obstacle(rng)
         truth = float(wall.signed_distance(a.at(s)).min()) - radii[0]
-        for found in (to_obstacle(part, wall), numpy_to_obstacle(part, wall)):
-            assert found.lower_m - 1e-6 <= truth <= found.upper_m + 1e-6
+        found = to_obstacle(part, wall)
+        assert found.lower_m - 1e-6 <= truth <= found.upper_m + 1e-6
 
 
 def test_the_distance_of_fingers_changes_no_faster_than_they_move():

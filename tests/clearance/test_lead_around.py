@@ -44,6 +44,7 @@ def check(radius_mm):
     preflight.trajectory(read_trajectory(io.StringIO(ROWS), "a.csv", loaded.driven), "a.csv")
 
 
+@pytest.mark.slow
 def test_a_trajectory_that_would_touch_is_led_around_by_the_free_axes(monkeypatch):
     check(30)
     monkeypatch.setattr(wiring, "lead_around", lambda *_: None)
@@ -56,6 +57,7 @@ def test_an_obstacle_without_a_way_around_is_refused_as_before():
         check(65)
 
 
+@pytest.mark.slow
 def test_every_tick_keeps_the_margin_with_the_tip_on_its_line(tmp_path):
     """The backbone by the library and the distance by its points: another way than the tick's."""
     file = tmp_path / "ball.yaml"

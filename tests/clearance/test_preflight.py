@@ -42,6 +42,7 @@ def trajectory(*rows):
     return "t_s,left_mm,right_mm\n" + "".join(f"{','.join(map(str, row))}\n" for row in rows)
 
 
+@pytest.mark.process
 def test_the_shipped_hand_runs_its_circle_and_refuses_crossed_fingers():
     circle = contid("path", "circle", "--center=50,70", "--radius=20", "--period=4", "--for=hand").stdout
     assert contid("check", "hand", "-", stdin=circle).returncode == 0

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
@@ -61,6 +62,7 @@ class Kept:
         return (points @ rotation.T + config.frame.origin_in_world)[s <= s[-1] - cut_m]
 
 
+@pytest.mark.slow
 def test_random_targets_never_bring_the_fingers_of_a_close_hand_together():
     """Rows go to the engine unchecked, at random instants, also while the robots move."""
     loaded = with_mock(close_hand())
@@ -164,6 +166,7 @@ def test_a_stop_through_the_rest_pose_ends_in_front_of_the_other_finger():
     assert 2e-3 - TOLERANCE_M <= cKDTree(ends[0]).query(ends[1])[0].min() - 0.014 < 5e-3
 
 
+@pytest.mark.process
 def test_a_run_that_the_guard_ended_replays_equal(tmp_path):
     (tmp_path / "f.yaml").write_text(with_feedback())
     (tmp_path / "t.csv").write_text(HANGING)

@@ -10,6 +10,8 @@ import pytest
 
 from tests.support.command import contid
 
+pytestmark = pytest.mark.process
+
 HEADER = "t_s,left.x_mm,left.y_mm,left.z_mm,right.x_mm,right.y_mm,right.z_mm\n"
 
 

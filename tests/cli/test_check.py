@@ -12,6 +12,8 @@ from click.testing import CliRunner
 from contid.cli.commands.check import command
 from tests.support.command import contid_in
 
+pytestmark = pytest.mark.process
+
 
 def test_the_report_names_robots_axes_buses_limits_rate_and_placeholders() -> None:
     done = CliRunner().invoke(command, ["hand"])

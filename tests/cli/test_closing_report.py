@@ -12,6 +12,8 @@ import pytest
 
 from tests.support.command import contid_in
 
+pytestmark = pytest.mark.process
+
 
 def run(text: str, folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
     done = contid_in(folder, "run", "finger", "--virtual", *options, stdin=text)

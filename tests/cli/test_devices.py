@@ -9,6 +9,8 @@ import pytest
 
 from tests.support.command import contid_in, emulating
 
+pytestmark = pytest.mark.process
+
 HOMING = "homing: {method: hard_stop, direction: -1, current_ma: 120, speed_deg_s: 360, at_mm: -1.0}"
 
 

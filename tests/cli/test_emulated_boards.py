@@ -9,7 +9,7 @@ import pytest
 
 from tests.support.command import contid_in, emulating
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 def test_two_arms_on_four_boards_swing_their_rope(tmp_path: Path, configs: Path) -> None:

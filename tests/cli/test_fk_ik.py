@@ -12,6 +12,8 @@ import yaml
 
 from tests.support.command import contid
 
+pytestmark = pytest.mark.process
+
 
 def rows(text: str) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(text)))

@@ -12,6 +12,8 @@ import pytest
 
 from tests.support.command import environment
 
+pytestmark = pytest.mark.process
+
 AXES = ("x_mm", "y_mm", "z_mm", "ax", "ay", "az", "bx", "by", "bz")
 
 

@@ -19,6 +19,8 @@ from contid.errors import ContidError
 from contid.robot_file.load import load_robot_file
 from tests.support.command import contid_in
 
+pytestmark = pytest.mark.process
+
 
 def contid(words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     done = contid_in(folder, *words.split())

@@ -14,6 +14,8 @@ from contid.session.check import check_session
 from contid.session.read import Session
 from tests.support.command import contid_in
 
+pytestmark = pytest.mark.process
+
 pytest.importorskip("toppra", reason="the extra retime is not installed")
 
 #: Of the shipped finger [mm/s, mm/s^2, mm/s^3], at its rate [Hz].

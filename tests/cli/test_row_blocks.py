@@ -106,6 +106,7 @@ def test_the_output_is_that_of_single_rows(
     assert single[1].count("\n") > 2, single
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("text", "place"),
     [
@@ -125,6 +126,7 @@ def test_a_mistake_in_a_block_is_named_with_its_place_after_the_rows_before(text
     assert len(done.stdout.splitlines()) == 2
 
 
+@pytest.mark.process
 def test_rows_typed_into_a_pipe_are_answered_at_once() -> None:
     with subprocess.Popen(
         [sys.executable, "-m", "contid", "ik", "finger"],

@@ -11,6 +11,8 @@ import pytest
 
 from tests.support.command import contid
 
+pytestmark = pytest.mark.process
+
 POSTURE = "s1.l1_mm,s1.l2_mm,s1.l3_mm,s2.l1_mm,s2.l2_mm,s2.l3_mm\n110,125,140,95,120,100\n"
 TIP = (-75.5225946934, 15.7220420260, 210.9108878265)
 DIRECTION = (-0.616595697949, -0.164951229246, 0.769805713957)

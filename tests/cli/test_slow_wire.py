@@ -13,6 +13,8 @@ import pytest
 
 from tests.support.command import contid_in, emulating, environment
 
+pytestmark = pytest.mark.process
+
 
 def status(folder: Path) -> dict[str, object]:
     """The newest status; empty before the socket answers."""

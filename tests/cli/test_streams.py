@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.process
+
 ROWS = "t_s,x_mm,y_mm\n0,20,80\n1,22,80\n"
 
 

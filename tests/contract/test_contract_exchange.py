@@ -10,6 +10,8 @@ from contid.errors import DeviceError
 from contid.hal import Rest
 from tests.contract.harness import offset
 
+pytestmark = pytest.mark.process
+
 
 def test_commands_arrive(enabled):
     goals = offset(enabled, enabled.bus.axes, enabled.facts.near)

@@ -8,6 +8,8 @@ from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import Rest
 from tests.contract.harness import offset
 
+pytestmark = pytest.mark.process
+
 
 def at(rig):
     return {axis: rig.value(axis) for axis in rig.bus.axes}

@@ -8,6 +8,8 @@ from contid.errors import DeviceError
 from contid.hal import Bus, DeviceKind, Rest
 from tests.contract.harness import offset
 
+pytestmark = pytest.mark.process
+
 
 def test_is_a_bus(rig):
     assert isinstance(rig.bus, Bus)

@@ -24,6 +24,7 @@ PAGES = [
 ]
 
 
+@pytest.mark.process
 @pytest.mark.realtime
 @pytest.mark.parametrize("page", PAGES)
 def test_the_commands_of_a_page_run(page: str, tmp_path: Path) -> None:

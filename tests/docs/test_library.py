@@ -13,6 +13,8 @@ import pytest
 from contid.remote.protocol.socket_path import is_listening
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.process
+
 ROOT = Path(__file__).parent.parent.parent
 
 

@@ -19,6 +19,8 @@ from contid.targets import Target
 from contid_vine import MODEL
 from contid_vine.model import VineModel
 
+pytestmark = pytest.mark.process
+
 ROOT = Path(__file__).parent.parent.parent
 VINE = ROOT / "examples" / "vine"
 PAGE = (ROOT / "docs" / "models.md").read_text()

@@ -19,6 +19,8 @@ from contid.remote.protocol.wire import PROTOCOL
 from contid.session.format.channels import REVISION
 from contid_drivers.due.codes import PROTOCOL_VERSION
 
+pytestmark = pytest.mark.process
+
 ROOT = Path(__file__).parents[2]
 RELEASED = Path(__file__).with_name("public-names-0.1.0.txt")
 VERSION = re.compile(r"\d+\.\d+\.\d+(?:\.dev0)?")

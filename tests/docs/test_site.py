@@ -14,6 +14,8 @@ import pytest
 import contid
 import contid.hal
 
+pytestmark = pytest.mark.process
+
 ROOT = Path(__file__).parent.parent.parent
 
 

@@ -15,6 +15,8 @@ import pytest
 
 from tests.support.ports import free_port
 
+pytestmark = pytest.mark.process
+
 ROOT = Path(__file__).parent.parent.parent
 WINCH = ROOT / "examples" / "winch"
 

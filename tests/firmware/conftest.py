@@ -120,10 +120,10 @@ class VirtualBoard:
 
     def arm(self, *channels: int) -> Answer | None:
         self.demand()
-        return self.ask(Type.ARM, messages.masked(self.crc, channels))
+        return self.ask(Type.ARM, messages.mask_body(self.crc, channels))
 
     def masked(self, kind: Type, *channels: int) -> Answer | None:
-        return self.ask(kind, messages.masked(self.crc, channels))
+        return self.ask(kind, messages.mask_body(self.crc, channels))
 
     def truth(self, channel: int) -> list[float]:
         """Shaft [counts], speed [counts/s], pressure [Pa], rate [Pa/s], drive, duty, world time [ms]."""

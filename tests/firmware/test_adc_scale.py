@@ -11,6 +11,8 @@ from contid_drivers.due.messages import Configured, Refused
 from contid_drivers.due.wiring import Adc
 from tests.firmware.conftest import VirtualBoard
 
+pytestmark = pytest.mark.process
+
 Make = Callable[..., VirtualBoard]
 SCALES = [Adc(1023, 2500.0), Adc(4095, 3300.0), Adc(32767, 3000.0)]
 READBACK = {"readback": [[0, 0], [2400, 3]], "wire_break_mv": 0}

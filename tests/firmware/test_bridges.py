@@ -87,6 +87,7 @@ class Bench:
         return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("bridge", "part", "released"), PARTS)
 def test_a_bridge_does_what_the_board_means(
     bridge: str, part: Mapping[tuple[int, int, int], str], released: str
@@ -94,7 +95,7 @@ def test_a_bridge_does_what_the_board_means(
     bench = Bench(bridge, "brake")
     assert bench.shares(part) == {"brake": 1.0}  # READY: as its wiring in a reset
     for goal in (300, -300):
-        bench.ask(Type.ARM, messages.masked(bench.crc, [0]))
+        bench.ask(Type.ARM, messages.mask_body(bench.crc, [0]))
         bench.demand({0: goal})
         bench.board.run_ms(60)
         report = bench.demand({0: goal})

@@ -10,6 +10,8 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
+import pytest
+
 from contid.hal import AxisOnBus
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import BoardState, Type
@@ -24,6 +26,8 @@ from contid_drivers.due.cortex import (
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from tests.firmware.cortex_m import CoreBoard
 from tests.firmware.elf import read_elf
+
+pytestmark = pytest.mark.process
 
 CLOCK_HZ = 84_000_000
 BUDGET = 0.35
@@ -72,7 +76,7 @@ def measure() -> Load:
 
     board.tick()
     assert isinstance(ask(Type.CONFIGURE, wiring.config_body(blob)), messages.Configured)
-    answer = ask(Type.ARM, messages.masked(crc, range(MOTORS)))
+    answer = ask(Type.ARM, messages.mask_body(crc, range(MOTORS)))
     ticks = []
     for now in range(300):
         assert isinstance(answer, messages.Telemetry)

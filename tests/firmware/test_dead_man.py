@@ -11,6 +11,7 @@ from tests.firmware.dead_man import Failure, check
 from tests.firmware.sam3x.build import build_sketch
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("failure", "watchdog_ms", "pressure"),
     [

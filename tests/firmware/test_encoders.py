@@ -24,6 +24,7 @@ def host(board: Sam3x) -> Host:
     return Host(board.ask_usb)
 
 
+@pytest.mark.slow
 def test_both_kinds_of_decoder_count_in_the_same_direction(board: Sam3x, host: Host):
     plant = Motors(board)
     host.configure()

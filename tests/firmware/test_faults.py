@@ -5,6 +5,8 @@ import pytest
 from contid_drivers.due.codes import BoardState, Reason, Refusal, ResetCause, Type
 from contid_drivers.due.messages import Refused, Telemetry
 
+pytestmark = pytest.mark.process
+
 MOVING = 6081  # counts/s at 10 cm/s
 
 

@@ -21,7 +21,10 @@ from tests.firmware.sam3x.host import Host
 from tests.firmware.sam3x.set_up import CHECKS, SERIAL_NUMBER, hello, serial_number
 
 GIVEN = os.environ.get("CONTID_DUE_ELF")
-pytestmark = pytest.mark.skipif(GIVEN is None, reason="CONTID_DUE_ELF names no ELF file of the sketch")
+pytestmark = [
+    pytest.mark.campaign,
+    pytest.mark.skipif(GIVEN is None, reason="CONTID_DUE_ELF names no ELF file of the sketch"),
+]
 ELF = Path(GIVEN or "")
 
 

@@ -24,6 +24,7 @@ def opened(full_speed: bool = False) -> Sam3x:
     return board
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cycles_per_instruction", [1.0, 1.5])
 def test_six_moving_motors_lose_no_exchange_on_the_programming_port(cycles_per_instruction: float):
     # The long form: python -m tests.firmware.exchanges
@@ -34,6 +35,7 @@ def test_six_moving_motors_lose_no_exchange_on_the_programming_port(cycles_per_i
     assert done.worst_ms < 8
 
 
+@pytest.mark.slow
 def test_nine_motors_on_two_boards_take_less_than_a_millisecond():
     boards = [measure(build_sketch(), 1.5, 20, motors, usb=True) for motors in (6, 3)]
     assert all((board.lost, board.resets, board.armed) == (0, 0, True) for board in boards)
@@ -85,6 +87,7 @@ def test_a_configuration_above_512_bytes_arrives_in_packets_back_to_back(full_sp
     assert board.usb.lost_packets == 0
 
 
+@pytest.mark.slow
 def test_an_answer_that_stopped_half_way_is_ended_by_a_zero():
     board = opened(full_speed=True)
     board.usb.reads = False

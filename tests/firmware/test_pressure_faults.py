@@ -8,6 +8,8 @@ from contid_drivers.due.codes import BoardState, Reason, Refusal, Type
 from contid_drivers.due.messages import Refused, Telemetry
 from contid_drivers.due.options import SafeState
 
+pytestmark = pytest.mark.process
+
 #: A 0-10 V read-back behind a divider: no live zero, so a wire that is off reads 0 bar.
 NO_LIVE_ZERO = {"readback": [[0, 0], [3000, 3]], "wire_break_mv": 0}
 

@@ -59,6 +59,7 @@ def test_a_loop_that_hangs_resets_the_board():
     assert board.resets == 1
 
 
+@pytest.mark.slow
 def test_a_board_whose_tick_stops_resets_and_starts_again():
     board = Sam3x(build_sketch())
     board.run_ms(20)

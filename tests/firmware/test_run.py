@@ -15,6 +15,8 @@ import pytest
 
 from tests.firmware.sam3x.build import build_sketch
 
+pytestmark = pytest.mark.process
+
 ROOT = Path(__file__).parents[2]
 #: The shipped robot files at a tenth of their speed or less.
 SLOWED = {"role: ": "latency_ms: 25\n    watchdog_ms: 300\n    role: "}

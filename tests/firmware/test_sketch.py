@@ -12,6 +12,8 @@ import pytest
 
 from contid_drivers.due.firmware import firmware_dir
 
+pytestmark = pytest.mark.process
+
 SKETCH = firmware_dir() / "contid_due"
 HERE = Path(__file__).parent
 BOARD_LAYERS = ("due", "teensy41")

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.process
+
 COUNTS_PER_MM = 60.80992066
 TEN_CM_S = {"velocity_deg_s": 470.0, "acceleration_deg_s2": 2300.0}
 

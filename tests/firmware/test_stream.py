@@ -6,6 +6,8 @@ import math
 
 import pytest
 
+pytestmark = pytest.mark.process
+
 COUNTS_PER_MM = 4776 / (math.pi * 25.0)
 SPEED = 6081  # counts/s at 10 cm/s
 ACCELERATION = 20_000.0  # counts/s2, of the start

@@ -14,6 +14,8 @@ from tests.firmware.sam3x.board import Sam3x
 from tests.firmware.sam3x.build import build_sketch
 from tests.firmware.sam3x.host import Host
 
+pytestmark = pytest.mark.process
+
 Make = Callable[[str], VirtualBoard]
 
 
@@ -35,7 +37,7 @@ def motors(board: Make) -> VirtualBoard:
 
 def test_one_port_commands_while_a_channel_is_armed(motors: VirtualBoard) -> None:
     empty = messages.demand(motors.crc, 0, {})
-    one = messages.masked(motors.crc, [0])
+    one = messages.mask_body(motors.crc, [0])
     refused = Refused(Type.DEMAND, Refusal.OTHER_PORT, 0)
     assert programming(motors, Type.DEMAND, empty) == refused
     for kind in (Type.ARM, Type.CLEAR, Type.HOME):

@@ -14,6 +14,8 @@ from contid_drivers.due.firmware import WARNINGS, build_host, firmware_dir
 from tests.firmware.cortex_m import CoreBoard
 from tests.firmware.elf import read_elf
 
+pytestmark = pytest.mark.process
+
 SANITIZE = [*WARNINGS, "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
 
 

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from contid.kinematics.array import Array
+from contid.kinematics.cosserat.engine import Limits, RodSetup, RodSolver
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
-from contid.kinematics.cosserat.solve import Limits
 from studies.shi_experiments import segment
 
 GOLDEN: dict[str, Any] = json.loads(
     (Path(__file__).parents[1] / "reference" / "cosserat-golden.json").read_text(encoding="utf-8")
 )
 GRAM = 9.81e-3  # N
+#: An error that asks for no doubling of elements [mm].
+NEVER_MM = 1e9
 
 section = segment
 
@@ -51,6 +54,41 @@ def loads_of(case: dict[str, Any], sections: int) -> Loads:
 def hanging(grams: float) -> Loads:
     """A weight on the tip of an arm that hangs tip down."""
     return Loads(tip_force=np.array([0.0, 0.0, grams * GRAM]))
+
+
+def solver(rod: Rod, weight: Loads | None = None, **settings: Any) -> RodSolver:
+    """Of a rod whose elements are never doubled and whose searches are short, but for ``settings``."""
+    usual: dict[str, Any] = {"elements": 3, "error": NEVER_MM, "tolerance": 1e-6, "direction_length": 42.0}
+    usual |= {"limits": limits(len(rod.sections)), "full_rotation": False, "thorough": False}
+    return RodSolver(RodSetup(rod, weight or Loads(), **{**usual, **settings}))
+
+
+@dataclass(frozen=True)
+class Standing:
+    """An equilibrium by the kernel: part of the loads carried, base moment [N·mm], places [mm], frame."""
+
+    carried: float
+    moment: Array
+    tip: Array
+    ends: Array
+    rotation: Array
+    elements: int
+
+
+def standing(
+    rod: Rod, pressures: Array, loads: Loads, elements: int = 3, error: float = NEVER_MM
+) -> Standing:
+    """Where the arm gets to under any loads, by `RodSolver.statics`."""
+    ends, begin = [], 0.0
+    for each in rod.sections:
+        ends.append(begin + each.length)
+        begin = ends[-1] + each.link
+    frames = np.empty((len(ends) + 1, 12))
+    solved = solver(rod, elements=elements, error=error)
+    found = solved.statics(list(pressures), loads, np.array([*ends, rod.reach]), frames)
+    tip, rotation = frames[-1, :3], frames[-1, 3:].reshape(3, 3)
+    moment = np.array(found.base_moment_nmm)
+    return Standing(found.carried, moment, tip, frames[:-1, :3], rotation, found.elements)
 
 
 def limits(sections: int, top: float = 1.5) -> Limits:

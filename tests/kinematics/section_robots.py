@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from contid.kinematics.arc.feasible import Feasible
+from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.sections import Sections
+from contid.kinematics.arc.solver import Solver
 
 GOLDEN: dict[str, Any] = json.loads(
     (Path(__file__).parents[1] / "reference" / "cbha-and-ph-golden.json").read_text()
@@ -51,3 +53,21 @@ def random_lengths(feasible: Feasible, count: int, seed: int = 1) -> np.ndarray:
     rng = np.random.default_rng(seed)
     cube = rng.random((count, len(feasible.low)))
     return np.array([feasible.pulled(feasible.low + c * (feasible.high - feasible.low)) for c in cube])
+
+
+def free_solver(sections: Sections) -> Solver:
+    """The kernel of a chain with limits far off: tubes of -1 to 3 m."""
+    return build_solver(Feasible(sections, (-1.0,) * sections.count, (3.0,) * sections.count))
+
+
+def placed(sections: Sections, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Tip [m] and its frame by the kernel."""
+    found = free_solver(sections).forward(tuple(np.ravel(lengths).tolist()))
+    return np.array(found.tip), np.reshape(found.rotation, (3, 3))
+
+
+def derivatives(sections: Sections, lengths: np.ndarray) -> np.ndarray:
+    """Jacobians of tip, orientation and mid-point by the kernel, ``(3, 3, N)``."""
+    arrays = np.empty((3, 3, np.size(lengths)))
+    free_solver(sections).differentiate(tuple(np.ravel(lengths).tolist()), *arrays)
+    return arrays

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from contid.kinematics.arc.biarc import biarc, two_arcs
-from contid.kinematics.arc.sections import Sections, forward
-from tests.kinematics.section_robots import GOLDEN, PAPER, RACKS, cbha_sections
+from contid.kinematics.arc.sections import Sections
+from studies.arc_chains import biarc, lengths_of
+from tests.kinematics.section_robots import GOLDEN, PAPER, RACKS, cbha_sections, free_solver, placed
 
 BIARC = GOLDEN["biarc"]
 
@@ -20,7 +20,7 @@ BIARC = GOLDEN["biarc"]
 @pytest.mark.parametrize(("leg_mm", "lengths"), [(BIARC["a"], BIARC["l"]), (60.0, BIARC["l_at_a60"])])
 def test_biarcs_of_the_reference(leg_mm, lengths):
     arcs = biarc(np.array(BIARC["p"]) / 1e3, np.array(BIARC["t"]), leg_mm / 1e3, (0.0, 0.0))
-    np.testing.assert_allclose(cbha_sections(PAPER).lengths(np.array(arcs)) * 1e3, lengths, atol=1e-10)
+    np.testing.assert_allclose(lengths_of(cbha_sections(PAPER), np.array(arcs)) * 1e3, lengths, atol=1e-10)
 
 
 bends = st.tuples(st.floats(0.05, 5.8), st.floats(-3.1, 3.1), st.floats(0.05, 0.6))
@@ -34,16 +34,16 @@ def test_the_family_contains_every_pair_of_arcs(first, second, between, after):
     assume(all(abs(theta - math.pi) > 0.1 for theta, _, _ in (first, second)))
     arcs = np.array([(t * math.cos(a), t * math.sin(a), L) for t, a, L in (first, second)])
     sections = Sections((0.035, 0.035), (RACKS, RACKS), (between, after))
-    at = forward(sections, sections.lengths(arcs))
+    tip, frame = placed(sections, lengths_of(sections, arcs))
     leg1, leg2 = (L / t * math.tan(0.5 * t) for t, _, L in (first, second))
     assume(abs(leg1 + leg2 + between) > 0.05)
-    below = at.tip @ at.rotation[:, 2] - after + leg1 * (1 - at.rotation[2, 2]) + between
+    below = tip @ frame[:, 2] - after + leg1 * (1 - frame[2, 2]) + between
     assume(abs(below) > 0.02)
-    found = biarc(at.tip, at.rotation[:, 2], leg1, (between, after))
+    found = biarc(tip, frame[:, 2], leg1, (between, after))
     assert found is not None
-    reached = forward(sections, sections.lengths(np.array(found)))
-    np.testing.assert_allclose(reached.tip, at.tip, atol=1e-8)
-    np.testing.assert_allclose(reached.rotation[:, 2], at.rotation[:, 2], atol=1e-8)
+    reached, turned = placed(sections, lengths_of(sections, np.array(found)))
+    np.testing.assert_allclose(reached, tip, atol=1e-8)
+    np.testing.assert_allclose(turned[:, 2], frame[:, 2], atol=1e-8)
     np.testing.assert_allclose(found, arcs, atol=1e-6)
 
 
@@ -55,10 +55,11 @@ def test_two_arcs_through_mid_point_and_tip(first, second, between, after):
         assume(abs(math.sin(theta / 2) / theta * length + rigid / 2 * math.cos(theta / 2)) > 0.02)
     arcs = np.array([(t * math.cos(a), t * math.sin(a), L) for t, a, L in (first, second)])
     sections = Sections((0.035, 0.035), (RACKS, RACKS), (between, after))
-    at = forward(sections, sections.lengths(arcs))
-    found = two_arcs(at.mid, at.tip, (between, after))
-    assert found is not None
-    np.testing.assert_allclose(found, arcs, atol=1e-8)
+    solver = free_solver(sections)
+    at = solver.forward(tuple(lengths_of(sections, arcs).tolist()))
+    found = solver.solve(at.tip, None, at.mid, (0.3,) * 6)
+    assert found.starts == 0
+    np.testing.assert_allclose(sections.arcs(found.lengths), arcs, atol=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -72,12 +73,14 @@ def test_two_arcs_through_mid_point_and_tip(first, second, between, after):
 )  # fmt: skip
 def test_the_papers_paths_with_one_segment(points_mm, least, greatest, turn_deg, radius_mm):
     """Traverse, diagonal and corners of the reference: range of the racks, greatest bend, least radius."""
-    from contid.kinematics.arc.arc import through
-
     sections = Sections((0.035,), (RACKS,), (0.0,))
     path = np.concatenate([np.linspace(a, b, 2001) for a, b in itertools.pairwise(points_mm)])
-    arcs = np.array([through(*point) for point in (path / 1e3).tolist()])
-    lengths = sections.lengths(arcs[:, None, :]) * 1e3
+    solver = free_solver(sections)
+    answers = [solver.solve((x, y, z), None, None, (0.3,) * 3) for x, y, z in (path / 1e3).tolist()]
+    assert all(answer.starts == 0 for answer in answers)
+    lengths = np.array([answer.lengths for answer in answers])
+    arcs = sections.arcs(lengths)[:, 0, :]
+    lengths = 1e3 * lengths
     assert np.min(lengths) == pytest.approx(least, abs=2e-3)
     assert np.max(lengths) == pytest.approx(greatest, abs=2e-3)
     theta = np.hypot(arcs[:, 0], arcs[:, 1])

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contid.kinematics.cosserat.branch import Station, critical_factor, equilibrium, follow
-from contid.kinematics.cosserat.discretisation import fine_equilibrium
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.kinematics.model import build_model
 from contid.robot_file.load import load_robot_file
 from contid.targets import Target, Vec3
 from contid.units import BAR
-from tests.kinematics.cosserat_cases import GRAM, hanging, two
+from tests.kinematics.cosserat_cases import GRAM, hanging, solver, standing, two
+from tests.oracles.rod_energy import variation
 from tests.oracles.rod_shooting import ramped_tip
+from tests.oracles.rod_walk import load_scale, walk
 
 
 @pytest.fixture
@@ -33,34 +33,37 @@ def test_the_branch_is_that_of_shooting_with_a_ramp(seed: int) -> None:
     rng = np.random.default_rng(seed)
     pressures, force = rng.uniform(0.0, 1.5, 6), rng.normal(size=3)
     force *= 10.0 * GRAM / np.linalg.norm(force)
-    found, _ = fine_equilibrium(two(), pressures, Loads(tip_force=force), 12, 1e-4)
-    assert found.done == 1.0
+    found = standing(two(), pressures, Loads(tip_force=force), 12, 1e-4)
+    assert found.carried == 1.0
     oracle = ramped_tip(two(), pressures, force)
     assert oracle is not None
-    assert np.linalg.norm(found.sweep.tip - oracle) < 1e-3
+    assert np.linalg.norm(found.tip - oracle) < 1e-3
 
 
 def test_the_order_of_pressures_and_load_makes_no_difference_without_a_fold() -> None:
+    """The kernel raises both together; walks with the pressures first, and the load first, end there too."""
     rod, loads = two(), hanging(10.0)
     pressures = np.array([1.2, 0.1, 0.4, 0.2, 1.4, 0.3])
-    empty = Station(np.zeros(6), loads.scaled(0.0))
-    together = equilibrium(rod, pressures, loads)
-    for between in (Station(pressures, loads.scaled(0.0)), Station(np.zeros(6), loads)):
-        first = follow(rod, empty, between, np.zeros(3), 3)
-        second = follow(rod, between, Station(pressures, loads), first.base_moment, 3)
-        assert first.done == second.done == together.done == 1.0
-        assert np.abs(second.base_moment - together.base_moment).max() < 1e-6
+    found = standing(rod, pressures, loads, 24)
+    assert found.carried == 1.0
+    scale, rest = load_scale(rod, loads), np.zeros((1, 6))
+    hung = walk(rod, loads, scale, rest, parts=10)
+    for walked in (
+        walk(rod, loads, scale, pressures[None], pressed=True, parts=20),
+        walk(rod, loads, scale, pressures[None], parts=20, begin=(rest, hung.moment)),
+    ):
+        assert walked.there.all()
+        assert np.abs(walked.moment[0] - found.moment).max() < 1e-4
+        assert np.abs(walked.tip[0] - found.tip).max() < 1e-3
 
 
 def test_a_branch_ends_where_the_arm_buckles() -> None:
-    """Upright: the part done is the critical part of load and pressures raised together."""
-    rod, pressures = two(), np.full(6, 0.5)
-    loads = Loads(tip_force=np.array([0.0, 0.0, -4.0 * GRAM]))
-    end = equilibrium(rod, pressures, loads)
-    assert 0.5 < end.done < 1.0
-    part = end.done
-    factor = critical_factor(rod, part * pressures, loads)
-    assert factor == pytest.approx(part, rel=0.02)
+    """Upright: the part carried is the critical part of load and pressures raised together."""
+    rod, pressures, force = two(), np.full(6, 0.5), (0.0, 0.0, -4.0 * GRAM)
+    end = standing(rod, pressures, Loads(tip_force=np.array(force)))
+    assert 0.5 < end.carried < 1.0
+    factor = solver(rod).critical((end.carried * pressures).tolist(), force, 1.0)
+    assert factor == pytest.approx(end.carried, rel=0.02)
 
 
 @pytest.mark.parametrize(("bar", "newtons"), [
@@ -71,11 +74,12 @@ def test_stable_and_critical_load_do_not_rest_on_three_elements(
     bar: tuple[float, ...], newtons: Vec3
 ) -> None:
     """Sideways loads at which three elements count an unstable mode that twelve do not have."""
-    rod, pressures, loads = two(), np.array(bar), Loads(tip_force=np.array(newtons))
-    assert equilibrium(rod, pressures, loads).done < 1.0
-    assert fine_equilibrium(rod, pressures, loads, 3, 0.03)[0].done == 1.0
-    assert equilibrium(rod, pressures, loads, 24).done == 1.0
-    assert critical_factor(rod, pressures, loads) is None
+    rod, loads = two(), Loads(tip_force=np.array(newtons))
+    found = solver(rod).forward(bar, newtons)
+    assert found.stable
+    assert found.elements > 3  # with an error that asks for no doubling
+    assert variation(rod, np.array(bar), loads, np.array(found.base_moment_nmm)).unstable == 0
+    assert solver(rod).critical(bar, newtons, 1.0) is None
 
 
 def test_an_answer_is_where_shooting_finds_the_arm(arm: CosseratModel) -> None:
@@ -141,8 +145,8 @@ def test_the_error_estimate_watches_the_mid_point() -> None:
     for _ in range(4):
         pressures, force = rng.uniform(0.0, 1.5, 6), rng.normal(size=3)
         loads = Loads(tip_force=10.0 * GRAM * force / np.linalg.norm(force))
-        found, elements = fine_equilibrium(two(), pressures, loads, 3, 0.03)
-        exact = equilibrium(two(), pressures, loads, 24)
-        assert found.done == exact.done == 1.0
-        off = [found.sweep.tip - exact.sweep.tip, found.sweep.ends[0] - exact.sweep.ends[0]]
-        assert np.max(np.linalg.norm(off, axis=1)) < 0.05, elements
+        found = standing(two(), pressures, loads, 3, 0.03)
+        exact = standing(two(), pressures, loads, 48)
+        assert found.carried == exact.carried == 1.0
+        off = [found.tip - exact.tip, found.ends[0] - exact.ends[0]]
+        assert np.max(np.linalg.norm(off, axis=1)) < 0.05, found.elements

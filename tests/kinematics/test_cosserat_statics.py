@@ -1,4 +1,4 @@
-"""Integration and equilibrium against the literal equations, the elastica and finite differences."""
+"""Integration and equilibrium against the golden rows, the elastica and finite differences."""
 
 from __future__ import annotations
 
@@ -10,14 +10,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.branch import equilibrium
-from contid.kinematics.cosserat.equilibrium import newton
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
-from contid.kinematics.cosserat.shape import frames_at, stations
 from contid.kinematics.cosserat.spatial import exponential
 from contid.kinematics.cosserat.statics import sweep
-from tests.kinematics.cosserat_cases import GOLDEN, hanging, loads_of, one, rod_of, section, two
+from tests.kinematics.cosserat_cases import (
+    GOLDEN,
+    hanging,
+    loads_of,
+    one,
+    rod_of,
+    section,
+    solver,
+    standing,
+    two,
+)
 
 FK = GOLDEN["fk"]
 
@@ -58,15 +65,15 @@ def test_modulus_is_flat_beyond_its_clamp() -> None:
 def test_golden_forward(case: dict[str, Any]) -> None:
     rod = rod_of(case)
     pressures, loads = np.array(case["P"], float), loads_of(case, len(rod.sections))
-    coarse = equilibrium(rod, pressures, loads)
-    assert coarse.done == 1.0
-    assert np.abs(coarse.sweep.tip - case["tip"]).max() < 0.03
-    fine = newton(rod, pressures, coarse.base_moment, loads, 128)
-    assert fine.converged
-    assert np.abs(fine.sweep.tip - case["tip"]).max() < 1e-8
-    assert np.abs(fine.sweep.ends[0] - case["mid"]).max() < 1e-8
-    assert np.abs(fine.sweep.rotation.ravel() - case["R"]).max() < 1e-9
-    wall = fine.base_moment + rod.sections[0].pair_moment @ pressures[:3]
+    coarse = standing(rod, pressures, loads)
+    assert coarse.carried == 1.0
+    assert np.abs(coarse.tip - case["tip"]).max() < 0.03
+    fine = standing(rod, pressures, loads, 128)
+    assert fine.carried == 1.0
+    assert np.abs(fine.tip - case["tip"]).max() < 3e-8  # balance is met to 1e-9 N·mm
+    assert np.abs(fine.ends[0] - case["mid"]).max() < 3e-8
+    assert np.abs(fine.rotation.ravel() - case["R"]).max() < 1e-9
+    wall = fine.moment + rod.sections[0].pair_moment @ pressures[:3]
     assert np.abs(wall - case["m0"]).max() < 1e-8
 
 
@@ -74,9 +81,8 @@ def test_fourth_order() -> None:
     loads = hanging(10.0)
     p = np.array([0.3, 0.9, 0.1, 0.6, 0.0, 0.7])
     rod = two()
-    start = equilibrium(rod, p, loads).base_moment
-    exact = newton(rod, p, start, loads, 96).sweep.tip
-    errors = [np.linalg.norm(newton(rod, p, start, loads, n).sweep.tip - exact) for n in (4, 8, 16)]
+    exact = standing(rod, p, loads, 96).tip
+    errors = [np.linalg.norm(standing(rod, p, loads, n).tip - exact) for n in (4, 8, 16)]
     assert errors[0] / errors[1] > 12.0
     assert errors[1] / errors[2] > 12.0
 
@@ -103,12 +109,11 @@ def test_elastica(alpha: float, w: float, u: float, theta: float) -> None:
     )
     force = alpha * 76130e-6 * real.inertia / 42.0**2
     loads = Loads(tip_force=np.array([force, 0.0, 0.0]))
-    start = equilibrium(rod, np.zeros(3), loads, 24).base_moment
-    found = newton(rod, np.zeros(3), start, loads, 64)
-    assert found.converged
-    assert found.sweep.tip[0] / 42.0 == pytest.approx(w, abs=1e-6)
-    assert 1.0 - found.sweep.tip[2] / 42.0 == pytest.approx(u, abs=1e-6)
-    tangent = found.sweep.rotation[:, 2]
+    found = standing(rod, np.zeros(3), loads, 64)
+    assert found.carried == 1.0
+    assert found.tip[0] / 42.0 == pytest.approx(w, abs=1e-6)
+    assert 1.0 - found.tip[2] / 42.0 == pytest.approx(u, abs=1e-6)
+    tangent = found.rotation[:, 2]
     assert np.arctan2(tangent[0], tangent[2]) == pytest.approx(theta, abs=1e-6)
 
 
@@ -117,19 +122,20 @@ def _general() -> Loads:
 
 
 def test_tangents_are_derivatives() -> None:
-    """Every column against central differences, with every kind of load and a rigid tip."""
-    rod, loads, elements = two(tip_link=3.0), _general(), 24
+    """Every column of NumPy's sweep against central differences, with weights and a rigid tip."""
+    rod, elements = two(tip_link=3.0), 24
+    general = _general()
+    loads = Loads(general.tip_force, weight=general.weight, link_weight=general.link_weight)
+    assert loads.weight
+    assert loads.link_weight
     p, m = np.array([0.3, 0.9, 0.1, 0.6, 0.2, 0.7]), np.array([0.4, -0.2, 0.1])
 
     def all_rows(unknown: Array) -> Array:
         s = sweep(rod, unknown[3:], unknown[:3], loads, elements)
-        return np.concatenate([s.moment, s.tip, s.ends[0], s.ends[1], s.rotation[:, 2]])
+        return np.concatenate([s.moment, s.tip])
 
-    here = sweep(rod, p, m, loads, elements, tangents=True)
-    t = here.tangents
-    assert t is not None
-    axis = np.cross(t.turn.T, here.rotation[:, 2]).T
-    analytic = np.vstack([t.moment, t.tip, *t.ends, axis])
+    here = sweep(rod, p, m, loads, elements)
+    analytic = np.vstack([here.moment_by, here.tip_by])
     unknown, step = np.concatenate([m, p]), 1e-5
     for column in range(9):
         shift = np.zeros(9)
@@ -147,11 +153,10 @@ def test_turning_the_arm_turns_everything(pressures: list[float], angle: float) 
     force = np.array([0.004, -0.002, 0.03])
     p = np.array(pressures)
     turned = Rod((section(0, 5.0, first_pair_rad=angle), section(1, first_pair_rad=angle)))
-    a = equilibrium(two(), p, Loads(tip_force=force))
-    b = equilibrium(turned, p, Loads(tip_force=about_z @ force))
-    assert a.done == 1.0
-    assert b.done == 1.0
-    assert np.abs(about_z @ a.sweep.tip - b.sweep.tip).max() < 1e-6
+    a = standing(two(), p, Loads(tip_force=force))
+    b = standing(turned, p, Loads(tip_force=about_z @ force))
+    assert a.carried == b.carried == 1.0
+    assert np.abs(about_z @ a.tip - b.tip).max() < 1e-6
 
 
 @given(st.floats(1e-4, 3.0))
@@ -166,9 +171,14 @@ def test_screw_motions_compose(angle: float) -> None:
 
 def test_backbone_ends_at_the_tip() -> None:
     rod, p, loads = two(tip_link=3.0), np.array([0.3, 0.9, 0.1, 0.6, 0.0, 0.7]), _general()
-    found = equilibrium(rod, p, loads)
-    line = frames_at(rod, p, found.base_moment, loads, 3, stations(rod, 3))[:, :3]
-    assert np.abs(line[-1] - found.sweep.tip).max() < 1e-12
+    at = rod.stations(36)
+    assert at.tolist() == pytest.approx(
+        [*np.linspace(0.0, 42.0, 37), 47.0, *np.linspace(47.0, 89.0, 37)[1:], 92.0], abs=1e-12
+    )
+    frames = np.empty((len(at), 12))
+    solver(rod).statics(p.tolist(), loads, at, frames)
+    line = frames[:, :3]
+    assert np.abs(line[-1] - standing(rod, p, loads).tip).max() < 1e-12
     assert np.abs(line[0]).max() == 0.0
     assert np.max(np.linalg.norm(np.diff(line, axis=0), axis=1)) < 5.5
 
@@ -176,5 +186,5 @@ def test_backbone_ends_at_the_tip() -> None:
 def test_single_section_is_the_first_of_two() -> None:
     """The mid-point of an unloaded arm is independent of what follows."""
     p = np.array([0.3, 0.9, 0.1, 0.6, 0.0, 0.7])
-    alone = equilibrium(one(), p[:3], Loads()).sweep.tip
-    assert np.abs(equilibrium(two(), p, Loads()).sweep.ends[0] - alone).max() < 1e-12
+    alone = standing(one(), p[:3], Loads()).tip
+    assert np.abs(standing(two(), p, Loads()).ends[0] - alone).max() < 1e-12

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,14 @@ import pytest
 import yaml
 from scipy.linalg import expm
 
-from contid.kernels import load
 from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.batch import Targets, forward_many, inverse_many
-from contid.kinematics.cosserat.engine import NumpyEngine
+from contid.kinematics.cosserat.engine import RodSolver
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.kinematics.model import build_model
 from contid.robot_file.document import RobotFile
 from contid.targets import Target
+from tests.oracles.rod_equations import integrate
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 COUNTS = (5, 6, 7, 8)
@@ -114,19 +115,19 @@ def test_targets_of_other_postures_are_met_within_the_limits(count: int, directe
         assert float(np.max(model.feasible.excess(lengths))) <= 1e-12
 
 
-@pytest.mark.skipif(load("cosserat") is None, reason="the kernel is not built, or CONTID_PURE_PYTHON is set")
-@pytest.mark.parametrize("count", [5, 8])
-def test_the_pneumatic_kernel_agrees_with_its_twin(count: int) -> None:
+@pytest.mark.parametrize("count", COUNTS)
+def test_pneumatic_arms_of_many_sections_stand_by_the_equations(count: int) -> None:
     model = pneumatic(count)
-    twin = NumpyEngine(model.setup)
-    pressures = (inside(model, 1)[0] / 1e5).tolist()
-    force = (0.0, 0.002, 0.003)
-    tip, rotation, mid, stable, *_ = twin.forward(pressures, force)
-    found = model.engine.forward(pressures, force)
-    assert found[0] == pytest.approx(tip, abs=1e-6)
-    assert found[1] == pytest.approx(rotation, abs=1e-8)
-    assert found[2] == pytest.approx(mid, abs=1e-6)
-    assert found[3] == stable
+    fine = RodSolver(replace(model.setup, elements=32))
+    pressures, force = inside(model, 1)[0] / 1e5, (0.0, 0.002, 0.003)
+    found = fine.forward(pressures.tolist(), force)
+    assert found.stable
+    loads = model.setup.loads(force)
+    exact = integrate(model.setup.rod, pressures, loads, np.array(found.base_moment_nmm))
+    assert np.abs(exact.left).max() < 1e-4
+    assert found.tip_mm == pytest.approx(exact.tip, abs=1e-3)
+    assert found.mid_mm == pytest.approx(exact.ends[0], abs=1e-4)
+    assert found.rotation == pytest.approx(exact.rotation.ravel(), abs=1e-5)
 
 
 @pytest.mark.parametrize("count", [5, 8])

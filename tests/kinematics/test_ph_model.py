@@ -11,9 +11,7 @@ import pytest
 import yaml
 
 from contid.errors import BadInputError
-from contid.kernels import PURE_PYTHON, load
-from contid.kinematics.arc import arc
-from contid.kinematics.arc.sections import forward
+from contid.kinematics.arc.sections import Sections
 from contid.kinematics.model import build_model
 from contid.kinematics.ph.model import PhModel, arc_direction
 from contid.robot_file.document import RobotFile
@@ -21,7 +19,11 @@ from contid.robot_file.load import load_robot_file
 from contid.robot_file.tri_tube import TriTube
 from contid.targets import Target
 from studies import singh
+from studies.arc_chains import forward
+from tests.kinematics.section_robots import RACKS, free_solver
 from tests.support.command import contid
+
+pytestmark = pytest.mark.process
 
 
 def by_shape(configs: Path, tolerance_mm: float | None = None, **changed: Any) -> PhModel:
@@ -41,15 +43,8 @@ def selected(configs: Path, tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("pure", [True, False], ids=["numpy", "native"])
-def test_the_golden_tips_without_and_with_their_directions(
-    configs: Path, monkeypatch: pytest.MonkeyPatch, pure: bool
-) -> None:
+def test_the_golden_tips_without_and_with_their_directions(configs: Path) -> None:
     """A single arc is met to 0.05 mm; one quintic for two arcs misses by millimetres and reports it."""
-    if pure:
-        monkeypatch.setenv(PURE_PYTHON, "1")
-    elif load("ph_curve") is None:
-        pytest.skip("kernels are not compiled here (tests/build_kernels.sh)")
     model = by_shape(configs, tolerance_mm=25)
     golden = singh.golden_trajectory()
     frames = forward(model.sections, golden.lengths_m)
@@ -99,10 +94,9 @@ def test_a_rigid_piece_at_the_tip_is_taken_off_first(configs: Path) -> None:
     model = by_shape(configs, geometry=geometry)
     for tip in ((0.02, 0.03, 0.25), (0.0, 0.0, 0.27), (-0.06, 0.01, 0.24)):
         assert model.inverse(Target(tip_m=tip), model.lower).residual_m < 1e-4
-        bend = arc.through(*tip, 0.030)
-        assert bend is not None
-        _, rotation = arc.pose(*np.array(bend)[:, None])
-        assert arc_direction(tip, 0.030) == pytest.approx(rotation[0, :, 2].tolist(), abs=1e-12)
+        one = free_solver(Sections((0.035,), (RACKS,), (0.030,)))
+        rotation = one.forward(one.solve(tip, None, None, (0.3,) * 3).lengths).rotation
+        assert arc_direction(tip, 0.030) == pytest.approx(rotation[2::3], abs=1e-12)
 
 
 def test_the_base_itself_has_no_arc() -> None:

@@ -1,40 +1,40 @@
-"""Statics of rods under gravity and wrenches along them: against SoRoSim, Euler, and the twin."""
+"""Statics of rods under gravity and wrenches along them: against SoRoSim, Euler, and the equations."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from contid import ElasticRod, Robot, Wrench
-from contid.kernels import PURE_PYTHON
-from contid.kinematics.cosserat.engine import NumpyEngine
+from contid.kinematics.cosserat.engine import RodSolver
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.kinematics.model import build_model
 from contid.robot_file.shipped import load_named
 from tests.oracles.elastic_rods import ALLOWED, RODS, compared, rod, shapes
+from tests.oracles.rod_equations import integrate
 from tests.support.shared_data import shared_data
 
 
 @pytest.mark.parametrize("name", RODS)
-@pytest.mark.parametrize("pure", ["0", "1"], ids=["kernel", "numpy"])
-def test_shapes_are_those_of_sorosim(name: str, pure: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(PURE_PYTHON, pure)
+def test_shapes_are_those_of_sorosim(name: str) -> None:
     one = rod(name)
     at, table = shapes(shared_data(f"rod-statics/{name}.csv"))
-    for shape in table[: 12 if pure == "0" else 3]:
+    for shape in table[:12]:
         found = compared(one, at, shape)
         assert found.distance <= ALLOWED
         assert found.angle <= math.radians(0.3)
 
 
-def test_kernel_and_twin_agree_on_wrenches_on_a_pneumatic_arm() -> None:
+def test_wrenches_on_a_pneumatic_arm_are_in_balance_along_it() -> None:
+    """Frames at stations, ends of links among them, and the base moment, by the equations."""
     (robot,) = load_named("stiffflop2").file.robots.values()
     model = build_model(robot)
     assert isinstance(model, CosseratModel)
-    twin = NumpyEngine(model.setup)
+    fine = RodSolver(replace(model.setup, elements=48))
     rng = np.random.default_rng(5)
     stations = np.array([0.0, 17.0, model.setup.rod.sections[0].length, 47.5, 80.0, model.setup.rod.reach])
     for _ in range(6):
@@ -47,12 +47,20 @@ def test_kernel_and_twin_agree_on_wrenches_on_a_pneumatic_arm() -> None:
             {0: rng.uniform(-1e-4, 1e-4, 3)},
         )
         pressures = rng.uniform(0.0, 1.2, 6).tolist()
-        frames, expected = np.empty((6, 12)), np.empty((6, 12))
-        done, moment, elements = model.engine.statics(pressures, loads, stations, frames)
-        assert (done, elements) == twin.statics(pressures, loads, stations, expected)[::2]
-        assert done == 1.0
-        np.testing.assert_allclose(frames, expected, atol=1e-9)
-        assert moment == pytest.approx(twin.statics(pressures, loads, stations, expected)[1], abs=1e-8)
+        frames, coarse = np.empty((6, 12)), np.empty((6, 12))
+        found = fine.statics(pressures, loads, stations, frames)
+        assert found.carried == 1.0
+        assert found.elements == 48
+        exact = integrate(
+            model.setup.rod, np.array(pressures), loads, np.array(found.base_moment_nmm), stations
+        )
+        assert np.abs(exact.left).max() < 1e-5
+        np.testing.assert_allclose(frames, exact.frames, rtol=0.0, atol=1e-5)
+        usual = model.engine.statics(pressures, loads, stations, coarse)
+        assert usual.carried == 1.0
+        assert usual.elements < 48
+        # As the elements are doubled: to about 0.03 mm.
+        np.testing.assert_allclose(coarse[:, :3], frames[:, :3], rtol=0.0, atol=0.06)
 
 
 def test_a_force_on_the_tip_is_that_of_fk() -> None:

@@ -10,8 +10,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contid.kinematics.arc import arc
-from contid.kinematics.arc.sections import Sections, backbone, differentiate, forward
-from tests.kinematics.section_robots import CCW, GOLDEN, PAPER, RACKS, ROBOTS, cbha_sections, random_lengths
+from contid.kinematics.arc.sections import Sections, backbone
+from studies.arc_chains import lengths_of
+from tests.kinematics.section_robots import (
+    CCW,
+    GOLDEN,
+    PAPER,
+    RACKS,
+    ROBOTS,
+    cbha_sections,
+    derivatives,
+    free_solver,
+    placed,
+    random_lengths,
+)
 
 ONE = Sections((0.035,), (RACKS,), (0.0,))
 TWO = Sections((0.035, 0.035), (RACKS, RACKS), (0.0, 0.0))
@@ -20,11 +32,12 @@ TWO = Sections((0.035, 0.035), (RACKS, RACKS), (0.0, 0.0))
 @pytest.mark.parametrize("golden", GOLDEN["fk"], ids=lambda g: f"{g['layout']}-{g['l'][0]}")
 def test_cbha_postures_of_the_reference(golden):
     sections = cbha_sections(PAPER if golden["layout"] == "paper" else CCW)
-    at = differentiate(sections, np.array(golden["l"]) / 1e3)
-    np.testing.assert_allclose(at.frames.tip * 1e3, golden["P"], atol=1e-10)
-    np.testing.assert_allclose(at.frames.rotation, golden["R"], atol=1e-13)
-    np.testing.assert_allclose(at.tip, golden["J"], atol=1e-13)
-    np.testing.assert_allclose(at.spin / 1e3, golden["Jw"], atol=1e-15)
+    tip, rotation = placed(sections, np.array(golden["l"]) / 1e3)
+    by_tip, by_spin, _ = derivatives(sections, np.array(golden["l"]) / 1e3)
+    np.testing.assert_allclose(tip * 1e3, golden["P"], atol=1e-10)
+    np.testing.assert_allclose(rotation, golden["R"], atol=1e-13)
+    np.testing.assert_allclose(by_tip, golden["J"], atol=1e-13)
+    np.testing.assert_allclose(by_spin / 1e3, golden["Jw"], atol=1e-15)
     arcs = sections.arcs(np.array(golden["l"]) / 1e3)[:, [2, 0, 1]] * (1e3, 1, 1)
     if golden["layout"] == "paper":
         np.testing.assert_allclose(arcs, golden["arc"], atol=1e-12)
@@ -43,15 +56,15 @@ def test_cbha_postures_of_the_reference(golden):
     ],
 )
 def test_tri_rack_postures_of_the_reference(racks, tip):
-    np.testing.assert_allclose(forward(ONE, np.array(racks) / 1e3).tip * 1e3, tip, atol=6e-11)
+    np.testing.assert_allclose(placed(ONE, np.array(racks) / 1e3)[0] * 1e3, tip, atol=6e-11)
     counterclockwise = Sections((0.035,), ((math.pi, math.pi / 3, 5 * math.pi / 3),), (0.0,))
     swapped = np.array((racks[0], racks[2], racks[1])) / 1e3
-    np.testing.assert_allclose(forward(counterclockwise, swapped).tip * 1e3, tip, atol=6e-11)
+    np.testing.assert_allclose(placed(counterclockwise, swapped)[0] * 1e3, tip, atol=6e-11)
 
 
 def test_tri_rack_rotation_and_jacobian_of_the_reference():
     lengths = np.array((340, 300, 260)) / 1e3
-    at = differentiate(ONE, lengths)
+    by_tip, _, _ = derivatives(ONE, lengths)
     u, v, S = ONE.arcs(lengths)[0]
     np.testing.assert_allclose((35 * u, 35 * v, 1e3 * S), (40, 23.0940107676, 300), atol=6e-11)
     assert math.hypot(u, v) == pytest.approx(1.3196577581, abs=6e-11)
@@ -60,9 +73,9 @@ def test_tri_rack_rotation_and_jacobian_of_the_reference():
         [-0.3254060265, 0.812126743, 0.4843150537],
         [-0.8388582798, -0.4843150537, 0.248506972],
     ]
-    np.testing.assert_allclose(at.frames.rotation, rotation, atol=6e-10)
+    np.testing.assert_allclose(placed(ONE, lengths)[1], rotation, atol=6e-10)
     # By (Dx, Dy, S) instead of racks: d/dDx = (1/rho) d/du.
-    by_delta = at.tip @ ONE.to_lengths[0] / (0.035, 0.035, 1.0)
+    by_delta = by_tip @ ONE.to_lengths[0] / (0.035, 0.035, 1.0)
     expected = [
         [2.8692004504, -0.4789433966, 0.4931672997],
         [-0.4789433966, 3.4222366484, 0.2847302732],
@@ -79,7 +92,7 @@ def test_tri_rack_rotation_and_jacobian_of_the_reference():
     ],
 )
 def test_two_segments_of_the_reference(racks, tip):
-    np.testing.assert_allclose(forward(TWO, np.array(racks) / 1e3).tip * 1e3, tip, atol=6e-11)
+    np.testing.assert_allclose(placed(TWO, np.array(racks) / 1e3)[0] * 1e3, tip, atol=6e-11)
 
 
 @pytest.mark.parametrize(
@@ -97,8 +110,10 @@ def test_two_segments_of_the_reference(racks, tip):
     ],
 )
 def test_closed_form_of_one_segment(tip, racks):
-    found = arc.through(*(value / 1e3 for value in tip))
-    np.testing.assert_allclose(ONE.lengths(np.array([found])) * 1e3, racks, atol=6e-11)
+    x, y, z = (value / 1e3 for value in tip)
+    found = free_solver(ONE).solve((x, y, z), None, None, (0.3,) * 3)
+    assert found.starts == 0
+    np.testing.assert_allclose(np.array(found.lengths) * 1e3, racks, atol=6e-11)
 
 
 @settings(max_examples=200, deadline=None)
@@ -115,31 +130,10 @@ def test_closed_form_with_a_rigid_tip_is_the_inverse(theta, azimuth, length, rig
     bent = 0.5 * length * math.sin(theta / 2) / (theta / 2) + rigid * math.cos(theta / 2)
     if abs(bent) < 0.02 * (length + rigid):  # the tip is back at the base: every azimuth reaches it
         return
-    found = arc.through(tip[0], tip[1], tip[2], rigid)
-    assert found is not None
-    np.testing.assert_allclose(found, (u, v, length), atol=1e-10)
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_jacobians_against_finite_differences(name):
-    feasible = ROBOTS[name]()
-    sections, step = feasible.sections, 2e-4
-    lengths = np.vstack((random_lengths(feasible, 12), feasible.home, feasible.home + 1e-20))
-    at = differentiate(sections, lengths)
-    for k in range(lengths.shape[1]):
-        shift = np.zeros(lengths.shape[1])
-        shift[k] = step
-        poses = [forward(sections, lengths + m * shift) for m in (-3, -2, -1, 1, 2, 3)]
-
-        def derivative(values):
-            a, b, c, d, e, f = values
-            return ((f - a) - 9.0 * (e - b) + 45.0 * (d - c)) / (60.0 * step)
-
-        np.testing.assert_allclose(at.tip[..., k], derivative([p.tip for p in poses]), atol=1e-8)
-        np.testing.assert_allclose(at.mid[..., k], derivative([p.mid for p in poses]), atol=1e-8)
-        turning = derivative([p.rotation for p in poses]) @ np.swapaxes(at.frames.rotation, -1, -2)
-        spin = np.stack((turning[:, 2, 1], turning[:, 0, 2], turning[:, 1, 0]), axis=-1)
-        np.testing.assert_allclose(at.spin[..., k], spin, atol=1e-8 * 40)  # 1/m, up to 40 of them
+    sections = Sections((0.035,), (RACKS,), (rigid,))
+    found = free_solver(sections).solve((tip[0], tip[1], tip[2]), None, None, (0.3,) * 3)
+    assert found.starts == 0
+    np.testing.assert_allclose(sections.arcs(found.lengths)[0], (u, v, length), atol=1e-10)
 
 
 def test_offset_curves_have_the_lengths_of_the_tubes():
@@ -150,7 +144,7 @@ def test_offset_curves_have_the_lengths_of_the_tubes():
     for _ in range(20):
         theta, azimuth, length = rng.uniform(0.0, 2.5), rng.uniform(-3.0, 3.0), rng.uniform(0.1, 0.6)
         u, v = theta * math.cos(azimuth), theta * math.sin(azimuth)
-        expected = ONE.lengths(np.array([(u, v, length)]))
+        expected = lengths_of(ONE, np.array([(u, v, length)]))
         for tube, angle in enumerate(ONE.angles_rad[0]):
             offset = 0.035 * np.array((math.cos(angle), math.sin(angle), 0.0))
 
@@ -167,8 +161,8 @@ def test_offset_curves_have_the_lengths_of_the_tubes():
 
 def test_the_pose_of_two_sections_has_five_degrees_of_freedom():
     feasible = ROBOTS["cbha"]()
-    at = differentiate(feasible.sections, random_lengths(feasible, 200))
-    scaled = np.concatenate((at.tip, 0.1 * at.spin), axis=-2)
+    both = [derivatives(feasible.sections, row)[:2] for row in random_lengths(feasible, 100)]
+    scaled = np.array([np.concatenate((tip, 0.1 * spin)) for tip, spin in both])
     singular = np.linalg.svd(scaled, compute_uv=False)
     assert np.max(singular[:, 5] / singular[:, 0]) < 1e-14
     assert np.min(singular[:, 4] / singular[:, 0]) > 0.01
@@ -196,7 +190,7 @@ def test_backbone_runs_at_equal_steps_from_base_to_tip(name):
     lengths = random_lengths(feasible, 1)[0]
     curve = backbone(feasible.sections, lengths, 2001)
     np.testing.assert_allclose(curve[0], 0.0, atol=1e-15)
-    np.testing.assert_allclose(curve[-1], forward(feasible.sections, lengths).tip, atol=1e-14)
+    np.testing.assert_allclose(curve[-1], placed(feasible.sections, lengths)[0], atol=1e-14)
     steps = np.linalg.norm(np.diff(curve, axis=0), axis=-1)
     whole = lengths.sum() / 3 + sum(feasible.sections.rigid_m)
     np.testing.assert_allclose(steps, whole / 2000, rtol=1e-4)

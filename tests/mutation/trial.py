@@ -27,7 +27,7 @@ PRELOADED: Final = (
     *("numpy", "psutil", "mcap.reader", "mcap.writer", "zstandard", "lz4.frame", "scipy.optimize"),
     *("hypothesis.strategies", "rich.console", "click", "asyncio", "multiprocessing.resource_tracker"),
 )
-#: Fixtures of tests/conftest.py that look for leaks; the tick opens nothing.
+#: Fixtures of tests/support/plugins that look for leaks; the tick opens nothing.
 _LEAKS: Final = frozenset({"nothing_left_behind", "garbage_of_other_modules"})
 #: A test may take this many times its unmutated processor time, and this much more [s].
 TIMES: Final = 4.0

@@ -20,12 +20,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.branch import load_scale
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.targets import Solution, Vec3
 from contid.units import BAR, MM_PER_M
 from tests.oracles.bounded import BOX, GRAM_N, LOADS_G, QUANTILES, WALKED_MM, Case, answer, models
-from tests.oracles.rod_walk import walk
+from tests.oracles.rod_walk import carries, load_scale, walk
 
 Mask = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 #: Poses of a cloud, and how many are walked together.
@@ -110,7 +109,7 @@ def straight_to(cases: Sequence[Case], bars: Array, tips: Array) -> tuple[Mask, 
     model, load_n = cases[0].model, cases[0].load_n
     rod, loads = model.setup.rod, model.setup.loads(load_n)
     starts = np.array([case.seed for case in cases])
-    if loads.is_zero:
+    if not carries(rod, loads):
         return np.full(len(starts), True), np.full(len(starts), True)
     scale = load_scale(rod, loads)
     stands = walk(rod, loads, scale, starts)

@@ -16,23 +16,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat import branch
-from contid.kinematics.cosserat.branch import SAME_FACTOR, load_scale
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.shipped import load_named
 from contid.targets import Vec3
 from contid.units import BAR
-from tests.oracles.rod_walk import LEAST_STEP, walk
+from tests.oracles.rod_walk import LEAST_STEP, load_scale, walk
 
 #: Tip force up to which critical loads are looked for, and cases that share it.
 MOST_N, CHUNK = 0.5, 25
 #: How far the others are from equal pressures, as a part of their range, and from a load along the arm.
 NEARLY = 0.03
-#: Difference of factors that the two discretisations may have: each is given to `SAME_FACTOR`.
-ALLOWED = 2.0 * SAME_FACTOR
+#: Difference of factors that the two discretisations may have: each is given to half a percent.
+ALLOWED = 0.01
 #: A tip that goes 4 % of the reach within this part of a path, contid's least step, may count as a snap.
-SWINGING = branch.LEAST_STEP
+SWINGING = 5e-5
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,24 @@ CORRECTIONS, BALANCED, DIFFERENCE = 6, 1e-7, 1e-5
 MOST_MOVED = 0.04
 
 
+#: The least `load_scale` [N·mm].
+LEAST_SCALE = 1e-4
+
+
+def load_scale(rod: Rod, loads: Loads) -> float:
+    """What base moments are compared with [N·mm]: that of weights and tip force at full length."""
+    total = float(np.linalg.norm(loads.tip_force))
+    for i, section in enumerate(rod.sections):
+        own = section.length * loads.weight.get(i, np.zeros(3))
+        total += float(np.linalg.norm(own + section.link * loads.link_weight.get(i, np.zeros(3))))
+    return max(LEAST_SCALE, total * rod.reach)
+
+
+def carries(rod: Rod, loads: Loads) -> bool:
+    """True where a weight or a force on the tip acts."""
+    return load_scale(rod, loads) > LEAST_SCALE
+
+
 @dataclass(frozen=True)
 class Walked:
     """Ends of paths: parts that were possible (n,), base moments (n, 3) [N·mm], tips (n, 3) [mm]."""

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contid import kernels
 from contid.targets import Target, Vec3
 from contid.units import BAR
 from tests.oracles.bounded import GRAM_N, Case, models
 from tests.oracles.clouds import count, straight_to
 
+pytestmark = pytest.mark.campaign
+
 #: An answer is found in bounded work, so a pose of the cloud may be nearer [mm].
 FARTHER_MM = 3.0
 
 
-@pytest.mark.skipif(kernels.load("cosserat") is None, reason="minutes without compiled kernels")
 @pytest.mark.parametrize("grams", [0.0, 5.0, 10.0])
 def test_answers_are_as_near_as_a_cloud_of_walked_poses(grams: float) -> None:
     wrong, lost = count(grams, number=24, size=300, seed=3)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from contid import kernels
 from tests.oracles.runs import ROBOTS, random_run
 from tests.oracles.warm_rods import count
+
+pytestmark = pytest.mark.campaign
 
 CASES = 3
 
 
-@pytest.mark.skipif(kernels.load("cosserat") is None, reason="minutes without compiled kernels")
 @pytest.mark.parametrize("name", ROBOTS)
 def test_no_run_ends_without_a_fault_and_with_a_wrong_tip(name: str) -> None:
     found = [random_run(name, seed) for seed in range(CASES)]
@@ -19,12 +19,10 @@ def test_no_run_ends_without_a_fault_and_with_a_wrong_tip(name: str) -> None:
     assert any(each.kind == "followed" for each in found)
 
 
-@pytest.mark.skipif(kernels.load("cosserat") is None, reason="minutes without compiled kernels")
 def test_an_arm_is_not_lost_to_another_equilibrium() -> None:
     """Where a point of a path may be far from its prediction, this run ends 114 mm from its targets."""
     assert random_run("stiffflop2", 1789).kind == "followed"
 
 
-@pytest.mark.skipif(kernels.load("cosserat") is None, reason="minutes without compiled kernels")
 def test_warm_answers_of_a_loaded_arm_are_where_forward_is() -> None:
     assert count(4000, seed=3)

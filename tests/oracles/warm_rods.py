@@ -11,7 +11,6 @@ import sys
 
 import numpy as np
 
-from contid.kinematics.cosserat.engine import build_engine
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.kinematics.model import build_model
 from contid.robot_file.shipped import load_named
@@ -36,31 +35,31 @@ def count(solves: int, seed: int) -> bool:
     (robot,) = load_named("stiffflop2").file.robots.values()
     model = build_model(robot)
     assert isinstance(model, CosseratModel)
-    engine, rng = build_engine(model.setup), np.random.default_rng(seed)
+    engine, rng = model.engine, np.random.default_rng(seed)
     done, wrong, unmet, worst = 0, 0, 0, 0.0
     while done < solves:
         force, mode = random_force(rng), int(rng.integers(3))
         begin, end = rng.uniform(0.0, MOST_BAR, (2, 6))
         seed_bar = tuple(begin.tolist())
         for part in np.linspace(0.0, SHARE, POINTS):
-            tip, R, mid, stable, _, _ = engine.forward((begin + part * (end - begin)).tolist(), force)
-            if not stable:
+            at = engine.forward((begin + part * (end - begin)).tolist(), force)
+            if not at.stable:
                 break
-            direction = (R[2], R[5], R[8]) if mode == 2 else None
-            target = tip, mid if mode == 1 else None, direction
-            answer = engine.inverse(*target, force, seed_bar)  # type: ignore[arg-type]
+            direction = (at.rotation[2], at.rotation[5], at.rotation[8]) if mode == 2 else None
+            target = at.tip_mm, at.mid_mm if mode == 1 else None, direction
+            answer = engine.inverse(*target, force, seed_bar)
             done += 1
-            if not (answer[2] and answer[4]):
+            if not (answer.met and answer.stable):
                 unmet += 1
                 break
-            reached, _, _, stands, _, _ = engine.forward(answer[0], force)
-            off = float(np.linalg.norm(np.subtract(reached, tip)))
+            reached = engine.forward(answer.pressures_bar, force)
+            off = float(np.linalg.norm(np.subtract(reached.tip_mm, at.tip_mm)))
             worst = max(worst, off)
-            if off > CONTRADICTED_MM or not stands:
+            if off > CONTRADICTED_MM or not reached.stable:
                 wrong += 1
-                state = "" if stands else ", unstable"
+                state = "" if reached.stable else ", unstable"
                 print(f"{off:.3g} mm from forward{state}: {target}, {force}, {seed_bar}")
-            seed_bar = answer[0]
+            seed_bar = answer.pressures_bar
     print(
         f"{done} warm solves: {wrong} contradicted by forward (worst {worst:.2g} mm), {unmet} not converged"
     )

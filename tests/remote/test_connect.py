@@ -19,6 +19,8 @@ from contid.remote.protocol.connect import connect
 from contid.remote.protocol.socket_path import Endpoint, find
 from contid.remote.protocol.wire import NoDaemonError
 
+pytestmark = pytest.mark.process
+
 STRANGER = 54321
 LISTEN = """
 import os, socket, sys

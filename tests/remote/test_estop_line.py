@@ -12,6 +12,8 @@ from contid.remote.protocol.estop_line import is_estop
 from tests.support.daemons import armed, daemon, raw
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.process
+
 SPELLINGS = [
     b'{"id":1,"verb":"estop"}',
     b'{"id":7.0,"verb":"estop"}',

@@ -12,7 +12,7 @@ import pytest
 
 from tests.support.daemons import armed, daemon
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

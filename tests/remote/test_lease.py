@@ -13,7 +13,7 @@ from tests.support.daemons import FAR, HERE, armed, daemon, states
 from tests.support.fingers import circle_csv
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 def test_robots_hold_when_the_holder_dies() -> None:

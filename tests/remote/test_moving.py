@@ -15,7 +15,7 @@ from contid.remote.protocol.wire import decode, encode
 from tests.support.daemons import HERE, Running, armed, arrives, command, daemon, raw, states
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 def test_a_session_of_a_client() -> None:

@@ -11,7 +11,7 @@ import pytest
 from contid.control.process.shared_files import folder
 from tests.support.daemons import armed, daemon
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 COLUMNS = ["t_s", "x_mm", "y_mm"]
 ROWS = [[0.005 * n, 50.0, 75.0] for n in range(40)]

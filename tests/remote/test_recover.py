@@ -10,7 +10,7 @@ from contid.client import RemoteError
 from tests.support.daemons import HERE, command, daemon, states
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 AXIS = "left: {bus: bus0, device: servo, mm_per_rev: 37.7"
 

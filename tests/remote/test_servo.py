@@ -18,7 +18,7 @@ from contid.client import AsyncClient, Code, RemoteError, ServoState
 from tests.support.daemons import HERE, armed, arrives, command, daemon, states
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 #: Of tests.support.fingers.
 VELOCITY_MM_S = 100.0

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from contid.remote.protocol import socket_path
-from contid.remote.protocol.folders import default_directory
+from contid.remote.protocol.connect import default_directory
 from contid.remote.protocol.socket_path import Endpoint, SocketError, default_path, find, is_listening
 from contid.remote.protocol.wire import NoDaemonError
 

@@ -13,10 +13,12 @@ from contid.client import Client, Code, RemoteError
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.orders import OrderRefused
 from contid.control.engine.messages import Estop, Hold, Mark, Measured, Start
-from contid.control.process.planned_start import PlannedStart
+from contid.control.process.pace import PlannedStart
 from tests.support.command import contid
 from tests.support.daemons import HERE, armed, daemon, states
 from tests.support.waiting import until
+
+pytestmark = pytest.mark.process
 
 COLUMNS = ["t_s", "x_mm", "y_mm"]
 ROWS = [[0.01 * n, 40.0 + 0.05 * n, 75.0] for n in range(50)]

@@ -16,7 +16,7 @@ from contid.client import Code, ConnectionLostError, NoDaemonError, RemoteError
 from tests.support.daemons import HERE, armed, command, daemon, states
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 SILENT = "faults:\n  - {at_s: 1.0, for_s: 1.0, kind: silent, axis: f0.left}\n"
 

@@ -24,7 +24,7 @@ from tests.support.daemons import Running, armed, daemon
 from tests.support.fingers import fingers
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "tracker.py"
 TARGET_MM = (30.0, 70.0)

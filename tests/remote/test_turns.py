@@ -8,6 +8,8 @@ import pytest
 
 from contid.remote.server.turns import BURST_S, SHARE, Turns
 
+pytestmark = pytest.mark.process
+
 REQUEST_S = 1e-3
 
 

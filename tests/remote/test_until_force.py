@@ -8,7 +8,7 @@ from contid.client import RemoteError
 from tests.support.command import contid
 from tests.support.daemons import armed, daemon
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 BEFORE, BEHIND = {"x_mm": 30.0, "y_mm": 75.0}, {"x_mm": 55.0, "y_mm": 75.0}
 LINES = """    rest_mm: [60, 60]

@@ -20,7 +20,7 @@ from contid.remote.protocol.wire import MAX_CLIENTS
 from tests.support.daemons import armed, command, daemon, raw, states
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 def test_a_client_that_floods_stalls_or_talks_garbage_blocks_no_stop() -> None:

@@ -18,7 +18,7 @@ from tests.support.daemons import Running, command
 from tests.support.fingers import circle_csv, fingers
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 ROWS = "x_mm,y_mm\n50,75\n"
 

@@ -175,3 +175,69 @@ def test_a_shorter_list_keeps_its_comments_and_what_follows(new: list[str]) -> N
     assert yaml.safe_load(text) == {"a": {"placeholder": new}, "b": 1}
     assert text.endswith("\n\n# After all.\nb: 1\n")
     assert ("# first" in text, "# third" in text) == ("one" in new, "three" in new)
+
+
+SHARED = """\
+contid: 1
+robots:
+  left: &left
+    model: finger   # of the first hand
+    correction: &c
+      a_per_mm: 0.0013   # measured
+      b: -0.2774
+    rest_mm: &r [1, 2]
+    sections:
+      - &s {length_mm: 40, modulus_pa: 1.0}
+      - *s
+      - *s
+  right:
+    <<: *left
+    correction: *c
+    rest_mm: *r
+  third:
+    <<: [*left]
+"""
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "robots.left.correction.b", "robots.right.correction.b", "robots.third.correction.b",
+        "robots.left.sections.0.modulus_pa", "robots.left.sections.1.modulus_pa", "robots.left.rest_mm",
+        "robots.right.sections.2.modulus_pa", "robots.right.rest_mm", "robots.left.model",
+        "robots.right.model", "robots.left.correction", "robots.third.new",
+    ],
+)  # fmt: skip
+def test_a_value_that_others_share_is_written_for_its_key_alone(key: str) -> None:
+    """PyYAML is the witness."""
+
+    def flat(node: object, above: str = "") -> dict[str, object]:
+        pairs = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
+        found: dict[str, object] = {} if isinstance(node, dict | list) else {above: node}
+        for name, inner in pairs:
+            found |= flat(inner, f"{above}.{name}" if above else str(name))
+        return found
+
+    value: object = [7.5, 8.5] if key.endswith("rest_mm") else 7.5
+    text = edited(SHARED, [Change(key, value, "fitted")])  # type: ignore[arg-type]
+    before, after = flat(yaml.safe_load(SHARED)), flat(yaml.safe_load(text))
+    changed = {name for name in before.keys() | after.keys() if before.get(name) != after.get(name)}
+    assert changed
+    assert all(name == key or name.startswith(f"{key}.") for name in changed)
+    assert "# of the first hand" in text or key == "robots.left.model"
+    # Writing again changes the same place alone.
+    twice = flat(yaml.safe_load(edited(text, [Change(key, value, "again")])))  # type: ignore[arg-type]
+    assert twice == after
+
+
+def test_two_changes_below_one_alias_are_both_written() -> None:
+    changes = [Change(f"robots.right.correction.{key}", 5.0) for key in ("a_per_mm", "b")]
+    robots = yaml.safe_load(edited(SHARED, changes))["robots"]
+    assert robots["right"]["correction"] == {"a_per_mm": 5.0, "b": 5.0}
+    assert robots["left"]["correction"] == robots["third"]["correction"] == {"a_per_mm": 0.0013, "b": -0.2774}
+
+
+def test_what_cannot_be_written_alone_is_refused() -> None:
+    """The library writes a mapping of one pair in a list without braces: its anchor is that of the key."""
+    with pytest.raises(ContidError, match=r"list\.1\.m: cannot be written alone"):
+        edited("list: [&s {m: 1}, *s, *s]\n", [Change("list.1.m", 7)])

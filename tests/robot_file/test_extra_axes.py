@@ -17,6 +17,8 @@ from contid.remote.server.telemetry_view import TelemetryView
 from contid.robot_file.load import load_robot_file
 from tests.support.command import contid_in
 
+pytestmark = pytest.mark.process
+
 #: Robot file -> the extra axis as it is written, and what its device has beyond that of the first axis.
 ROBOTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "finger": ({"extra_mm": {"wrist": [-20, 20]}}, {"id": 7}),

@@ -55,7 +55,7 @@ class Plant:
         """The tip at rest [m]; contid's model gives the start of the search only."""
         pressures = self.pressure + self.offset
         force = np.asarray(force_n, float)
-        start = np.array(self.model.engine.forward(pressures.tolist(), tuple(force))[-2])
+        start = np.array(self.model.engine.forward(pressures.tolist(), tuple(force)).base_moment_nmm)
         found = root(lambda m: shoot(self.rod, pressures, force, m)[1], start, options={"xtol": 1e-8})
         assert found.success
         return shoot(self.rod, pressures, force, found.x)[0] / 1e3

@@ -22,6 +22,8 @@ from tests.support.fingers import fingers
 from tests.support.systemd import need_systemd_analyze, verify_unit
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.process
+
 ROOT = Path(__file__).parents[2]
 UNIT = ROOT / "host" / host_files.UNIT
 #: Of 10, by systemd's weights.

@@ -16,6 +16,8 @@ from contid.control.process.host_files import HostFile, missing_files
 from contid.errors import ContidError
 from tests.support.command import contid_in, environment
 
+pytestmark = pytest.mark.process
+
 UNPRIVILEGED = 65534
 
 

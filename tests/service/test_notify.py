@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -20,6 +21,8 @@ from contid.control.engine.tick_layout import ENABLED, TickRecord
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.tick.supervisor import Mode
 from tests.support.fingers import Collector, load
+
+pytestmark = pytest.mark.process
 
 ROOT = Path(__file__).parents[2]
 
@@ -71,11 +74,31 @@ def test_a_watchdog_of_another_process_is_not_fed(tmp_path: Path) -> None:
         assert received(end) == ["READY=1"]
 
 
-def test_without_a_manager_nothing_is_sent() -> None:
-    for environment in ({}, {"NOTIFY_SOCKET": "/nowhere/at/all", "WATCHDOG_USEC": "soon"}):
-        notifier = Notifier(environment)
-        notifier.ticked(1, 0.0)
-        notifier.stopping()
+@pytest.mark.parametrize(
+    ("environment", "tried"),
+    [
+        ({}, []),
+        ({"WATCHDOG_USEC": "2000000"}, []),
+        # A manager that is gone, and a time-out that is no number: each state is tried once.
+        ({"NOTIFY_SOCKET": "/nowhere/at/all", "WATCHDOG_USEC": "soon"}, [b"READY=1", b"STOPPING=1"]),
+    ],
+)
+def test_without_a_manager_nothing_is_sent(
+    environment: dict[str, str], tried: list[bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent = []
+
+    class Watched(socket.socket):
+        def sendto(self, data: bytes, *rest: Any) -> int:  # type: ignore[override]
+            sent.append(data)
+            return super().sendto(data, *rest)
+
+    monkeypatch.setattr(socket, "socket", Watched)
+    notifier = Notifier(environment)
+    for tick in (1, 2):
+        notifier.ticked(tick, 100.0 * tick)
+    notifier.stopping()
+    assert sent == tried
 
 
 @pytest.mark.realtime
@@ -117,7 +140,8 @@ def test_a_stopped_control_process_is_not_reported_alive(tmp_path: Path) -> None
             assert end.recv(4096) == b"READY=1"
             for _ in range(3):
                 assert end.recv(4096) == b"WATCHDOG=1"
-            (child,) = psutil.Process(process.pid).children()
+            family = psutil.Process(process.pid).children()
+            (child,) = [each for each in family if "contid.control.process" in each.cmdline()]
             child.send_signal(signal.SIGSTOP)
             # Ticks completed before may still be reported once or twice.
             end.settimeout(1.0)

@@ -18,6 +18,8 @@ from tests.session.rewrite import rewritten
 from tests.support.command import contid
 from tests.support.fingers import circle_csv, fingers
 
+pytestmark = pytest.mark.process
+
 
 def _run(*arguments: object, code: int = 0) -> str:
     result = CliRunner().invoke(cli, [str(each) for each in arguments], catch_exceptions=False)

@@ -20,6 +20,8 @@ from pyarrow import parquet
 from contid import Robot, Session, Sim
 from tests.support.command import contid, contid_in
 
+pytestmark = pytest.mark.process
+
 LAYOUT = json.loads(Path(__file__).with_name("lerobot-layout.json").read_text())
 TIP_MM = (60.0, 75.0)
 ROW = {"left.x_mm": TIP_MM[0], "left.y_mm": TIP_MM[1], "right.left_mm": 60.0, "right.right_mm": 61.0}

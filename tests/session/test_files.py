@@ -29,6 +29,8 @@ from contid.session.write import SessionWriter
 from tests.session.rewrite import rewritten
 from tests.support.fingers import load
 
+pytestmark = pytest.mark.process
+
 #: Truncations tried per file; CI runs the short form, ``CONTID_CAMPAIGN=1`` forty times as many.
 CUTS = 4000 if os.environ.get("CONTID_CAMPAIGN") else 100
 
@@ -82,6 +84,7 @@ def test_the_stock_reader_reads_it(which: str, request: pytest.FixtureRequest) -
             assert [each.name for each in SeekingReader(file).iter_attachments()] == ["trajectory.npz"]
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("which", ["recorded", "growing"])
 def test_truncated_anywhere_it_is_read_repaired_and_replayed(
     which: str, request: pytest.FixtureRequest, tmp_path: Path
@@ -248,6 +251,7 @@ def test_the_summary_lists_faults_and_events(recorded: Path) -> None:
     json.dumps(asdict(info))
 
 
+@pytest.mark.process
 def test_the_recorder_does_not_import_numpy() -> None:
     """It would cost 14 MB for the duration of a run."""
     message = "import contid.session.mcap_recorder, sys; print('numpy' in sys.modules)"

@@ -11,6 +11,8 @@ import pytest
 
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.process
+
 ROWS = "t_s,x_mm,y_mm\n0,50,70\n1,52,70\n2,50,70\n"
 
 

@@ -19,6 +19,8 @@ from contid.session.compact import compact
 from contid.whole_file import new_file_mode, replacing
 from tests.support.fingers import load
 
+pytestmark = pytest.mark.process
+
 KILLED = """
 import os, signal, sys
 from pathlib import Path

@@ -30,6 +30,8 @@ from tests.session.kills import VICTIMS, kill_one
 from tests.support.command import contid
 from tests.support.fingers import circle_csv, fingers, load
 
+pytestmark = pytest.mark.process
+
 KILLS = int(os.environ.get("CONTID_CAMPAIGN", "1"))
 
 

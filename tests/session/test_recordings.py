@@ -18,7 +18,7 @@ from tests.support.command import contid_in
 from tests.support.daemons import FAR, HERE, Running, armed, daemon
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 @pytest.fixture

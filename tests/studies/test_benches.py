@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 
+import pytest
 from click.testing import CliRunner
 
 from studies import bench_ik
 from studies.train import command as train_command
 
 
+@pytest.mark.slow
 def test_train_then_compare(tmp_path):
     path = tmp_path / "net.npz"
     train = [str(path), "--hidden", "6", "--levels", "2", "--iterations", "40"]
@@ -38,6 +40,7 @@ def test_train_then_compare(tmp_path):
     assert by_damping[0.5]["with_feedback_mm"] < 0.2
 
 
+@pytest.mark.slow
 def test_the_table_is_marked_as_simulated():
     result = CliRunner().invoke(bench_ik.command, ["--no-network", "--random", "0"], catch_exceptions=False)
     assert result.exit_code == 0

@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from contid.kinematics.arc.sections import forward
 from studies import hughes, singh
+from studies.arc_chains import forward
 from studies.distal_learning import InverseNetwork, NetworkFileError, Recipe, train
 from studies.network import Network
 from tests.kinematics.section_robots import GOLDEN, one_segment

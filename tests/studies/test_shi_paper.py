@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from contid.kernels import load
-from contid.kinematics.cosserat.equilibrium import newton
 from contid.kinematics.cosserat.loads import Loads
 from studies.bench_cosserat import command
 from studies.shi import PAPER_ELEMENTS, forward, inverse, unknowns
 from studies.shi_cold import MODES, cold_starts
 from studies.shi_experiments import Plant, arm, experiment
-from studies.shi_paths import runs
-from tests.kinematics.cosserat_cases import GOLDEN, GRAM, rod_of
+from studies.shi_paths import Run, runs
+from tests.kinematics.cosserat_cases import GOLDEN, GRAM, rod_of, standing
 
 TIP_LOADED = [case for case in GOLDEN["fk"] if set(case["loads"]) <= {"Ftip"}]
 
@@ -49,9 +48,9 @@ def test_total_wrench_form_is_the_same_mechanics() -> None:
     ends = forward(rod, pressures, force, 48)
     for p, tip, moment in zip(pressures, ends.tip, ends.moment_error, strict=True):
         assert np.abs(moment).max() < 1e-8
-        found = newton(rod, p, np.cross(tip, force), Loads(tip_force=force), 48)
-        assert found.converged
-        assert np.abs(found.sweep.tip - tip).max() < 1e-4
+        found = standing(rod, p, Loads(tip_force=force), 48)
+        assert found.carried == 1.0
+        assert np.abs(found.tip - tip).max() < 1e-4
 
 
 def test_paper_s_inverse_meets_a_nearby_target() -> None:
@@ -83,8 +82,30 @@ def test_play_holds_back_and_noise_stays_inside_its_bound() -> None:
     assert 0.025 < np.abs(noisy).max() <= 0.03
 
 
-def test_every_run_of_the_paper_is_reached_by_the_model() -> None:
+def test_the_experiments_have_as_many_runs_as_the_paper() -> None:
     assert [sum(run.experiment == k for run in runs(3)) for k in (1, 2, 3, 4)] == [24, 4, 7, 9]
+
+
+#: Name of a run of one point -> its shape, its size [mm], and how far it rises [mm].
+CAPTION = re.compile(r"(square|box|ellipse|spiral) (\d+)(?: dz (\d+))?")
+
+
+@pytest.mark.parametrize("run", [run for run in runs(401) if run.experiment != 2], ids=lambda run: run.name)
+def test_a_run_has_the_size_of_its_name_in_millimetres(run: Run) -> None:
+    found = CAPTION.match(run.name)
+    assert found is not None
+    size_mm, rise_mm = float(found[2]), float(found[3] or 0)
+    reach_mm = np.abs(run.tip).max(axis=0)
+    expected = {
+        "square": (size_mm / 2, size_mm / 2),
+        "box": (size_mm / 2, size_mm / 2),
+        "ellipse": (size_mm, size_mm * 2 / 3),
+        "spiral": (size_mm, size_mm * 11 / 12),  # of three turns, the last quarter before the end is along -y
+    }[found[1]]
+    assert reach_mm[:2] == pytest.approx(expected, rel=0.01)
+    assert np.ptp(run.tip[:, 2]) == pytest.approx(rise_mm, abs=1e-9)
+    # A segment is 47.5 mm long and the arm 114 mm; chambers under pressure lengthen it by up to a fifth.
+    assert 0.0 < run.tip[:, 2].max() < (1.2 * 114.0 if len(run.segments) == 2 else 1.2 * 55.0)
 
 
 def test_bench_prints_one_json_object_per_row() -> None:
@@ -99,7 +120,6 @@ def test_bench_prints_one_json_object_per_row() -> None:
     assert max(row["tip_median"] for row in rows) < 10.0
 
 
-@pytest.mark.skipif(load("cosserat") is None, reason="too slow without the kernel")
 @pytest.mark.parametrize("mode", list(MODES))
 @pytest.mark.parametrize("grams", [0.0, 5.0, 10.0])
 def test_cold_starts_meet_reachable_targets(mode: str, grams: float) -> None:

@@ -36,7 +36,7 @@ def approach(
 ) -> Approach:
     """With the same velocity, acceleration and jerk limits for all axes."""
     velocity, acceleration, jerk = ((each,) * len(start) for each in limits)
-    return Approach(start, speed, goal, velocity, acceleration, jerk, straight)
+    return Approach(start, speed, goal, velocity, acceleration, jerk, straight=straight)
 
 
 def derivatives(motion: Approach, rate: float = 2000.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

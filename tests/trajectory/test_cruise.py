@@ -15,6 +15,8 @@ from hypothesis import strategies as st
 from contid.trajectory.approach import Approach
 from contid.trajectory.cruise import CruiseAxis, CruiseMotion, StraightMotion
 
+pytestmark = pytest.mark.process
+
 places = st.floats(-5.0, 5.0).map(lambda value: round(value, 6))
 speeds = st.floats(-1.0, 1.0).map(lambda value: round(value, 6))
 limits = st.tuples(st.floats(0.3, 30.0), st.floats(1.0, 900.0))

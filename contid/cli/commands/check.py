@@ -48,6 +48,7 @@ def command(robot_file: str, trajectory: str | None, as_json: bool) -> None:
     from contid.kernels import in_use
     from contid.trajectory.columns import column_groups
 
+    build = in_use()
     report = summarise(loaded)
     alone = len(loaded.file.robots) == 1
     columns = {
@@ -56,9 +57,9 @@ def command(robot_file: str, trajectory: str | None, as_json: bool) -> None:
         if not robot.passive
     }
     if as_json:
-        click.echo(json.dumps({**report, "columns": columns, "kernels": in_use()}))
+        click.echo(json.dumps({**report, "columns": columns, "kernels": build}))
         return
     from contid.cli.support.check_table import print_report
 
     print_report(report, columns)
-    click.echo(f"kernels: {in_use()}")
+    click.echo(f"kernels: {build}")

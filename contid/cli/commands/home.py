@@ -8,6 +8,7 @@ import os
 import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from types import FrameType
@@ -17,9 +18,11 @@ import click
 
 from contid.cli.support.robot_names import robot_names
 from contid.errors import ContidError
-from contid.hal import Homed, Homes, Parks
+from contid.hal import AxisOnBus, Homed, Homes, Parks, Reference
+from contid.hal.homing import REPEAT_TENDON_M
+from contid.robot_file.base import AxisDescription
 from contid.robot_file.load import LoadedFile, load_robot_file
-from contid.units import mm_to_m
+from contid.units import DEG, MM_PER_M, mm_to_m
 
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus
@@ -29,12 +32,15 @@ if TYPE_CHECKING:
 @click.argument("robot_file", shell_complete=robot_names)
 @click.argument("axes", nargs=-1)
 @click.option("--dry-run", is_flag=True, help="Home, print, write nothing.")
+@click.option("--force", is_flag=True, help="Take zeros that moved: the robot was rebuilt.")
 @click.option(
     "--parked", is_flag=True, help="AXES without homing stand in their parked pose now; move nothing."
 )
-def command(robot_file: str, axes: tuple[str, ...], dry_run: bool, parked: bool) -> None:
+def command(robot_file: str, axes: tuple[str, ...], dry_run: bool, force: bool, parked: bool) -> None:
     """Home AXES (ROBOT.AXIS; default: all with `homing:`) one by one and write their zero into ROBOT_FILE.
 
+    Each reference is searched twice, with a way back between. One that repeats to more than 1 degree (2 mm of
+    a tendon), or that is that far from the file's zero, is an error; --force gives the file's zero up.
     ROBOT_FILE may be the name of a shipped one. Each zero is written, in one step, as soon as it is found: an
     error or an interrupt at a later axis keeps it. Ctrl-C, SIGTERM, and `contid estop`, `stop` or `hold`
     from another terminal take the torque off at once.
@@ -59,7 +65,7 @@ def command(robot_file: str, axes: tuple[str, ...], dry_run: bool, parked: bool)
         raise ContidError(f"{path}: its folder is read-only; copy the file and home the copy, or --dry-run")
     homed = 0
     with interruptible(), StopServer(robot_file, "homing"):
-        for found in _home(buses, axes):
+        for found in _home(loaded, buses, axes, force):
             _keep(loaded, path, found, dry_run)
             homed += 1
     if not homed:
@@ -74,10 +80,14 @@ def _keep(loaded: LoadedFile, path: Path, found: Homed, dry_run: bool) -> None:
 
     zero_deg = zero_of(loaded, found)
     robot, axis = found.axis.split(".", 1)
+    former = reference_of(loaded, found.axis, found.at_mm)
+    zeros = former.written(zero_deg * DEG)
+    if former.zero_rad is not None:
+        zeros = f"old {former.written(former.zero_rad)}, new {zeros}"
     note = f"homed {datetime.now().astimezone():%Y-%m-%d %H:%M}: {found.how}"
     if not dry_run:
         set_values(path, [Change(f"robots.{robot}.axes.{axis}.zero_deg", round(zero_deg, 4), note)])
-    click.echo(f"{found.axis}: zero_deg {zero_deg:.4f} ({found.how})")
+    click.echo(f"{found.axis}: zero_deg {zero_deg:.4f} ({found.how}; {zeros})")
 
 
 def _park(robot_file: Path, buses: Sequence[WiredBus], axes: Sequence[str]) -> None:
@@ -97,7 +107,7 @@ def _park(robot_file: Path, buses: Sequence[WiredBus], axes: Sequence[str]) -> N
         raise ContidError(f"{robot_file}: every axis finds its position by itself; nothing to park")
 
 
-def _home(buses: Sequence[WiredBus], axes: Sequence[str]) -> Iterator[Homed]:
+def _home(loaded: LoadedFile, buses: Sequence[WiredBus], axes: Sequence[str], force: bool) -> Iterator[Homed]:
     """Home one axis after the other, tendons together; every bus is checked before the first moves."""
     report = functools.partial(click.echo, err=True)
     chosen: list[tuple[bool, WiredBus, Homes, list[str]]] = []
@@ -113,7 +123,17 @@ def _home(buses: Sequence[WiredBus], axes: Sequence[str]) -> Iterator[Homed]:
                 chosen.append((True, bus, homes, tendons))
     # Axes without homing come first: their driver refuses them before anything moves.
     for _, bus, homes, names in sorted(chosen, key=lambda each: each[0]):
-        yield from homes.home(bus.wiring.name, bus.wiring.options, bus.axes, names, report)
+        with_zeros = [_with_reference(loaded, axis, force) for axis in bus.axes]
+        yield from homes.home(bus.wiring.name, bus.wiring.options, with_zeros, names, report)
+
+
+def _with_reference(loaded: LoadedFile, axis: AxisOnBus, force: bool) -> AxisOnBus:
+    homing = getattr(axis.options, "homing", None)
+    reference = reference_of(loaded, axis.name, getattr(homing, "at_mm", 0.0))
+    if getattr(homing, "together", False) and reference.mm_per_rad is not None:
+        tolerance = REPEAT_TENDON_M * MM_PER_M / abs(reference.mm_per_rad)
+        reference = replace(reference, repeat_rad=tolerance)
+    return replace(axis, reference=replace(reference, zero_rad=None) if force else reference)
 
 
 @contextmanager
@@ -136,11 +156,27 @@ def interruptible() -> Iterator[None]:
 
 def zero_of(loaded: LoadedFile, found: Homed) -> float:
     """``zero_deg`` with which the transmission maps the device value at the reference to ``at_mm``."""
+    return math.degrees(found.value - _way_rad(_described(loaded, found.axis), found.at_mm))
+
+
+def reference_of(loaded: LoadedFile, name: str, at_mm: float) -> Reference:
+    """The reference of an axis by the robot file, at a length of the actuator."""
+    axis = _described(loaded, name)
+    zero_rad = axis.zero_deg * DEG if "zero_deg" in axis.model_fields_set else None
+    mm_per_rad = None if axis.mm_per_rev is None else axis.direction * axis.mm_per_rev / math.tau
+    return Reference(zero_rad, _way_rad(axis, at_mm), mm_per_rad=mm_per_rad)
+
+
+def _described(loaded: LoadedFile, name: str) -> AxisDescription:
+    robot, axis = name.split(".", 1)
+    return loaded.file.robots[robot].axes[axis]
+
+
+def _way_rad(axis: AxisDescription, at_mm: float) -> float:
+    """Device angle from length 0 to ``at_mm``."""
     from contid.control.tick.transmission import axis_map
 
-    robot, name = found.axis.split(".", 1)
-    axis = loaded.file.robots[robot].axes[name]
     if axis.mm_per_rev is None:
-        return math.degrees(found.value)
+        return 0.0
     to_device, _ = axis_map(axis.model_copy(update={"zero_deg": 0.0}))
-    return math.degrees(found.value - to_device(mm_to_m(found.at_mm)))
+    return to_device(mm_to_m(at_mm))

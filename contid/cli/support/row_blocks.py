@@ -116,9 +116,5 @@ def numbers(layout: ColumnLayout, lines: Sequence[str]) -> Array | None:
 
 def joined(values: Array) -> list[str]:
     """A line of comma-separated numbers per row, each as ``repr`` writes it."""
-    if kernel := load("text"):
-        lines: list[str] = kernel.joined(np.ascontiguousarray(values))
-        return lines
-    if not len(values):
-        return []
-    return repr(values.tolist())[2:-2].replace(", ", ",").split("],[")
+    lines: list[str] = load("text").joined(np.ascontiguousarray(values))
+    return lines

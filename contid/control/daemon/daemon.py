@@ -14,7 +14,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from contid import kernels
 from contid.control.daemon import terminal
 from contid.control.daemon.cancellable_reader import InputCancelledError
 from contid.control.daemon.command_tasks import CommandTasks
@@ -166,7 +165,6 @@ class Daemon:
     async def run(self) -> RunReport:
         """Run to the end and report; the control process has ended on return."""
         with handle_logs(self._recorded_level, self._logs, terminal.TerminalHandler(self._options.log_level)):
-            kernels.warn_of_twins()
             return await self._run()
 
     async def _run(self) -> RunReport:
@@ -244,7 +242,7 @@ class Daemon:
     def _send_input(self, message: Message) -> None:
         """Send a row of the stream on stdin, unless the input was detached."""
         if self.input_active:
-            self.send(message)
+            self._orders.send(message)
 
     async def _supervise(self, line: terminal.ProgressLine) -> None:
         """Fetch events until the control process has ended; escalate when it does not stop in time."""

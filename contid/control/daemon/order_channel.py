@@ -51,8 +51,10 @@ class OrderChannel:
             for event in self.pending.answer(message):
                 asyncio.get_running_loop().call_soon(self._deliver, event)
             return
-        self._notify_observers(message)
-        self.forward_logs()
+        if isinstance(message, Play):
+            self._notify_observers(message)
+        if self._logs.waiting:
+            self.forward_logs()
         self._child.send(message)
 
     def send_bulk(self, message: Message) -> None:
@@ -60,7 +62,8 @@ class OrderChannel:
         if self.pending is not None:
             self.send(message)
             return
-        self._notify_observers(message)
+        if isinstance(message, Play):
+            self._notify_observers(message)
         self._child.send_bulk(message)
 
     def note(self, event: NoteWritten) -> None:
@@ -73,12 +76,11 @@ class OrderChannel:
         for line in self._logs.take():
             self._child.send(line)
 
-    def _notify_observers(self, message: Message) -> None:
+    def _notify_observers(self, message: Play) -> None:
         """Give the observers the trajectory of an order before the control process gets it."""
-        if isinstance(message, Play):
-            for observer in self._observers:
-                try:
-                    observer.before_order(message)
-                except ContidError as error:  # a full disk or memory stops no move
-                    self._report.problem(str(error))
-                    log.warning(str(error))
+        for observer in self._observers:
+            try:
+                observer.before_order(message)
+            except ContidError as error:  # a full disk or memory stops no move
+                self._report.problem(str(error))
+                log.warning(str(error))

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from contid import kernels
 from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.control.daemon.inputs import Stream, has_input, read_file, read_stdin
 from contid.control.daemon.interfaces import CommandSource, RunObserver
@@ -70,7 +71,12 @@ class RunRequest(RunOptions):
 
 
 def load(request: RunRequest) -> LoadedFile:
-    """Load and check the robot file."""
+    """Load and check the robot file.
+
+    Raises:
+        ContidError: it is wrong, or the kernels are not compiled.
+    """
+    kernels.require()
     loaded = load_named(request.robot_file)
     if request.rate_hz is not None:
         if not 0.0 < request.rate_hz <= MAX_RATE_HZ:

@@ -27,7 +27,6 @@ class Spawned:
 
 def spawn() -> Spawned:
     """Start ``python -m contid.control.process``."""
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", ENVIRONMENT["PYDANTIC_DISABLE_PLUGINS"])
     inside, pipe = os.pipe()
     command = module_command("contid.control.process", str(inside), str(os.getpid()))
     try:

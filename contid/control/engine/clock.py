@@ -12,13 +12,9 @@ import time
 class RealClock:
     """CLOCK_MONOTONIC: immune to the steps of the wall clock, the same for every process of the machine."""
 
-    def now(self) -> float:
-        """Seconds since the machine started."""
-        return time.monotonic()
-
-    def sleep(self, seconds: float) -> None:
-        """Wait [s]."""
-        time.sleep(seconds)
+    #: Seconds since the machine started, and a wait [s].
+    now = staticmethod(time.monotonic)
+    sleep = staticmethod(time.sleep)
 
 
 class VirtualClock:

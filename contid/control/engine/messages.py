@@ -1,4 +1,8 @@
-"""Messages of the daemon to the control process (`contid.control.process.pipe`)."""
+"""Messages of the daemon to the control process (`contid.control.process.pipe`).
+
+``NAME`` of an order is its name in the ``order`` events of a recording, and its verb where it is a request of
+the socket (`contid.control.orders`).
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ import copyreg
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final, TypeAlias
+from typing import Any, ClassVar, Final, TypeAlias
 
 from contid.robot_file.base import StopPolicy
 from contid.targets import Target, Vec3
@@ -20,32 +24,46 @@ RobotNames: TypeAlias = tuple[str, ...] | None
 class OrderToRobots:
     """Base of the orders that state nothing but which robots they are for."""
 
+    NAME: ClassVar[str] = ""
+
     robots: RobotNames = None
 
 
 class Hold(OrderToRobots):
     """Stop jerk-limited and stay; for all robots the trajectory pauses too."""
 
+    NAME: ClassVar[str] = "hold"
+
 
 class Resume(OrderToRobots):
     """Arm if need be and follow the source again."""
+
+    NAME: ClassVar[str] = "resume"
 
 
 class Estop(OrderToRobots):
     """Relax or vent now."""
 
+    NAME: ClassVar[str] = "estop"
+
 
 class ClearFault(OrderToRobots):
     """Clear the devices and the latch; nothing moves."""
+
+    NAME: ClassVar[str] = "clear_fault"
 
 
 class Recover(OrderToRobots):
     """Move robots that are outside their limits inside, slowly."""
 
+    NAME: ClassVar[str] = "recover"
+
 
 @dataclass(frozen=True, slots=True)
 class Stop:
     """Stop by a policy, or by the robot file's policy for a reason (``on_end``, ``on_interrupt``, ...)."""
+
+    NAME: ClassVar[str] = "stop"
 
     robots: RobotNames = None
     policy: StopPolicy | None = None
@@ -55,6 +73,8 @@ class Stop:
 @dataclass(frozen=True, slots=True)
 class Grip:
     """Limit the effort of robots to a share (0 to 1) of that of the robot file; nothing else changes."""
+
+    NAME: ClassVar[str] = "grip"
 
     share: float
     robots: RobotNames = None
@@ -70,6 +90,8 @@ class Goto:
         until_force_n: the tip closes slowly and holds this force along its way; None for none.
     """
 
+    NAME: ClassVar[str] = "goto"
+
     robot: str
     target: Target
     until_force_n: float | None = None
@@ -78,6 +100,8 @@ class Goto:
 @dataclass(frozen=True, slots=True)
 class Rows:
     """A row of a live stream: new targets by robot; None holds that robot until its next row."""
+
+    NAME: ClassVar[str] = "rows"
 
     targets: Mapping[str, Target | None]
 
@@ -93,6 +117,8 @@ class Measured:
         age_s: since it was captured.
     """
 
+    NAME: ClassVar[str] = "measured"
+
     robot: str
     tip_in_world: Vec3
     direction_in_world: Vec3 | None = None
@@ -107,6 +133,8 @@ class Play:
         trajectory: its rows.
         waits: at the first row, until `Go`.
     """
+
+    NAME: ClassVar[str] = "play"
 
     trajectory: Trajectory
     waits: bool = False
@@ -136,6 +164,8 @@ class Go:
         began_s: when this tick started.
     """
 
+    NAME: ClassVar[str] = "go"
+
     at_s: float
     began_s: float
 
@@ -143,6 +173,8 @@ class Go:
 @dataclass(frozen=True, slots=True)
 class Begin:
     """A new live stream begins and replaces the earlier rows; the run goes on after its last."""
+
+    NAME: ClassVar[str] = "begin"
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,10 +188,14 @@ class Mark:
 class EndOfRows:
     """The live stream ended."""
 
+    NAME: ClassVar[str] = "end"
+
 
 @dataclass(frozen=True, slots=True)
 class Finish:
     """Stop every robot (see `Stop`), then end the control process."""
+
+    NAME: ClassVar[str] = "finish"
 
     policy: StopPolicy | None = None
     reason: str = "on_interrupt"

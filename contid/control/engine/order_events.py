@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 from contid.control.engine import messages as msg
 from contid.control.engine.events.buses import BusAnswered
@@ -20,43 +20,41 @@ from contid.errors import ContidError
 from contid.robot_file.base import StopPolicy
 from contid.targets import ZERO3, Target
 
-#: Orders whose event has the fields of the message as they are, by name.
+#: Orders whose event has the fields of the message, by name; a limit of effort is no input of a tick.
 _AS_THEY_ARE: Final[dict[str, type[msg.Message]]] = {
-    "hold": msg.Hold,
-    "resume": msg.Resume,
-    "stop": msg.Stop,
-    "estop": msg.Estop,
-    "clear_fault": msg.ClearFault,
-    "recover": msg.Recover,
-    "finish": msg.Finish,
-    "begin": msg.Begin,
-    "end": msg.EndOfRows,
-    "go": msg.Go,
+    kind.NAME: kind
+    for kind in get_args(msg.Message)
+    if hasattr(kind, "NAME") and kind not in (msg.Rows, msg.Goto, msg.Measured, msg.Play, msg.Grip)
 }
-_NAMES: Final[dict[type, str]] = {kind: name for name, kind in _AS_THEY_ARE.items()}
 
 
 def order_event(message: object, tick: int) -> OrderGiven | None:
     """The event of an order obeyed before a tick; None for a message that is no order."""
+    if isinstance(message, msg.Rows):
+        return rows_event(message, tick)
     order = _order(message)
     return None if order is None else OrderGiven(tick=tick, order=order)
 
 
+def rows_event(row: msg.Rows, tick: int) -> OrderGiven:
+    """The event of a row of a live stream."""
+    targets = {robot: _target(each) for robot, each in row.targets.items()}
+    return OrderGiven(tick=tick, order={"order": msg.Rows.NAME, "targets": targets})
+
+
 def _order(message: object) -> dict[str, Any] | None:
     match message:
-        case msg.Rows(targets):
-            return {"order": "rows", "targets": {robot: _target(each) for robot, each in targets.items()}}
         case msg.Goto(robot, target, force_n):
-            goto: dict[str, Any] = {"order": "goto", "robot": robot, "target": _target(target)}
+            goto: dict[str, Any] = {"order": msg.Goto.NAME, "robot": robot, "target": _target(target)}
             return goto if force_n is None else {**goto, "until_force_n": force_n}
         case msg.Measured(robot, tip_in_world, direction, age_s):
-            seen = {"order": "measured", "robot": robot, "tip_m": tip_in_world, "age_s": age_s}
+            seen = {"order": msg.Measured.NAME, "robot": robot, "tip_m": tip_in_world, "age_s": age_s}
             return seen if direction is None else {**seen, "direction": direction}
         case msg.Play(trajectory, waits):
-            played = {"order": "play", "rows": len(trajectory)}
+            played = {"order": msg.Play.NAME, "rows": len(trajectory)}
             return {**played, "waits": True} if waits else played
-    name = _NAMES.get(type(message))
-    if name is None:
+    name = getattr(message, "NAME", "")
+    if name not in _AS_THEY_ARE:
         return None
     return {"order": name, **{each.name: getattr(message, each.name) for each in fields(_AS_THEY_ARE[name])}}
 
@@ -78,12 +76,12 @@ def order_of(event: OrderGiven) -> msg.Message:
             given["policy"] = StopPolicy(given["policy"])
         return _AS_THEY_ARE[kind](**given)
     match kind:
-        case "rows":
+        case msg.Rows.NAME:
             # Recordings of earlier versions have one event per robot of a row.
             before = {order["robot"]: order["target"]} if "robot" in order else {}
             targets = order.get("targets", before)
             return msg.Rows({robot: target_of(each) for robot, each in targets.items()})
-        case "measured":
+        case msg.Measured.NAME:
             x, y, z = order["tip_m"]
             direction = order.get("direction")
             # Recordings of earlier versions have neither direction nor age.
@@ -93,7 +91,7 @@ def order_of(event: OrderGiven) -> msg.Message:
                 None if direction is None else tuple(direction),
                 order.get("age_s", 0.0),
             )
-        case "goto":
+        case msg.Goto.NAME:
             target = target_of(order["target"])
             if target is not None:
                 force_n = order.get("until_force_n")

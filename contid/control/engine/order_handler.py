@@ -10,7 +10,7 @@ from contid.control.engine.cycle import Sink
 from contid.control.engine.events.orders import MarkReached, OrderRefused
 from contid.control.engine.events.robots import EffortLimited
 from contid.control.engine.exchange import Exchange
-from contid.control.engine.order_events import order_event
+from contid.control.engine.order_events import order_event, rows_event
 from contid.control.engine.robots import Order, Robots, stopping
 from contid.control.engine.stages import TickStage, with_method
 from contid.control.engine.target_selector import TargetSelector
@@ -44,37 +44,35 @@ class OrderHandler:
     def obey(self, message: object, tick_number: int, step: int, now_s: float) -> None:
         """Carry out a message before a step of the robots, at its time; a refusal becomes an event."""
         selector = self._selector
+        if isinstance(message, msg.Rows):
+            self._sink.event(rows_event(message, tick_number))
+            if self._chains.chains:
+                self._chains.begin_gotos(now_s)
+            if not selector.finishing:  # nothing may delay the end of a run
+                selector.rows(message.targets, now_s)
+            return
         if isinstance(message, msg.Go) and not selector.at_start:
             self._sink.event(OrderRefused(message=msg.NOT_AT_START))
             message = msg.Hold()
         if (order := order_event(message, tick_number)) is not None:
             self._sink.event(order)
-        if not isinstance(message, msg.Goto):
+        if self._chains.chains and not isinstance(message, msg.Goto):
             self._chains.begin_gotos(now_s)
         # A client that gives orders may give more: the run then waits even if every robot is in FAULT.
-        selector.attended = selector.attended or not isinstance(
-            message, msg.Rows | msg.Measured | msg.EndOfRows
-        )
-        if selector.finishing and isinstance(
-            message, msg.Rows | msg.Resume | msg.Recover | msg.Goto | msg.Play
-        ):
-            # Nothing may delay the end of a run.
-            if not isinstance(message, msg.Rows):
-                robot = message.robot if isinstance(message, msg.Goto) else ""
-                refusal = "the run is ending; motions are refused"
-                self._sink.event(OrderRefused(robot=robot, message=refusal))
+        selector.attended = selector.attended or not isinstance(message, msg.Measured | msg.EndOfRows)
+        if selector.finishing and isinstance(message, msg.Resume | msg.Recover | msg.Goto | msg.Play):
+            robot = message.robot if isinstance(message, msg.Goto) else ""
+            self._sink.event(OrderRefused(robot=robot, message="the run is ending; motions are refused"))
             return
         self._carry_out(message, tick_number, step, now_s)
 
     def _carry_out(self, message: object, tick_number: int, step: int, now_s: float) -> None:
         """Apply a message to robots, selector and chains."""
         robots, selector, chains = self._robots, self._selector, self._chains
-        if not isinstance(message, msg.Rows | msg.Measured | msg.EndOfRows | msg.Mark):
+        if not isinstance(message, msg.Measured | msg.EndOfRows | msg.Mark):
             for stage in self._cancelled:
                 stage.cancel()
         match message:
-            case msg.Rows(targets):
-                selector.rows(targets, now_s)
             case msg.Measured(robot, tip_in_world, direction, age_s):
                 robots.measured[robot] = Measurement(tip_in_world, now_s - age_s, direction)
             case msg.EndOfRows():

@@ -155,7 +155,9 @@ def _add_axes(
     target: Target | None,
     samples: Mapping[str, Sample],
 ) -> None:
-    asked = () if target is None else _asked(config, target)
+    asked: Sequence[float] = ()
+    if target is not None and (target.actuation is not None or target.extra):
+        asked = _asked(config, target)
     solution = () if outcome.solution is None else outcome.solution.actuation
     command, device, limits = state.command, outcome.device, outcome.limits
     for axis, name in enumerate(config.axes):

@@ -86,6 +86,8 @@ class BusPort:
         bus: the bus; only this port uses it while it is open.
         lost: why the bus is lost, "" while it is not.
         exempt: the job under way may take longer than a tick, because it arms, clears or opens something.
+        busy: the last job is not done.
+        threaded: a worker thread does the jobs.
         stalls: ticks in a row that ended before the job was done.
         retry_at: number of the tick of the next attempt to open a lost bus.
     """
@@ -105,22 +107,13 @@ class BusPort:
         self.exempt = False
         self.retry_at = 0
         self._answer: BusReply | None = None
-        self._busy = False
+        self.busy = False
+        self.threaded = False
         self._jobs: SimpleQueue[BusJob | None] = SimpleQueue()
         self._answers: SimpleQueue[BusReply] = SimpleQueue()
         self._worker: threading.Thread | None = None
         if threaded:
             self.hand_over()
-
-    @property
-    def busy(self) -> bool:
-        """True while the last job is not done."""
-        return self._busy
-
-    @property
-    def threaded(self) -> bool:
-        """True when a worker thread does the jobs."""
-        return self._worker is not None
 
     def lose(self, message: str) -> None:
         """Mark the bus as lost; reopening it must not delay the tick."""
@@ -132,12 +125,13 @@ class BusPort:
     def hand_over(self) -> None:
         """From now on a worker does the jobs."""
         if self._worker is None:
+            self.threaded = True
             self._worker = threading.Thread(target=self._work, name=f"bus {self.bus.name}", daemon=True)
             self._worker.start()
 
     def start(self, job: BusJob) -> None:
         """Begin a job; `take` returns its result."""
-        self._busy = True
+        self.busy = True
         self.exempt = job.reopen or bool(job.effects)
         if self._worker is None:
             self._answer = perform(self.bus, job)
@@ -146,7 +140,7 @@ class BusPort:
 
     def take(self, timeout_s: float) -> BusReply | None:
         """The result of the job that was begun, or None when it is not done within the time."""
-        if not self._busy:
+        if not self.busy:
             return None
         if self._worker is None:
             answer, self._answer = self._answer, None
@@ -156,7 +150,7 @@ class BusPort:
             except Empty:
                 self.stalls += 1
                 return None
-        self._busy = False
+        self.busy = False
         self.stalls = 0
         return answer
 
@@ -167,7 +161,7 @@ class BusPort:
             self._worker.join(timeout_s)
             if self._worker.is_alive():
                 return
-            self._worker = None
+            self._worker, self.threaded = None, False
         self.bus.close()
 
     def _work(self) -> None:

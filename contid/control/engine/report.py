@@ -9,7 +9,7 @@ from typing import Any, Final
 from contid.control.engine.engine import Engine
 from contid.control.engine.tick_layout import CONVERGED, RecordLayout, TickRecord
 from contid.control.tick.faults import Fault, describe
-from contid.control.tick.on_path import tip_tolerance_m
+from contid.control.tick.next_command import tip_tolerance_m
 from contid.control.tick.statistics import Lateness, RobotTally
 from contid.control.tick.supervisor import Mode
 from contid.kernels import in_use

@@ -111,12 +111,13 @@ class Live:
     Attributes:
         time_s: None, as a stream has no times.
         finished: it has ended, and every robot has reached its last target.
+        followed: the newest target of every robot; empty while the stream is paused.
     """
 
     def __init__(self) -> None:
         self._newest: dict[str, Target | None] = {}
         self._ended = False
-        self._paused = False
+        self.followed: Mapping[str, Target | None] = self._newest
         self.time_s = None
         self.finished = False
 
@@ -127,10 +128,6 @@ class Live:
     def end(self) -> None:
         """No further row will come."""
         self._ended = True
-
-    def targets(self, tick: int) -> Mapping[str, Target | None]:
-        """The newest target of every robot."""
-        return {} if self._paused else self._newest
 
     def watch(self, tick: int, states: Mapping[str, RobotState]) -> None:
         """At the end of the stream, wait until the last row is reached."""
@@ -144,11 +141,11 @@ class Live:
 
     def pause(self, tick: int) -> None:
         """Robots hold until `resume`."""
-        self._paused = True
+        self.followed = {}
 
     def resume(self) -> None:
         """Follow the newest row again."""
-        self._paused = False
+        self.followed = self._newest
 
 
 #: Targets by robot at a tick, in the world frame; a robot without one holds.

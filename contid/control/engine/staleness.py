@@ -56,6 +56,7 @@ class StalenessMonitor:
         """``axes_of``: axes by bus."""
         self._axes_of = {bus: tuple(axes) for bus, axes in axes_of.items()}
         self._period_s = 1.0 / rate_hz
+        self._fresh_s = max(BOUNDS_S[0][0], MIN_PERIODS * self._period_s)
         self._recovery_ticks = max(math.ceil(RECOVERY_S * rate_hz), 1)
         self._sink = sink
         self._reported: dict[str, Staleness] = {}
@@ -71,11 +72,11 @@ class StalenessMonitor:
             now_s: time on the clock of the samples [s].
         """
         for bus, axes in self._axes_of.items():
-            read = [samples[axis] for axis in axes if axis in samples]
-            if not read or len(read) < len(axes) or any(s.value is None for s in read):
+            read = [each.time_s for axis in axes if (each := samples.get(axis)) and each.value is not None]
+            if not read or len(read) < len(axes):
                 continue
-            age_s = now_s - min([sample.time_s for sample in read])
-            tier = staleness_of(age_s, self._period_s)
+            age_s = now_s - min(read)
+            tier = Staleness.FRESH if age_s <= self._fresh_s else staleness_of(age_s, self._period_s)
             before = self._reported.setdefault(bus, tier)
             if tier is before:
                 self._better[bus] = 0

@@ -62,19 +62,24 @@ class TargetSelector:
         source = self.source
         if source is None:
             return _NOTHING
+        if isinstance(source, Live):
+            return source.followed
         targets = source.targets(step)
-        if isinstance(source, Timed):
-            self._note(targets, now_s)
+        self._note(targets, now_s)
         return targets
 
     def rows(self, targets: Mapping[str, Target | None], now_s: float) -> None:
         """A row of a live stream arrived."""
-        self._live().put(targets)
+        if not isinstance(self.source, Live):
+            self.source = Live()
+        self.source.put(targets)
         self._note(targets, now_s)
 
     def end_of_rows(self) -> None:
         """No further row will come."""
-        self._live().end()
+        if not isinstance(self.source, Live):
+            self.source = Live()
+        self.source.end()
 
     def play(self, trajectory: Trajectory, now_s: float, waits: bool = False) -> None:
         """Follow a trajectory instead; one that waits begins with `go`."""
@@ -146,11 +151,6 @@ class TargetSelector:
             if state.mode is Mode.FAULT and state.enabled and not any(state.increments):
                 resting = Effect(REST_OF[config.stops.on_fault])
                 states[index] = replace(state, pending=resting, enabled=False, motion=None)
-
-    def _live(self) -> Live:
-        if not isinstance(self.source, Live):
-            self.source = Live()
-        return self.source
 
     def _note(self, targets: Mapping[str, Target | None], now_s: float) -> None:
         for robot, target in targets.items():

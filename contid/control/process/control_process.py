@@ -16,7 +16,6 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
-from contid import kernels
 from contid.control.engine.clock import RealClock
 from contid.control.engine.engine import Engine
 from contid.control.engine.events.buses import BusReported
@@ -27,9 +26,8 @@ from contid.control.engine.ports import BusPort, BusTrackers
 from contid.control.engine.report import robot_reports
 from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard, open_buses
 from contid.control.process.log_queue import LogQueue, handle_logs
-from contid.control.process.pace import Pace
+from contid.control.process.pace import Pace, PlannedStart
 from contid.control.process.pipe import Inbox
-from contid.control.process.planned_start import PlannedStart
 from contid.control.process.realtime import disable_gc, request_real_time, sleep_until, warm_up
 from contid.control.process.ring_writer import RingWriter
 from contid.control.process.setup import RunSetup
@@ -143,7 +141,6 @@ def main(descriptor: int) -> int:
     parent_watch = ParentWatch(inbox)
     signal.signal(signal.SIGTERM, parent_watch.signalled)  # before, SIGTERM ended this process
     ring, logs = RingWriter(setup.ring), LogQueue("control")
-    logging.getLogger(kernels.__name__).setLevel(logging.ERROR)  # the daemon warns of NumPy twins
     try:
         with handle_logs(setup.log_level, logs):
             return _serve(setup, inbox, parent_watch, ring, logs)

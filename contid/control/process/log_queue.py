@@ -33,12 +33,16 @@ def level_name(level: int) -> str:
 
 
 class LogQueue(logging.Handler):
-    """Collects log records; safe in threads that must not write to the ring."""
+    """Collects log records; safe in threads that must not write to the ring.
+
+    Attributes:
+        waiting: records that were not taken yet, oldest first.
+    """
 
     def __init__(self, process: str) -> None:
         super().__init__()
         self._process = process
-        self._lines: deque[LogWritten] = deque(maxlen=CAPACITY)
+        self.waiting: deque[LogWritten] = deque(maxlen=CAPACITY)
 
     def emit(self, record: logging.LogRecord) -> None:
         """See `logging.Handler.emit`."""
@@ -49,12 +53,12 @@ class LogQueue(logging.Handler):
             return
         level = level_name(record.levelno)
         line = LogWritten(process=self._process, level=level, logger=record.name, message=message)
-        self._lines.append(line)
+        self.waiting.append(line)
 
     def take(self, at_most: int = CAPACITY) -> Iterator[LogWritten]:
         """Remove and return the oldest records."""
-        for _ in range(min(at_most, len(self._lines))):
-            yield self._lines.popleft()
+        for _ in range(min(at_most, len(self.waiting))):
+            yield self.waiting.popleft()
 
     def write(self, sink: Sink, at_most: int = CAPACITY) -> None:
         """Publish the oldest records."""

@@ -20,7 +20,6 @@ import mmap
 import os
 import secrets
 import struct
-import zlib
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
@@ -87,11 +86,6 @@ def _slots_at(text_bytes: int) -> int:
 
 def _events_at(text_bytes: int, slots: int, size: int) -> int:
     return _slots_at(text_bytes) + slots * size
-
-
-def checksum(number: int, contents: bytes) -> int:
-    """CRC-32 of the contents of a slot and its sequence number."""
-    return zlib.crc32(contents, number & 0xFFFFFFFF)
 
 
 class MappedRing:

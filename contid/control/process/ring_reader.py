@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from zlib import crc32
 
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.json_form import from_json
@@ -21,7 +22,6 @@ from contid.control.process.ring import (
     TRIES,
     U64,
     MappedRing,
-    checksum,
 )
 
 
@@ -133,7 +133,7 @@ class RingReader(MappedRing):
             contents = raw[STAMP.size :]
             if found != stamp:
                 return None
-            if crc == checksum(stamp, contents):
+            if crc == crc32(contents, stamp & 0xFFFFFFFF):
                 return contents
         return None
 

@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.gaps import EventTooLong
@@ -20,7 +21,6 @@ from contid.control.process.ring import (
     TICKS,
     U64,
     MappedRing,
-    checksum,
 )
 
 
@@ -46,20 +46,17 @@ class RingWriter(MappedRing):
         room = EVENT_BYTES - STAMP.size - PART.size
         if len(body) > room * EVENT_PARTS:
             body = _shortened(to_json(event), room * EVENT_PARTS)
-        parts = [body[start : start + room] for start in range(0, len(body), room)]
-        for index, part in enumerate(parts):
-            self._part(part, index, len(parts) - 1 - index)
-
-    def _part(self, body: bytes, before: int, after: int) -> None:
-        number = self._events
-        at = self._events_at + number % self.event_slots * EVENT_BYTES
-        self._events = number + 1
-        self._fill(at, self._events, PART.pack(len(body), before, after) + body)
-        self._numbers[EVENTS] = self._events
+        parts = range(0, len(body), room)
+        for index, start in enumerate(parts):
+            part = body[start : start + room]
+            at = self._events_at + self._events % self.event_slots * EVENT_BYTES
+            self._events += 1
+            self._fill(at, self._events, PART.pack(len(part), index, len(parts) - 1 - index) + part)
+            self._numbers[EVENTS] = self._events
 
     def _fill(self, at: int, number: int, contents: bytes) -> None:
         """Fill a slot; its stamp comes last."""
-        STAMP.pack_into(self._map, at, 0, checksum(number, contents))
+        STAMP.pack_into(self._map, at, 0, crc32(contents, number & 0xFFFFFFFF))
         self._map[at + STAMP.size : at + STAMP.size + len(contents)] = contents
         U64.pack_into(self._map, at, number)
 

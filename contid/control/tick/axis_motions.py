@@ -41,7 +41,7 @@ def motion_to(
     fastest, acceleration, jerk = (
         [share * rate for rate in rates] for rates in (config.velocity, config.acceleration, config.jerk)
     )
-    return Approach(start, velocity, goal, fastest, acceleration, jerk, config.straight)
+    return Approach(start, velocity, goal, fastest, acceleration, jerk, straight=config.straight)
 
 
 def outside(config: RobotConfig, actuation: Actuation) -> str:

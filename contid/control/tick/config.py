@@ -168,7 +168,7 @@ def robot_config(
         watchdog_s=min(watchdog_s_of_bus[robot.axes[axis].bus] for axis in names),
         period_s=period_s,
         feedback=None if robot.feedback is None else FeedbackConfig.of(robot.feedback),
-        play=None if robot.play is None else (*robot.play, *(0.0,) * len(robot.extra_axis_names)),
+        play=None if robot.backlash is None else (*robot.backlash, *(0.0,) * len(robot.extra_axis_names)),
         loops=_loops(robot),
         capstan=getattr(model, "capstan", None),
         taut=getattr(model, "taut", None),

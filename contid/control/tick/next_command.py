@@ -1,15 +1,43 @@
-"""The next command of a robot under every limit: of its axes, of its path and of its tensions."""
+"""The next command of a robot under every limit: of its axes, of its path and of its tensions.
+
+While a robot follows a target the limits of its axes keep the tip on it: redundant motion waits instead.
+
+A redundant arm moves its axes in two parts: what its tip needs, and what brings the axes to the preferred of
+all solutions. Where a limit binds, the second part is scaled by one share for all axes, the greatest from
+which they can brake together; the first stays whole. Axes that are at their bound of this tick stop
+there and the others take their part, after F. Flacco, A. De Luca, O. Khatib, "Control of Redundant Robots
+Under Hard Joint Constraints: Saturation in the Null Space", IEEE Trans. Robotics 31(3), 2015.
+
+Where no command within the limits has its tip on target (a jump, a path that is too fast), all axes go by one
+share along a straight line to it (`contid.control.tick.chord`).
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
 
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.limits import limit
-from contid.control.tick.on_path import limit_on_path
+from contid.control.tick.limits import allowed_steps, limit
 from contid.control.tick.shared_limits import limit_shared
 from contid.control.tick.taut import limit_taut
+from contid.control.tick.way import Way, within
+from contid.robot_file.base import Quantity
 from contid.targets import Actuation, Target
+
+#: A command is on its target when its tip is no farther off than this [m]: by rounding for racks and tubes,
+#: by the error of the statics for rods.
+_TOLERANCE_M: Final = {Quantity.LENGTH: 1e-9, Quantity.PRESSURE: 5e-5}
+#: Error of a command that is on target, as a share of the tolerance.
+_EXACT: Final = 1e-3
+
+
+def tip_tolerance_m(quantity: Quantity) -> float:
+    """Greatest distance of the commanded tip from its target on a path that is followed [m]."""
+    return _TOLERANCE_M[quantity]
 
 
 def next_command(
@@ -57,3 +85,41 @@ def next_command(
         (command[:own], flags[:own]),
     )
     return (*tendons, *command[own:]), (*bound, *flags[own:]), False
+
+
+def limit_on_path(
+    config: RobotConfig,
+    last: Actuation,
+    last_steps: Actuation,
+    answer: Actuation,
+    answer_steps: Sequence[float],
+    target_in_base: Target,
+    straight: bool = False,
+) -> tuple[Actuation, tuple[int, ...], bool]:
+    """Next command of a robot that follows targets, per axis the limits that bound, and ``straight``.
+
+    Args:
+        config: of the robot.
+        last: the last command.
+        last_steps: the last command minus the one before.
+        answer: of the model to the target.
+        answer_steps: how far the answer moved in this tick.
+        target_in_base: what it answers.
+        straight: the axes are on a straight line to the answer, because the tip cannot be.
+    """
+    command, flags = limit(config.limits, last, last_steps, answer, answer_steps)
+    own = len(command) - config.extra_axes
+    if command[:own] == answer[:own] or not all(map(math.isfinite, answer)):
+        return command, flags, False
+    limits = config.limits[:own]
+    steps = [allowed_steps(each, *at) for each, *at in zip(limits, last, last_steps, strict=False)]
+    low, high = (np.array(side) for side in zip(*steps, strict=True))
+    way = Way(config, last[:own], answer[:own], answer_steps[:own], target_in_base, command[own:], low, high)
+    exact_m = _EXACT * _TOLERANCE_M[config.quantity]
+    held = way.held(np.array(command[:own]), exact_m)
+    if held is None and config.taut is None and within(config, last[:own], command[own:]):
+        held, straight = way.towards(np.array(last_steps[:own]), straight)
+    # Outside the limits each axis goes inwards by itself; tendons have a limiter of their own.
+    if held is None:
+        return command, flags, False
+    return (*held.tolist(), *command[own:]), flags, straight

@@ -1,4 +1,4 @@
-"""The next command of a redundant robot whose tip stays on its target; see `contid.control.tick.on_path`."""
+"""The command of a redundant robot whose tip stays on its target (`contid.control.tick.next_command`)."""
 
 from __future__ import annotations
 

@@ -130,7 +130,7 @@ def watched(config: RobotConfig, state: RobotState, samples: Sequence[Sample], n
     misses = state.misses
     if any(misses) or not all(sample.valid for sample in samples):
         misses = tuple(
-            0 if sample.valid else count + 1 for sample, count in zip(samples, misses, strict=True)
+            [0 if sample.valid else count + 1 for sample, count in zip(samples, misses, strict=True)]
         )
         state = replace(state, misses=misses)
     for sample, axis, stale_s in zip(samples, config.axes, config.stale_s, strict=True):
@@ -171,28 +171,29 @@ def _squeezed(
         else:
             ended = replace(stay(config, state, now_s), goto=None)
         return replace(_move(config, ended, now_s), squeezed=report)
-    after, flags = _limited(config, state, squeeze.reference)
-    after = replace(after, squeeze=squeeze)
+    result = _limited(config, state, squeeze.reference)
+    after = replace(result.state, squeeze=squeeze)
     if report is not None:
         after = replace(moved(config, after, Event.HOLD, now_s), goto=None)
-    device = config.transmission.to_device(led(after.command, after.lead.added))
-    return TickResult(after, device, None, math.nan, flags, report)
+    return replace(result, state=after, squeezed=report)
 
 
 def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target) -> TickResult:
     """RUN: solve the model for the target, then limit."""
-    in_base = corrected(state.correction, config.frame.target_in_base(target))
+    in_base = config.frame.target_in_base(target)
+    if config.feedback is not None:
+        in_base = corrected(state.correction, in_base)
     solution = config.model.inverse(in_base, state.command)
     if not all(map(math.isfinite, solution.actuation)):
         message = f"the model answered {solution.actuation} to {in_base}"
         return _move(config, fail(config, state, Fault.NOT_A_NUMBER, message, now_s), now_s)
-    after, flags = _limited(config, state, solution.actuation, in_base)
-    tip = config.model.forward(after.command, in_base.load_n).tip_m
+    result = _limited(config, state, solution.actuation, in_base)
+    command = result.state.command
+    tip = config.model.forward(command, in_base.load_n).tip_m
     target_tip = in_base.tip_m
     if target_tip is None:
-        target_tip = config.model.forward(in_base.actuation or after.command, in_base.load_n).tip_m
-    device = config.transmission.to_device(led(after.command, after.lead.added))
-    return TickResult(after, device, solution, math.dist(tip, target_tip), flags)
+        target_tip = config.model.forward(in_base.actuation or command, in_base.load_n).tip_m
+    return TickResult(result.state, result.device, solution, math.dist(tip, target_tip), result.limits)
 
 
 def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
@@ -209,12 +210,12 @@ def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
             # A limit that axes share kept it from the end of its stop: it stops where it is.
             state = braking_at_once(config, state, now_s)
             reference = state.motion.at(config.period_s)[0] if state.motion is not None else reference
-    after, flags = _limited(config, state, reference)
+    result = _limited(config, state, reference)
+    after, flags = result.state, result.limits
     if not flags and after.command != reference:
         # On its way back to the motion it comes no faster than it can brake.
         pairs = zip(after.command, reference, strict=True)
         flags = tuple([0 if value == planned_value else ACCELERATION for value, planned_value in pairs])
-    device = config.transmission.to_device(led(after.command, after.lead.added))
     # The limiter may lag behind (a motion that ends outside a limit): wait for standstill.
     if over and not any(after.increments):
         after = replace(after, motion=None, reference=after.command)
@@ -222,7 +223,7 @@ def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
             after = _arrived(config, after, now_s)
         elif after.mode is Mode.STOPPING:
             after = stopped(config, after, now_s)
-    return TickResult(after, device, None, math.nan, flags)
+    return TickResult(after, result.device, limits=flags)
 
 
 def _arrived(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
@@ -233,7 +234,7 @@ def _arrived(config: RobotConfig, state: RobotState, now_s: float) -> RobotState
 
 def _limited(
     config: RobotConfig, state: RobotState, reference: Actuation, target_in_base: Target | None = None
-) -> tuple[RobotState, tuple[int, ...]]:
+) -> TickResult:
     """The state with its next command, and the limits that bound; skipped ticks do not count."""
     last = state.command
     target_step = [new - old for new, old in zip(reference, state.reference, strict=True)]
@@ -252,4 +253,5 @@ def _limited(
         state.follow, state.goto, command, increments, reference, state.motion, state.motion_s, state.policy,
         state.misses, state.pending, state.correction, state.recovering, lead, straight, state.squeeze,
     )  # fmt: skip
-    return after, flags if any(flags) else ()
+    device = config.transmission.to_device(led(command, lead.added) if lead.added else command)
+    return TickResult(after, device, limits=flags if any(flags) else ())

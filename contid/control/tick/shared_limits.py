@@ -65,7 +65,13 @@ def limit_shared(
         limited: command under the limits of every axis by itself, and its flags.
     """
     command, flags = limited
-    if command == last or _far(shared, limits, last, command):
+    if command == last:
+        return limited
+    moves_m = [abs(new - old) for new, old in zip(command, last, strict=True)]
+    on = max([size / each.change for size, each in zip(moves_m, limits, strict=True)])
+    # The usual case, in a third of the time: no stop from the command gets to a limit.
+    reach_m = _STEEPEST * sum(moves_m) * (1.0 + max(0.0, 0.5 * (on - 1.0)))
+    if -max(shared.excess(command)) > reach_m:
         return limited
     before = shared.excess(last)
     moves = zip(limits, command, last, last_steps, strict=True)
@@ -83,12 +89,6 @@ def limit_shared(
         return limited
     pairs = zip(flags, command, limited[0], strict=True)
     return command, tuple([flag | (POSITION if now != was else 0) for flag, now, was in pairs])
-
-
-def _far(shared: SharedLimits, limits: Sequence[AxisLimits], last: Actuation, command: Actuation) -> bool:
-    """True when no stop from a command gets to a limit: the usual case, in a third of the time."""
-    moves = [abs(new - old) for new, old in zip(command, last, strict=True)]
-    return -max(shared.excess(command)) > _STEEPEST * sum(moves) * (1.0 + _ahead(moves, limits))
 
 
 def _ahead(moves: Sequence[float], limits: Sequence[AxisLimits]) -> float:

@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -105,15 +106,9 @@ class _TautLimiter:
     steps: Array
 
     def __post_init__(self) -> None:
-        bounds = [
-            allowed_steps(*each)
-            for each in zip(self.limits, self.pulls.tolist(), self.steps.tolist(), strict=True)
-        ]
-        self._low, self._high = np.array(bounds).T
         self._change = np.array([each.change for each in self.limits])
         self._coordinates = self.taut.split(self.pulls)
         self._coordinate_steps = self._coordinates - self.taut.split(self.pulls - self.steps)
-        self._tightness = self.taut.tightness(self.pulls)
         stop = self._stop(self._coordinates, self._coordinate_steps)
         # A limit that is exceeded already, as after arming a robot bent by hand, may stay exceeded as much.
         excess = np.maximum(self._excess(self.pulls), self._excess(stop.pulls))
@@ -122,16 +117,27 @@ class _TautLimiter:
         self._may_step = np.maximum(stop.fastest, [each.step for each in self.limits])
         self._braked = self._coordinate_steps * (1.0 - 1.0 / stop.ticks)
 
+    @cached_property
+    def _step_bounds(self) -> Array:
+        """Least and greatest step of every pull that the limits of its axis allow [m], shape (2, tendons)."""
+        steps = zip(self.limits, self.pulls.tolist(), self.steps.tolist(), strict=True)
+        return np.array([allowed_steps(*each) for each in steps]).T
+
+    @cached_property
+    def _tightness(self) -> Array:
+        """Tightness of the last command [N]."""
+        return self.taut.tightness(self.pulls)
+
     def keeps(self, candidate: Array) -> bool:
         """True for a command inside every limit from which the robot can stop inside them."""
-        if not np.all(self._excess(candidate) <= self._allowed):
+        if not (self._excess(candidate) <= self._allowed).all():
             return False
         there = self.taut.split(candidate)
         stop = self._stop(there, there - self._coordinates)
         return bool(
-            np.all(stop.varies <= self._may_vary)
-            and np.all(stop.fastest <= self._may_step)
-            and np.all(self._excess(stop.pulls) <= self._allowed)
+            (stop.varies <= self._may_vary).all()
+            and (stop.fastest <= self._may_step).all()
+            and (self._excess(stop.pulls) <= self._allowed).all()
         )
 
     def tightened(self, candidate: Array) -> Actuation | None:
@@ -198,9 +204,9 @@ class _TautLimiter:
         return reach
 
     def _allows(self, candidate: Array) -> bool:
-        step = candidate - self.pulls
+        step, (low, high) = candidate - self.pulls, self._step_bounds
         room = _ROUNDING * self._change
-        inside = np.all(step >= self._low - room) and np.all(step <= self._high + room)
+        inside = (step >= low - room).all() and (step <= high + room).all()
         return bool(inside) and self.keeps(candidate)
 
     def _excess(self, pulls: Array) -> Array:
@@ -218,7 +224,7 @@ class _TautLimiter:
         ticks = 1
         for _ in range(_STOP_ROUNDS):
             braking = np.maximum(self._change - varies, _MIN_BRAKE_SHARE * self._change)
-            needed = max(1, math.ceil(float(np.max(reach / braking)) - _ROUNDING))
+            needed = max(1, math.ceil(float((reach / braking).max()) - _ROUNDING))
             if needed <= ticks:
                 break
             ticks = needed

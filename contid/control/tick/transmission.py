@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -30,18 +31,45 @@ _Sparse: TypeAlias = tuple[tuple[tuple[int, float], ...], ...]
 AxisMap: TypeAlias = tuple[Callable[[float], float], Callable[[float], float]]
 
 
+@dataclass(frozen=True, slots=True)
+class Gear:
+    """A pinion, a spool or the identity: ``device = zero + gain * driven``.
+
+    Attributes:
+        zero: of the device, where nothing is driven [rad or Pa].
+        gain: of its value by what it drives.
+    """
+
+    zero: float
+    gain: float
+
+    def to_device(self, driven: float) -> float:
+        """Value of the device."""
+        return self.zero + self.gain * driven
+
+    def to_driven(self, device: float) -> float:
+        """What the device drives."""
+        return (device - self.zero) / self.gain
+
+
 def axis_map(axis: AxisDescription) -> AxisMap:
-    """The map of a checked axis description: its measured table, else a pinion, a spool or the identity."""
+    """The map of a checked axis description: its measured table, else its gear."""
     if axis.mm_to_bar is not None:
         lengths_m, pressures_pa = zip(
             *((mm / MM_PER_M, bar * BAR) for mm, bar in axis.mm_to_bar), strict=True
         )
         curve = MonotoneCubic(lengths_m, pressures_pa)
         return curve, curve.inverse
-    zero, gain = axis.zero_deg * DEG, float(axis.direction)
+    gear = gear_of(axis)
+    return gear.to_device, gear.to_driven
+
+
+def gear_of(axis: AxisDescription) -> Gear:
+    """The gear of an axis without a table."""
+    gain = float(axis.direction)
     if axis.mm_per_rev is not None:
         gain *= 2.0 * math.pi * MM_PER_M / axis.mm_per_rev
-    return lambda driven: zero + gain * driven, lambda device: (device - zero) / gain
+    return Gear(axis.zero_deg * DEG, gain)
 
 
 class RobotTransmission:
@@ -57,6 +85,9 @@ class RobotTransmission:
         self.axis_names = description.all_axis_names
         axes = description.axes
         self.maps: tuple[AxisMap, ...] = tuple(axis_map(axes[name]) for name in self.axis_names)
+        gears = [gear_of(axes[name]) for name in self.axis_names if axes[name].mm_to_bar is None]
+        #: Zero and gain of every axis, where all have a gear: no call per axis in the tick.
+        self._gears = [(gear.zero, gear.gain) for gear in gears] if len(gears) == len(self.maps) else None
         coupled = len(description.axis_names)
         extra = range(coupled, len(self.axis_names))
         self._forward, self._backward = (
@@ -68,6 +99,10 @@ class RobotTransmission:
     def to_device(self, actuation: Actuation) -> tuple[float, ...]:
         """Device values [rad or Pa] that realise an actuation [m or Pa]."""
         driven = actuation if self._forward is None else _multiply(self._forward, actuation)
+        if self._gears is not None:
+            return tuple(
+                [zero + gain * value for (zero, gain), value in zip(self._gears, driven, strict=True)]
+            )
         return tuple([to_device(value) for (to_device, _), value in zip(self.maps, driven, strict=True)])
 
     def to_actuation(self, device: Sequence[float]) -> Actuation:

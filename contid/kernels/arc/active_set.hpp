@@ -2,7 +2,11 @@
 //
 //     minimise 1/2 (d - d0)^T H (d - d0) with l + d feasible,    d0 the step without limits
 //
-// after Goldfarb and Idnani (1983). Twin and specification: contid/kinematics/arc/active_set.py.
+// after Goldfarb and Idnani (1983).
+//
+// It starts at the step without limits, adds the limit exceeded most, and drops limits whose multiplier would change
+// sign, until nothing is exceeded. Each limit is linearised at the present point, so a curved one (the cone of the bend
+// radius) is met by several tangent planes.
 #pragma once
 
 #include "whitened.hpp"
@@ -12,7 +16,7 @@
 #include "tangent_limits.hpp"
 #endif
 
-namespace contid {
+namespace contid::section_build {
 
 constexpr int kMaxHeld = kMaxLengths + kMaxRows;
 constexpr int kLimitsTried = 40;
@@ -202,4 +206,4 @@ inline void damped_step(const Feasible& feasible, const Column (*J)[kMaxLengths]
   bounded_step(metric, at, feasible, &task, rows, weight, d);
 }
 
-}  // namespace contid
+}  // namespace contid::section_build

@@ -1,6 +1,6 @@
 // contid.kernels._arc: constant-curvature sections for Python. Single calls take microseconds and hold the GIL.
 #include "../batch_python.hpp"
-#include "batch.hpp"
+#define CONTID_VARIABLES "three lengths per section"
 #include "bindings.hpp"
 
 namespace nb = nanobind;
@@ -10,28 +10,25 @@ namespace {
 
 void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle to_lengths, nb::handle rigid,
           nb::handle lower, nb::handle upper, nb::handle home, double rack, double curvature_max, nb::handle tuning) {
-  const Py_ssize_t count = PyObject_Length(radius.ptr());
-  contid::Feasible f;
-  contid::Sections& s = f.sections;
-  contid::set_count(s, count);
+  contid::ArcSetup s{};
+  const int count = s.count = contid::count_of(radius);
   read(radius, s.radius, count, "radius: one number per section");
   read(rigid, s.rigid, count, "rigid: one number per section");
   read(to_arc, s.to_arc[0], 9 * count, "to_arc: nine numbers per section");
   read(to_lengths, s.to_lengths[0], 9 * count, "to_lengths: nine numbers per section");
-  double low[contid::kMaxSections], high[contid::kMaxSections];
-  read(lower, low, count, "lower: one number per section");
-  read(upper, high, count, "upper: one number per section");
-  for (int i = 0; i < f.size(); ++i) f.low[i] = low[i / 3], f.high[i] = high[i / 3];
-  read(home, f.home, f.size(), "home: one number per length");
-  f.rack = rack;
-  f.curvature_max = curvature_max;
-  f.weigh_home();
-  new (self) SectionSolver(f, contid::tuning_of(tuning));
+  read(lower, s.lower, count, "lower: one number per section");
+  read(upper, s.upper, count, "upper: one number per section");
+  read(home, s.home, 3 * count, "home: one number per length");
+  s.rack = rack, s.curvature_max = curvature_max, s.tuning = contid::tuning_of(tuning);
+  auto* make_solver = &contid::any_sections::make_arc_solver;
+  if (count == 1 && contid::one_section::make_arc_solver) make_solver = &contid::one_section::make_arc_solver;
+  if (count == 2 && contid::two_sections::make_arc_solver) make_solver = &contid::two_sections::make_arc_solver;
+  new (self) SectionSolver{make_solver(s)};
 }
 
-nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
-                nb::handle rotation) {
-  const auto bits = [](const contid::LimitSet& binding) { return binding.to_ullong(); };
+nb::object solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
+                 nb::handle rotation) {
+  const auto bits = [](const std::uint64_t* binding) { return binding[0]; };
   return contid::solve_row(self, tip, direction, mid, seed, rotation, bits);
 }
 
@@ -41,12 +38,12 @@ int follow(const SectionSolver& self, Out tips, nb::handle seed, Out lengths) {
   if (tips.ndim() != 2 || tips.shape(1) != 3 || lengths.ndim() != 2 || lengths.shape(0) != tips.shape(0) ||
       lengths.shape(1) != n)
     throw nb::value_error("tips (points, 3) and lengths (points, 3 n)");
-  double l[contid::kMaxLengths];
+  double l[contid::kMostVariables];
   read(seed, l, n, "seed: " CONTID_VARIABLES);
   int met = 0;
   for (std::size_t k = 0; k < tips.shape(0); ++k) {
     contid::Answer answer;
-    self.solve({tips.data() + 3 * k, nullptr, nullptr}, l, answer);
+    self.chain->solve({tips.data() + 3 * k, nullptr, nullptr}, l, answer);
     std::memcpy(l, answer.lengths, sizeof l);
     std::memcpy(lengths.data() + n * k, l, n * sizeof(double));
     met += answer.converged;
@@ -60,7 +57,7 @@ void forward_many(const SectionSolver& self, contid::Matrix lengths, contid::Tab
   contid::check(lengths, rows, self.size(), "lengths: an array (rows, 3 n)");
   contid::check(out, rows, contid::kPoseBytes);
   const nb::gil_scoped_release released;
-  contid::forward_rows(self.feasible().sections, lengths.data(), rows, threads, out.data());
+  self.chain->forward_rows(lengths.data(), rows, threads, out.data());
 }
 
 // Answers for many rows; the GIL is released.
@@ -72,14 +69,13 @@ void inverse_many(const SectionSolver& self, contid::Matrix tip, nb::handle dire
   contid::check(seeds, chained ? 1 : rows, self.size(), "seeds: an array (rows, 3 n)");
   contid::check(out, rows, contid::solution_bytes(self.size()));
   const nb::gil_scoped_release released;
-  contid::inverse_rows(self, targets, rows, seeds.data(), chained, threads, out.data());
+  self.chain->inverse_rows(targets, rows, seeds.data(), chained, threads, out.data());
 }
 
 }  // namespace
 
-NB_MODULE(KERNEL_MODULE, module) {
-  module.doc() =
-      "Constant-curvature sections: native twin of contid.kinematics.arc.solve and contid.kinematics.arc.sections.";
+void contid::bind(nb::module_& module) {
+  module.doc() = "Chains of constant-curvature sections: frames, Jacobians and bounded inverse kinematics.";
   nb::class_<SectionSolver>(module, "SectionSolver")
       .def("__init__", &make, nb::arg("radius"), nb::arg("to_arc"), nb::arg("to_lengths"), nb::arg("rigid"),
            nb::arg("lower"), nb::arg("upper"), nb::arg("home"), nb::arg("rack"), nb::arg("curvature_max"),

@@ -1,5 +1,5 @@
 // The arc of constant curvature: pose and coefficients without singularities, no allocation.
-// Twin and specification: contid/kinematics/arc/arc.py (same names, same formulas).
+// The formulas are those of contid/kinematics/arc/arc.py, with their sources.
 #pragma once
 
 #include <cmath>

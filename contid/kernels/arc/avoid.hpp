@@ -1,24 +1,25 @@
 // Obstacles of a chain of sections: a potential that redundant axes lower, and a check of the whole body.
-// Twin and specification: contid/kinematics/arc/avoid.py, with the definitions.
+//
+// Points p of the backbone at a distance d(p) from an obstacle, of a body of radius r that keeps a margin m, add
+//
+//     F z f((r + m + z - d) / z),   f(x) = x^3 / (1 - x) for 0 < x <= 0.9, a parabola with its curvature beyond
+//
+// to the distance from home (home.hpp): nothing farther than the zone z outside the margin, little where the zone
+// begins, and so stiff near the margin that home cannot hold against it. f has a continuous second derivative, so
+// answers move continuously with the target.
 #pragma once
 
 #include <algorithm>
-#include <vector>
 
-#include "../clearance/obstacle.hpp"
 #include "cholesky.hpp"
 #include "sections.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
-class Avoid {
+class Avoid : public Surroundings {
  public:
-  std::vector<Obstacle> obstacles;  // in the base frame
-  double radius = 0.0;              // of the body
-  double margin = 0.0;              // least distance of surfaces
-  double from = 0.0;                // arc length where the body begins
-  double zone = 0.0;                // the potential begins this far outside the margin
-  double force = 0.0;               // its scale
+  Avoid() = default;
+  explicit Avoid(const Surroundings& around) : Surroundings(around) {}
 
   // The potential. `slope` (may be null) gets its gradient; the lower triangle of `metric` (may be null) is increased
   // by the part of its second derivative that is never negative.
@@ -174,7 +175,7 @@ class Avoid {
       if (!slope) continue;
       if (!differentiated) jacobian(s, piece, chain, i, share, fixed, past, x, r, J);
       differentiated = true;
-      double out[3], row[kMaxLengths];
+      double out[3] = {}, row[kMaxLengths];
       obstacle.outwards(x, out);
       const int used = kColumns * (i + 1);
       for (int j = 0; j < used; ++j) row[j] = out[0] * J[0][j] + out[1] * J[1][j] + out[2] * J[2][j];
@@ -242,4 +243,4 @@ class Avoid {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

@@ -1,5 +1,14 @@
 // Closed forms: the arc to a point, the biarc to a pose, two arcs through two points.
-// Twin and specification: contid/kinematics/arc/arc.py (through) and contid/kinematics/arc/biarc.py.
+//
+// The tip pose of a torsion-free two-section arm has five degrees of freedom, its lengths have six. The free parameter
+// of the biarc is the control leg of the first section, a = (L1/theta1) tan(theta1/2). With the tip p, its unit tangent
+// t, and a rigid piece h between the sections:
+//
+//     b  = (p.p - 2 a p_z - h^2 - 2 h a) / (2 (p.t + a (1 - t_z) + h))      control leg of section 2
+//     tm = (p - b t - a e_z) / (a + b + h)                                  tangent at the joint
+//     theta1 = angle(e_z, tm), L1 = a theta1/tan(theta1/2), the same for section 2 in the frame of the joint
+//
+// Negative legs are sections bent by more than half a turn.
 #pragma once
 
 #include "arc.hpp"

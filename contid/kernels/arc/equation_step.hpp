@@ -1,10 +1,9 @@
 // A step of homing: the quadratic programme with the linearised task as an equation.
-// Twin and specification: Homing._step of contid/kinematics/arc/home.py.
 #pragma once
 
 #include "section_task.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 // minimise 1/2 d^T W d - z^T d with J d = e and l + d inside the limits; W by its lower factor `whiten`.
 //     d = W^-1 (z + J^T y),    (J W^-1 J^T + w) y = e - J W^-1 z
@@ -57,4 +56,4 @@ inline void equation_step(const Limits& limits, const Task& task, const double* 
   });
 }
 
-}  // namespace contid
+}  // namespace contid::section_build

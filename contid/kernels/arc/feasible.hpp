@@ -1,5 +1,5 @@
 // The lengths a chain of sections may take: a convex set, with a number for every limit.
-// Twin and specification: contid/kinematics/arc/feasible.py, with the definition of each limit.
+// contid/kinematics/arc/feasible.py names the limits in the same order.
 #pragma once
 
 #include <bitset>
@@ -7,7 +7,7 @@
 
 #include "sections.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kBinding = 1e-9;    // a limit binds when less than this is left of it [m]
@@ -153,7 +153,9 @@ struct Feasible {
         H[(3 * s + i) * kMaxLengths + 3 * s + j] += weight * sections.radius[s] * across[i] * across[j] / theta;
   }
 
-  // metric: 3 (L - L0)^2 + max(1.5 d^2, L0^2/2) theta^2 per section.
+  // metric: 3 (L - L0)^2 + max(1.5 d^2, L0^2/2) theta^2 per section. The Euclidean distance of the lengths has 1.5 d^2
+  // there, with which a thin arm bends instead of shortening: straight is nearest only while the weight of theta^2
+  // exceeds (L0 - L) L.
   void weigh_home() {
     for (double& entry : metric) entry = 0.0;
     for (int s = 0; s < sections.count; ++s) {
@@ -199,4 +201,4 @@ struct Feasible {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

@@ -1,12 +1,22 @@
 // Of all lengths that meet a target the ones nearest to home: sequential quadratic programming over the limits.
-// Twin and specification: contid/kinematics/arc/home.py: same decisions, same order.
+//
+//     minimise  1/2 (l - home)^T M (l - home) + potential(l)   subject to   task(l) = target,  l feasible
+//
+// Home are the middle lengths of the ranges. The potential is that of obstacles (avoid.hpp), 0 where none are given.
+// The limits of bend are cones in the lengths, all others are planes.
+//
+// A step minimises a quadratic model with the linearised task as an equation (equation_step.hpp). Its metric is M at
+// first (with the stiffness of the potential). Where steps stop shrinking it becomes the second derivative of the
+// Lagrangian, with the curvature of task and bend cones, and the cones become their tangent planes. Steps must lower
+// the merit `distance + penalty |e|`, e being the error of the task (Nocedal and Wright, Numerical Optimization, 2nd
+// edition, chapter 18). So homing ends at a minimum, and solving again from an answer returns that answer.
 #pragma once
 
 #include "avoid.hpp"
 #include "equation_step.hpp"
 #include "newton.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 class Homing {
  public:
@@ -258,4 +268,4 @@ class Homing {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

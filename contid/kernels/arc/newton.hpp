@@ -1,10 +1,13 @@
 // Newton's method for a target that is not met, to the minimum of |e|^2/2 on the limits.
-// Twin and specification: Descent._settle of contid/kinematics/arc/descent.py.
+//
+//     min 1/2 d^T H d - (J^T e)^T d over the limits,   H the second derivative of |e|^2/2
+//
+// It starts where the damped steps ended and stops when a step or the error vanishes, or after a given number of steps.
 #pragma once
 
 #include "section_task.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 // The shift is added to the diagonal of a Hessian that is not positive definite, as in Levenberg-Marquardt.
 constexpr double kMinShift = 1e-3;
@@ -94,4 +97,4 @@ inline double settle(const Feasible& feasible, const Tuning& tuning, Task& here,
   return here.error;
 }
 
-}  // namespace contid
+}  // namespace contid::section_build

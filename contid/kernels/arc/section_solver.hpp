@@ -1,5 +1,12 @@
-// Bounded inverse kinematics of a chain of sections from several starts. solve() does not allocate.
-// Twin and specification: contid/kinematics/arc/solve.py: same decisions, same order.
+// Bounded inverse kinematics of a chain of sections from several starts.
+//
+//     minimise  |e(x)|   over the feasible variables x, of the minima where e = 0 the one nearest to home
+//
+// e is the error of the task (section_task.hpp), x are lengths, or bends of tendon robots (feasible.hpp). The closed
+// form comes first where there is one, then a descent (descent.hpp) from the seed. Where that does not meet the target,
+// further descents start from biarcs (for tip and direction) and from the postures of a fixed library of Halton points
+// whose task is nearest to the goal. The search stops at the first start that meets the target, where enough starts end
+// at the same error, or when all have been tried. solve() does not allocate.
 #pragma once
 
 #include <algorithm>
@@ -8,21 +15,12 @@
 #include "closed_form.hpp"
 #include "descent.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 constexpr int kLibrary = 256;
 // A start of a whole frame that fails is left after as many Newton steps: most frames are met from the next one.
 constexpr int kBrief = 10;
 constexpr double kMaxError = 1e6;  // larger than the error of any arm [m]; its square does not overflow
-
-struct Answer {
-  double lengths[kMaxLengths];
-  double residual;
-  bool converged;
-  LimitSet binding;
-  int iterations;
-  int starts;
-};
 
 inline double squared_distance(const double* a, const double* b) {
   double sum = 0.0;
@@ -30,25 +28,38 @@ inline double squared_distance(const double* a, const double* b) {
   return sum;
 }
 
-class SectionSolver {
+class SectionSolver final : public ChainSolver {
  public:
   SectionSolver(const Feasible& feasible, const Tuning& tuning) : descent_(feasible, tuning) {
     for (int k = 0; k < kLibrary; ++k) {
       for (int i = 0; i < feasible.size(); ++i)
         library_[k][i] = feasible.low[i] + radical_inverse(k + 1, kPrimes[i]) * (feasible.high[i] - feasible.low[i]);
       feasible.pull(library_[k]);
-      forward(feasible.sections, library_[k], frames_[k]);
+      section_build::forward(feasible.sections, library_[k], frames_[k]);
     }
   }
 
   const Feasible& feasible() const { return descent_.feasible; }
-  int size() const { return feasible().size(); }
+  int size() const override { return feasible().size(); }
+
+  void forward(const double* variables, Frames& out) const override {
+    section_build::forward(feasible().sections, variables, out);
+  }
+
+  void differentiate(const double* variables, double* tip, double* spin, double* mid) const override {
+    Derivatives at;
+    section_build::differentiate(feasible().sections, variables, at, true);
+    const int n = size();
+    for (int k = 0; k < 3; ++k)
+      for (int j = 0; j < n; ++j)
+        tip[k * n + j] = at.tip[j][k], spin[k * n + j] = at.spin[j][k], mid[k * n + j] = at.mid[j][k];
+  }
 
   // Obstacles that redundant axes keep away from; none switches that off.
-  void avoid(const Avoid& around) { avoid_ = around; }
+  void avoid(const Surroundings& around) override { avoid_ = Avoid(around); }
 
   // The closed form where there is one, then the seed, then starts for what the seed does not meet.
-  void solve(const Goal& goal, const double* seed, Answer& out) const {
+  void solve(const Goal& goal, const double* seed, Answer& out) const override {
     const int n = size();
     out.iterations = 0;
     out.starts = 0;
@@ -83,6 +94,43 @@ class SectionSolver {
         out.residual = descent_.run(out.lengths, goal, out.iterations);
     }
     finish(out);
+  }
+
+  void forward_rows(const double* variables, std::size_t rows, int threads, std::uint8_t* out) const override {
+    over_rows(rows, threads, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin; k < end; ++k) {
+        Frames at;
+        forward(variables + k * size(), at);
+        const double direction[3] = {at.rotation[2], at.rotation[5], at.rotation[8]};
+        write_pose(out + k * kPoseBytes, at.tip, at.rotation, direction, at.mid, true);
+      }
+    });
+  }
+
+  void inverse_rows(const TargetRows& targets, std::size_t rows, const double* seeds, bool chained, int threads,
+                    std::uint8_t* out) const override {
+    const int n = size();
+    const auto solve_row = [&](std::size_t k, const double* seed, Answer& answer) {
+      solve({targets.tip + 3 * k, targets.row(targets.direction, k), targets.row(targets.mid, k)}, seed, answer);
+      write_solution(out + k * solution_bytes(n), answer.lengths, n, answer.residual, answer.binding[0],
+                     answer.iterations, answer.converged);
+    };
+    if (chained) {
+      double last[kMaxLengths];
+      std::memcpy(last, seeds, n * sizeof(double));
+      for (std::size_t k = 0; k < rows; ++k) {
+        Answer answer;
+        solve_row(k, last, answer);
+        std::memcpy(last, answer.lengths, n * sizeof(double));
+      }
+      return;
+    }
+    over_rows(rows, threads, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin; k < end; ++k) {
+        Answer answer;
+        solve_row(k, seeds + k * n, answer);
+      }
+    });
   }
 
  private:
@@ -152,7 +200,14 @@ class SectionSolver {
 
   void finish(Answer& out) const {
     out.converged = out.residual <= tuning().tolerance;
-    out.binding = feasible().binding(out.lengths);
+    std::fill(out.binding, out.binding + Answer::kWords, std::uint64_t{0});
+    const LimitSet binding = feasible().binding(out.lengths);
+    if constexpr (sizeof binding == sizeof *out.binding) {
+      out.binding[0] = binding.to_ullong();
+    } else {
+      for (int k = 0; k < feasible().limits(); ++k)
+        if (binding[k]) out.binding[k / 64] |= std::uint64_t{1} << k % 64;
+    }
   }
 
   // Lengths from the closed forms, if they exist and are inside every limit.
@@ -275,4 +330,4 @@ class SectionSolver {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

@@ -1,29 +1,13 @@
 // Goal of a chain of sections, its error and derivatives; all rows are lengths [m].
-// Twin and specification: contid/kinematics/arc/task.py.
+// They are the tip error, the mid-point error, and ell (t_target - t) for a direction, or ell phi with
+// exp(phi) R = R_target for a rotation.
 #pragma once
 
 #include <algorithm>
 
 #include "active_set.hpp"
 
-namespace contid {
-
-// Parameters of the solver: see Tuning of contid/kinematics/arc/task.py.
-struct Tuning {
-  double ell, tolerance, home_tolerance, weight, near;
-  int home_steps;
-  double contraction;
-  double slow;
-  int iterations, settling, starts, agreeing;
-  double tracking, still, still_error;
-};
-
-struct Goal {
-  const double* tip;
-  const double* direction;           // may be null
-  const double* mid;                 // may be null
-  const double* rotation = nullptr;  // of the tip frame, row-major; instead of a direction
-};
+namespace contid::section_build {
 
 // phi with exp(phi) = target at^T; the angle is at most pi.
 inline void turn_left(const double* target, const double* at, double* phi) {
@@ -117,4 +101,4 @@ inline double moved(const Feasible& feasible, const double* lengths, const doubl
   return step;
 }
 
-}  // namespace contid
+}  // namespace contid::section_build

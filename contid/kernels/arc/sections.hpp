@@ -1,5 +1,8 @@
 // Chains of constant-curvature sections: frames and Jacobians without singularities, no allocation.
-// Twin and specification: contid/kinematics/arc/sections.py (same names, same formulas).
+//
+//     p = p1 + R1 (h1 e_z + p2 + R2 (...)),    J_i = R (Jp_i + Jw_i x rest_i) d(u, v, L)/dl
+//
+// R is the frame where section i starts and rest_i leads from its end to the tip.
 //
 // Compiled once per kind of section. Tubes and racks have three lengths per section. With CONTID_TENDON the backbone
 // of a section keeps its length, and its two variables are the bends times that length [m]
@@ -7,19 +10,22 @@
 #pragma once
 
 #include "arc.hpp"
+#include "solver.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 // A build for one number of sections (CONTID_SECTIONS) has constant loop ends: the same results in half the time.
 #ifdef CONTID_SECTIONS
 constexpr int kMaxSections = CONTID_SECTIONS;
 struct SectionCount {
   static constexpr int count = CONTID_SECTIONS;
+  void set_count(int) {}
 };
 #else
-constexpr int kMaxSections = 8;
+constexpr int kMaxSections = kMostSections;
 struct SectionCount {
   int count = 0;
+  void set_count(int given) { count = given; }
 };
 #endif
 #ifdef CONTID_TENDON
@@ -59,12 +65,6 @@ struct Sections : SectionCount {
   }
 };
 
-struct Frames {
-  double tip[3];
-  double rotation[9];
-  double mid[3];
-};
-
 // Derivatives by the lengths, a column for each; size() of them in use.
 struct Derivatives {
   Frames frames;
@@ -93,7 +93,7 @@ inline void forward(const Sections& s, const double* lengths, Frames& out) {
   std::memcpy(out.rotation, rotation, sizeof rotation);
 }
 
-// J_i = R (Jp_i + Jw_i x rest_i) d(u, v, L)/dl; see differentiate() in contid/kinematics/arc/sections.py.
+// J_i = R (Jp_i + Jw_i x rest_i) d(u, v, L)/dl.
 inline void differentiate(const Sections& s, const double* lengths, Derivatives& out, bool want_mid) {
   Column position{}, ends[kMaxSections], mid{};
   Column rotation[3] = {{1.0, 0.0, 0.0, 0.0}, {0.0, 1.0, 0.0, 0.0}, {0.0, 0.0, 1.0, 0.0}};
@@ -155,4 +155,4 @@ inline void differentiate(const Sections& s, const double* lengths, Derivatives&
     }
 }
 
-}  // namespace contid
+}  // namespace contid::section_build

@@ -1,10 +1,9 @@
 // Limits with flat faces only, for the steps whose metric has the curvature of the cones.
-// Twin and specification: TangentLimits of contid/kinematics/arc/feasible.py.
 #pragma once
 
 #include "feasible.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 // The same limits with every cone replaced by its tangent plane at one point: all of them are flat.
 struct TangentLimits {
@@ -59,4 +58,4 @@ struct TangentLimits {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

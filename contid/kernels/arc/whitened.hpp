@@ -1,5 +1,4 @@
 // A task in coordinates in which the metric W = F F^T of a step is the identity: K = J F^-T.
-// Part of contid/kinematics/arc/active_set.py and home.py, which are its specification.
 #pragma once
 
 #include <type_traits>
@@ -8,7 +7,7 @@
 #include "cholesky.hpp"
 #include "sections.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 constexpr int kMaxRows = 9;  // of a task: tip, direction, mid-point
 
@@ -79,4 +78,4 @@ struct Whitened {
   }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

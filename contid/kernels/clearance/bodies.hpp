@@ -1,5 +1,8 @@
-// Bounds of the distance of two swept curves. Twin and specification: contid/clearance/distance.py, with the
-// reasoning; same nodes in the same order. Units: m.
+// Bounds of the distance of two swept curves, by branch and bound. Units: m.
+//
+// A node is a range of samples of a body, bounded by its chord and an allowance (contid/clearance/body.py). Pairs of
+// nodes whose lower bound exceeds the best upper bound are dropped, the others are halved down to single pieces. The
+// result holds for the curves between the samples, not only for the samples.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // contid.kernels._clearance: distances of bodies and obstacles for Python.
-#include "../python.hpp"
+#include "../record.hpp"
 #include "obstacle.hpp"
 
 #include <nanobind/ndarray.h>
@@ -19,15 +19,16 @@ contid::Curve curve(const Points& points, double spacing) {
   return {points.data(), static_cast<int>(points.shape(0)) - 1, spacing};
 }
 
-nb::tuple result(const contid::Bounds& found) {
-  return nb::make_tuple(found.lower, found.upper, 0.5 * found.at, 0.5 * found.other_at);
+nb::object result(const contid::Bounds& found) {
+  static const contid::Record record("contid.kernels.Bounds", {"lower", "upper", "at", "other_at"});
+  return record(found.lower, found.upper, 0.5 * found.at, 0.5 * found.other_at);
 }
 
-nb::tuple between(Points a, double a_spacing, Points b, double b_spacing, double enough) {
+nb::object between(Points a, double a_spacing, Points b, double b_spacing, double enough) {
   return result(contid::between(curve(a, a_spacing), curve(b, b_spacing), enough));
 }
 
-nb::tuple to_obstacle(Points points, double spacing, Numbers obstacle, double enough) {
+nb::object to_obstacle(Points points, double spacing, Numbers obstacle, double enough) {
   if (obstacle.shape(0) != 17) throw nb::value_error("obstacle: 17 numbers");
   return result(contid::to_obstacle(curve(points, spacing), contid::Obstacle(obstacle.data()), enough));
 }
@@ -35,7 +36,7 @@ nb::tuple to_obstacle(Points points, double spacing, Numbers obstacle, double en
 }  // namespace
 
 NB_MODULE(KERNEL_MODULE, module) {
-  module.doc() = "Clearance: native twin of contid.clearance.distance.";
+  module.doc() = "Bounds of the distance between bodies, and from bodies to obstacles.";
   module.def("between", &between, nb::arg("a"), nb::arg("a_spacing"), nb::arg("b"), nb::arg("b_spacing"),
              nb::arg("enough"));
   module.def("to_obstacle", &to_obstacle, nb::arg("points"), nb::arg("spacing"), nb::arg("obstacle"),

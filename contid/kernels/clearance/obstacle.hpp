@@ -1,5 +1,5 @@
-// Bounds of the distance of a swept curve from a convex obstacle. Twin and specification: contid/clearance/distance.py
-// and obstacles.py. Units: m.
+// Bounds of the distance of a swept curve from a convex obstacle: along a curve it changes at most as fast as the arc
+// length, and along a chord it is convex. The obstacles are those of contid/clearance/obstacles.py. Units: m.
 #pragma once
 
 #include "bodies.hpp"

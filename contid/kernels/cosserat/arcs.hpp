@@ -9,7 +9,7 @@
 // so that a column is a sum of five vectors times numbers that all three pressures share.
 #pragma once
 
-#include "section.hpp"
+#include "rod.hpp"
 
 namespace contid {
 
@@ -56,27 +56,42 @@ template <bool Sums> inline Arc arc(Vec u, double length, int elements) {
   return sum;
 }
 
-template <int C> inline void put_column(double (&to)[3][C], int j, Vec a) {
-  to[0][j] = a.x, to[1][j] = a.y, to[2][j] = a.z;
-}
+// Without derivatives.
+struct NoDerivatives {
+  static constexpr bool kWanted = false;
+};
 
-// Section I and those above it; see `sections` of rod.hpp.
-template <int K, bool Tangents, int I, class Rod, class Sweep>
-inline void arc_sections(const Rod& rod, const double* pressures, int elements, Sweep& out) {
-  constexpr int Base = Sweep::kBase, Own = Base + 3 * I;
-  const Section& section = rod.sections[I];
-  const Inflated s = inflate(section, pressures + 3 * I);
+// Derivatives of a sweep: the first `base` columns are of the base moment, which turns nothing.
+struct ArcDerivatives {
+  static constexpr bool kWanted = true;
+  Sweep& out;
+  int base, columns;
+
+  static void put(double (&to)[3][kMostColumns], int j, Vec a) { to[0][j] = a.x, to[1][j] = a.y, to[2][j] = a.z; }
+  static Vec at(const double (&from)[3][kMostColumns], int j) { return {from[0][j], from[1][j], from[2][j]}; }
+  // The pressures of sections below move what lies beyond them.
+  void carry(Vec reach, int end) const {
+    Columns& by = out.tip.by;
+    for (int j = base; j < end; ++j) {
+      const Vec moved = cross(at(by.turn, j), reach);
+      by.shift[0][j] += moved.x, by.shift[1][j] += moved.y, by.shift[2][j] += moved.z;
+    }
+  }
+};
+
+// Section i and its link, from where the sections below end; see `over_sections` of sweep.cpp.
+template <class Derivatives>
+inline void arc_section(const Section& section, const double* pressures, int i, int elements, Ends& tip,
+                        Derivatives& derivatives) {
+  const Inflated s = inflate(section, pressures);
   const double cx = s.curvature_x, cy = s.curvature_y, stretch = 1.0 + s.strain;
-  const Arc at = arc<Tangents>({cx, cy, 0.0}, section.length, elements);
-  const Mat R = out.tip.R;
+  const Arc at = arc<Derivatives::kWanted>({cx, cy, 0.0}, section.length, elements);
+  const Mat R = tip.R;
   // R times a vector of the plane across e, and e.
   const auto rotated = [&](double x, double y, double z) { return R * Vec{x, y, z}; };
-  if constexpr (Tangents) {
-    const Vec swept = stretch * rotated(at.sum_a * cy, -at.sum_a * cx, at.sum_c);  // by Simpson's rule
-    for (int j = Base; j < Own; ++j) {
-      const Vec moved = cross({out.tip.by.turn[0][j], out.tip.by.turn[1][j], out.tip.by.turn[2][j]}, swept);
-      out.tip.by.shift[0][j] += moved.x, out.tip.by.shift[1][j] += moved.y, out.tip.by.shift[2][j] += moved.z;
-    }
+  if constexpr (Derivatives::kWanted) {
+    const int own = derivatives.base + 3 * i;
+    derivatives.carry(stretch * rotated(at.sum_a * cy, -at.sum_a * cx, at.sum_c), own);  // by Simpson's rule
     const double soft = s.strain_per_bar + s.softening * s.strain;
     for (int j = 0; j < 3; ++j) {
       const double wx = s.per_bar_x[j], wy = s.per_bar_y[j], sigma = wx * cy - wy * cx;
@@ -87,32 +102,28 @@ inline void arc_sections(const Rod& rod, const double* pressures, int elements, 
       const Vec shift = rotated(stretch * at.beta * y + by_u * cx + soft * at.sum_a * cy,
                                 -stretch * at.beta * x + by_u * cy - soft * at.sum_a * cx,
                                 -stretch * at.alpha * along + soft * at.sum_c);
-      put_column(out.tip.by.turn, Own + j, turn);
-      put_column(out.tip.by.shift, Own + j, shift);
+      derivatives.put(derivatives.out.tip.by.turn, own + j, turn);
+      derivatives.put(derivatives.out.tip.by.shift, own + j, shift);
     }
   }
-  out.tip.p = out.tip.p + stretch * rotated(at.shift_q * cy, -at.shift_q * cx, at.shift_e);
+  tip.p = tip.p + stretch * rotated(at.shift_q * cy, -at.shift_q * cx, at.shift_e);
   // 1 + A hat(u) + B hat(u)^2
   const Mat turned{{{1.0 - at.b * cy * cy, at.b * cx * cy, at.a * cy},
                     {at.b * cx * cy, 1.0 - at.b * cx * cx, -at.a * cx},
                     {-at.a * cy, at.a * cx, at.cosine}}};
-  out.tip.R = R * turned;
-  if constexpr (I == 0) {
-    out.mid = out.tip.p;
-    if constexpr (Tangents)
+  tip.R = R * turned;
+  if (i == 0) {
+    tip.mid = tip.p;
+    if constexpr (Derivatives::kWanted)
       for (int a = 0; a < 3; ++a)
-        for (int j = Base; j < Sweep::C; ++j) out.mid_shift[a][j] = out.tip.by.shift[a][j];
+        for (int j = 0; j < derivatives.columns; ++j)
+          derivatives.out.mid_shift[a][j] = derivatives.out.tip.by.shift[a][j];
   }
   if (section.link > 0.0) {
-    const Vec reach = section.link * column(out.tip.R, 2);
-    out.tip.p = out.tip.p + reach;
-    if constexpr (Tangents)
-      for (int j = Base; j < Own + 3; ++j) {
-        const Vec moved = cross({out.tip.by.turn[0][j], out.tip.by.turn[1][j], out.tip.by.turn[2][j]}, reach);
-        out.tip.by.shift[0][j] += moved.x, out.tip.by.shift[1][j] += moved.y, out.tip.by.shift[2][j] += moved.z;
-      }
+    const Vec reach = section.link * column(tip.R, 2);
+    tip.p = tip.p + reach;
+    if constexpr (Derivatives::kWanted) derivatives.carry(reach, derivatives.base + 3 * i + 3);
   }
-  if constexpr (I + 1 < K) arc_sections<K, Tangents, I + 1>(rod, pressures, elements, out);
 }
 
 }  // namespace contid

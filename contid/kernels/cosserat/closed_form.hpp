@@ -1,4 +1,8 @@
-// Pressures of unloaded arcs: twin of contid/kinematics/cosserat/closed_form.py.
+// Exact inverse kinematics of the unloaded rod: each section is a circular arc.
+//
+// Without load the strains of a section are constant. Its end determines its arc, the arc its three pressures; two
+// sections with a tip direction form a biarc with one free parameter, of which the member nearest to the centre is
+// taken.
 #pragma once
 
 #include "solve.hpp"
@@ -66,30 +70,30 @@ inline bool tip_and_direction_pressures(const Section& first, const Section& sec
 }
 
 // Pressures of the unloaded closed form, clamped; false where there is none for this task.
-template <int K> bool unloaded(const Rod<K>& rod, const Task& task, const Limits<K>& limits, double* p) {
+inline bool unloaded(const Rod& rod, const Task& task, const Limits& limits, double* p) {
   bool found = false;
-  if constexpr (K == 1) {
+  if (rod.count == 1) {
     found = tip_pressures(rod.sections[0], task.tip, p);
-  } else if constexpr (K == 2) {
+  } else if (rod.count == 2) {
     const Section &first = rod.sections[0], &second = rod.sections[1];
     if (task.has_mid) {
       found = mid_and_tip_pressures(first, second, task.mid, task.tip, p);
     } else if (task.has_direction) {
-      double best = std::numeric_limits<double>::infinity(), member[3 * K];
+      double best = std::numeric_limits<double>::infinity(), member[6];
       for (int i = 0; i < kMembers; ++i) {
         const double d1 = (0.3 + 0.8 * i / (kMembers - 1)) * first.length;
         if (!tip_and_direction_pressures(first, second, task.tip, task.direction, d1, member)) continue;
         double away = 0.0;
-        for (int j = 0; j < 3 * K; ++j) away += (member[j] - limits.centre[j]) * (member[j] - limits.centre[j]);
+        for (int j = 0; j < 6; ++j) away += (member[j] - limits.centre[j]) * (member[j] - limits.centre[j]);
         if (away < best) {
           best = away;
-          std::copy(member, member + 3 * K, p);
+          std::copy(member, member + 6, p);
           found = true;
         }
       }
     }
   }
-  if (found) clamp<K>(limits, p);
+  if (found) clamp(limits, p);
   return found;
 }
 

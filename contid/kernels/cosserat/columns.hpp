@@ -1,34 +1,33 @@
-// Derivatives of a sweep, a column for each unknown: twin of element._tangent_rates. Columns lie next to each other,
-// so loops vectorise.
+// Derivatives of a sweep, a column for each unknown; contid/kinematics/cosserat/element.py has their equations. Columns
+// lie next to each other and are treated by the register: the bits do not depend on its width.
 #pragma once
 
-#include "section.hpp"
+#include "rod.hpp"
 
 namespace contid {
 
-// Columns are counted at compile time (`A` of them move) and treated by the register: the bits do not depend on its
-// width.
 #ifdef __AVX__
 constexpr int kLanes = 4;
 #else
 constexpr int kLanes = 2;
 #endif
+static_assert(kMostColumns % kLanes == 0);
 typedef double Lanes __attribute__((vector_size(8 * kLanes), aligned(8), may_alias));
 inline Lanes& lanes(double& first) { return reinterpret_cast<Lanes&>(first); }
 inline const Lanes& lanes(const double& first) { return reinterpret_cast<const Lanes&>(first); }
 
+// Columns in whole registers.
 constexpr int padded(int columns) { return (columns + kLanes - 1) / kLanes * kLanes; }
 
-// Derivatives by column: turn of the frame, shift of the position, change of mu.
-template <int C> struct Columns {
-  double turn[3][C], shift[3][C], dmu[3][C];
-};
+inline void clear(Columns& c, int count) {
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < padded(count); j += kLanes)
+      lanes(c.turn[i][j]) = lanes(c.shift[i][j]) = lanes(c.dmu[i][j]) = Lanes{};
+}
 
-template <int C> void clear(Columns<C>& c) { c = {}; }
-
-// out += a x columns, for the first A.
-template <int A, int C> inline void add_cross(Vec a, const double (&in)[3][C], double (&out)[3][C]) {
-  for (int j = 0; j < A; j += kLanes) {
+// out += a x columns, for the first `count`.
+inline void add_cross(Vec a, const double (&in)[3][kMostColumns], int count, double (&out)[3][kMostColumns]) {
+  for (int j = 0; j < count; j += kLanes) {
     const Lanes x = lanes(in[0][j]), y = lanes(in[1][j]), z = lanes(in[2][j]);
     lanes(out[0][j]) += a.y * z - a.z * y;
     lanes(out[1][j]) += a.z * x - a.x * z;
@@ -36,81 +35,118 @@ template <int A, int C> inline void add_cross(Vec a, const double (&in)[3][C], d
   }
 }
 
-// The three columns of a section's own pressures, the first of them `Own`, as factors for all: loops over parts of a
-// vector register would wait for memory.
-template <int A, int Own> struct OwnColumns {
-  static constexpr int kFirst = Own / kLanes * kLanes;
-  double x[A] = {}, y[A] = {}, one[A] = {};
+// What the rates of the columns take from one stage of an element: the frame's axes, the force and the moment there.
+struct Stage {
+  Mat R;
+  Vec p, N, M, lever, along, soft_turn, soft_shift;
 
-  explicit OwnColumns(const Inflated& s) {
-    for (int k = 0; k < 3; ++k) x[Own + k] = s.per_bar_x[k], y[Own + k] = s.per_bar_y[k], one[Own + k] = 1.0;
+  void set(const Inflated& s, const Mat& frame, Vec position, Vec u, Vec v, Vec force, Vec moment) {
+    R = frame, p = position, N = force, M = moment;
+    const Vec e = column(R, 2), V = R * v;
+    lever = s.shear * N - V, along = (s.axial - s.shear) * cross(e, N);
+    soft_turn = s.softening * (R * u), soft_shift = s.strain_per_bar * e + s.softening * (V - e);
   }
 };
-struct NoColumns {
-  explicit NoColumns(const Inflated&) {}
+
+// Columns of which no pressure belongs to the section: what a stage adds of its own is nothing.
+struct NoOwnColumns {
+  bool at(int) const { return false; }
+  void add(const Stage&, int, Lanes (&)[3], Lanes (&)[3]) const {}
 };
 
-// Rates of the columns at one stage; element._tangent_rates. `Own` is the first column of this section's pressures and
-// `Force` that of a force on the tip (at position p), -1 for none. Without distributed load dmu is constant.
-template <int A, int Own, int Force, int C, class OwnFactors>
-[[gnu::always_inline]] inline void column_rates(const Inflated& s, const OwnFactors& own, const Mat& R, Vec p,
-                                                const Columns<C>& at, Vec u, Vec v, Vec N, Vec M, Vec f, bool weighs,
-                                                Columns<C>& rate) {
-  const Vec e = column(R, 2), V = R * v;
-  const double twist = s.twist - s.bend;
-  const Vec lever = s.shear * N - V, along = (s.axial - s.shear) * cross(e, N);
-  for (int j = 0; j < A; j += kLanes) {
-    const Lanes tx = lanes(at.turn[0][j]), ty = lanes(at.turn[1][j]), tz = lanes(at.turn[2][j]);
-    const Lanes qx = lanes(at.shift[0][j]), qy = lanes(at.shift[1][j]), qz = lanes(at.shift[2][j]);
-    const Lanes mx = lanes(at.dmu[0][j]) + (N.y * qz - N.z * qy) + (M.y * tz - M.z * ty);
-    const Lanes my = lanes(at.dmu[1][j]) + (N.z * qx - N.x * qz) + (M.z * tx - M.x * tz);
-    const Lanes mz = lanes(at.dmu[2][j]) + (N.x * qy - N.y * qx) + (M.x * ty - M.y * tx);
-    const Lanes m = twist * (e.x * mx + e.y * my + e.z * mz);
-    lanes(rate.turn[0][j]) = s.bend * mx + m * e.x;
-    lanes(rate.turn[1][j]) = s.bend * my + m * e.y;
-    lanes(rate.turn[2][j]) = s.bend * mz + m * e.z;
-    const Lanes n = along.x * tx + along.y * ty + along.z * tz;
-    lanes(rate.shift[0][j]) = (lever.y * tz - lever.z * ty) + n * e.x;
-    lanes(rate.shift[1][j]) = (lever.z * tx - lever.x * tz) + n * e.y;
-    lanes(rate.shift[2][j]) = (lever.x * ty - lever.y * tx) + n * e.z;
-    if (weighs) {
-      lanes(rate.dmu[0][j]) = f.y * qz - f.z * qy;
-      lanes(rate.dmu[1][j]) = f.z * qx - f.x * qz;
-      lanes(rate.dmu[2][j]) = f.x * qy - f.y * qx;
-    }
-  }
-  if constexpr (Force >= 0) {
-    for (int j = 0; j < 3; ++j) {
-      const Vec axis{j == 0 ? 1.0 : 0.0, j == 1 ? 1.0 : 0.0, j == 2 ? 1.0 : 0.0}, moment = cross(axis, p);
-      const Vec turn = s.bend * moment + (twist * dot(e, moment)) * e;
-      const Vec shift = s.shear * axis + ((s.axial - s.shear) * dot(e, axis)) * e;
-      rate.turn[0][Force + j] += turn.x, rate.turn[1][Force + j] += turn.y, rate.turn[2][Force + j] += turn.z;
-      rate.shift[0][Force + j] += shift.x, rate.shift[1][Force + j] += shift.y, rate.shift[2][Force + j] += shift.z;
-    }
-  }
-  if constexpr (Own >= 0) {
-    const Vec soft_turn = s.softening * (R * u), soft_shift = s.strain_per_bar * e + s.softening * (V - e);
-    const Vec ex = column(R, 0), ey = column(R, 1);
-    for (int j = OwnFactors::kFirst; j < A; j += kLanes) {
-      const Lanes x = lanes(own.x[j]), y = lanes(own.y[j]), one = lanes(own.one[j]);
-      lanes(rate.turn[0][j]) += x * ex.x + y * ey.x + one * soft_turn.x;
-      lanes(rate.turn[1][j]) += x * ex.y + y * ey.y + one * soft_turn.y;
-      lanes(rate.turn[2][j]) += x * ex.z + y * ey.z + one * soft_turn.z;
-      lanes(rate.shift[0][j]) += one * soft_shift.x;
-      lanes(rate.shift[1][j]) += one * soft_shift.y;
-      lanes(rate.shift[2][j]) += one * soft_shift.z;
-    }
-  }
-}
+// The three columns of a section's own pressures, as factors for whole registers: loops over parts of one would wait
+// for memory.
+struct OwnColumns {
+  static constexpr int kTouched = 2 * 4;  // three columns lie in two registers at most
+  int first;
+  double x[kTouched] = {}, y[kTouched] = {}, one[kTouched] = {};
 
-template <int A, int C>
-inline void ahead(const Columns<C>& from, const Columns<C>& rate, double h, bool weighs, Columns<C>& to) {
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < A; j += kLanes) {
-      lanes(to.turn[i][j]) = lanes(from.turn[i][j]) + h * lanes(rate.turn[i][j]);
-      lanes(to.shift[i][j]) = lanes(from.shift[i][j]) + h * lanes(rate.shift[i][j]);
-      if (weighs) lanes(to.dmu[i][j]) = lanes(from.dmu[i][j]) + h * lanes(rate.dmu[i][j]);
+  OwnColumns(const Inflated& s, int own) : first(own / kLanes * kLanes) {
+    for (int k = 0; k < 3; ++k)
+      x[own - first + k] = s.per_bar_x[k], y[own - first + k] = s.per_bar_y[k], one[own - first + k] = 1.0;
+  }
+
+  bool at(int column) const { return column >= first; }
+
+  void add(const Stage& s, int column, Lanes (&turn)[3], Lanes (&shift)[3]) const {
+    const int j = column - first;
+    const Lanes a = lanes(x[j]), b = lanes(y[j]), c = lanes(one[j]);
+    turn[0] += a * s.R.m[0][0] + b * s.R.m[0][1] + c * s.soft_turn.x;
+    turn[1] += a * s.R.m[1][0] + b * s.R.m[1][1] + c * s.soft_turn.y;
+    turn[2] += a * s.R.m[2][0] + b * s.R.m[2][1] + c * s.soft_turn.z;
+    shift[0] += c * s.soft_shift.x, shift[1] += c * s.soft_shift.y, shift[2] += c * s.soft_shift.z;
+  }
+};
+
+// The columns of a force on the tip, behind the three of the base moment.
+struct ForceColumns {
+  static constexpr double kAxes[3][8] = {{0, 0, 0, 1}, {0, 0, 0, 0, 1}, {0, 0, 0, 0, 0, 1}};
+  const Inflated& inflated;
+
+  bool at(int) const { return true; }
+
+  void add(const Stage& s, int column, Lanes (&turn)[3], Lanes (&shift)[3]) const {
+    const Vec e = contid::column(s.R, 2), p = s.p;
+    const Lanes x = lanes(kAxes[0][column]), y = lanes(kAxes[1][column]), z = lanes(kAxes[2][column]);
+    const Lanes mx = y * p.z - z * p.y, my = z * p.x - x * p.z, mz = x * p.y - y * p.x;
+    const Lanes m = (inflated.twist - inflated.bend) * (e.x * mx + e.y * my + e.z * mz);
+    turn[0] += inflated.bend * mx + m * e.x;
+    turn[1] += inflated.bend * my + m * e.y;
+    turn[2] += inflated.bend * mz + m * e.z;
+    const Lanes n = (inflated.axial - inflated.shear) * (e.x * x + e.y * y + e.z * z);
+    shift[0] += inflated.shear * x + n * e.x;
+    shift[1] += inflated.shear * y + n * e.y;
+    shift[2] += inflated.shear * z + n * e.z;
+  }
+};
+
+// Moves the first `count` columns over an element of length h by Runge and Kutta's rule through its four stages; see
+// element._tangent_rates. f is the distributed load; without it dmu is constant.
+template <class Own>
+inline void advance(const Inflated& s, const Stage (&stages)[4], const Own& own, Vec f, double h, int count,
+                    Columns& by) {
+  const bool weighs = dot(f, f) > 0.0;
+  const double twist = s.twist - s.bend, w = h / 6.0;
+  for (int j = 0; j < count; j += kLanes) {
+    const Lanes t0[3] = {lanes(by.turn[0][j]), lanes(by.turn[1][j]), lanes(by.turn[2][j])};
+    const Lanes q0[3] = {lanes(by.shift[0][j]), lanes(by.shift[1][j]), lanes(by.shift[2][j])};
+    const Lanes m0[3] = {lanes(by.dmu[0][j]), lanes(by.dmu[1][j]), lanes(by.dmu[2][j])};
+    Lanes t[3] = {t0[0], t0[1], t0[2]}, q[3] = {q0[0], q0[1], q0[2]}, d[3] = {m0[0], m0[1], m0[2]};
+    Lanes sum_t[3], sum_q[3], sum_d[3];
+#pragma GCC unroll 4
+    for (int i = 0; i < 4; ++i) {
+      const Stage& at = stages[i];
+      const Vec N = at.N, M = at.M, e = column(at.R, 2);
+      const Lanes mx = d[0] + (N.y * q[2] - N.z * q[1]) + (M.y * t[2] - M.z * t[1]);
+      const Lanes my = d[1] + (N.z * q[0] - N.x * q[2]) + (M.z * t[0] - M.x * t[2]);
+      const Lanes mz = d[2] + (N.x * q[1] - N.y * q[0]) + (M.x * t[1] - M.y * t[0]);
+      const Lanes m = twist * (e.x * mx + e.y * my + e.z * mz);
+      Lanes turn[3] = {s.bend * mx + m * e.x, s.bend * my + m * e.y, s.bend * mz + m * e.z};
+      const Lanes n = at.along.x * t[0] + at.along.y * t[1] + at.along.z * t[2];
+      Lanes shift[3] = {(at.lever.y * t[2] - at.lever.z * t[1]) + n * e.x,
+                        (at.lever.z * t[0] - at.lever.x * t[2]) + n * e.y,
+                        (at.lever.x * t[1] - at.lever.y * t[0]) + n * e.z};
+      if (own.at(j)) own.add(at, j, turn, shift);
+      const double ahead = i == 2 ? 1.0 * h : 0.5 * h;
+      if (weighs) {
+        const Lanes dmu[3] = {f.y * q[2] - f.z * q[1], f.z * q[0] - f.x * q[2], f.x * q[1] - f.y * q[0]};
+        for (int a = 0; a < 3; ++a) {
+          sum_d[a] = i == 0 ? dmu[a] : i == 3 ? sum_d[a] + dmu[a] : sum_d[a] + 2.0 * dmu[a];
+          d[a] = m0[a] + ahead * dmu[a];
+        }
+      }
+      for (int a = 0; a < 3; ++a) {
+        sum_t[a] = i == 0 ? turn[a] : i == 3 ? sum_t[a] + turn[a] : sum_t[a] + 2.0 * turn[a];
+        sum_q[a] = i == 0 ? shift[a] : i == 3 ? sum_q[a] + shift[a] : sum_q[a] + 2.0 * shift[a];
+        t[a] = t0[a] + ahead * turn[a], q[a] = q0[a] + ahead * shift[a];
+      }
     }
+    for (int a = 0; a < 3; ++a) {
+      lanes(by.turn[a][j]) = t0[a] + w * sum_t[a];
+      lanes(by.shift[a][j]) = q0[a] + w * sum_q[a];
+      if (weighs) lanes(by.dmu[a][j]) = m0[a] + w * sum_d[a];
+    }
+  }
 }
 
 }  // namespace contid

@@ -4,20 +4,23 @@
 #include <algorithm>
 #include <cmath>
 
+#include "rod.hpp"
+
 namespace contid {
 
-template <int K> struct Limits {
-  double lower[3 * K], upper[3 * K], centre[3 * K];
+struct Limits {
+  int count;  // of the pressures
+  double lower[kMost], upper[kMost], centre[kMost];
 };
 
-template <int K> void clamp(const Limits<K>& limits, double* p) {
-  for (int i = 0; i < 3 * K; ++i) p[i] = std::min(std::max(p[i], limits.lower[i]), limits.upper[i]);
+inline void clamp(const Limits& limits, double* p) {
+  for (int i = 0; i < limits.count; ++i) p[i] = std::min(std::max(p[i], limits.lower[i]), limits.upper[i]);
 }
 
 // Greatest difference of two postures.
-template <int K> double most_change(const double* p, const double* q) {
+inline double most_change(int n, const double* p, const double* q) {
   double most = 0.0;
-  for (int i = 0; i < 3 * K; ++i) most = std::fmax(most, std::fabs(p[i] - q[i]));
+  for (int i = 0; i < n; ++i) most = std::fmax(most, std::fabs(p[i] - q[i]));
   return most;
 }
 
@@ -25,8 +28,8 @@ template <int K> double most_change(const double* p, const double* q) {
 // its mirrored solutions: such a start is moved off by this much [bar], the same way on every processor.
 constexpr double kOffAxis = 1e-6;
 
-template <int K> void leave_axis(const Limits<K>& limits, double* p) {
-  for (int i = 0; i < 3 * K; i += 3) {
+inline void leave_axis(const Limits& limits, double* p) {
+  for (int i = 0; i < limits.count; i += 3) {
     const double most = std::max({p[i], p[i + 1], p[i + 2]}), least = std::min({p[i], p[i + 1], p[i + 2]});
     if (most - least >= kOffAxis) return;
   }

@@ -1,5 +1,5 @@
-// One pneumatic section: its constants, and what pressures make of them. Twin and specification with the equations:
-// contid/kinematics/cosserat/section.py. Units: mm, N, N*mm, bar.
+// One pneumatic section: its constants, and what pressures make of them. contid/kinematics/cosserat/section.py has the
+// equations. Units: mm, N, N*mm, bar.
 #pragma once
 
 #include "spatial.hpp"

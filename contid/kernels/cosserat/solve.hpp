@@ -1,7 +1,19 @@
-// Bounded inverse statics: twin of contid/kinematics/cosserat/solve.py, its specification.
+// Inverse statics: bounded least squares on the task with equilibrium as a constraint.
 //
-// One difference: derivatives are reused for further steps (chords) while these reduce the error tenfold, since a sweep
-// without derivatives costs less than half. The result does not depend on it. A search tries track.hpp first.
+//     minimise  |r(M, P)|^2 + weight |P - centre|^2   subject to   e(M, P) = 0,   P inside its limits
+//
+// Unknowns are the base moment M and the pressures P. The moment balance e is linearised and eliminated,
+//
+//     dM = -A^-1 (e + B dP),    r + J dP  with  J = D - C A^-1 B,
+//
+// so that an unreachable target never costs equilibrium. What is left is a Gauss-Newton step inside the limits and a
+// trust box (box_step.hpp). The weight is 0 unless the task is redundant. A step must lower the cost |r|^2 + balance
+// |e|^2; else the trust box shrinks. A descent from one start ends on the target in balance, where the step is below
+// 1e-9 bar and predicts no gain (a bounded optimum), where the trust box has vanished, or after `iterations` sweeps
+// with derivatives.
+//
+// Derivatives serve for further steps (chords) while these reduce the error tenfold, since a sweep without them costs
+// less than half. The answer does not depend on it. A search tries track.hpp first.
 #pragma once
 
 #include <algorithm>
@@ -18,8 +30,8 @@ constexpr double kCentreWeight = 1e-6, kStepTolerance = 1e-9, kFreedomTolerance 
 constexpr double kBalance = 1e-6;  // [N*mm], inside a descent
 constexpr int kChords = 3;
 
-template <int K> struct Outcome {
-  double pressures[3 * K];
+struct Outcome {
+  double pressures[kMost];
   Vec moment;
   double residual, statics;
   bool met, optimal, blocked;  // blocked: the last steps led out of the stable equilibria
@@ -28,7 +40,8 @@ template <int K> struct Outcome {
 };
 
 // H = J^T J + weight + 1e-13 trace(J^T J): the last term keeps it definite for a redundant task.
-template <int n, int C> void normal_matrix(const double (&J)[9][C], int rows, double weight, double (&H)[n][n]) {
+template <int C>
+void normal_matrix(int n, const double (&J)[9][C], int rows, double weight, double (&H)[kMost][kMost]) {
   double trace = 0.0;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j <= i; ++j) {
@@ -41,18 +54,17 @@ template <int n, int C> void normal_matrix(const double (&J)[9][C], int rows, do
 }
 
 // The task with the moment balance eliminated: dM = -A^-1 (e + B dP) leaves r + J dP with J = D - C A^-1 B.
-template <int K> struct Reduced {
-  static constexpr int n = 3 * K, C = Sweep<K>::C;
-  int rows;
-  double by_both[9][C];  // C and D: the task by (base moment, pressures)
-  double J[9][n], H[n][n];
-  double G[3][n];  // A^-1 B
+struct Reduced {
+  int n, rows;
+  double by_both[9][kMostColumns];  // C and D: the task by (base moment, pressures)
+  double J[9][kMost], H[kMost][kMost];
+  double G[3][kMost];  // A^-1 B
   Mat inverse_A;
 
   // False where A, the balance by the base moment, is singular: at a critical load.
-  bool eliminate(const Rod<K>& rod, const Task& task, const Sweep<K>& s, double weight) {
-    rows = task.rows();
-    jacobian(task, s, by_both);
+  bool eliminate(const Rod& rod, const Task& task, const Sweep& s, double weight) {
+    n = rod.pressures(), rows = task.rows();
+    jacobian(task, s, s.base + n, by_both);
     if (rod.arcs) return alone(weight);
     if (!inverse(first_columns(s.residual), inverse_A)) return false;
     for (int i = 0; i < 3; ++i)
@@ -62,7 +74,7 @@ template <int K> struct Reduced {
     for (int a = 0; a < rows; ++a)
       for (int j = 0; j < n; ++j)
         J[a][j] = by_both[a][3 + j] - by_both[a][0] * G[0][j] - by_both[a][1] * G[1][j] - by_both[a][2] * G[2][j];
-    normal_matrix(J, rows, weight, H);
+    normal_matrix(n, J, rows, weight, H);
     return true;
   }
 
@@ -74,19 +86,19 @@ template <int K> struct Reduced {
   }
 
   // At a base moment that is known and stays: the task by the pressures alone.
-  void at_moment(const Task& task, const Sweep<K, 0>& s, double weight) {
-    double by_pressures[9][Sweep<K, 0>::C];
-    rows = task.rows();
-    jacobian(task, s, by_pressures);
+  void at_moment(const Rod& rod, const Task& task, const Sweep& s, double weight) {
+    double by_pressures[9][kMostColumns];
+    n = rod.pressures(), rows = task.rows();
+    jacobian(task, s, n, by_pressures);
     inverse_A = {};
     for (int a = 0; a < rows; ++a) std::fill(by_both[a], by_both[a] + 3, 0.0);
     keep_columns(by_pressures, 0, weight);
   }
 
-  template <int Columns> void keep_columns(const double (&by)[9][Columns], int first, double weight) {
+  void keep_columns(const double (&by)[9][kMostColumns], int first, double weight) {
     for (int i = 0; i < 3; ++i) std::fill(G[i], G[i] + n, 0.0);
     for (int a = 0; a < rows; ++a) std::copy(by[a] + first, by[a] + first + n, J[a]);
-    normal_matrix(J, rows, weight, H);
+    normal_matrix(n, J, rows, weight, H);
   }
 
   // r - damping C A^-1 e: the task error with the balance restored; Ge = A^-1 e.
@@ -104,23 +116,22 @@ template <int K> struct Reduced {
 };
 
 // One descent from (start, moment).
-template <int K>
-Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double share, const Limits<K>& limits,
-                 const double* start, Vec moment, int elements, double tolerance, int iterations) {
-  constexpr int n = 3 * K;
+inline Outcome solve(const Rod& rod, const Task& task, Vec tip_force, double share, const Limits& limits,
+                     const double* start, Vec moment, int elements, double tolerance, int iterations) {
+  const int n = rod.pressures();
   const int rows = task.rows();
   const double weight = task.independent() < n ? kCentreWeight : 0.0;
   const double none[3] = {0, 0, 0};
   const double reach2 = 0.5 * rod.reach * rod.reach * inflate(rod.sections[0], none).bend;
   const double balance = reach2 * reach2;
 
-  Outcome<K> out{};
+  Outcome out{};
   double* p = out.pressures;
-  const bool carries = loaded<K>(rod, tip_force);
+  const bool carries = loaded(rod, tip_force);
   out.at.modes = -1;
   std::copy(start, start + n, p);
-  clamp<K>(limits, p);
-  if (weight > 0.0) leave_axis<K>(limits, p);
+  clamp(limits, p);
+  if (weight > 0.0) leave_axis(limits, p);
 
   const auto square = [](const double* r, int count) {
     double sum = 0.0;
@@ -135,10 +146,10 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
     return weight * away;
   };
 
-  Sweep<K> here, scratch;
-  sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
-  Reduced<K> by;
-  double r[9], ahead[9], g[n], low[n], high[n], d[n];
+  Sweep here;
+  sweep(rod, p, moment, tip_force, share, elements, here);
+  Reduced by;
+  double r[9], ahead[9], g[kMost], low[kMost], high[kMost], d[kMost];
   out.at.ends = here.ends();
   residual(task, out.at.ends, r);
   double cost = task_cost(r, out.at.ends.moment), away = distance(p), trust = kTrustStart, damping = 1.0;
@@ -164,7 +175,7 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
       low[j] = std::max(limits.lower[j] - p[j], -trust);
       high[j] = std::min(limits.upper[j] - p[j], trust);
     }
-    box_step<n>(by.H, g, low, high, d);
+    box_step(n, by.H, g, low, high, d);
     double size = 0.0;
     for (int j = 0; j < n; ++j) size = std::fmax(size, std::fabs(d[j]));
     const double error2 = square(r, rows);
@@ -184,22 +195,21 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
           out.optimal = true;
           break;
         }
-        sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
+        sweep(rod, p, moment, tip_force, share, elements, here);
         fresh = true, factored = false, chords = 0;
         continue;
       }
     }
-    double next[n];
+    double next[kMost];
     for (int j = 0; j < n; ++j) next[j] = std::min(std::max(p[j] + d[j], limits.lower[j]), limits.upper[j]);
     const Vec next_moment = moment - by.moment_step(d, damping, Ge);
     Judged trial = out.at;
     trial.modes = -1;
     if (carries && chords > 0) {
       // Probably the last one: count unstable modes along.
-      judge<K>(rod, next, next_moment, tip_force, share, elements, trial);
+      judge(rod, next, next_moment, tip_force, share, elements, trial);
     } else {
-      sweep<K, false>(rod, next, next_moment, tip_force, share, elements, scratch);
-      trial.ends = scratch.ends();
+      trial.ends = ends_of(rod, next, next_moment, tip_force, share, elements);
     }
     double next_r[9];
     residual(task, trial.ends, next_r);
@@ -225,10 +235,10 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
         break;
       }
       if ((done || well) && ++chords <= kChords) continue;
-      sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
+      sweep(rod, p, moment, tip_force, share, elements, here);
       fresh = true, factored = false, chords = 0;
     } else if (!fresh) {
-      sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
+      sweep(rod, p, moment, tip_force, share, elements, here);
       fresh = true, factored = false, chords = 0;
     } else {
       trust = 0.3 * std::min(trust, std::max(size, 1e-12));
@@ -240,7 +250,7 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
   out.residual = std::sqrt(square(r, rows));
   out.met = out.residual <= tolerance && out.statics <= kBalance;
   if (!out.met) {
-    newton<K>(rod, p, moment, tip_force, share, elements, here);
+    newton(rod, p, moment, tip_force, share, elements, here);
     out.at.ends = here.ends();
     out.at.modes = -1;
     residual(task, out.at.ends, r);

@@ -1,5 +1,5 @@
-// Vectors, 3x3 matrices and the exponential of a screw. C++17, no allocation, no exceptions, no dependence on libm
-// where a series will do (the same digits on every machine). Twin of contid/kinematics/cosserat/spatial.py.
+// Vectors, 3x3 matrices and the exponential of a screw; contid/kinematics/cosserat/spatial.py has the formulas. C++17,
+// no allocation, no exceptions, no dependence on libm where a series will do (the same digits on every machine).
 #pragma once
 
 #include <cmath>

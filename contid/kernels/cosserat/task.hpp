@@ -1,5 +1,5 @@
-// Task of a rod, its error for a sweep, and the derivative of that error; all rows are lengths [mm].
-// Twin and specification: contid/kinematics/cosserat/task.py.
+// Task of a rod, its error for a sweep, and the derivative of that error. Rows are lengths [mm]; a direction or a frame
+// enters times `Task::length`.
 #pragma once
 
 #include "rod.hpp"
@@ -60,14 +60,14 @@ inline double task_error(const Task& task, const Ends& s) {
   return std::sqrt(sum);
 }
 
-// Derivative of the residual by (base moment, pressures).
-template <int K, int Base, int C> void jacobian(const Task& task, const Sweep<K, Base>& s, double (&J)[9][C]) {
+// Derivative of the residual by (base moment, pressures), the columns of the sweep.
+inline void jacobian(const Task& task, const Sweep& s, int columns, double (&J)[9][kMostColumns]) {
   for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < C; ++j) J[i][j] = s.tip.by.shift[i][j];
+    for (int j = 0; j < columns; ++j) J[i][j] = s.tip.by.shift[i][j];
   int row = 3;
   if (task.has_mid) {
     for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < C; ++j) J[row + i][j] = s.mid_shift[i][j];
+      for (int j = 0; j < columns; ++j) J[row + i][j] = s.mid_shift[i][j];
     row += 3;
   }
   if (task.has_direction) {
@@ -81,7 +81,7 @@ template <int K, int Base, int C> void jacobian(const Task& task, const Sweep<K,
       by_turn = hat(-1.0 * column(s.tip.R, 2));
     }
     for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < C; ++j)
+      for (int j = 0; j < columns; ++j)
         J[row + i][j] = task.length * (by_turn.m[i][0] * s.tip.by.turn[0][j] + by_turn.m[i][1] * s.tip.by.turn[1][j] +
                                        by_turn.m[i][2] * s.tip.by.turn[2][j]);
   }

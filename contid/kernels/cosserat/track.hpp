@@ -11,21 +11,20 @@
 namespace contid {
 
 // False, with `out` undefined, where the general solve is needed.
-template <int K>
-bool track(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& limits, const double* start,
-           int elements, double tolerance, Outcome<K>& out) {
-  constexpr int n = 3 * K, C = Sweep<K, 0>::C;
+inline bool track(const Rod& rod, const Task& task, Vec tip_force, const Limits& limits, const double* start,
+                  int elements, double tolerance, Outcome& out) {
+  const int n = rod.pressures();
   const int rows = task.rows();
   if (task.independent() < n) return false;
   const Vec moment = cross(task.tip, tip_force);
   double* p = out.pressures;
   for (int i = 0; i < n; ++i) p[i] = std::min(std::max(start[i], limits.lower[i]), limits.upper[i]);
 
-  Sweep<K, 0> here;
-  sweep<K, true>(rod, p, moment, tip_force, 1.0, elements, here);
-  double r[9], J[9][C], H[n][n], g[n], low[n], high[n], d[n];
-  jacobian(task, here, J);
-  normal_matrix(J, rows, 0.0, H);
+  Sweep here(0);
+  sweep(rod, p, moment, tip_force, 1.0, elements, here);
+  double r[9], J[9][kMostColumns], H[kMost][kMost], g[kMost], low[kMost], high[kMost], d[kMost];
+  jacobian(task, here, n, J);
+  normal_matrix(n, J, rows, 0.0, H);
 
   const auto squared = [&](const Ends& ends) {
     residual(task, ends, r);
@@ -46,20 +45,19 @@ bool track(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& 
       low[j] = std::max(limits.lower[j] - p[j], -kTrustStart);
       high[j] = std::min(limits.upper[j] - p[j], kTrustStart);
     }
-    box_step<n>(H, g, low, high, d);
+    box_step(n, H, g, low, high, d);
     for (int j = 0; j < n; ++j) p[j] = std::min(std::max(p[j] + d[j], limits.lower[j]), limits.upper[j]);
     out.at.modes = -1;
     if (chord == 0) {
-      sweep<K, false>(rod, p, moment, tip_force, 1.0, elements, here);
-      out.at.ends = here.ends();
+      out.at.ends = ends_of(rod, p, moment, tip_force, 1.0, elements);
     } else {  // probably the last one: count unstable modes along
-      judge<K>(rod, p, moment, tip_force, 1.0, elements, out.at);
+      judge(rod, p, moment, tip_force, 1.0, elements, out.at);
     }
     const double before = error2;
     error2 = squared(out.at.ends);
     if (!(error2 < 0.01 * before || error2 <= tolerance * tolerance)) return false;
   }
-  if (out.at.modes < 0) judge<K>(rod, p, moment, tip_force, 1.0, elements, out.at);
+  if (out.at.modes < 0) judge(rod, p, moment, tip_force, 1.0, elements, out.at);
   out.moment = moment;
   out.statics = norm(out.at.ends.moment);
   out.residual = std::sqrt(error2);

@@ -15,7 +15,7 @@ constexpr double kTrackShrinks = 0.8;
 
 // Mixes the last two steps so that the change of the step from one to the other would have brought it to zero
 // (Anderson 1965, one step of memory): steps shrink by about the same part along the same line.
-template <int n> void mix(const double* p, const double* before, const double* last, double* d) {
+inline void mix(int n, const double* p, const double* before, const double* last, double* d) {
   double along = 0.0, squared = 0.0;
   for (int j = 0; j < n; ++j) {
     along += d[j] * (d[j] - last[j]);
@@ -26,23 +26,22 @@ template <int n> void mix(const double* p, const double* before, const double* l
 }
 
 // False, with `out` undefined, where the general solve is needed. `most` bounds the first step.
-template <int K, int Base>
-bool track_home(const Homing<K>& homing, const double* start, Vec moment, double tolerance, double most,
-                Outcome<K>& out) {
-  constexpr int n = 3 * K;
-  const Limits<K>& limits = homing.limits;
-  const bool judges = loaded<K>(homing.rod, homing.force);
-  typename Homing<K>::Point here, there;
+inline bool track_home(int base, const Homing& homing, const double* start, Vec moment, double tolerance, double most,
+                       Outcome& out) {
+  const int n = homing.n;
+  const Limits& limits = homing.limits;
+  const bool judges = loaded(homing.rod, homing.force);
+  Homing::Point here, there;
   for (int j = 0; j < n; ++j) here.p[j] = std::min(std::max(start[j], limits.lower[j]), limits.upper[j]);
   here.moment = moment;
-  double before[n] = {}, last[n] = {}, plain[n], d[n], H[n][n], y[9] = {}, size = 0.0;
-  Sweep<K, Base> at;
-  Reduced<K> by;
+  double before[kMost] = {}, last[kMost] = {}, plain[kMost], d[kMost], H[kMost][kMost], y[9] = {}, size = 0.0;
+  Sweep at(base);
+  Reduced by;
   out.at.modes = -1;
   for (int step = 1; step <= kTrackSteps; ++step) {
-    sweep<K, true>(homing.rod, here.p, here.moment, homing.force, 1.0, homing.elements, at);
-    if constexpr (Base == 0)
-      by.at_moment(homing.task, at, 0.0);
+    sweep(homing.rod, here.p, here.moment, homing.force, 1.0, homing.elements, at);
+    if (base == 0)
+      by.at_moment(homing.rod, homing.task, at, 0.0);
     else if (!by.eliminate(homing.rod, homing.task, at, 0.0))
       return false;
     here.ends = at.ends();
@@ -62,7 +61,7 @@ bool track_home(const Homing<K>& homing, const double* start, Vec moment, double
     }
     if (step == 1 ? size > most : !(size < kTrackShrinks * longer)) return false;
     std::copy(d, d + n, plain);
-    if (step > 1) mix<n>(here.p, before, last, d);
+    if (step > 1) mix(n, here.p, before, last, d);
     std::copy(plain, plain + n, last);
     // Its successor would be shorter than what counts as settled.
     if (step > 1 && size * (size / longer) <= kSettled) {

@@ -43,7 +43,7 @@ void inverse_many(const Finger& self, Matrix tip, Table out, int threads) {
 }  // namespace
 
 NB_MODULE(KERNEL_MODULE, module) {
-  module.doc() = "Two-rack fingers: native twin of contid.kinematics.rack.finger for batches.";
+  module.doc() = "Two-rack fingers: many rows at once.";
   nb::class_<Finger>(module, "Finger")
       .def(nb::init<double, double, double, double, double, double, double, double, double, double>(),
            nb::arg("spacing"), nb::arg("tip"), nb::arg("gain_per_m"), nb::arg("gain_offset"), nb::arg("gain_low"),

@@ -1,5 +1,6 @@
-// The two-rack finger. Twin and specification: contid/kinematics/rack/{finger,finger_limits,planar_arc}.py, with the
-// equations; same operations in the same order. Units: m, rad.
+// Many rows of a two-rack finger. The equations are those of
+// contid/kinematics/rack/{finger,finger_limits,planar_arc}.py, which answer single rows; same operations in the same
+// order, same bits. Units: m, rad.
 #pragma once
 
 #include <algorithm>

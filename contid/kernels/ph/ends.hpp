@@ -1,5 +1,5 @@
 // The quintic through two points with given directions there, with a given length or without.
-// Twin and specification: contid/kinematics/ph/ends.py.
+// contid/kinematics/ph/ends.py derives it.
 #pragma once
 
 #include <limits>

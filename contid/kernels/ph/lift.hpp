@@ -1,5 +1,5 @@
 // Quaternions whose square is a tangent: r' = A i A*.
-// Twin and specification: contid/kinematics/ph/lift.py.
+// contid/kinematics/ph/lift.py derives it.
 #pragma once
 
 #include <array>

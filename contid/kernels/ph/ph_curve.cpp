@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "../python.hpp"
+#include "../record.hpp"
 #include "inverse.hpp"
 
 namespace nb = nanobind;
@@ -38,10 +39,10 @@ class ShapeInverse {
     }
   }
 
-  // (lengths, length_met)
-  nb::tuple solve(double x, double y, double z, double ax, double ay, double az, double length) const {
+  nb::object solve(double x, double y, double z, double ax, double ay, double az, double length) const {
     const Inverse found = inverse(arm_, {x, y, z}, {ax, ay, az}, length);
-    return nb::make_tuple(tuple_of(found.lengths, arm_.sections * arm_.tubes), found.length_met);
+    static const contid::Record record("contid.kernels.ShapeSolution", {"lengths_m", "length_met"});
+    return record(tuple_of(found.lengths, arm_.sections * arm_.tubes), found.length_met);
   }
 
   // Rows of (x, y, z, ax, ay, az, length) to rows of tube lengths in `out`.
@@ -61,12 +62,13 @@ class ShapeInverse {
   Arm arm_;
 };
 
-// (end speed, length, length met, the twelve numbers of the preimage)
-nb::tuple fit_through(double x, double y, double z, const std::vector<double>& t0, const std::vector<double>& t1,
-                      double length, double beta, double gamma) {
+// The preimage has twelve numbers.
+nb::object fit_through(double x, double y, double z, const std::vector<double>& t0, const std::vector<double>& t1,
+                       double length, double beta, double gamma) {
   if (t0.size() != 3 || t1.size() != 3) throw std::invalid_argument("directions have three components");
   const Fit fit = through({x, y, z}, {t0[0], t0[1], t0[2]}, {t1[0], t1[1], t1[2]}, length, beta, gamma);
-  return nb::make_tuple(fit.end_speed, fit.length, fit.length_met, tuple_of(&fit.preimage[0][0], 12));
+  static const contid::Record record("contid.kernels.PhFit", {"end_speed_m", "length_m", "length_met", "preimage"});
+  return record(fit.end_speed, fit.length, fit.length_met, tuple_of(&fit.preimage[0][0], 12));
 }
 
 // The lowest of `samples` points of the curve of a length through two ends, from its start.
@@ -80,7 +82,7 @@ nb::tuple lowest_point(double x, double y, double z, double ux, double uy, doubl
 }  // namespace
 
 NB_MODULE(_ph_curve, module) {
-  module.doc() = "Pythagorean-hodograph quintics and tube lengths along them; twin of contid.kinematics.ph";
+  module.doc() = "Pythagorean-hodograph quintics, and tube lengths along them.";
   nb::class_<ShapeInverse>(module, "ShapeInverse")
       .def(nb::init<const std::vector<double>&, const std::vector<std::vector<double>>&, const std::vector<double>&>(),
            nb::arg("distances_m"), nb::arg("angles_rad"), nb::arg("split"))

@@ -1,5 +1,5 @@
 // contid.kernels._plant: the simulated pneumatic arm, by the literal equations of the paper (Shi et al., eqs. 1-11
-// with the errata of docs/robots/stiffflop.md). Twin and specification: contid_drivers/sim/arm/statics.py.
+// with the errata of docs/robots/stiffflop.md).
 //
 // Another formulation than contid.kernels._cosserat on purpose: wall force and wall moment as states, classical RK4
 // over a rotation that it does not keep orthogonal, shooting with finite differences.
@@ -8,6 +8,7 @@
 
 #include "../cosserat/spatial.hpp"
 #include "../python.hpp"
+#include "../record.hpp"
 
 namespace nb = nanobind;
 using namespace contid;
@@ -119,8 +120,8 @@ struct Arm {
 
   // Newton's method from `guess` (base moment, push of the wall); the wall is left out with `held` false.
   // Returns tip, unknowns, and whether it converged.
-  nb::tuple solve(nb::handle pressures_, nb::handle force_, nb::handle guess_, bool held, nb::handle normal_,
-                  double offset) const {
+  nb::object solve(nb::handle pressures_, nb::handle force_, nb::handle guess_, bool held, nb::handle normal_,
+                   double offset) const {
     std::vector<double> pressures(3 * sections.size());
     read(pressures_, pressures.data(), static_cast<Py_ssize_t>(pressures.size()), "pressures: three per section");
     double x[kUnknowns], f[3], nn[3];
@@ -172,9 +173,10 @@ struct Arm {
     return answer(tip, x, false);
   }
 
-  static nb::tuple answer(Vec tip, const double* x, bool met) {
+  static nb::object answer(Vec tip, const double* x, bool met) {
     const double p[3] = {tip.x, tip.y, tip.z};
-    return nb::make_tuple(tuple_of(p, 3), tuple_of(x, kUnknowns), met);
+    static const Record record("contid.kernels.PlantEquilibrium", {"tip_mm", "unknowns", "found"});
+    return record(tuple_of(p, 3), tuple_of(x, kUnknowns), met);
   }
 };
 

@@ -1,5 +1,5 @@
 // One element of constant strain (bends u, v, twist, stretch): its end, turn, the twists of its coordinates and their
-// derivatives. Twin and specification: local_twists in contid/kinematics/tendon/rod_chain.py.
+// derivatives.
 #pragma once
 
 #include "../cosserat/spatial.hpp"

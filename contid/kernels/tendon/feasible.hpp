@@ -1,6 +1,6 @@
 // The bends a tendon robot may take: planes of travel and tension, and a cone per section for its largest bend.
 // Coordinates x are bends times section lengths [m], two per section.
-// Twin and specification: contid/kinematics/tendon/feasible.py, with the definition of each limit.
+// contid/kinematics/tendon/feasible.py makes and names the limits in the same order.
 #pragma once
 
 #include <bitset>
@@ -8,12 +8,12 @@
 
 #include "../arc/sections.hpp"
 
-namespace contid {
+namespace contid::section_build {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kBinding = 1e-9;    // a limit binds when less than this is left of it [m]
 constexpr double kRounding = 1e-12;  // excess that counts as rounding [m]; the caller pulls the rest inside
-constexpr int kMaxPlanes = 640;
+constexpr int kMaxPlanes = kMostPlanes;
 
 using LimitSet = std::bitset<kMaxPlanes + kMaxSections>;
 
@@ -165,4 +165,4 @@ struct TangentLimits {
   double along(int s, const double* x) const { return normals[s][0] * x[2 * s] + normals[s][1] * x[2 * s + 1]; }
 };
 
-}  // namespace contid
+}  // namespace contid::section_build

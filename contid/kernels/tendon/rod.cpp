@@ -47,11 +47,13 @@ struct Solver {
 
   explicit Solver(nb::handle setup) : rod(setup_of(setup)) {}
 
-  // Into arrays of the caller, the last two with `derivatives` only; the moment left over, below 0 when no equilibrium
-  // was found.
-  double solve(Given pulls, nb::handle force, Given start, Rows strain, Rows points, Rows rotation, Rows tensions,
-               Rows tip, Rows jacobian, Rows compliance, bool derivatives) {
+  // Into the arrays of a TendonEquilibrium (contid/kinematics/tendon/rod_elements.py), `jacobian` and `compliance` with
+  // `derivatives` only; the moment left over, below 0 when no equilibrium was found.
+  double solve(Given pulls, nb::handle force, Given start, nb::handle into, bool derivatives) {
     const RodSetup& s = rod.setup();
+    const auto array = [&](const char* name) { return nb::cast<Rows>(into.attr(name)); };
+    Rows strain = array("strain"), points = array("points_m"), rotation = array("rotation"), tip = array("tip_m"),
+         tensions = array("tensions_n"), jacobian = array("jacobian"), compliance = array("compliance");
     const size_t n = s.elements, m = s.tendons;
     const bool fits = pulls.size() == m && start.size() == 4 * n && strain.size() == 4 * n &&
                       points.size() == 3 * (n + 1) && rotation.size() == 9 && tensions.size() == m && tip.size() == 3 &&
@@ -76,11 +78,10 @@ struct Solver {
 
 }  // namespace
 
-NB_MODULE(KERNEL_MODULE, module) {
-  module.doc() = "Rods of tendon robots: native twin of contid.kinematics.tendon.rod.";
+void contid::bind(nb::module_& module) {
+  module.doc() = "Backbones of tendon robots as rods: equilibria and their derivatives.";
   nb::class_<Solver>(module, "Rod")
       .def(nb::init<nb::handle>(), nb::arg("setup"))
-      .def("solve", &Solver::solve, nb::arg("pulls"), nb::arg("force"), nb::arg("start"), nb::arg("strain"),
-           nb::arg("points"), nb::arg("rotation"), nb::arg("tensions"), nb::arg("tip"), nb::arg("jacobian"),
-           nb::arg("compliance"), nb::arg("derivatives"));
+      .def("solve", &Solver::solve, nb::arg("pulls"), nb::arg("force"), nb::arg("start"), nb::arg("into"),
+           nb::arg("derivatives"));
 }

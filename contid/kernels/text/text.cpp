@@ -1,5 +1,4 @@
 // contid.kernels._text: rows of numbers as lines of CSV.
-// Twin and specification: `joined` of contid/cli/support/row_blocks.py.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
@@ -60,6 +59,6 @@ nb::list joined(Rows rows) {
 }  // namespace
 
 NB_MODULE(KERNEL_MODULE, module) {
-  module.doc() = "Rows of numbers as lines of CSV: native twin of contid.cli.support.row_blocks.";
+  module.doc() = "Rows of numbers as lines of CSV.";
   module.def("joined", &joined, nb::arg("rows"), "A line of comma-separated numbers per row, each as repr writes it.");
 }

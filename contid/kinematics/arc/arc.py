@@ -1,4 +1,4 @@
-"""The arc of constant curvature without torsion: position, rotation, Jacobians and the closed-form inverse.
+"""The arc of constant curvature without torsion: position, rotation and Jacobians.
 
 State of one section: ``(u, v, L)`` with the bending vector ``(u, v) = theta (cos phi, sin phi)`` [rad] and
 the length of the backbone ``L`` [m]. With ``q = u^2 + v^2``, ``A = sin(theta)/theta``,
@@ -9,7 +9,7 @@ the length of the backbone ``L`` [m]. With ``q = u^2 + v^2``, ``A = sin(theta)/t
     w = (-v, u, 0)
 
 No radius and no azimuth is formed, so the straight arm is no singularity. Vectorised over leading dimensions.
-Specification of ``contid/kernels/arc/arc.hpp``.
+``contid/kernels/arc/arc.hpp`` has the same formulas.
 
 Sources: Singh et al., ROBIO 2017, Eq. 2-5 (errata: ``atan`` for ``atan2`` in Eq. 2, R31 of Eq. 3 lacks its
 minus sign, D cancels near the straight arm) and Hughes et al., Eq. 2-3.
@@ -105,28 +105,3 @@ def jacobians(u: Array, v: Array, L: Array) -> tuple[Array, Array]:
     angular[..., 1, 1] = c.C * u * v
     angular[..., 2, 1] = c.B * u
     return linear, angular
-
-
-def through(x: float, y: float, z: float, rigid_m: float = 0.0) -> tuple[float, float, float] | None:
-    """The arc (u, v, L) that starts at the origin along +z and ends, after a rigid piece, at (x, y, z) [m].
-
-    With ``r = hypot(x, y)``, ``d = r^2 + z^2 - h^2``, ``theta = 2 atan2(r, z + h)`` (minus a whole turn where
-    d < 0): ``(u, v) = theta (x, y)/r``, ``L = d / (hypot(r, z + h) sinc(theta/2))``. It is the only arc of
-    less than a full turn; None where there is none.
-    """
-    r = math.hypot(x, y)
-    chord = math.hypot(r, z + rigid_m)
-    d = r * r + z * z - rigid_m * rigid_m
-    if d > 0.0 and chord > 0.0:
-        half = math.atan2(r, z + rigid_m)
-        if r > 1e-9 * chord:
-            bend = 2.0 * half / r
-        elif z + rigid_m > 0.0:
-            bend = 2.0 / (z + rigid_m)
-        else:
-            return None
-        return bend * x, bend * y, d / chord * (half / math.sin(half) if half > 1e-9 else 1.0)
-    if d < 0.0 and r > 0.0:
-        theta = 2.0 * math.atan2(r, z + rigid_m) - 2.0 * math.pi
-        return theta * x / r, theta * y / r, theta * d / (2.0 * r)
-    return None

@@ -4,26 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
 from contid.kernels import load
 from contid.kinematics.any_target import any_target
-from contid.kinematics.arc.avoid import FORCE, ZONE
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.sections import Sections, backbone
 from contid.kinematics.arc.shared_lengths import SharedLengths
-from contid.kinematics.arc.solve import SectionSolver
-from contid.kinematics.arc.solver import Solver, nearest_note
-from contid.kinematics.arc.task import Tuning, tuning_for
+from contid.kinematics.arc.solver import FORCE, ZONE, Solver, nearest_note
+from contid.kinematics.arc.tuning import Tuning, tuning_for
 from contid.kinematics.array import Array
 from contid.robot_file.sections import SectionRobot
 from contid.targets import REACH, ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import LIMIT_TOLERANCE_M, m_to_mm
-
-#: Counts of sections for which a kernel is compiled with that count fixed.
-EXACT_BUILDS: Final = (1, 2)
 
 
 def feasible_of(robot: SectionRobot) -> Feasible:
@@ -34,12 +28,12 @@ def feasible_of(robot: SectionRobot) -> Feasible:
 
 
 def build_solver(feasible: Feasible, tuning: Tuning | None = None) -> Solver:
-    """The native solver where it is built and not switched off, its NumPy twin otherwise."""
-    tuning = tuning or tuning_for(feasible)
-    count = feasible.sections.count
-    kernel = load(f"arc{count}" if count in EXACT_BUILDS else "arc")
-    if kernel is None:
-        return SectionSolver(feasible, tuning)
+    """The compiled solver of a chain.
+
+    Raises:
+        KernelMissingError: It is not compiled in this installation.
+    """
+    kernel = load("arc")
     solver: Solver = kernel.SectionSolver(
         feasible.sections.radius_m,
         feasible.sections.to_arc.ravel().tolist(),
@@ -50,7 +44,7 @@ def build_solver(feasible: Feasible, tuning: Tuning | None = None) -> Solver:
         feasible.home.tolist(),
         feasible.rack_m,
         feasible.curvature_max,
-        tuning,
+        tuning or tuning_for(feasible),
     )
     return solver
 
@@ -92,8 +86,9 @@ class SectionModel:
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Tip, orientation and mid-point for lengths [m]; a load does not bend the arc in this model."""
-        tip, rotation, mid = self.solver.forward(actuation)
-        return Pose(tip, rotation, (rotation[2], rotation[5], rotation[8]), mid)
+        found = self.solver.forward(actuation)
+        rotation = found.rotation
+        return Pose(found.tip, rotation, (rotation[2], rotation[5], rotation[8]), found.mid)
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Derivative of the tip by the lengths, shape (3, 3 n); regular on the straight arm."""
@@ -116,13 +111,13 @@ class SectionModel:
             return self._clamped(target.actuation)
         if target.tip_m is None:
             raise ValueError("an arm of sections takes a tip position or lengths")
-        lengths, residual_m, converged, binding, iterations, _ = self.solver.solve(
-            target.tip_m, target.direction, target.mid_m, seed, target.rotation
+        found = self.solver.solve(target.tip_m, target.direction, target.mid_m, seed, target.rotation)
+        limits, left_m = self.feasible.named(found.binding), found.residual_m
+        if found.converged:
+            return Solution(found.lengths, left_m, True, limits, found.iterations)
+        return Solution(
+            found.lengths, left_m, False, limits or (REACH,), found.iterations, nearest_note(left_m)
         )
-        limits = self.feasible.named(binding)
-        if converged:
-            return Solution(lengths, residual_m, True, limits, iterations)
-        return Solution(lengths, residual_m, False, limits or (REACH,), iterations, nearest_note(residual_m))
 
     def _clamped(self, requested: Actuation) -> Solution:
         excess = self.feasible.excess(np.array(requested))

@@ -6,7 +6,6 @@ A tube (or rack) at the angle ``a_i`` and the distance ``d`` from the backbone h
 
 exactly, for every torsion-free curve with the bending vector (u, v), so lengths and arcs map linearly. A
 rigid piece of ``rigid_m[i]`` along the local z follows section i. Vectorised over leading dimensions.
-Specification of ``contid/kernels/arc/arc.hpp``.
 
 Errata this corrects: Hughes et al. Eq. 3 has a wrong sign in M(2,3) (equal racks would bend, and M is
 singular at phi = pi) and states twice the bend (Dx is half a difference); Singh et al. never state the
@@ -77,96 +76,6 @@ class Sections(ArcChain):
         stacked = lengths.reshape(*lengths.shape[:-1], self.count, 3)
         arcs: Array = np.einsum("nij,...nj->...ni", self.to_arc, stacked)
         return arcs
-
-    def lengths(self, arcs: Array) -> Array:
-        """Tube lengths ``(..., 3 n)`` [m] of arcs ``(..., n, 3)``."""
-        stacked: Array = np.einsum("nij,...nj->...ni", self.to_lengths, arcs)
-        return stacked.reshape(*stacked.shape[:-2], 3 * self.count)
-
-
-@dataclass(frozen=True, slots=True)
-class Frames:
-    """Frames of a chain in the base frame.
-
-    Attributes:
-        tip: position of the tip [m], ``(..., 3)``.
-        rotation: of the tip, ``(..., 3, 3)``.
-        mid: end of the first section, its rigid piece included [m], ``(..., 3)``.
-    """
-
-    tip: Array
-    rotation: Array
-    mid: Array
-
-
-@dataclass(frozen=True, slots=True)
-class Derivatives:
-    """Derivatives by the tube lengths, each ``(..., 3, 3 n)``; ``spin``: spatial angular velocity [1/m]."""
-
-    frames: Frames
-    tip: Array
-    spin: Array
-    mid: Array
-
-
-def forward(sections: ArcChain, lengths: Array | Sequence[float]) -> Frames:
-    """Where the chain ends: ``p = p1 + R1 (h1 e_z + p2 + R2 (...))``."""
-    arcs = sections.arcs(lengths)
-    position = np.zeros((*arcs.shape[:-2], 3))
-    rotation = np.broadcast_to(np.eye(3), (*arcs.shape[:-2], 3, 3))
-    mid = position
-    for i, rigid_m in enumerate(sections.rigid_m):
-        p, r = arc.pose(arcs[..., i, 0], arcs[..., i, 1], arcs[..., i, 2])
-        p = p + rigid_m * r[..., :, 2]
-        position = position + (rotation @ p[..., None])[..., 0]
-        rotation = rotation @ r
-        if i == 0:
-            mid = position
-    return Frames(_with_offset(sections, position, rotation), rotation, mid)
-
-
-def differentiate(sections: ArcChain, lengths: Array | Sequence[float]) -> Derivatives:
-    """Jacobians of tip, orientation and mid-point: ``J_i = R (Jp_i + Jw_i x rest_i) d(u, v, L)/dl``.
-
-    ``R`` is the frame where section i starts and ``rest_i`` leads from its end to the tip.
-    """
-    arcs = sections.arcs(lengths)
-    batch = arcs.shape[:-2]
-    position = np.zeros((*batch, 3))
-    rotation = np.broadcast_to(np.eye(3), (*batch, 3, 3))
-    ends, linear, spin = [], [], []
-    mid = position
-    for i, rigid_m in enumerate(sections.rigid_m):
-        u, v, L = arcs[..., i, 0], arcs[..., i, 1], arcs[..., i, 2]
-        p, r = arc.pose(u, v, L)
-        jp, jw = arc.jacobians(u, v, L)
-        linear.append(rotation @ jp @ sections.to_arc[i])
-        spin.append(rotation @ jw @ sections.to_arc[i])
-        end = position + (rotation @ p[..., None])[..., 0]
-        ends.append(end)
-        rotation = rotation @ r
-        position = end + rigid_m * rotation[..., :, 2]
-        if i == 0:
-            mid = position
-    position = _with_offset(sections, position, rotation)
-    tip_columns = [
-        linear[i] + np.cross(spin[i], (position - ends[i])[..., None], axis=-2) for i in range(sections.count)
-    ]
-    mid_columns = [np.zeros_like(columns) for columns in linear]
-    mid_columns[0] = linear[0] + np.cross(spin[0], (mid - ends[0])[..., None], axis=-2)
-    return Derivatives(
-        Frames(position, rotation, mid),
-        np.concatenate(tip_columns, axis=-1),
-        np.concatenate(spin, axis=-1),
-        np.concatenate(mid_columns, axis=-1),
-    )
-
-
-def _with_offset(sections: ArcChain, position: Array, rotation: Array) -> Array:
-    if not any(sections.offset_m):
-        return position
-    shifted: Array = position + rotation[..., :, :2] @ np.array(sections.offset_m)
-    return shifted
 
 
 def backbone(sections: ArcChain, lengths: Array | Sequence[float], points: int) -> Array:

@@ -1,13 +1,26 @@
-"""What solves the inverse kinematics of a chain of arcs: the interface of a kernel and of its NumPy twin."""
+"""What solves the inverse kinematics of a chain of arcs: the interface of the kernels."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from contid.kinematics.array import Array
 from contid.targets import Actuation, Vec3
 from contid.units import m_to_mm
+
+#: Zone and force of the potential of obstacles by the length that scales damping (`Tuning.ell_m`). A narrower
+#: zone or a smaller force loses answers between obstacles, larger ones cost time: benchmarks/obstacles.py.
+ZONE: Final = 0.2
+FORCE: Final = 0.5
+
+
+class SectionFrames(NamedTuple):
+    """Where a chain ends: tip [m], rotation row by row, end of the first section [m]."""
+
+    tip: Vec3
+    rotation: tuple[float, ...]
+    mid: Vec3
 
 
 class SectionSolution(NamedTuple):
@@ -33,8 +46,8 @@ class SectionSolution(NamedTuple):
 class Solver(Protocol):
     """See the module; lengths are the variables of the chain, ``N`` in all [m]."""
 
-    def forward(self, lengths: Actuation) -> tuple[Vec3, tuple[float, ...], Vec3]:
-        """Tip [m], rotation row by row, end of the first section [m]."""
+    def forward(self, lengths: Actuation) -> SectionFrames:
+        """Where the chain ends."""
 
     def differentiate(self, lengths: Actuation, tip: Array, spin: Array, mid: Array) -> None:
         """Write the Jacobians of tip, orientation and mid-point into arrays ``(3, N)`` of the caller."""
@@ -49,7 +62,7 @@ class Solver(Protocol):
     ) -> SectionSolution:
         """The best bounded lengths for a tip [m] and maybe its unit tangent, its frame or the mid-point [m].
 
-        Continuous from ``seed`` where the target allows it. Kernels return the fields as a plain tuple.
+        Continuous from ``seed`` where the target allows it.
         """
 
     def avoid(
@@ -61,7 +74,16 @@ class Solver(Protocol):
         zone: float,
         force: float,
     ) -> None:
-        """Keep redundant axes away from obstacles, all in m as in `Avoid`; none switches that off."""
+        """Keep redundant axes away from obstacles; none switches that off.
+
+        Args:
+            obstacles: rows of `contid.clearance.obstacles.Obstacle.packed` in the base frame.
+            radius: of the body [m].
+            margin: least distance of surfaces [m].
+            from_: arc length where the body begins [m].
+            zone: where the potential begins, outside the margin [m].
+            force: its scale [m].
+        """
 
 
 def nearest_note(residual_m: float) -> str:

@@ -23,31 +23,23 @@ class _FingerKernel(ManyForward, Protocol):
     def inverse_many(self, tip: Array, out: Bytes, threads: int) -> None: ...
 
 
-def forward(model: RackFingerModel, actuations: Array, load_n: Array | None, threads: int) -> Table | None:
-    """Poses of rows of racks [m]; loads do not bend racks in this model. None without a kernel."""
-    kernel = _kernel_of(model)
-    return None if kernel is None else poses(kernel, actuations, threads)
+def forward(model: RackFingerModel, actuations: Array, load_n: Array | None, threads: int) -> Table:
+    """Poses of rows of racks [m]; loads do not bend racks in this model."""
+    return poses(_kernel_of(model), actuations, threads)
 
 
-def inverse(
-    model: RackFingerModel, targets: Targets, seeds: Array, chained: bool, threads: int
-) -> Solutions | None:
-    """Racks [m] for rows of targets; seeds have no effect. None without a kernel."""
-    kernel = _kernel_of(model)
-    if kernel is None:
-        return None
+def inverse(model: RackFingerModel, targets: Targets, seeds: Array, chained: bool, threads: int) -> Solutions:
+    """Racks [m] for rows of targets; seeds have no effect."""
     rows = np.zeros(len(targets), solution_dtype(2))
-    kernel.inverse_many(targets.tip_m, in_bytes(rows), threads)
+    _kernel_of(model).inverse_many(targets.tip_m, in_bytes(rows), threads)
     for k in np.flatnonzero(~rows["converged"]).tolist():
         rows[k] = loop.as_row(model.inverse(loop.target_of(targets, k), (0.0, 0.0)), LIMITS)
     return Solutions(rows, LIMITS)
 
 
-def _kernel_of(model: RackFingerModel) -> _FingerKernel | None:
-    module, envelope = load("finger"), model.envelope
-    if module is None:
-        return None
-    kernel: _FingerKernel = module.Finger(
+def _kernel_of(model: RackFingerModel) -> _FingerKernel:
+    envelope = model.envelope
+    kernel: _FingerKernel = load("finger").Finger(
         model.rack_spacing_m,
         model.tip_length_m,
         model.gain_per_m,

@@ -1,4 +1,4 @@
-"""A batch as single calls: specification of the kernels, and used for models without one."""
+"""A batch as single calls, for models without a kernel for batches."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ from contid.kinematics.batch import loop
 from contid.kinematics.batch.rows import Solutions, Table, Targets, matrix
 from contid.kinematics.model import Model
 
-#: Class of a model -> the module with its ``forward`` and ``inverse`` for batches; each returns None where
-#: the kernel is missing; the loop is used then.
+#: Class of a model -> the module with its ``forward`` and ``inverse`` for batches; one returns None where
+#: no kernel solves it; the loop is used then.
 BATCHES: Final = {
     "contid.kinematics.arc.section_model:SectionModel": "contid.kinematics.batch.sections",
     "contid.kinematics.cosserat.model:CosseratModel": "contid.kinematics.batch.pneumatic",

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Final, Protocol, runtime_checkable
+from typing import Final
 
 import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.batch import loop
-from contid.kinematics.batch.kernel import Bytes, in_bytes
+from contid.kinematics.batch.kernel import in_bytes
 from contid.kinematics.batch.rows import POSE, Solutions, Table, Targets, solution_dtype
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.units import MM_PER_M
@@ -18,29 +18,10 @@ _OPTIMAL, _STABLE, _BLOCKED, _SNAPS = (np.uint64(1 << k) for k in range(4))
 _NONE: Final = np.uint64(0)
 
 
-@runtime_checkable
-class _RodKernel(Protocol):
-    def forward_many(self, pressures: Array, force: Array | None, out: Bytes, threads: int) -> None: ...
-
-    def inverse_many(
-        self,
-        tip: Array,
-        mid: Array | None,
-        direction: Array | None,
-        force: Array | None,
-        seeds: Array,
-        out: Bytes,
-        threads: int,
-    ) -> None: ...
-
-
-def forward(model: CosseratModel, actuations: Array, load_n: Array | None, threads: int) -> Table | None:
-    """Poses of pressures ``(rows, axes)`` [Pa] under loads ``(rows, 3)`` [N]; None without a kernel."""
-    kernel = model.engine
-    if not isinstance(kernel, _RodKernel):
-        return None
+def forward(model: CosseratModel, actuations: Array, load_n: Array | None, threads: int) -> Table:
+    """Poses of pressures ``(rows, axes)`` [Pa] under loads ``(rows, 3)`` [N]."""
     rows = np.zeros(len(actuations), POSE)
-    kernel.forward_many(model.regulators.chamber_rows(actuations), load_n, in_bytes(rows), threads)
+    model.engine.forward_many(model.regulators.chamber_rows(actuations), load_n, in_bytes(rows), threads)
     rows["tip_m"] /= MM_PER_M
     rows["mid_m"] /= MM_PER_M
     return rows
@@ -51,14 +32,13 @@ def inverse(
 ) -> Solutions | None:
     """Pressures [Pa] for targets, from ``seeds`` of shape ``(rows, axes)`` [Pa].
 
-    None without a kernel, or where a row needs the one before (``chained``). Rows whose answer the kernel
-    finds unstable are solved again by the model itself.
+    None where a row needs the one before (``chained``). Rows whose answer the kernel finds unstable are
+    solved again by the model itself.
     """
-    kernel = model.engine
-    if chained or not isinstance(kernel, _RodKernel):
+    if chained:
         return None
     rows = np.zeros(len(targets), solution_dtype(len(model.axis_names)))
-    kernel.inverse_many(
+    model.engine.inverse_many(
         targets.tip_m * MM_PER_M,
         None if targets.mid_m is None else targets.mid_m * MM_PER_M,
         targets.direction,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from contid.kinematics.arc.section_model import SectionModel
@@ -11,21 +13,19 @@ from contid.kinematics.batch.rows import Solutions, Table, Targets, solution_dty
 from contid.targets import REACH
 
 
-def forward(model: SectionModel, actuations: Array, load_n: Array | None, threads: int) -> Table | None:
-    """Poses of rows of lengths [m]; loads do not bend this model. None without a kernel."""
-    solver = model.solver
-    return poses(solver, actuations, threads) if isinstance(solver, ManyForward) else None
+def forward(model: SectionModel, actuations: Array, load_n: Array | None, threads: int) -> Table:
+    """Poses of rows of lengths [m]; loads do not bend this model."""
+    return poses(cast(ManyForward, model.solver), actuations, threads)
 
 
 def inverse(
     model: SectionModel, targets: Targets, seeds: Array, chained: bool, threads: int
 ) -> Solutions | None:
-    """Lengths [m] for rows of targets. None without a kernel."""
-    solver = model.solver
-    if type(model) is not SectionModel or not isinstance(solver, ManyInverse):
+    """Lengths [m] for rows of targets; None for a model with another inverse."""
+    if type(model) is not SectionModel:
         return None
     rows = np.zeros(len(targets), solution_dtype(len(model.axis_names)))
-    solver.inverse_many(
+    cast(ManyInverse, model.solver).inverse_many(
         targets.tip_m, targets.direction, targets.mid_m, seeds, chained, in_bytes(rows), threads
     )
     free = ~rows["converged"] & (rows["limited_by"] == 0)

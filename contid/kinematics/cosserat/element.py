@@ -1,8 +1,7 @@
 """One element of a loaded rod: Lie-group integration of its frame, its wrench and their derivatives.
 
 A step is commutator-free and of fourth order (Celledoni, Marthinsen, Owren 2003); without load, where strains
-are constant, it is exact. The equations are in `statics`. Specification of ``step`` and ``link`` of
-``contid/kernels/cosserat/rod.hpp`` and of ``columns.hpp``.
+are constant, it is exact. The equations are in `statics`.
 """
 
 from __future__ import annotations

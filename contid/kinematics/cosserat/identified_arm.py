@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.engine import NearAnswer, RodSolver, build_engine
+from contid.kinematics.cosserat.engine import NearAnswer, RodSolver
 from contid.kinematics.cosserat.identified import scaled_arm
 from contid.kinematics.cosserat.model import build_setup
 from contid.robot_file.cosserat import Cosserat
@@ -48,7 +48,7 @@ class IdentifiedArm:
         scales = np.array([*calibration.modulus, *calibration.moment])
         for row in (scales, *(scales + SCALE_STEP * np.eye(2 * sections))):
             setup = build_setup(scaled_arm(robot, row[:sections].tolist(), row[sections:].tolist()))
-            self._engines.append(build_engine(replace(setup, elements=ELEMENTS, error=_NEVER_MM)))
+            self._engines.append(RodSolver(replace(setup, elements=ELEMENTS, error=_NEVER_MM)))
         lower, upper = np.array(robot.lower) / BAR, np.array(robot.upper) / BAR
         self._middle: list[float] = (0.5 * (lower + upper)).tolist()
         low, high = (part * (upper - lower) for part in HALF_LOOP_RANGE)
@@ -91,8 +91,8 @@ class IdentifiedArm:
 
     def base_moment(self, corrected: Sequence[float], force_n: Vec3 = ZERO3) -> Numbers | None:
         """The base moment on the branch from the unloaded arm; None where it is unstable."""
-        _, _, _, stable, moment, _ = self._engines[0].forward(corrected, force_n)
-        return moment if stable else None
+        found = self._engines[0].forward(corrected, force_n)
+        return found.base_moment_nmm if found.stable else None
 
     def covariance_mm2(
         self, pressures: Sequence[float], sides: Sequence[float], by_pressure: Array, by_scale: Array

@@ -13,12 +13,10 @@ import numpy as np
 from contid.kinematics.any_target import any_target
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.compliance import tip_compliance
-from contid.kinematics.cosserat.engine import RodSetup, build_engine
+from contid.kinematics.cosserat.engine import NO_SNAP, Limits, RodSetup, RodSolver
 from contid.kinematics.cosserat.identified import Regulators, identified_sections
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
-from contid.kinematics.cosserat.shape import stations
-from contid.kinematics.cosserat.solve import Limits
 from contid.kinematics.cosserat.statics import sweep
 from contid.robot_file.cosserat import Cosserat, Orientation
 from contid.robot_file.pneumatic.geometry import SectionGeometry
@@ -27,6 +25,8 @@ from contid.units import BAR, LIMIT_TOLERANCE_PA, MM_PER_M, mm_to_m
 
 #: Acceleration of gravity in the reference solution [m/s^2] (Shi et al.).
 REFERENCE_GRAVITY: Final = 9.81
+#: Points of a polyline per element.
+POINTS_PER_ELEMENT: Final = 12
 ROLL_NOTE: Final = "orientation: full_rotation asks for a roll, which this arm cannot command"
 
 
@@ -95,26 +95,26 @@ class CosseratModel:
         )
         self.regulators = Regulators(robot)
         self.setup = build_setup(robot)
-        self.engine = build_engine(self.setup)
+        self.engine = RodSolver(self.setup)
         #: Reference arc lengths of the backbone [mm].
-        self._stations = stations(self.setup.rod, self.setup.elements)
+        self._stations = self.setup.rod.stations(POINTS_PER_ELEMENT * self.setup.elements)
 
     def for_ticks(self) -> CosseratModel:
-        """The same arm; searches for the nearest pose to a target out of reach are short: see `Effort`."""
+        """The same arm; searches for the nearest pose to a target out of reach are short: see `RodSetup`."""
         short = copy(self)
         short.setup = replace(self.setup, thorough=False)
-        short.engine = build_engine(short.setup)
+        short.engine = RodSolver(short.setup)
         return short
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Pose on the branch that grows from the unloaded shape; ``stable`` is False once it has buckled."""
-        tip, rotation, mid, stable, _, _ = self.engine.forward(self.regulators.chambers(actuation), load_n)
+        found = self.engine.forward(self.regulators.chambers(actuation), load_n)
         return Pose(
-            tip_m=_metres(tip),
-            rotation=rotation,
-            direction=(rotation[2], rotation[5], rotation[8]),
-            mid_m=_metres(mid),
-            stable=stable,
+            tip_m=_metres(found.tip_mm),
+            rotation=found.rotation,
+            direction=(found.rotation[2], found.rotation[5], found.rotation[8]),
+            mid_m=_metres(found.mid_mm),
+            stable=found.stable,
         )
 
     def forward_under(self, actuation: Actuation, tip: Wrench6, mid: Wrench6) -> Pose:
@@ -135,14 +135,14 @@ class CosseratModel:
         )
         frames = np.empty((2, 12))
         stations = np.array([setup.rod.sections[0].length, setup.rod.reach])
-        done, _, _ = self.engine.statics(self.regulators.chambers(actuation), loads, stations, frames)
+        under = self.engine.statics(self.regulators.chambers(actuation), loads, stations, frames)
         end, rotation = frames[1, :3].tolist(), tuple(frames[1, 3:].tolist())
         return Pose(
             tip_m=_metres(end),
             rotation=rotation,
             direction=(rotation[2], rotation[5], rotation[8]),
             mid_m=_metres(frames[0, :3].tolist()),
-            stable=done == 1.0,
+            stable=under.carried == 1.0,
         )
 
     @any_target
@@ -157,64 +157,60 @@ class CosseratModel:
             raise ValueError("a pneumatic arm takes a tip position or pressures")
         x, y, z = target.tip_m
         mid = target.mid_m
-        pressures, residual, met, optimal, stable, iterations, _, _, blocked, snap = self.engine.inverse(
+        found = self.engine.inverse(
             (x * MM_PER_M, y * MM_PER_M, z * MM_PER_M),
             None if mid is None else (mid[0] * MM_PER_M, mid[1] * MM_PER_M, mid[2] * MM_PER_M),
             target.direction,
             target.load_n,
             self.regulators.chambers(seed),
         )
-        if not stable:
-            return self._refused(target, seed, iterations)
+        if not found.stable:
+            return self._refused(target, seed, found.iterations)
         note = ""
         if self.setup.full_rotation and target.direction is not None:
             note = ROLL_NOTE
-        if met:
-            return Solution(
-                self.regulators.commands(pressures), mm_to_m(residual), True, iterations=iterations, note=note
-            )
+        commands, residual_m = self.regulators.commands(found.pressures_bar), mm_to_m(found.residual_mm)
+        if found.met:
+            return Solution(commands, residual_m, True, iterations=found.iterations, note=note)
         actuation = tuple(
-            min(max(p, low), high)
-            for p, low, high in zip(self.regulators.commands(pressures), self.lower, self.upper, strict=True)
+            min(max(p, low), high) for p, low, high in zip(commands, self.lower, self.upper, strict=True)
         )
         limited = self._binding(actuation)
-        remain = f"{residual:.4g} mm remain"
-        if snap <= 1.0:
-            part = f"snaps through at {100.0 * snap:.3g} % of" if snap < 1.0 else "is elsewhere after"
+        remain = f"{found.residual_mm:.4g} mm remain"
+        if found.snap < NO_SNAP:
+            snaps = f"snaps through at {100.0 * found.snap:.3g} % of"
+            part = snaps if found.snap < 1.0 else "is elsewhere after"
             why = (
                 "the target lies on another branch of equilibria: on the straight way there the arm "
                 f"{part} the pressure change; {remain}"
             )
             limited += ("stability",)
-        elif blocked:
+        elif found.blocked:
             why = f"out of reach: {remain}, further the arm loses its stability"
             limited += ("stability",)
-        elif optimal:
+        elif found.optimal:
             why = f"out of reach: {remain} inside the pressure limits"
         else:
-            why = f"the solver stopped {residual:.4g} mm from the target"
+            why = f"the solver stopped {found.residual_mm:.4g} mm from the target"
             limited += ("iterations",)
         note += ("; " if note else "") + why
-        return Solution(actuation, mm_to_m(residual), False, limited or (REACH,), iterations, note)
+        return Solution(actuation, residual_m, False, limited or (REACH,), found.iterations, note)
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Tip by pressures in equilibrium, shape (3, 3k) [m/Pa]."""
         p = np.array(self.regulators.chambers(actuation))
-        *_, base_moment, elements = self.engine.forward(p.tolist(), load_n)
-        loads = self.setup.loads(load_n)
-        found = sweep(self.setup.rod, p, np.array(base_moment), loads, elements, tangents=True)
-        assert found.tangents is not None
-        by_moment, by_pressure = found.tangents.moment[:, :3], found.tangents.moment[:, 3:]
-        held = found.tangents.tip[:, :3] @ np.linalg.solve(by_moment, by_pressure)
-        result: Array = (found.tangents.tip[:, 3:] - held) / (MM_PER_M * BAR) * self.regulators.slopes
+        at = self.engine.forward(p.tolist(), load_n)
+        found = sweep(self.setup.rod, p, np.array(at.base_moment_nmm), self.setup.loads(load_n), at.elements)
+        held = found.tip_by[:, :3] @ np.linalg.solve(found.moment_by[:, :3], found.moment_by[:, 3:])
+        result: Array = (found.tip_by[:, 3:] - held) / (MM_PER_M * BAR) * self.regulators.slopes
         return result
 
     def compliance(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Tip by a force on it at constant pressures, in equilibrium, shape (3, 3) [m/N]; symmetric."""
         p = np.array(self.regulators.chambers(actuation))
-        *_, base_moment, elements = self.engine.forward(p.tolist(), load_n)
-        loads = self.setup.loads(load_n)
-        return tip_compliance(self.setup.rod, p, np.array(base_moment), loads, elements) / MM_PER_M
+        at = self.engine.forward(p.tolist(), load_n)
+        moment, loads = np.array(at.base_moment_nmm), self.setup.loads(load_n)
+        return tip_compliance(self.setup.rod, p, moment, loads, at.elements) / MM_PER_M
 
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone from base to tip at equal arc length of the deformed arm, shape (points, 3) [m]."""

@@ -191,3 +191,13 @@ class Rod:
     def reach(self) -> float:
         """Length of the undeformed robot [mm]."""
         return sum(section.length + section.link for section in self.sections)
+
+    def stations(self, parts: int) -> Array:
+        """Reference arc lengths [mm] of a polyline: the base, equal parts of every section, ends of links."""
+        found, begin = [np.zeros(1)], 0.0
+        for section in self.sections:
+            found.append(begin + section.length * np.arange(1, parts + 1) / parts)
+            begin += section.length + section.link
+            if section.link > 0.0:
+                found.append(np.array([begin]))
+        return np.concatenate(found)

@@ -1,4 +1,4 @@
-"""Vectors and screws. The specification of ``contid/kernels/cosserat/spatial.hpp``."""
+"""Vectors and screws, for the derivatives that NumPy computes beside the kernel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Statics of a loaded rod: integration from base to tip, and its derivatives (the specification).
+"""One sweep of a loaded rod from base to tip with its derivatives, for those of an equilibrium.
 
 Eqs. (1)-(11) in total-wrench form: with N = n - F_P and M = m - m_P (wall and fluid together),
 
@@ -7,7 +7,7 @@ Eqs. (1)-(11) in total-wrench form: with N = n - F_P and M = m - m_P (wall and f
     u = curvature + diag(1/EI, 1/EI, 3/EJ) R^T M.
 
 Loads are dead, so N(s) is known and the base moment is the only unknown. The sweep integrates mu = M + p x N,
-mu' = -p x f, element by element (`element`). Specification of ``contid/kernels/cosserat/rod.hpp``.
+mu' = -p x f, element by element (`element`). Equilibria come from the kernel.
 """
 
 from __future__ import annotations
@@ -24,109 +24,49 @@ from contid.kinematics.cosserat.spatial import cross, hat
 
 
 @dataclass(frozen=True, slots=True)
-class Tangents:
-    """Derivatives by (base moment, pressures): columns 0..2 and 3.. of every array, shape (3, 3 + 3k).
-
-    Attributes:
-        moment: of the moment residual at the tip.
-        tip: of the tip position.
-        turn: rotation vector of the tip frame, in the base frame.
-        ends: of the end of every section.
-    """
-
-    moment: Array
-    tip: Array
-    turn: Array
-    ends: tuple[Array, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class Sweep:
-    """One integration from base to tip.
+    """Where a sweep ends.
 
     Attributes:
-        tip: tip position [mm], shape (3,).
-        rotation: tip frame, shape (3, 3).
-        ends: end of every section [mm], shape (3,) each.
-        moment: residual of the moment balance at the tip [N·mm]; zero in equilibrium.
-        turns: turn of the frame by the base moment at every element boundary, base included, shape (3, 3)
-            each; empty without tangents.
-        tangents: derivatives, if requested.
+        tip: position [mm], shape (3,).
+        moment: residual of the moment balance at the tip [N·mm], shape (3,); zero in equilibrium.
+        tip_by: derivative of ``tip`` by (base moment, pressures), shape (3, 3 + 3k).
+        moment_by: the same of ``moment``.
     """
 
     tip: Array
-    rotation: Array
-    ends: tuple[Array, ...]
     moment: Array
-    turns: tuple[Array, ...]
-    tangents: Tangents | None
+    tip_by: Array
+    moment_by: Array
 
 
-def sweep(
-    rod: Rod,
-    pressures: Array,
-    base_moment: Array,
-    loads: Loads,
-    elements: int = 3,
-    tangents: bool = False,
-) -> Sweep:
+def sweep(rod: Rod, pressures: Array, base_moment: Array, loads: Loads, elements: int) -> Sweep:
     """Integrate from the clamped base to the tip.
 
     Args:
         rod: the sections.
         pressures: [bar], shape (3k,).
         base_moment: total moment M at the base [N·mm], shape (3,).
-        loads: dead loads.
-        elements: steps per section.
-        tangents: also integrate the variational equations, one column per unknown. They differ from the
-            derivative of the discrete map by the discretisation error, so Newton's method converges linearly
-            with a factor of 1e-2 or less.
+        loads: weights and a force on the tip; no moments, nothing at joints.
+        elements: steps per section. The derivatives are those of the rod: from those of the discrete map they
+            differ by the discretisation error.
     """
-    columns = 3 + rod.pressures
-    dmu = np.zeros((3, columns))
-    dmu[:, :3] = np.eye(3)
-    state = RodState(
-        np.eye(3),
-        np.zeros(3),
-        np.array(base_moment, float),
-        np.zeros((3, columns)),
-        np.zeros((3, columns)),
-        dmu,
-    )
+    columns = np.zeros((3, 3 + rod.pressures))
+    by_moment = columns.copy()
+    by_moment[:, :3] = np.eye(3)
+    state = RodState(np.eye(3), np.zeros(3), np.array(base_moment, float), columns, columns, by_moment)
     N = loads.base_force(rod)
-    turns = [state.turn[:, :3]]
-    ends: list[Array] = []
-    end_tangents: list[Array] = []
     for i, section in enumerate(rod.sections):
         inflated = section.inflated(pressures[3 * i : 3 * i + 3])
         f = loads.weight.get(i, np.zeros(3))
         h = section.length / elements
         own = slice(3 + 3 * i, 6 + 3 * i)
         for _ in range(elements):
-            state = step(inflated, state, N, f, h, own, tangents)
+            state = step(inflated, state, N, f, h, own, True)
             N = N - h * f
-            turns.append(state.turn[:, :3])
-        ends.append(state.p)
-        end_tangents.append(state.shift)
-        if i in loads.joint_force or i in loads.joint_moment:
-            force = loads.joint_force.get(i, np.zeros(3))
-            state.mu = state.mu - loads.joint_moment.get(i, np.zeros(3)) - cross(state.p, force)
-            state.dmu = state.dmu + hat(force) @ state.shift
-            N = N - force
         if section.link > 0.0:
-            state = link(state, section.link, loads.link_weight.get(i, np.zeros(3)))
-            N = N - section.link * loads.link_weight.get(i, np.zeros(3))
-    moment = state.mu - cross(state.p, loads.tip_force) - loads.tip_moment
-    derived = None
-    if tangents:
-        derived = Tangents(
-            state.dmu + hat(loads.tip_force) @ state.shift, state.shift, state.turn, tuple(end_tangents)
-        )
-    return Sweep(
-        state.p,
-        state.R,
-        tuple(ends),
-        moment,
-        tuple(turns) if tangents else (),
-        derived,
-    )
+            f = loads.link_weight.get(i, np.zeros(3))
+            state = link(state, section.link, f)
+            N = N - section.link * f
+    moment = state.mu - cross(state.p, loads.tip_force)
+    return Sweep(state.p, moment, state.shift, state.dmu + hat(loads.tip_force) @ state.shift)

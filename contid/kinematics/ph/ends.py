@@ -16,7 +16,7 @@ that turns by more than 180 degrees in total needs ``beta = pi``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -145,26 +145,6 @@ def least_energy(ends: CurveEnds, length_m: float | None = None) -> PhFit:
     """
     fits = [through(ends, length_m, beta, gamma) for beta, gamma in BRANCHES]
     return min(fits, key=lambda fit: (not fit.length_met, fit.energy_per_m))
-
-
-def through_rough(ends: CurveEnds, length_m: float | None = None) -> PhFit:
-    """The quintic for a length with an error of up to about 1 %, and noisy ends.
-
-    Between nearly straight ends every branch turns surplus length into a loop. Where that costs more than a
-    `plausible_energy`, the length is ignored and ``length_met`` is False.
-    """
-    fit = through(ends, length_m)
-    if length_m is None:
-        return fit
-    free = through(ends)
-    most = plausible_energy(free, length_m)
-    if fit.length_met and fit.energy_per_m <= most:
-        return fit
-    least = least_energy(ends, length_m)
-    if least.length_met and least.energy_per_m <= most:
-        return least
-    note = f"the length {length_m * 1e3:g} mm would fold the body between these ends and is rejected"
-    return replace(free, length_met=False, note=note if fit.length_met else fit.note)
 
 
 def plausible_energy(free: PhFit, length_m: float) -> float:

@@ -15,14 +15,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from contid.kernels import load
-from contid.kinematics.ph.ends import CurveEnds, through_rough
-from contid.kinematics.ph.tubes import section_bending, tube_lengths
-from contid.targets import ZERO3, Vec3
-
-_BASE_DIRECTION: Vec3 = (0.0, 0.0, 1.0)
+from contid.targets import Vec3
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,60 +33,39 @@ class ShapeSolution:
 
     Attributes:
         lengths_m: tube lengths, section by section [m].
-        length_met: False when the given backbone length was ignored
-            (`contid.kinematics.ph.ends.through_rough`).
+        length_met: False when the given backbone length was ignored: no curve has it, or it would fold the
+            arm (`contid.kinematics.ph.ends.plausible_energy`).
     """
 
     lengths_m: tuple[float, ...]
     length_met: bool
 
 
-def ph_inverse(
-    tip_m: Vec3,
-    direction: Vec3,
-    sections: Sequence[TubeSection],
-    split: Sequence[float],
-    length_m: float | None = None,
-) -> ShapeSolution:
-    """Tube lengths of an arm that starts along +z, in NumPy: specification of the kernel.
+class ShapeInverse:
+    """Tube lengths of one arm that starts along +z, by the kernel ``ph_curve``.
 
     Args:
-        tip_m: tip position in the base frame [m].
-        direction: tangent at the tip in the base frame.
         sections: tubes of each section, from the base on.
         split: share of each section in the backbone length; must sum to 1.
-        length_m: backbone length [m], or None when unknown.
+
+    Raises:
+        KernelMissingError: It is not compiled in this installation.
     """
-    fit = through_rough(CurveEnds(ZERO3, tip_m, _BASE_DIRECTION, direction), length_m)
-    backbone = fit.curve.length_m * np.array(split)
-    joints = np.concatenate([[0.0], fit.curve.parameter_at(np.cumsum(backbone)[:-1]), [1.0]])
-    distance = np.array([section.distance_m for section in sections])
-    angles = np.array([section.angles_rad for section in sections])
-    lengths = tube_lengths(backbone, section_bending(fit.curve, joints), distance, angles)
-    return ShapeSolution(tuple(lengths.reshape(-1).tolist()), fit.length_met)
-
-
-class ShapeInverse:
-    """`ph_inverse` for one arm, compiled where possible, else NumPy; they agree to 1e-12 m."""
 
     def __init__(self, sections: Sequence[TubeSection], split: Sequence[float]) -> None:
-        self._sections = tuple(sections)
-        self._split = tuple(split)
-        kernel = load("ph_curve")
-        self._kernel = kernel and kernel.ShapeInverse(
+        self._kernel = load("ph_curve").ShapeInverse(
             [section.distance_m for section in sections],
             [list(section.angles_rad) for section in sections],
             list(split),
         )
 
-    @property
-    def compiled(self) -> bool:
-        """True when the kernel is used."""
-        return self._kernel is not None
-
     def solve(self, tip_m: Vec3, direction: Vec3, length_m: float | None = None) -> ShapeSolution:
-        """Tube lengths for the pose of the tip; see `ph_inverse`."""
-        if self._kernel is None:
-            return ph_inverse(tip_m, direction, self._sections, self._split, length_m)
-        length = math.nan if length_m is None else length_m
-        return ShapeSolution(*self._kernel.solve(*tip_m, *direction, length))
+        """Tube lengths for the pose of the tip.
+
+        Args:
+            tip_m: tip position in the base frame [m].
+            direction: tangent at the tip in the base frame.
+            length_m: backbone length, known to about 1 % [m], or None when unknown.
+        """
+        found = self._kernel.solve(*tip_m, *direction, math.nan if length_m is None else length_m)
+        return ShapeSolution(found.lengths_m, found.length_met)

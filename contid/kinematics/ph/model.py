@@ -22,7 +22,6 @@ import numpy as np
 from contid.kinematics.any_target import any_target
 from contid.kinematics.arc.feasible import BINDING_M
 from contid.kinematics.arc.section_model import SectionModel
-from contid.kinematics.arc.solve import MAX_ERROR_M
 from contid.kinematics.array import Array
 from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
 from contid.robot_file.tri_tube import TriTube
@@ -31,6 +30,8 @@ from contid.units import MM_PER_M, m_to_mm
 
 #: In ``limited_by`` where the curve is not near enough to the target, and no limit keeps it away.
 QUINTIC: Final = "quintic"
+# Larger than the error of any arm [m]; its square does not overflow.
+_MAX_ERROR_M: Final = 1e6
 #: Default tolerance [mm]: the paper's arm is reconstructed to 1.2-4.2 mm.
 DEFAULT_MM: Final = 5.0
 
@@ -86,7 +87,7 @@ class PhModel(SectionModel):
         """Lengths along the quintic, inside the limits or not; None when there is none."""
         away = math.hypot(*tip_m)
         turn = math.hypot(*direction)
-        if not (1e-9 < away < MAX_ERROR_M and 1e-9 < turn < MAX_ERROR_M):  # NaN included
+        if not (1e-9 < away < _MAX_ERROR_M and 1e-9 < turn < _MAX_ERROR_M):  # NaN included
             return None
         x, y, z = direction
         a, b, c = tip_m

@@ -141,15 +141,6 @@ class PhQuintic:
         bend3 = -2.0 * (u * dp - du * p + v * dq - dv * q) / sigma
         return spin, bend2, bend3
 
-    def euler_rodrigues_frame(self, t: Array) -> tuple[Array, Array, Array]:
-        """Tangent, f2 and f3: the rational frame the preimage carries, each of shape ``(n, 3)``."""
-        a, _ = self.spinor(t)
-        u, v, p, q = a.T
-        sigma = np.sum(a * a, axis=-1, keepdims=True)
-        f2 = np.stack([2 * (v * p - u * q), u * u - v * v + p * p - q * q, 2 * (u * v + p * q)], axis=-1)
-        f3 = np.stack([2 * (u * p + v * q), 2 * (p * q - u * v), u * u - v * v - p * p + q * q], axis=-1)
-        return product(a, a) / sigma, f2 / sigma, f3 / sigma
-
     @cached_property
     def bending_energy(self) -> float:
         """``integral of curvature^2 ds`` [1/m] for unit stiffness."""

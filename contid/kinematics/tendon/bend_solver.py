@@ -1,22 +1,23 @@
-"""The solver of bends: the native kernel of tendon robots, or its NumPy twin."""
+"""The solver of bends: the kernel of tendon robots."""
 
 from __future__ import annotations
 
 from contid.kernels import load
-from contid.kinematics.arc.solve import SectionSolver
 from contid.kinematics.arc.solver import Solver
-from contid.kinematics.arc.task import Tuning
+from contid.kinematics.arc.tuning import Tuning
 from contid.kinematics.tendon.feasible import TendonFeasible
 
 
 def build_bend_solver(feasible: TendonFeasible) -> Solver:
-    """The native solver where it is built and not switched off, its NumPy twin otherwise."""
+    """The compiled solver of a robot.
+
+    Raises:
+        KernelMissingError: It is not compiled in this installation.
+    """
     sections = feasible.sections
     # Where a limit of tension binds next to the edge of the reach, homing ends up to 3e-6 m from its minimum.
     tuning = Tuning(ell_m=ell_of(feasible), still_m=1e-5, still_error_m=1e-8)
-    kernel = load("tendon3" if sections.count == 3 else "tendon")  # a build of its own for three
-    if kernel is None:
-        return SectionSolver(feasible, tuning)
+    kernel = load("tendon")
     solver: Solver = kernel.SectionSolver(
         sections.backbone_m,
         sections.rigid_m,

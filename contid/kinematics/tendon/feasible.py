@@ -9,8 +9,7 @@ In the variables ``x = L Theta`` [m] of `BendSections`:
 * largest tension of every tendon: planes; the least tension holds by the choice of the mean pull;
 * largest bend of every section: a cone.
 
-A point outside is brought inside by straightening the robot. Specification of
-``contid/kernels/tendon/feasible.hpp``.
+A point outside is brought inside by straightening the robot.
 """
 
 from __future__ import annotations
@@ -39,7 +38,6 @@ class TendonFeasible(BoundedChain):
         plane_names: name of each plane's limit; several planes can share one.
         home: the straight robot.
         low, high: a box around the cones [m].
-        metric: of the distance from home: half the square of the variables.
     """
 
     sections: BendSections
@@ -50,7 +48,6 @@ class TendonFeasible(BoundedChain):
     home: Array = field(init=False)
     low: Array = field(init=False)
     high: Array = field(init=False)
-    metric: Array = field(init=False)
 
     def __post_init__(self) -> None:
         size = 2 * self.sections.count
@@ -59,7 +56,6 @@ class TendonFeasible(BoundedChain):
             ("home", np.zeros(size)),
             ("low", -high),
             ("high", high),
-            ("metric", 0.5 * np.eye(size)),
         ):
             object.__setattr__(self, name, value)
         if not np.all(self.excess(self.home) < 0.0):
@@ -75,41 +71,11 @@ class TendonFeasible(BoundedChain):
         """Names of the limits in the order of the bits of `binding`."""
         return (*self.plane_names, *(f"s{s + 1}.bend" for s in range(self.sections.count)))
 
-    @property
-    def longest_m(self) -> float:
-        """No tip is farther from the base than this [m]: the straight robot."""
-        return (
-            sum(self.sections.backbone_m)
-            + sum(self.sections.rigid_m)
-            + float(np.hypot(*self.sections.offset_m))
-        )
-
     def excess(self, lengths: Array) -> Array:
         """By how much every limit is exceeded [m], negative inside, in the order of `names`."""
         bend = np.hypot(lengths[0::2], lengths[1::2])
         cones = bend - np.array(self.sections.backbone_m) * np.array(self.bend_max_rad)
         return np.concatenate((self.normals @ lengths - self.offsets, cones))
-
-    def normal(self, lengths: Array, number: int) -> Array:
-        """Gradient of one limit's excess at these variables, shape ``(2 n,)``."""
-        if number < self.flat:
-            row: Array = self.normals[number]
-            return row
-        normal = np.zeros(len(lengths))
-        at = slice(2 * (number - self.flat), 2 * (number - self.flat) + 2)
-        normal[at] = lengths[at] / (float(np.hypot(*lengths[at])) or 1.0)
-        return normal
-
-    def cone_curvature(self, lengths: Array, s: int) -> Array:
-        """Second derivative of the excess of a section's cone, ``(2 n, 2 n)``; 0 for a straight section."""
-        curvature = np.zeros((len(lengths), len(lengths)))
-        at = slice(2 * s, 2 * s + 2)
-        a, b = lengths[at]
-        size = float(np.hypot(a, b))
-        if size >= 1e-9:
-            across = np.array([-b, a]) / size
-            curvature[at, at] = np.outer(across, across) / size
-        return curvature
 
     def pulled(self, lengths: Array | Sequence[float]) -> Array:
         """The first feasible point on the way from there (clipped to the box) to the straight robot."""

@@ -11,9 +11,8 @@ from typing import Final
 import numpy as np
 
 from contid.kinematics.any_target import any_target
-from contid.kinematics.arc.avoid import FORCE, ZONE
 from contid.kinematics.arc.sections import backbone
-from contid.kinematics.arc.solver import nearest_note
+from contid.kinematics.arc.solver import FORCE, ZONE, nearest_note
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.bend_solver import build_bend_solver, ell_of
 from contid.kinematics.tendon.capstan import CapstanLead
@@ -21,7 +20,7 @@ from contid.kinematics.tendon.described import geometry_of, statics_of
 from contid.kinematics.tendon.feasible import limits_of
 from contid.kinematics.tendon.residual import TipCorrection
 from contid.kinematics.tendon.sections import BendSections
-from contid.kinematics.tendon.taut import TautPulls
+from contid.kinematics.tendon.taut import PullLimits, TautPulls
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import LIMIT_TOLERANCE_M, m_to_mm
@@ -61,8 +60,9 @@ class TendonModel:
             by_pulls = np.asarray(np.linalg.pinv(self.geometry.pull_matrix), dtype=np.float64)
         #: Variables of the solver [m] by pulls [m].
         self._by_pulls: Array = self._lengths[:, None] * by_pulls
+        self._limits = PullLimits(self.lower, self.upper, self.statics, self.feasible, self._by_pulls)
         #: Pulls as bends and tightness; None where tensions are not bounded.
-        self.taut = None if self.statics is None else TautPulls(self.statics, self.excess)
+        self.taut = None if self.statics is None else TautPulls(self.statics, self._limits)
         #: Lead of the friction in the bends; None without.
         self.capstan: CapstanLead | None = None
         if robot.capstan is not None and self.statics is not None:
@@ -81,8 +81,8 @@ class TendonModel:
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Tip, orientation and end of the first section for pulls [m]; a load does not bend this model."""
-        tip, rotation, mid = self.solver.forward(tuple((self._by_pulls @ actuation).tolist()))
-        lift = self._base_m
+        found = self.solver.forward(tuple((self._by_pulls @ actuation).tolist()))
+        tip, rotation, mid, lift = found.tip, found.rotation, found.mid, self._base_m
         if self._correction is not None:
             tip = _moved(tip, self._correction.at(np.asarray(actuation)))
         return Pose(
@@ -141,14 +141,15 @@ class TendonModel:
             tip = (tip[0], tip[1], tip[2] - lift)
             mid = None if mid is None else (mid[0], mid[1], mid[2] - lift)
         start = tuple((self._by_pulls @ seed).tolist())
-        bends, residual_m, converged, binding, iterations, _ = self.solver.solve(
-            tip, target.direction, mid, start, target.rotation
+        found = self.solver.solve(tip, target.direction, mid, start, target.rotation)
+        pulls, limits = (
+            self._pulls(np.array(found.lengths) / self._lengths),
+            self.feasible.named(found.binding),
         )
-        pulls, limits = self._pulls(np.array(bends) / self._lengths), self.feasible.named(binding)
-        if converged:
-            return Solution(pulls, residual_m, True, limits, iterations)
-        note = nearest_note(residual_m)
-        return Solution(pulls, residual_m, False, limits or (_LENGTH,), iterations, note)
+        if found.converged:
+            return Solution(pulls, found.residual_m, True, limits, found.iterations)
+        note = nearest_note(found.residual_m)
+        return Solution(pulls, found.residual_m, False, limits or (_LENGTH,), found.iterations, note)
 
     def _corrected(self, target: Target, seed: Actuation, correction: TipCorrection) -> Solution:
         """The answer whose correction moves the tip onto the target: a fixed point, begun at the seed."""
@@ -181,19 +182,8 @@ class TendonModel:
         return tuple(np.clip(pulls, self.lower, self.upper).tolist())
 
     def excess(self, actuation: Actuation) -> Array:
-        """By how much limits of travel, tension and bends are exceeded by pulls [m], negative inside.
-
-        In the order: least pull, largest pull, slack, tension per tendon; bend per section.
-        """
-        q = np.array(actuation)
-        x = self._by_pulls @ q
-        parts = [np.array(self.lower) - q, q - np.array(self.upper)]
-        if self.statics is not None:
-            k = self.statics.tendon_n_per_m
-            tension = self.statics.tensions(q)
-            parts += [(self.statics.floor_n - tension) / k, (tension - self.statics.limit_n) / k]
-        parts.append(self.feasible.excess(x)[self.feasible.flat :])
-        return np.concatenate(parts)
+        """See `PullLimits.excess`."""
+        return self._limits.excess(actuation)
 
     @property
     def limit_names(self) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ exactly, for tendons parallel to the backbone. Equilibrium is where the virtual 
     stiffness * strain + sum over tendons tau dL/dx - weights . dp/dx - force . dtip/dx = 0,
     tau = rest + k (pull - shortening),     never below 0.
 
-The kernel ``contid/kernels/tendon/rod.hpp`` solves it; `rod_twin` is its specification.
+The kernel ``contid/kernels/tendon/rod.hpp`` solves it by Newton's method.
 
 For more and more elements that is the tendon-actuated Cosserat rod without shear of D. C. Rucker and R. J.
 Webster III, "Statics and Dynamics of Continuum Robots With General Tendon Routing and External Loading", IEEE
@@ -26,21 +26,19 @@ import numpy as np
 
 from contid.kernels import load
 from contid.kinematics.array import Array
-from contid.kinematics.tendon import rod_twin
 from contid.kinematics.tendon.geometry import TendonGeometry
-from contid.kinematics.tendon.rod_chain import chain_of
+from contid.kinematics.tendon.rod_chain import place_elements
 from contid.kinematics.tendon.rod_elements import RodElements, TendonEquilibrium
 from contid.targets import ZERO3, Vec3
 
 
 class RodKernel(Protocol):
-    """Interface of the native rod; arrays of the caller are filled."""
+    """Interface of the compiled rod."""
 
     def solve(
-        self, pulls: Array, force: Vec3, start: Array, strain: Array, points: Array, rotation: Array,
-        tensions: Array, tip: Array, jacobian: Array, compliance: Array, derivatives: bool,
-    ) -> float:  # fmt: skip
-        """Moment left over [N m], below 0 when no equilibrium was found."""
+        self, pulls: Array, force: Vec3, start: Array, into: TendonEquilibrium, derivatives: bool
+    ) -> float:
+        """Fill the arrays of ``into``; the moment left over [N m], below 0 when no equilibrium was found."""
 
 
 class TendonRod:
@@ -94,8 +92,7 @@ class TendonRod:
             offset=np.array(geometry.tip_offset_m), base_m=geometry.base_offset_m,
             per_section=m, stretches=bool(np.all(stiffness[:, 3] > 0.0)),
         )  # fmt: skip
-        kernel = load("tendon_rod")
-        self._kernel: RodKernel | None = kernel and kernel.Rod(self.discrete)
+        self._kernel: RodKernel = load("tendon_rod").Rod(self.discrete)
 
     def even(self, bends: Array) -> Array:
         """Strain ``(elements, 4)`` of sections of constant curvature with bends ``(2 sections,)`` [rad]."""
@@ -108,12 +105,12 @@ class TendonRod:
         m, elements = parts, self.discrete
         rigid = np.zeros(m * len(elements.lengths))
         rigid[m - 1 :: m] = elements.rigid
-        fine = chain_of(
+        points, turn = place_elements(
             np.repeat(strain, m, axis=0) * np.array([1.0 / m, 1.0 / m, 1.0 / m, 1.0]),
             np.repeat(elements.lengths / m, m), rigid, elements.base_m,
         )  # fmt: skip
-        tip = fine.points[-1] + fine.rotations[-1] @ elements.offset
-        return np.concatenate((np.zeros((1, 3)), fine.points, tip[None, :]))
+        tip = points[-1] + turn @ elements.offset
+        return np.concatenate((np.zeros((1, 3)), points, tip[None, :]))
 
     def solve(
         self,
@@ -133,18 +130,20 @@ class TendonRod:
         Raises:
             ArithmeticError: no equilibrium was found.
         """
-        if self._kernel is None:
-            return rod_twin.solve(self.discrete, pulls, tip_force_n, start)
         count, tendons = len(self.discrete.lengths), self.geometry.tendons
-        strain, points, tensions = np.empty((count, 4)), np.empty((count + 1, 3)), np.empty(tendons)
-        rotation, tip = np.empty((3, 3)), np.empty(3)
-        jacobian, compliance = np.full((3, tendons), np.nan), np.full((3, 3), np.nan)
-        left = self._kernel.solve(
-            np.ascontiguousarray(pulls, dtype=np.float64), tip_force_n,
-            np.zeros((count, 4)) if start is None else np.ascontiguousarray(start),
-            strain, points, rotation, tensions, tip, jacobian, compliance, derivatives,
-        )  # fmt: skip
-        if left < 0.0:
+        points_m = np.empty((count + 1, 3))
+        found = TendonEquilibrium(
+            points_m,
+            tip_m=np.empty(3),
+            rotation=np.empty((3, 3)),
+            ends_m=points_m[self.elements :: self.elements],
+            tensions_n=np.empty(tendons),
+            strain=np.empty((count, 4)),
+            jacobian=np.full((3, tendons), np.nan),
+            compliance=np.full((3, 3), np.nan),
+        )
+        given = np.ascontiguousarray(pulls, dtype=np.float64)
+        begin = np.zeros((count, 4)) if start is None else np.ascontiguousarray(start)
+        if self._kernel.solve(given, tip_force_n, begin, found, derivatives) < 0.0:
             raise ArithmeticError("no equilibrium of the rod found")
-        ends = points[self.elements :: self.elements]
-        return TendonEquilibrium(points, tip, rotation, ends, tensions, strain, jacobian, compliance)
+        return found

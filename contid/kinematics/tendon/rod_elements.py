@@ -1,4 +1,4 @@
-"""A tendon rod as elements of constant strain, and its equilibrium: what kernel and twin take and give."""
+"""A tendon rod as elements of constant strain, and its equilibrium: what the kernel takes and gives."""
 
 from __future__ import annotations
 

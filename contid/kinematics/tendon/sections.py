@@ -1,8 +1,7 @@
 """The chain of arcs of a tendon robot, in the variables of its solver: bends times lengths.
 
 The variables of section s are ``x_s = L_s Theta_s`` [m], which move the tip by about their own size, so that
-the solver of arcs (`contid.kinematics.arc.solve`) works with its own tolerances. The length of the backbone
-does not change. Specification of ``contid/kernels/arc/sections.hpp`` with ``CONTID_TENDON``.
+the solver of arcs works with its own tolerances. The length of the backbone does not change.
 """
 
 from __future__ import annotations

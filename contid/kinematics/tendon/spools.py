@@ -31,10 +31,10 @@ def spooled_tendons(
     rad_per_m = (there - here)[: geometry.tendons]
     bends = geometry.pull_matrix * rad_per_m[:, None]
     bending = tuple(np.repeat(statics.bending_nm, 2).tolist())
-    play = robot.play or (0.0,) * geometry.tendons
+    backlash = robot.backlash or (0.0,) * geometry.tendons
     return tuple(
         SpooledTendon(k / gain**2, tuple(row.tolist()), bending, r * abs(gain), robot.capstan or ())
         for k, gain, row, r in zip(
-            statics.tendon_n_per_m.tolist(), rad_per_m.tolist(), bends, play, strict=True
+            statics.tendon_n_per_m.tolist(), rad_per_m.tolist(), bends, backlash, strict=True
         )
     )

@@ -111,7 +111,11 @@ class TendonStatics:
 
     def tensions(self, pulls: Array) -> Array:
         """Tensions ``(tendons,)`` [N] of pulls [m]; below 0 a tendon would have to push."""
-        stretch = pulls - self.geometry.pull_matrix @ self.bends(pulls)
+        return self.tensions_at(pulls, self.bends(pulls))
+
+    def tensions_at(self, pulls: Array, bends: Array) -> Array:
+        """Tensions of pulls [m] whose bends [rad] are known."""
+        stretch = pulls - self.geometry.pull_matrix @ bends
         tensions: Array = self.rest_n + self.tendon_n_per_m * stretch
         return tensions
 

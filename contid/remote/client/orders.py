@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from abc import ABC, abstractmethod
 from contextlib import suppress
 from pathlib import Path
@@ -17,6 +18,8 @@ from contid.remote.protocol.wire import PROTOCOL, ConnectionLostError, Fields, N
 #: One robot by name, several, or None for all.
 Robots: TypeAlias = str | tuple[str, ...] | list[str] | None
 
+#: Period of pings while a client only waits; the lease lapses after two seconds.
+PING_PERIOD_S: Final = 0.5
 #: Period of the check whether robots are armed.
 POLL_S: Final = 0.02
 
@@ -125,6 +128,12 @@ class Orders(ABC):
         finally:
             self._protocol.forget(request)
 
+    async def _listen(self) -> None:
+        """Wait for a notice; a loop of these keeps the lease."""
+        await self._wait_notice(PING_PERIOD_S)
+        if time.monotonic() - self._protocol.requested_s > PING_PERIOD_S:
+            await self.ping()
+
     # -- orders ------------------------------------------------------------------------------------------
 
     async def status(self) -> Fields:
@@ -177,6 +186,15 @@ class Orders(ABC):
             status = await self.status()
             result["robots"] = {name: status["robots"][name]["state"] for name in result["robots"]}
         return result
+
+    async def wait(self, move: int) -> None:
+        """Wait until a move has ended; keeps the lease meanwhile.
+
+        Raises:
+            RemoteError: it was stopped before its end.
+        """
+        while not self._protocol.arrived(move):
+            await self._listen()
 
     async def acquire(self, timeout_s: float = 2.0, *, takeover: bool = False) -> Fields:
         """Acquire the lease; without a request for ``timeout_s`` it lapses and the robots hold."""

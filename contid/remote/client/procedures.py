@@ -6,18 +6,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import AsyncGenerator, AsyncIterable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from typing import Final
 
 from contid.remote.client.orders import Orders, Robots, names_of
 from contid.remote.client.row_stream import BATCH_ROWS, RowStream
 from contid.remote.client.servo import Controller, ServoReport, servo
 from contid.remote.protocol.wire import ConnectionLostError, Fields, RemoteError
-
-#: Period of pings while a client only waits; the lease lapses after two seconds.
-PING_PERIOD_S: Final = 0.5
 
 
 class Procedures(Orders):
@@ -132,15 +127,6 @@ class Procedures(Orders):
         """
         return await servo(self, rate_hz, controller)
 
-    async def wait(self, move: int) -> None:
-        """Wait until a move has ended; keeps the lease meanwhile.
-
-        Raises:
-            RemoteError: it was stopped before its end.
-        """
-        while not self._protocol.arrived(move):
-            await self._listen()
-
     # -- measuring and telemetry -------------------------------------------------------------------------
 
     async def measure(
@@ -202,9 +188,3 @@ class Procedures(Orders):
             with suppress(ConnectionLostError, RemoteError):
                 await self.request("unsubscribe")
                 self._protocol.frames.clear()
-
-    async def _listen(self) -> None:
-        """Wait for a notice; a loop of these keeps the lease."""
-        await self._wait_notice(PING_PERIOD_S)
-        if time.monotonic() - self._protocol.requested_s > PING_PERIOD_S:
-            await self.ping()

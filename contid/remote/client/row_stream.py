@@ -9,13 +9,11 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import AsyncIterable, AsyncIterator, Iterable, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from contid.remote.client.client_protocol import Request
+from contid.remote.client.orders import Orders
 from contid.remote.protocol.wire import Code, RemoteError
-
-if TYPE_CHECKING:
-    from contid.remote.client.procedures import Procedures
 
 #: Rows of a timed trajectory in one request.
 BATCH_ROWS: Final = 256
@@ -38,7 +36,7 @@ class RowStream:
         refused: messages about refused rows.
     """
 
-    def __init__(self, client: Procedures, move: int, timed: bool, batch_rows: int) -> None:
+    def __init__(self, client: Orders, move: int, timed: bool, batch_rows: int) -> None:
         self.refused: list[str] = []
         self._client = client
         self._protocol = client._protocol

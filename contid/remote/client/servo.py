@@ -12,12 +12,10 @@ import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
+from contid.remote.client.orders import Orders
 from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError
-
-if TYPE_CHECKING:
-    from contid.remote.client.procedures import Procedures
 
 #: Rates of telemetry that a daemon grants.
 MAX_TELEMETRY_HZ: Final = 200.0
@@ -74,7 +72,7 @@ class ServoReport:
     max_round_trip_ms: float
 
 
-async def servo(client: Procedures, rate_hz: float, controller: Controller) -> ServoReport:
+async def servo(client: Orders, rate_hz: float, controller: Controller) -> ServoReport:
     """See `Procedures.servo`."""
     tick_hz = float((await client.describe())["rate_hz"])
     if not 0.0 < rate_hz <= tick_hz:
@@ -97,7 +95,7 @@ async def servo(client: Procedures, rate_hz: float, controller: Controller) -> S
 class _ServoLoop:
     """One run of a controller."""
 
-    def __init__(self, client: Procedures, rate_hz: float, controller: Controller) -> None:
+    def __init__(self, client: Orders, rate_hz: float, controller: Controller) -> None:
         self._client = client
         self._protocol = client._protocol
         self._period_s = 1.0 / rate_hz

@@ -11,11 +11,19 @@ import os
 import socket
 import stat
 import struct
+import tempfile
 from pathlib import Path
 
-from contid.remote.protocol.folders import default_directory
 from contid.remote.protocol.peer_credentials import peer_of
 from contid.remote.protocol.wire import NoDaemonError
+
+
+def default_directory() -> Path:
+    """The folder of this user's sockets; it may not exist yet."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if runtime:
+        return Path(runtime) / "contid"
+    return Path(tempfile.gettempdir()) / f"contid-{os.geteuid()}"
 
 
 def connect(path: Path, timeout_s: float | None = None) -> socket.socket:

@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from contid.errors import ContidError
-from contid.remote.protocol.connect import connect
-from contid.remote.protocol.folders import default_directory
+from contid.remote.protocol.connect import connect, default_directory
 from contid.remote.protocol.wire import NoDaemonError
 
 #: Where ``host/contid@.service`` puts its sockets.

@@ -33,9 +33,9 @@ class MotionOrders:
     def verbs(self) -> dict[str, Verb]:
         """Method of each verb."""
         return {
-            "acquire": self._acquire, "release": self._release, "resume": self._resume,
-            "clear_fault": self._clear_fault, "recover": self._recover, "move": self._move,
-            "rows": self._rows, "end": self._end, "grip": self._grip, "start": self._start,
+            Resume.NAME: self._resume, ClearFault.NAME: self._clear_fault, Recover.NAME: self._recover,
+            Grip.NAME: self._grip, "acquire": self._acquire, "release": self._release, "move": self._move,
+            "rows": self._rows, "end": self._end, "start": self._start,
         }  # fmt: skip
 
     def notice(self, event: OrderRefused) -> None:

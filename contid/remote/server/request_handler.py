@@ -18,6 +18,7 @@ from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.orders import OrderRefused
 from contid.control.engine.events.run import NoteWritten, SourceEnded
 from contid.control.engine.messages import Hold
+from contid.control.orders import REQUESTS
 from contid.errors import ContidError
 from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
@@ -35,13 +36,9 @@ from contid.remote.server.telemetry_view import TelemetryView
 from contid.remote.server.trackers import Trackers
 
 #: What clients with the role `ClientRole.WATCH` may ask.
-WATCH_VERBS: Final = frozenset(
-    {"hello", "ping", "status", "describe", "subscribe", "unsubscribe", "hold", "stop", "estop"}
-)
+WATCH_VERBS: Final = frozenset(verb for verb, request in REQUESTS.items() if request.watches)
 #: Orders that are logged when a client speaks for another.
-JOURNALLED: Final = frozenset(
-    {"hold", "stop", "estop", "acquire", "release", "resume", "recover", "clear_fault", "grip"}
-)
+JOURNALLED: Final = frozenset(verb for verb, request in REQUESTS.items() if request.journalled)
 JOURNAL_PERIOD_S: Final = 1.0
 #: Period in which late ticks are counted; the ring holds more.
 COUNT_PERIOD_S: Final = 0.5

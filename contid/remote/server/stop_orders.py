@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from contid.control.engine.messages import Estop, Hold, Message, Stop
+from contid.control.engine.messages import Estop, Hold, Stop
 from contid.remote.protocol.estop_line import ESTOP
 from contid.remote.protocol.wire import Fields, RemoteError, RequestFields, decode
 from contid.remote.server.lease import client_label
@@ -23,12 +23,12 @@ class StopOrders:
     @property
     def verbs(self) -> dict[str, Verb]:
         """Method of each verb."""
-        return {"hold": self._hold, "stop": self._stop, "estop": self._estop}
+        return {Hold.NAME: self._hold, Stop.NAME: self._stop, Estop.NAME: self._estop}
 
     async def _hold(self, caller: Caller, request: RequestFields) -> Fields:
         robots = self._run.view.named(request)
         request.end()
-        return await self._halt(caller, "hold", robots, Hold(robots))
+        return await self._halt(caller, robots, Hold(robots))
 
     async def _estop(self, caller: Caller, request: RequestFields) -> Fields:
         try:
@@ -36,11 +36,11 @@ class StopOrders:
             request.end()
         except RemoteError as error:
             raise await self.obey_malformed_estop(caller, error) from None
-        return await self._halt(caller, "estop", robots, Estop(robots))
+        return await self._halt(caller, robots, Estop(robots))
 
     def estop_all(self, caller: Caller) -> None:
         """Stop all robots for a client that gets no response any more."""
-        self._send_stop(caller, "estop", Estop())
+        self._send_stop(caller, Estop())
 
     def estop_before_turn(self, caller: Caller, line: bytes) -> None:
         """Send the emergency stop of a line that has just arrived: of the robots it names, else of all."""
@@ -51,11 +51,11 @@ class StopOrders:
             request.end()
         except RemoteError:
             robots = None
-        self._send_stop(caller, "estop", Estop(robots))
+        self._send_stop(caller, Estop(robots))
 
     async def obey_malformed_estop(self, caller: Caller, error: RemoteError) -> RemoteError:
         """Stop all robots for an estop with a mistake; returns the refusal to send."""
-        await self._halt(caller, "estop", None, Estop())
+        await self._halt(caller, None, Estop())
         return RemoteError(error.code, f"{error}; all robots were stopped")
 
     async def _stop(self, caller: Caller, request: RequestFields) -> Fields:
@@ -64,19 +64,19 @@ class StopOrders:
         if ends and not self._ended:
             self._ended = True
             self._run.control.interrupt()
-        return await self._halt(caller, "stop", robots, Stop(robots))
+        return await self._halt(caller, robots, Stop(robots))
 
     async def _halt(
-        self, caller: Caller, verb: str, robots: tuple[str, ...] | None, order: Message
+        self, caller: Caller, robots: tuple[str, ...] | None, order: Hold | Stop | Estop
     ) -> Fields:
-        result = await self._run.confirmed(self._send_stop(caller, verb, order), robots)
+        result = await self._run.confirmed(self._send_stop(caller, order), robots)
         silent = self._run.view.silent(robots, self._run.control.newest())
         return {**result, "silent": silent} if silent else result
 
-    def _send_stop(self, caller: Caller, verb: str, order: Message) -> asyncio.Future[OrderResult]:
+    def _send_stop(self, caller: Caller, order: Hold | Stop | Estop) -> asyncio.Future[OrderResult]:
         """Send an order to stop at once; then the lease and the streams."""
         future = self._run.pending.send([order])
-        message = f"{client_label(caller.name, caller.by)} ({verb})"
+        message = f"{client_label(caller.name, caller.by)} ({order.NAME})"
         holder = self._run.lease.stop(caller.number, message)
         if holder is not None:
             self._run.notify(

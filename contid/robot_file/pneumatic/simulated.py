@@ -20,7 +20,7 @@ class SimulatedErrors(Strict):
         modulus_percent: by which the modulus of every section, from the base, is greater.
         moment_percent: by which the pressure moments are greater.
         regulator_bar: every regulator is off by a constant error up to this, drawn from ``seed``.
-        hysteresis_bar: width of the play between the pressure of a regulator and what acts.
+        hysteresis_bar: width of the loop between the pressure of a regulator and what acts.
         seed: of the errors of the regulators.
     """
 

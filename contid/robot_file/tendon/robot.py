@@ -65,10 +65,10 @@ class TendonRobot(RobotDescription):
                 raise ValueError(f"{what} has {len(values)} entries; allowed: 1 or {count}, one per section")
         if self.residual is not None:
             self._check_residual(self.residual)
-        play = () if self.friction is None else self.friction.play_mm
-        if play and len(play) not in (1, count, len(self.axis_names)):
+        backlash = () if self.friction is None else self.friction.play_mm
+        if backlash and len(backlash) not in (1, count, len(self.axis_names)):
             raise ValueError(
-                f"friction.play_mm has {len(play)} numbers; allowed: 1, {count} or {len(self.axis_names)}"
+                f"friction.play_mm has {len(backlash)} numbers; allowed: 1, {count} or {len(self.axis_names)}"
             )
         for low, high in self.limits.pull_mm:
             if not low <= -_ROOM_MM <= _ROOM_MM <= high:
@@ -142,16 +142,16 @@ class TendonRobot(RobotDescription):
 
     @property
     def rest(self) -> Actuation:
-        """As written, else the straight robot."""
+        """Pulls that a stop of policy ``rest`` moves to: ``rest_mm``, or those of the straight robot."""
         return super().rest if self.rest_mm is not None else (0.0,) * len(self.axis_names)
 
     @property
-    def play(self) -> Actuation | None:
+    def backlash(self) -> Actuation | None:
         """``friction.play_mm`` per tendon [m]; None where it is off."""
         if self.friction is None or not any(self.friction.play_mm):
             return None
-        play = tuple(r / MM_PER_M for r in self.friction.play_mm)
-        return play if len(play) == len(self.axis_names) else self._per_tendon(play)
+        backlash = tuple(r / MM_PER_M for r in self.friction.play_mm)
+        return backlash if len(backlash) == len(self.axis_names) else self._per_tendon(backlash)
 
     @property
     def capstan(self) -> tuple[float, ...] | None:
@@ -167,7 +167,7 @@ class TendonRobot(RobotDescription):
         return x / MM_PER_M, y / MM_PER_M, z / MM_PER_M
 
     def per_section(self, values: tuple[float, ...]) -> tuple[float, ...]:
-        """One number per section."""
+        """Repeat the numbers of a key so that there is one per section."""
         return values * self.sections if len(values) == 1 else values
 
     def _per_tendon(self, values: tuple[float, ...]) -> tuple[float, ...]:

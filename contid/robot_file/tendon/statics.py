@@ -61,8 +61,8 @@ class TendonFriction(Strict):
     """Friction of the tendons; left out, there is none.
 
     Attributes:
-        play_mm: half width of the play between a spool and its disc, by which pulls lead in the direction of
-            motion: one number for all tendons, one per section, or one per tendon.
+        play_mm: half width of the backlash between a spool and its disc, by which pulls lead in the
+            direction of motion: one number for all tendons, one per section, or one per tendon.
         capstan: coefficient of friction of tendons in the bends, by which pulls lead the loss of tension: one
             number for all sections, or one per section; needs ``tension``.
     """

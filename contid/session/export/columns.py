@@ -42,7 +42,7 @@ TIMES: Final = ("tick", "t_s", "robot_s", "unix_s")
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column.
+    """A column of a table of ticks.
 
     Attributes:
         name: with its unit.

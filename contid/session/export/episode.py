@@ -22,7 +22,7 @@ TIP: Final = "observation.tip"
 
 @dataclass(frozen=True)
 class Episode:
-    """One session.
+    """A session as an episode of a data set.
 
     Attributes:
         values: rows by feature, float32.
@@ -34,7 +34,7 @@ class Episode:
 
     @property
     def frames(self) -> int:
-        """How many rows."""
+        """Number of frames."""
         return len(self.values[STATE])
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,13 @@ from contid.units import MM_PER_M
 
 _TIP: Final = ("x_mm", "y_mm", "z_mm")
 _NO_TIP: Final = (math.nan, math.nan, math.nan)
+
+
+class MeasuredPose(NamedTuple):
+    """Axes [m or Pa], NaN while a device has no value, and the tip in the world [m], None then."""
+
+    actuation: Actuation
+    tip_m: Vec3 | None
 
 
 @dataclass(frozen=True)
@@ -48,18 +55,18 @@ class MeasuredRobot:
         axes = (f"{axis}_{quantity.unit}" for axis, quantity in pairs)
         return tuple(f"{self.config.name}.{name}" for name in (*axes, *_TIP))
 
-    def measured(self, record: Sequence[float]) -> tuple[Actuation, Vec3 | None]:
-        """Axes [m or Pa], NaN while a device has no value, and the tip in the world [m], None then."""
+    def pose(self, record: Sequence[float]) -> MeasuredPose:
+        """The pose of a record."""
         config = self.config
         actuation = config.transmission.to_actuation(tuple([record[place] for place in self.values]))
         if not all(map(math.isfinite, actuation)):
-            return actuation, None
+            return MeasuredPose(actuation, None)
         x, y, z = (record[place] for place in self.load)
-        return actuation, tip_in_world(config, actuation, (x, y, z))
+        return MeasuredPose(actuation, tip_in_world(config, actuation, (x, y, z)))
 
     def row(self, record: Sequence[float]) -> tuple[float, ...]:
         """Axes and tip in the world, in the units of `names`; NaN for what is absent."""
-        actuation, tip_m = self.measured(record)
+        actuation, tip_m = self.pose(record)
         quantities = self.config.quantities
         axes = tuple([each.from_si(value) for each, value in zip(quantities, actuation, strict=True)])
         return (*axes, *(MM_PER_M * value for value in tip_m or _NO_TIP))

@@ -48,7 +48,7 @@ class Encoder:
         self._forms: dict[bytes, _Form] = {}
 
     def encode(self, values: Sequence[float]) -> list[bytes]:
-        """One message per channel of `TICK_CHANNELS`."""
+        """Encode a record as one message for each channel of `TICK_CHANNELS`."""
         pattern = bytes(map(isfinite, values))
         form = self._forms.get(pattern) or self._form(pattern)
         texts = list(map(repr, values))

@@ -55,7 +55,7 @@ class Attached:
     path: str
 
     def line(self) -> bytes:
-        """For the pipe."""
+        """The line of JSON that goes through the pipe."""
         return json.dumps(asdict(self)).encode() + b"\n"
 
 

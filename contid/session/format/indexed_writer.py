@@ -1,7 +1,9 @@
 """Writes an MCAP file with compressed chunks, and at its end statistics and the places of everything in it.
 
-Takes records as bytes: the writer of the ``mcap`` package is half as fast, and cuts a chunk between two
-messages of one time.
+The writer of the ``mcap`` package (1.6) does not do: it ends a chunk at a number of bytes, between two
+messages of one time, and has no call that ends it elsewhere; `mcap info` and Foxglove then take the
+messages for out of order. It also takes three times as long (3.6 us for a message of 390 bytes, this 1.2),
+since it composes every record anew. Here records are copied as bytes.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ class DamagedRecordError(ContidError):
 
 
 def message(channel: int, sequence: int, time_ns: int, data: bytes) -> bytes:
-    """One message record."""
+    """Compose a message record."""
     length = MESSAGE_INSIDE.size + len(data)
     return MESSAGE_HEAD.pack(MESSAGE, length, channel, sequence & 0xFFFFFFFF, time_ns, time_ns) + data
 

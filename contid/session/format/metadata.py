@@ -103,13 +103,13 @@ def _text(name: str) -> str:
 
 
 def compiled_kernels() -> list[str]:
-    """Kernels that models use here instead of their NumPy twins."""
+    """Kernels of this installation."""
     names = {
         each.name.removeprefix("_").removesuffix("_avx2")
         for each in iter_modules(kernels.__path__)
         if each.name[0] == "_"
     }
-    return sorted(name for name in names if kernels.load(name) is not None)
+    return sorted(names)
 
 
 def device_units(loaded: LoadedFile) -> dict[str, str]:

@@ -55,7 +55,7 @@ class BoardAxis:
 
     @property
     def armed(self) -> bool:
-        """Whether the channel followed demands in the newest telemetry."""
+        """True when the channel followed demands in the newest telemetry."""
         return self.report is not None and self.report.state is BoardState.ARMED
 
     def command_velocity(self, value: float, now: float) -> int | None:

@@ -11,10 +11,10 @@ from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Clock, Rest, Sample
 from contid_drivers.due import messages
 from contid_drivers.due.axis import POSITION_LOST, BoardAxis
-from contid_drivers.due.codes import BoardState, RestCode, Type
+from contid_drivers.due.codes import BoardState, Reason, RestCode, Type
 from contid_drivers.due.messages import Hello, Refused, Telemetry
 from contid_drivers.due.options import DueBusOptions
-from contid_drivers.due.session import DueConnection, refused
+from contid_drivers.due.session import DueConnection, refusal_error
 
 log = logging.getLogger(__name__)
 
@@ -107,7 +107,7 @@ class DueBus:
         session = self._need_session()
         body = messages.demand(session.config_crc, session.echo_ms, {})
         if not self._update(self._command(session, Type.DEMAND, body)):
-            raise refused(self.name, "cannot enable", axes, None)
+            raise refusal_error(self.name, "cannot enable", axes, None)
         for axis in chosen:
             if axis.fault:
                 remedy = "" if axis.fault == POSITION_LOST else "clear the fault first"
@@ -119,7 +119,7 @@ class DueBus:
             # Armed by an earlier host with that host's goal; arming from rest takes the present position.
             self.disable(stray, Rest.HOLD)
             if any(axis.armed for axis in chosen if axis.name in stray):
-                raise refused(self.name, "cannot enable", stray, None)
+                raise refusal_error(self.name, "cannot enable", stray, None)
         self._request_for(session, Type.ARM, "cannot enable", [axis for axis in chosen if not axis.armed])
         for axis in chosen:
             axis.enabled = True
@@ -166,18 +166,28 @@ class DueBus:
         body = messages.park(session.config_crc, (axis.channel for axis in axes), parked)
         self._request(session, Type.PARK, "cannot park", axes, body)
 
-    def home(self, axes: Sequence[str]) -> None:
-        """Start homing; call `exchange` until `homing` is false."""
+    def home(self, axes: Sequence[str], moved: bool = False) -> None:
+        """Start homing; call `exchange` until `homing` is false.
+
+        Where an end stop may have ``moved``, it need not be where the board found it before.
+        """
+        if moved:
+            self._park(self._need_session(), [self._axis(name) for name in axes], parked=False)
         self._request_for(self._need_session(), Type.HOME, "cannot home", [self._axis(name) for name in axes])
 
+    def reason(self, axis: str) -> Reason | None:
+        """Why the axis was in its safe state in the newest telemetry."""
+        report = self._axis(axis).report
+        return None if report is None else report.reason
+
     def homing(self, axis: str) -> bool:
-        """Whether the axis was still searching its end stop in the newest telemetry."""
+        """True while the newest telemetry has the axis searching its end stop."""
         report = self._axis(axis).report
         return report is not None and report.state is BoardState.HOMING
 
     def _request_for(self, session: DueConnection, kind: Type, what: str, axes: Sequence[BoardAxis]) -> None:
         """Send a request whose body is the mask of the axes' channels."""
-        body = messages.masked(session.config_crc, (axis.channel for axis in axes))
+        body = messages.mask_body(session.config_crc, (axis.channel for axis in axes))
         self._request(session, kind, what, axes, body)
 
     def _request(
@@ -194,7 +204,7 @@ class DueBus:
             if isinstance(answer, Refused):
                 refusal = answer
                 break
-        raise refused(self.name, what, [axis.name for axis in axes], refusal)
+        raise refusal_error(self.name, what, [axis.name for axis in axes], refusal)
 
     def _command(self, session: DueConnection, kind: Type, body: bytes) -> Telemetry | Refused | None:
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from typing import Final, Self
 
-PROTOCOL_VERSION: Final = 3
+PROTOCOL_VERSION: Final = 4
 CHANNELS: Final = 6
 #: Velocity of a demand whose host does not know it.
 NO_VELOCITY: Final = -(2**31)
@@ -83,6 +83,8 @@ class Reason(enum.IntEnum):
     ABOVE_SET_POINT = 11, "pressure stays above its set-point: exhaust blocked, or the read-back is wrong"
     NOT_VENTING = 12, "pressure does not fall at rest: exhaust blocked, or the read-back is wrong"
     ENCODER_EDGES = 13, "encoder edges missed: noise, a loose wire, or too fast; the position is lost"
+    HOME_TWICE = 14, "homing stood still at two places: an obstacle, or a shaft or an encoder that slips"
+    HOME_MOVED = 15, "its end stop is elsewhere than it was: an obstacle, or the zero moved"
 
 
 class Refusal(enum.IntEnum):

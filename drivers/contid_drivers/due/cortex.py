@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 import sys
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from contid_drivers.due.firmware import SKETCH_STANDARD, build_once, core_sources, firmware_dir
 
@@ -43,8 +43,15 @@ def build_core(processor: str = "cortex_m3") -> Path:
     return build_once(processor, compiler, [m3 / "entry.cpp", *core_sources()], included, ".elf")
 
 
-def memory_use(program: Path) -> tuple[int, int]:
-    """Bytes of flash and RAM of a 32-bit little-endian ELF file, by its program headers."""
+class MemoryUse(NamedTuple):
+    """Bytes that a program needs."""
+
+    flash: int
+    ram: int
+
+
+def memory_use(program: Path) -> MemoryUse:
+    """Flash and RAM of a 32-bit little-endian ELF file, by its program headers."""
     data = program.read_bytes()
     (start,) = struct.unpack_from("<I", data, 28)
     size, count = struct.unpack_from("<HH", data, 42)
@@ -56,4 +63,4 @@ def memory_use(program: Path) -> tuple[int, int]:
         # Initialised data lies in flash as well, to be copied from.
         flash += in_file
         ram += in_memory if address >= RAM_START else 0
-    return flash, ram
+    return MemoryUse(flash, ram)

@@ -17,6 +17,7 @@ from contid.hal import (
     Finding,
     FoundDevice,
     Homed,
+    RefusedKey,
     Report,
 )
 from contid.units import BAR, DEG
@@ -73,12 +74,12 @@ class DueDriver:
             return DeviceRate("velocity_deg_s", axis.velocity_deg_s * DEG)
         return DeviceRate("slew_bar_s", axis.slew_bar_s * BAR)
 
-    def refused(self, options: BaseModel, axes: Sequence[tuple[str, BaseModel]]) -> Iterator[tuple[str, str]]:
+    def refused(self, options: BaseModel, axes: Sequence[tuple[str, BaseModel]]) -> Iterator[RefusedKey]:
         """See `contid.hal.Restricts`: every open of the programming port resets the board and its counts."""
         assert isinstance(options, DueBusOptions)
         lost = [name for name, axis in axes if self.parkable(axis)]
         if options.connection == "programming" and lost:
-            yield (
+            yield RefusedKey(
                 "connection",
                 f"programming resets the board at every open, and {', '.join(lost)} would lose the position; "
                 "allowed: native, or homing at each of these axes",
@@ -95,10 +96,10 @@ class DueDriver:
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], control: Path | None = None
     ) -> AbstractContextManager[Sequence[str]]:
         """The firmware itself on a pty; see `contid.hal.Emulates`."""
-        from contid_drivers.due.emulator import emulated
+        from contid_drivers.due.emulator import emulate
 
         assert isinstance(options, DueBusOptions)
-        return emulated(name, options, axes, control)
+        return emulate(name, options, axes, control)
 
     def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
         """See `contid.hal.Diagnoses`."""

@@ -51,7 +51,7 @@ class BoardFault(Strict):
 
     @property
     def command(self) -> str:
-        """Its command in firmware/host/README.md."""
+        """The line that switches it, as firmware/host/README.md has it."""
         if self.fault in get_args(ChannelFault):
             return f"set {self.channel} {self.fault} {self.on:d}"
         if self.fault == "silent":
@@ -190,7 +190,7 @@ def _follow(control: ControlFile, ended: threading.Event) -> None:
 
 
 @contextlib.contextmanager
-def emulated(
+def emulate(
     name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], control: Path | None = None
 ) -> Iterator[Sequence[str]]:
     """See `contid.hal.Emulates`: the board of one bus at the port of its options."""

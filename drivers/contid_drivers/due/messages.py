@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from contid.errors import ContidError
 from contid_drivers.due.codes import (
@@ -173,14 +173,14 @@ def demand(
     return body
 
 
-def masked(config_crc: int, channels: Iterable[int]) -> bytes:
+def mask_body(config_crc: int, channels: Iterable[int]) -> bytes:
     """The body of arm, clear and home."""
     return struct.pack("<HB", config_crc, mask_of(channels))
 
 
 def park(config_crc: int, channels: Iterable[int], parked: bool) -> bytes:
     """The body of a park: the shafts are at ``power_up`` now, or (``parked`` false) somewhere."""
-    return masked(config_crc, channels) + bytes([parked])
+    return mask_body(config_crc, channels) + bytes([parked])
 
 
 def stop(channels: Iterable[int], rest: RestCode) -> bytes:
@@ -189,12 +189,19 @@ def stop(channels: Iterable[int], rest: RestCode) -> bytes:
 
 
 def mask_of(channels: Iterable[int]) -> int:
-    """One bit per channel."""
+    """A mask with the bit of each of these channels."""
     return sum({1 << channel for channel in channels})
 
 
-def read_answer(payload: bytes) -> tuple[int, Answer]:
-    """Sequence number and answer of a payload.
+class NumberedAnswer(NamedTuple):
+    """An answer, and the sequence number of its request."""
+
+    sequence: int
+    answer: Answer
+
+
+def read_answer(payload: bytes) -> NumberedAnswer:
+    """The answer in a payload.
 
     Raises:
         BadAnswerError: another protocol version, or a length of no answer.
@@ -203,7 +210,7 @@ def read_answer(payload: bytes) -> tuple[int, Answer]:
         version, kind, sequence = _HEADER.unpack_from(payload)
         if version != PROTOCOL_VERSION:
             raise BadAnswerError(f"the board has protocol version {version}, this contid {PROTOCOL_VERSION}")
-        return sequence, _read_body(kind, payload[_HEADER.size :])
+        return NumberedAnswer(sequence, _read_body(kind, payload[_HEADER.size :]))
     except (struct.error, ValueError) as error:
         raise BadAnswerError(f"unreadable answer {payload.hex()}: {error}") from error
 

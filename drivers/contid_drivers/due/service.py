@@ -13,6 +13,7 @@ from contid.errors import ContidError, DeviceError
 from contid.hal import AxisOnBus, Finding, FoundDevice, Homed, Report, Rest
 from contid_drivers.defer_signals import defer_signals
 from contid_drivers.due.bus import SILENCE_S, DueBus
+from contid_drivers.due.codes import Reason
 from contid_drivers.due.options import DueBusOptions, Role
 from contid_drivers.due.session import ask_hello
 from contid_drivers.due.wiring import axis_options
@@ -107,6 +108,7 @@ def home(
     with closing(DueBus(name, options, axes, _Monotonic())) as bus:
         bus.open()
         try:
+            bus.clear_fault(only)
             return [_home_one(bus, by_name[axis], report) for axis in only]
         finally:
             with defer_signals():
@@ -135,23 +137,29 @@ def park(
 def _home_one(bus: DueBus, axis: AxisOnBus, report: Report) -> Homed:
     method = axis_options(axis).homing
     assert method is not None
-    report(f"{axis.name}: towards its end stop at {method.speed_deg_s:g} deg/s")
-    bus.home([axis.name])
+    at_rad, device = math.radians(method.at_deg), f"{bus.name}: {axis.name}"
+    axis.reference.require_former(device, at_rad, turns_lost=False)
+    report(f"{axis.name}: towards its end stop at {method.speed_deg_s:g} deg/s, twice")
+    bus.home([axis.name], moved=axis.reference.zero_rad is None)
     while True:
         sample = bus.exchange({})[axis.name]
         if sample.fault:
-            raise DeviceError(
-                f"{bus.name}: {axis.name}", sample.fault, "clear the way, check direction and duty_percent"
-            )
+            raise DeviceError(device, sample.fault, _remedy(bus.reason(axis.name)))
         if sample.age_s > SILENCE_S:
-            raise DeviceError(
-                f"{bus.name}: {axis.name}", "it does not answer while homing", "check the board"
-            )
+            raise DeviceError(device, "it does not answer while homing", "check the board")
         if not bus.homing(axis.name):
             break
         time.sleep(_TICK_S)
     report(f"{axis.name}: stop found, backed off to {sample.value:.3f} rad")
-    return Homed(axis.name, math.radians(method.at_deg), method.at_mm, "end stop, found by the Due board")
+    return Homed(axis.name, at_rad, method.at_mm, "end stop, found twice by the Due board")
+
+
+def _remedy(reason: Reason | None) -> str:
+    if reason is Reason.HOME_MOVED:
+        return "look for what blocks its way; if it was rebuilt, `contid home --force`"
+    if reason in (Reason.STALLED, Reason.ENCODER_SILENT, Reason.FOLLOWING):
+        return "it stood still and does not move back: a jammed shaft or a dead encoder, no stop"
+    return "clear the way, check couplings, encoder, direction and duty_percent"
 
 
 #: A board answers within milliseconds; one that starts at the same moment within this time.

@@ -54,7 +54,7 @@ def _wait_for_hello(name: str, options: DueBusOptions, port: DuePort) -> Hello:
         sequence = (sequence + 1) & 0xFF
         payload = port.ask(messages.request(Type.HELLO, sequence), time.monotonic() + _HELLO_EVERY_S)
         try:
-            answer = None if payload is None else messages.read_answer(payload)[1]
+            answer = None if payload is None else messages.read_answer(payload).answer
         except messages.BadAnswerError as error:
             raise DeviceNotFoundError(name, str(error), "contid firmware flash") from error
         if isinstance(answer, Hello):
@@ -114,7 +114,7 @@ class DueConnection:
         self._sequence = (self._sequence + 1) & 0xFF
         payload = self._port.ask(messages.request(kind, self._sequence, body), time.monotonic() + seconds)
         try:
-            return None if payload is None else messages.read_answer(payload)[1]
+            return None if payload is None else messages.read_answer(payload).answer
         except messages.BadAnswerError:
             return None  # noise passes the CRC once in 65536 times
 
@@ -176,7 +176,7 @@ class DueConnection:
             )
 
     def command(self, kind: Type, body: bytes) -> Telemetry | Refused | None:
-        """One request answered by a telemetry; None after the time-out.
+        """Send a request that a telemetry answers; None after the time-out.
 
         Raises:
             DeviceLostError: the port is gone, or the board was reset since hello.
@@ -221,7 +221,7 @@ class DueConnection:
         self._port.close()
 
 
-def refused(name: str, what: str, axes: Sequence[str], answer: Refused | None) -> DeviceError:
+def refusal_error(name: str, what: str, axes: Sequence[str], answer: Refused | None) -> DeviceError:
     """The error for a request the board did not grant; ``answer`` is None without an answer."""
     message = "no answer" if answer is None else answer.message
     remedy = "" if answer is None else _REMEDIES.get(answer.refusal, "")

@@ -10,7 +10,8 @@ from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, DeviceKind
-from contid.units import BAR
+from contid.hal.homing import BACKOFF_MIN_DEG, REPEAT_RAD
+from contid.units import BAR, DEG
 from contid_drivers.due.codes import ADC_MV, ADC_STEPS, DUTY_FULL
 from contid_drivers.due.frames import crc16
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
@@ -25,7 +26,8 @@ MOTOR_FIELDS: Final = {
     "friction": "h", "deadband": "i",
     "stall_duty": "h", "stall_ms": "H", "stall_current_ma": "H", "full_scale_ma": "H",
     "follow": "i", "power_up": "i",
-    "home_velocity": "i", "home_duty": "h", "home_at": "i", "home_backoff": "i", "home_timeout_ms": "H",
+    "home_velocity": "i", "home_duty": "h", "home_at": "i", "home_backoff": "i",
+    "home_timeout_ms": "H", "home_repeat": "i",
 }  # fmt: skip
 #: The same for a regulator channel; its table of ``points`` pairs (duty ``H``, pressure ``i``) follows.
 REGULATOR_FIELDS: Final = {
@@ -127,8 +129,9 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions, adc: Adc) -> bytes:
         "home_velocity": max(1, round(home.speed_deg_s * per_deg)),
         "home_duty": max(1, _duty(home.duty_percent)),
         "home_at": round(home.at_deg * per_deg),
-        "home_backoff": round(home.backoff_deg * per_deg),
+        "home_backoff": max(2, round(max(home.backoff_deg, BACKOFF_MIN_DEG) * per_deg)),
         "home_timeout_ms": round(home.timeout_s * 1000.0),
+        "home_repeat": max(1, int(REPEAT_RAD / DEG * per_deg)),
     }
     return _pack(MOTOR_FIELDS, values)
 

@@ -33,12 +33,16 @@ def settings(axis: Axis, options: DynamixelBusOptions) -> list[tuple[Register, i
         (reg.DRIVE_MODE, 0),
         (reg.OPERATING_MODE, axis.operating_mode),
         (reg.HOMING_OFFSET, 0),
+        # Other servos may have this id as their second one, and this one that of others.
+        (reg.SECONDARY_ID, reg.SECONDARY_ID.default),
         # Bit 0 switches torque on after a brown-out, in an unchecked turn.
         (reg.STARTUP, 0),
         (reg.CURRENT_LIMIT, _units(axis, a.current_limit_ma)),
         (reg.PROFILE_VELOCITY, round(a.profile_velocity_deg_s / reg.DEG_S_PER_UNIT)),
         (reg.PROFILE_ACCELERATION, round(a.profile_acceleration_deg_s2 / reg.DEG_S2_PER_UNIT)),
         (reg.GOAL_CURRENT, _goal_current(axis)),
+        # Limits the torque in position modes as well.
+        (reg.GOAL_PWM, axis.own_pwm),
         (reg.POSITION_P, a.position_p),
         (reg.POSITION_I, a.position_i),
         (reg.POSITION_D, a.position_d),
@@ -63,6 +67,9 @@ def configure(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> 
     """
     device = axis.device
     torque = client.read(device, reg.TORQUE_ENABLE)
+    if client.read(device, reg.BUS_WATCHDOG) != 0:
+        # A tripped watchdog refuses every goal, and Goal Current is one.
+        hold_position(client, axis)
     read_own_limit(client, axis)
     for register, value in settings(axis, options):
         try:
@@ -190,15 +197,20 @@ def rest(client: ServoClient, axis: Axis, position: int | None) -> None:
 
 
 def torque_off(client: ServoClient, axes: Sequence[Axis]) -> list[str]:
-    """Torque off, then watchdog off, for all axes at once; returns the names that did not confirm."""
+    """Torque off, then watchdog off, for all axes at once; returns the names that did not confirm.
+
+    Dead servos are not asked: every time-out would freeze the goals of the others on the bus.
+    """
     packet = sync_write(reg.TORQUE_ENABLE.address, 1, [(axis.device, b"\0") for axis in axes])
-    silent = list(axes)
+    dead = [axis for axis in axes if axis.misses > 1]
+    asked = [axis for axis in axes if axis not in dead]
     for _ in range(3):
         client.port.flush()
         client.port.send(packet)
-        silent = [axis for axis in silent if not _reads_zero(client, axis, reg.TORQUE_ENABLE)]
-        if not silent:
+        asked = [axis for axis in asked if not _reads_zero(client, axis, reg.TORQUE_ENABLE)]
+        if not asked and not dead:
             break
+    silent = dead + asked
     for axis in axes:
         axis.enabled, axis.armed = False, 0
         if axis not in silent:
@@ -217,9 +229,12 @@ def recover(client: ServoClient, axis: Axis) -> None:
     """Bring a faulty servo to a state that can be armed, without moving it.
 
     Raises:
-        DeviceError: the fault persists, or its turn count cannot be inferred.
+        DeviceError: it is silent, the fault persists, or its turn count cannot be inferred.
     """
     device = axis.device
+    if axis.misses > 1:
+        # Every time-out of a dead servo would freeze the goals of the others on its bus.
+        raise NoAnswerError(client.name(device), "no answer", "check its power")
     if client.read(device, reg.HARDWARE_ERROR):
         if axis.turn_known:
             axis.seen = axis.to_rad(client.read(device, reg.PRESENT_POSITION))

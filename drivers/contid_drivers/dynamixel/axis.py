@@ -6,16 +6,21 @@ import math
 from dataclasses import dataclass, field
 
 from contid.errors import DeviceError
-from contid.hal import SLACK_TENDON, SNAPPED_TENDON, AxisOnBus, Rest, Sample
+from contid.hal import SLACK_TENDON, SNAPPED_TENDON, AxisOnBus, Reference, Rest, Sample
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.exchange.block import ServoReading
 from contid_drivers.dynamixel.models import BY_NAME, ServoModel
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions, Tensioning
-from contid_drivers.dynamixel.plausibility import FollowingError, SlackTendon, jumped
+from contid_drivers.dynamixel.plausibility import FollowingError, SlackTendon, has_jumped
 
 RESET_FAULT = "it reset itself (brown-out?); its watchdog, settings and turn count are gone"
 #: Following error allowed in extended position mode.
 FOLLOWING_ERROR_DEG = 30.0
+#: A motion between two readings that only comes after a gap, or a lost turn.
+FAR_RAD = math.radians(45.0)
+#: Difference of the time of the servo from that of the host, of readings that came late, and of its clock.
+TICK_SLACK_MS = 50.0
+TICK_SLACK = 0.05
 TORQUE_OFF_FAULT = "its torque was switched off from outside: does another program use this bus?"
 
 _JUMP = "another program reset its count of turns, or its encoder is faulty"
@@ -37,6 +42,7 @@ class Axis:
         armed: Bus Watchdog written to it (counts of 20 ms), 0 while not armed.
         turns: whole turns added to the servo's count; see `turns`.
         turn_known: ``turns`` was determined; cleared by whatever may have changed the servo's count.
+        marked: the servo keeps the mark of this turn, so that a reset can be recognised.
         seen: last position [rad] while the turn was known.
         misses: consecutive exchanges without an answer.
         fault: latched fault, empty for none.
@@ -46,7 +52,10 @@ class Axis:
         following: its following error.
         tendon: on its spool, if its homing tensions one.
         value, time_s: last valid position [rad] and its time.
+        tick: Realtime Tick of that reading, None where it was not read.
         effort_share: share of its current limit, see `grip`.
+        reference: what its homing must agree with.
+        own_pwm: its PWM Limit (36), read with its Current Limit.
         own_limit_ma: its Current Limit (38), read before it is armed in current-based position mode.
     """
 
@@ -56,12 +65,14 @@ class Axis:
     operating_mode: int
     device: int
     model: ServoModel
+    reference: Reference = field(default_factory=Reference)
     firmware: int = 0
     return_delay_s: float = 0.0
     enabled: bool = False
     armed: int = 0
     turns: int = 0
     turn_known: bool = False
+    marked: bool = False
     seen: float | None = None
     misses: int = 0
     fault: str = ""
@@ -69,12 +80,14 @@ class Axis:
     pending_rest: Rest | None = None
     value: float | None = None
     time_s: float = 0.0
+    tick: int | None = None
     velocity: float | None = None
     effort: float | None = None
     voltage_v: float | None = None
     temperature_c: float | None = None
     hardware_error: int = 0
     effort_share: float = 1.0
+    own_pwm: int | None = None
     own_limit_ma: float | None = None
     goal: float | None = None
     following: FollowingError = field(default_factory=lambda: FollowingError(math.inf, 0.0))
@@ -82,7 +95,7 @@ class Axis:
 
     @classmethod
     def of(cls, axis: AxisOnBus, bus: DynamixelBusOptions) -> Axis:
-        """From the robot file."""
+        """Build the servo of an axis of the robot file."""
         options = axis.options
         assert isinstance(options, DynamixelAxisOptions)
         mode, model = options.mode or bus.mode, BY_NAME[options.model]
@@ -103,6 +116,7 @@ class Axis:
             model,
             following=following,
             tendon=_tendon_of(options),
+            reference=axis.reference,
         )
 
     def to_rad(self, ticks: int) -> float:
@@ -132,10 +146,28 @@ class Axis:
         self.following.clear()
         self.tendon.clear()
 
-    def missed(self, time_s: float) -> Sample:
+    def may_have_reset(self, reading: ServoReading, time_s: float) -> bool:
+        """Whether nothing in a reading excludes a reset since the one before.
+
+        A lost mapping shows a reset in the mapped bytes. An armed watchdog does, and so does the time of the
+        servo, unless a reset happens to fit it: then it missed exchanges. A long way may be whole turns.
+        """
+        if self.reset or not self.marked:
+            return False
+        if self.seen is not None and abs(self.to_rad(reading.position) - self.seen) > FAR_RAD:
+            return reading.voltage_low != 0
+        if self.armed or reading.voltage_low is not None:
+            return False
+        if self.misses or self.tick is None or reading.tick is None:
+            return True
+        elapsed_ms = 1e3 * (time_s - self.time_s)
+        late_ms = math.remainder(reading.tick - self.tick - elapsed_ms, reg.REALTIME_TICKS)
+        return abs(late_ms) > TICK_SLACK_MS + TICK_SLACK * elapsed_ms
+
+    def record_miss(self, time_s: float) -> Sample:
         """No answer in this exchange."""
         self.misses += 1
-        return self._sample(time_s, valid=False)
+        return self.sample(time_s, valid=False)
 
     def take(self, reading: ServoReading, time_s: float) -> None:
         """Store an answer that arrived at ``time_s``, and detect faults."""
@@ -148,7 +180,7 @@ class Axis:
         value = self.to_rad(reading.position)
         if not self.reset and self.turn_known and self.seen is not None:
             elapsed_s = time_s - self.time_s
-            if jumped(value - self.seen, elapsed_s):
+            if has_jumped(value - self.seen, elapsed_s):
                 off_deg = math.degrees(value - self.seen)
                 self.latch_reset(
                     f"its position jumped by {off_deg:+.0f} deg in {1e3 * elapsed_s:.0f} ms; {_JUMP}"
@@ -158,7 +190,7 @@ class Axis:
         self.value = value
         if self.turn_known:
             self.seen = value
-        self.time_s = time_s
+        self.time_s, self.tick = time_s, reading.tick
         self.velocity = reading.velocity * reg.RAD_S_PER_UNIT
         unit_ma = self.model.ma_per_unit
         self.effort = None if unit_ma is None else reading.current * unit_ma / 1e3
@@ -171,10 +203,6 @@ class Axis:
             if self.tendon.winding:
                 self._detect_slack(time_s)
 
-    def sample(self, time_s: float) -> Sample:
-        """Its sample at the end of an exchange that it answered."""
-        return self._sample(time_s, valid=not self.reset)
-
     def _detect_standstill(self, time_s: float) -> None:
         if self.goal is None or self.value is None or self.velocity is None:
             return
@@ -184,7 +212,7 @@ class Axis:
             return
         limit_ma = self.options.current_limit_ma or self.model.current_limit_ma
         load = None if self.effort is None or not limit_ma else abs(self.effort) * 1e3 / limit_ma
-        if not self.following.exceeded(error, self.velocity, load, time_s):
+        if not self.following.is_exceeded(error, self.velocity, load, time_s):
             return
         current = "" if self.effort is None else f" with {1e3 * abs(self.effort):.0f} mA"
         self.latch(
@@ -195,7 +223,7 @@ class Axis:
     def _detect_slack(self, time_s: float) -> None:
         if self.effort is None or self.velocity is None:
             return
-        if not self.tendon.exceeded(self.effort, self.velocity, time_s):
+        if not self.tendon.is_exceeded(self.effort, self.velocity, time_s):
             return
         now_ma, least_ma = 1e3 * self.tendon.winding * self.effort, 1e3 * self.tendon.least_a
         state = (
@@ -227,7 +255,8 @@ class Axis:
         else:
             self.latch_reset()
 
-    def _sample(self, now: float, valid: bool) -> Sample:
+    def sample(self, now: float, valid: bool) -> Sample:
+        """Its sample at the end of an exchange; valid if that brought an answer that counts."""
         return Sample(
             self.value,
             self.time_s,

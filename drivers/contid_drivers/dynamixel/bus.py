@@ -11,7 +11,7 @@ from typing import Final
 
 from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Clock, Rest, Sample
-from contid_drivers.dynamixel import arming, torque
+from contid_drivers.dynamixel import arming, torque, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
@@ -44,6 +44,7 @@ class DynamixelBus:
         self._grip = CurrentShare(self._states.values())
         self._link = BusLink(name, options, tuple(self._states.values()))
         self._readings: dict[int, ServoReading] = {}  # usable ones of the newest exchange
+        self._doubtful: dict[int, ServoReading] = {}  # of servos that may have reset
         self._count = 0  # exchanges
         self._clean = 0  # complete exchanges since the last miss
         self._late_logged = False
@@ -61,25 +62,29 @@ class DynamixelBus:
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
         """See `contid.hal.Bus.exchange`."""
-        opened = self._link.opened()
+        opened = self._link.need_open()
         client, cyclic = opened.client, opened.cyclic
         goals = self._goals(commands)
         self._count += 1
         full = self._count % self.options.telemetry_every == 0 or self._count == 1
         faults = [axis.fault for axis in self._states.values()]
         self._readings.clear()
+        before_goals = self._grip.packet() if self._grip.axes else b""
+        self._doubtful.clear()
         try:
-            found = cyclic.run(goals, full, None, self._grip.packet(), self._answered)
+            found = cyclic.run(goals, full, None, before_goals, self._take_answer)
             if len(found) < len(self._by_id):
                 self._retry(cyclic, found.keys(), full)
             else:
                 self._count_complete(cyclic)
+            for device, doubtful in self._doubtful.items():
+                self._check_turn(client, device, doubtful)
             client.fed_s = time.monotonic()
             now = self._clock.now()
             samples = {}
             for (name, axis), before in zip(self._states.items(), faults, strict=True):
                 reading = self._readings.get(axis.device)
-                samples[name] = axis.missed(now) if reading is None else axis.sample(now)
+                samples[name] = axis.record_miss(now) if reading is None else axis.sample(now, not axis.reset)
                 if axis.fault != before:
                     samples[name] = self._find_cause(client, axis, reading, now, samples[name])
                 if axis.pending_rest is not None and reading is not None:
@@ -89,15 +94,25 @@ class DynamixelBus:
             raise self._link.mark_lost(error) from None
         return samples
 
-    def _answered(self, device: int, reading: ServoReading) -> None:
-        """Take a reading, unless it may come from a servo that has reset itself.
-
-        Without mapped bytes only an armed watchdog excludes a reset.
-        """
-        axis = self._by_id[device]
-        if axis.armed or reading.voltage_low is not None or not self._link.indirect:
-            axis.take(reading, self._clock.now())
+    def _take_answer(self, device: int, reading: ServoReading) -> None:
+        """Take a reading, unless it may come from a servo that has reset itself."""
+        axis, now = self._by_id[device], self._clock.now()
+        if axis.may_have_reset(reading, now):
+            self._doubtful[device] = reading
+        elif axis.armed or reading.voltage_low is not None or axis.marked or not self._link.indirect:
+            axis.take(reading, now)
             self._readings[device] = reading
+
+    def _check_turn(self, client: ServoClient, device: int, reading: ServoReading) -> None:
+        """Take a doubtful reading if the servo keeps the mark of its turn; in a tick, so with one try."""
+        axis = self._by_id[device]
+        try:
+            if turns.reset_since(client, axis, tries=1):
+                axis.latch_reset()
+        except NoAnswerError:
+            return
+        axis.take(reading, self._clock.now())
+        self._readings[device] = reading
 
     def _note_missing(self, opened: Opened) -> None:
         """Read servos that missed several exchanges last, discard late answers, log the first late one."""
@@ -161,7 +176,7 @@ class DynamixelBus:
         if fast:
             log.debug("%s: fast read broke off; plain reads for %d exchanges", self.name, FAST_AGAIN)
             until += cyclic.timeout_s(full)
-        cyclic.read_again(missing, full, until, self._answered)
+        cyclic.read_again(missing, full, until, self._take_answer)
 
     def _count_complete(self, cyclic: Cyclic) -> None:
         if cyclic.fast or self.options.fast_read == "off":
@@ -179,7 +194,7 @@ class DynamixelBus:
                 axis.hardware_error = client.read(axis.device, reg.HARDWARE_ERROR)
                 axis.fault = ""
                 axis.take(reading, now)
-                sample = axis.sample(now)
+                sample = axis.sample(now, not axis.reset)
             except NoAnswerError:
                 pass
         log.error("%s: %s", axis.name, axis.fault)

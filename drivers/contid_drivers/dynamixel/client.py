@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping
-from typing import Final
+from typing import Final, NamedTuple
 
 from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
@@ -49,6 +49,13 @@ class ServoRefusedError(DeviceError):
     """A servo answered with an error."""
 
 
+class Identity(NamedTuple):
+    """What a servo answers to a ping: its model number, and the version of its firmware."""
+
+    model: int
+    firmware: int
+
+
 class ServoClient:
     """Reads and writes registers of single servos."""
 
@@ -77,13 +84,13 @@ class ServoClient:
         answer = self._ask(device, Instruction.PING, b"", PING_SIZE, tries)
         return None if answer is None else int.from_bytes(answer.parameters[:2], "little")
 
-    def broadcast_ping(self) -> dict[int, tuple[int, int]]:
-        """Model number and firmware of every servo on the bus, by id."""
+    def broadcast_ping(self) -> dict[int, Identity]:
+        """Every servo on the bus, by id."""
         self.port.flush()
         sent = self.port.send(build(BROADCAST, Instruction.PING))
         slot_s = PING_SLOT_S + self.port.status_s(PING_SIZE)
         return {
-            answer.device: (int.from_bytes(answer.parameters[:2], "little"), answer.parameters[2])
+            answer.device: Identity(int.from_bytes(answer.parameters[:2], "little"), answer.parameters[2])
             for answer in self.port.packets(sent + BROADCAST * slot_s + self.port.latency_s)
             if answer.instruction == Instruction.STATUS and len(answer.parameters) == PING_SIZE
         }

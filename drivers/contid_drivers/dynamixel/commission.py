@@ -16,7 +16,7 @@ from dynamixel_sdk import COMM_RX_CORRUPT, COMM_RX_TIMEOUT, COMM_SUCCESS, Packet
 from contid.errors import DeviceError
 from contid_drivers.dynamixel import duplicates
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.client import REBOOT_S, TRIES
+from contid_drivers.dynamixel.client import REBOOT_S, TRIES, Identity
 from contid_drivers.dynamixel.packets import ALERT
 from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.dynamixel.registers import Register
@@ -46,10 +46,10 @@ class SdkBus:
         """Whether a servo answers a ping."""
         return any(self._sdk.ping(self._port, device)[1] == COMM_SUCCESS for _ in range(TRIES))
 
-    def broadcast_ping(self) -> dict[int, tuple[int, int]]:
-        """Model number and firmware of every servo, by id."""
+    def broadcast_ping(self) -> dict[int, Identity]:
+        """Every servo on the bus, by id."""
         found, _ = self._sdk.broadcastPing(self._port)
-        return {device: (model, firmware) for device, (model, firmware) in sorted(found.items())}
+        return {device: Identity(*answer) for device, answer in sorted(found.items())}
 
     def read(self, device: int, register: Register) -> int:
         """Value of a register.

@@ -14,10 +14,10 @@ from contid_drivers.dynamixel import arming, duplicates
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
+from contid_drivers.dynamixel.cycle_time import Slack
 from contid_drivers.dynamixel.exchange.answers import AnswerCounts
 from contid_drivers.dynamixel.exchange.block import PLAIN
 from contid_drivers.dynamixel.exchange.cyclic import Cyclic
-from contid_drivers.dynamixel.exchange.slack import Slack
 from contid_drivers.dynamixel.grip import read_own_limit
 from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
@@ -28,6 +28,9 @@ HOT_C: Final = 60
 #: Exchanges with all servos in a row, and the time after which there are enough of them.
 EXCHANGES: Final = 200
 EXCHANGES_S: Final = 1.0
+#: Errors after which every new servo drops its torque, and temperature limits of the models.
+_SHUTDOWN: Final = 0x34
+_TEMPERATURES_C: Final = (65, 80)
 _UDEV: Final = "install host/99-contid.rules (see docs/devices/dynamixel.md) and plug the adapter in again"
 
 
@@ -51,7 +54,7 @@ def examine(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus]) 
             findings += _servo(client, Axis.of(axis, options), options)
         configured, found = [Axis.of(axis, options).device for axis in axes], set(client.broadcast_ping())
         findings += exchanges(client, [device for device in configured if device in found], options)
-        findings.append(_others(name, found.difference(configured)))
+        findings.append(_others(client, found.difference(configured), configured))
     except DeviceError as error:
         findings.append(Finding(f"{name} port", False, error.message, error.remedy))
     finally:
@@ -128,6 +131,7 @@ def _examine_servo(
             warning=slow,
         ),
         _settings(client, axis, options),
+        _protections(client, device),
         finding(
             "voltage",
             kind.supply_min_v < volts / 10 <= kind.supply_max_v,
@@ -168,6 +172,20 @@ def _settings(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> 
     return Finding(subject, True, message, "arming writes them", warning=True)
 
 
+def _protections(client: ServoClient, device: int) -> Finding:
+    """Limits that the robot file does not set, where another program has changed them."""
+    changed = []
+    if missing := _SHUTDOWN & ~client.read(device, reg.SHUTDOWN):
+        changed.append(f"shutdown (63) leaves the torque on after: {reg.describe_hardware_error(missing)}")
+    if (pwm := client.read(device, reg.PWM_LIMIT)) < reg.PWM_LIMIT.default:
+        changed.append(f"pwm limit (36) is {pwm} of {reg.PWM_LIMIT.default}: it is weak and slow")
+    if not _TEMPERATURES_C[0] <= (hot := client.read(device, reg.TEMPERATURE_LIMIT)) <= _TEMPERATURES_C[1]:
+        changed.append(f"temperature limit (31) is {hot} deg C")
+    remedy = "another program has set this: `contid servo factory-reset`" if changed else ""
+    message = "; ".join(changed) or "those of a new servo"
+    return Finding(f"id {device} limits", True, message, remedy, warning=bool(changed))
+
+
 def exchanges(client: ServoClient, devices: Sequence[int], options: DynamixelBusOptions) -> list[Finding]:
     """Answers to exchanges with ``devices``, with the time-outs of a run."""
     if not devices:
@@ -198,7 +216,15 @@ def exchanges(client: ServoClient, devices: Sequence[int], options: DynamixelBus
     ]
 
 
-def _others(name: str, others: Collection[int]) -> Finding:
-    ids = ", ".join(map(str, sorted(others)))
+def _others(client: ServoClient, others: Collection[int], configured: Collection[int]) -> Finding:
+    subject, ids = f"{client.bus} others", ", ".join(map(str, sorted(others)))
+    for device in sorted(others):
+        try:
+            second = client.read(device, reg.SECONDARY_ID)
+        except DeviceError:
+            continue
+        if second in configured:
+            message = f"id {device} has the secondary id (12) {second}: it moves with servo {second}"
+            return Finding(subject, False, message, "write 255 there in DYNAMIXEL Wizard, or disconnect it")
     message = f"also on the bus: id {ids}" if others else "only the servos of the robot file"
-    return Finding(f"{name} others", True, message)
+    return Finding(subject, True, message)

@@ -30,7 +30,8 @@ def limit_ma(axis: Axis) -> float:
 
 
 def read_own_limit(client: ServoClient, axis: Axis) -> None:
-    """Read the Current Limit that the servo has; a Goal Current above it is refused."""
+    """Read the limits that the servo has; a Goal Current or Goal PWM above them is refused."""
+    axis.own_pwm = client.read(axis.device, reg.PWM_LIMIT)
     if axis.operating_mode == CURRENT_BASED and axis.model.ma_per_unit is not None:
         axis.own_limit_ma = axis.model.ma_per_unit * client.read(axis.device, reg.CURRENT_LIMIT)
 
@@ -41,26 +42,30 @@ def goal_current(axis: Axis) -> int:
 
 
 class CurrentShare:
-    """Decides which exchange carries the currents."""
+    """Decides which exchange carries the currents.
+
+    Attributes:
+        axes: whose current is limited.
+    """
 
     def __init__(self, axes: Iterable[Axis]) -> None:
-        self._axes = [axis for axis in axes if limit_ma(axis)]
+        self.axes = [axis for axis in axes if limit_ma(axis)]
         self._left = 0
         self._count = 0
 
     def limits(self) -> dict[str, float]:
         """Greatest effort by axis [A]; axes without a limit are left out."""
-        return {axis.name: limit_ma(axis) / 1e3 for axis in self._axes}
+        return {axis.name: limit_ma(axis) / 1e3 for axis in self.axes}
 
     def change(self, shares: Mapping[str, float]) -> None:
         """Take new shares of the limits, by axis."""
-        for axis in self._axes:
+        for axis in self.axes:
             axis.effort_share = shares.get(axis.name, axis.effort_share)
         self._left = REPEATS
 
     def packet(self) -> bytes:
         """What this exchange sends before its goals; empty for nothing."""
-        enabled = [axis for axis in self._axes if axis.enabled]
+        enabled = [axis for axis in self.axes if axis.enabled]
         self._count += 1
         due = self._count % EVERY == 0 and any(axis.effort_share != 1.0 for axis in enabled)
         if not enabled or not (self._left or due):

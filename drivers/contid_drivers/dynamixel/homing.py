@@ -1,8 +1,9 @@
 """Homing: find the reference of an axis, against a hard stop with low current or by its stored pose.
 
 Against a stop: current-based position mode with a small Goal Current, a slow profile, the Bus Watchdog armed,
-and a goal beyond the stop. The stop is where the servo stands still with its current at the limit. Torque is
-switched off afterwards in every case. The port's lock excludes other processes that drive the bus.
+and a goal beyond the stop. The stop is where the servo stands still with its current at the limit, found
+twice with a way back between (`contid.hal.homing`). Torque is switched off afterwards in every case. The
+port's lock excludes other processes that drive the bus.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Homed, Report
+from contid.hal.homing import BACKOFF_MIN_DEG
 from contid_drivers.dynamixel import arming, search, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
@@ -26,8 +28,7 @@ from contid_drivers.dynamixel.tensioning import tension
 from contid_drivers.serial_ports import find_port
 
 POLL_S: Final = 0.01
-#: Standing still: less motion than this per poll, for this time, with this share of the current.
-STILL_TICKS: Final = 3
+#: Standing still for this time, with this share of the current.
 STILL_S: Final = 0.25
 PUSHING: Final = 0.8
 
@@ -80,6 +81,7 @@ def _by_pose(client: ServoClient, axis: Axis, homing: SingleTurn, report: Report
     value = axis.to_rad(client.read(axis.device, reg.PRESENT_POSITION))
     off_deg = math.degrees(value) - homing.pose_deg
     report(f"{axis.name}: {math.degrees(value):.2f} deg, {off_deg:+.2f} deg from its stored pose")
+    axis.reference.require_former(client.name(axis.device), value, turns_lost=False)
     return Homed(axis.name, value, homing.at_mm, f"stored pose, {off_deg:+.2f} deg from it")
 
 
@@ -90,33 +92,41 @@ def _by_stop(
     start = search.prepare(client, axis, homing.speed_deg_s, homing.current_ma)
     arming.arm(client, axis)
     arming.start_watchdogs(client, [axis], options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
-    reach = round(homing.speed_deg_s * homing.timeout_s * reg.TICKS_PER_DEG)
-    client.write(device, reg.GOAL_POSITION, start + homing.direction * reach)
     report(f"{axis.name}: searching its stop with {homing.current_ma} mA")
-    stop = _until_blocked(client, axis, homing, start)
-    report(f"{axis.name}: stop at {math.degrees(stop * reg.RAD_PER_TICK):.2f} deg")
-    back = stop - homing.direction * round(homing.backoff_deg * reg.TICKS_PER_DEG)
-    client.write(device, reg.GOAL_POSITION, back)
-    _wait_there(client, axis, back, homing.backoff_deg / homing.speed_deg_s + 1.0)
-    turns.store(client, axis, 0)
-    travelled = abs(stop - start) / reg.TICKS_PER_DEG
-    return Homed(
-        axis.name,
-        stop * reg.RAD_PER_TICK,
-        homing.at_mm,
-        f"hard stop with {homing.current_ma} mA after {travelled:.0f} deg",
-    )
+    first = _until_blocked(client, axis, homing, start)
+    report(f"{axis.name}: stands still at {math.degrees(first * reg.RAD_PER_TICK):.2f} deg, once more")
+    stop = _until_blocked(client, axis, homing, _move_back(client, axis, homing, first))
+    name = client.name(device)
+    axis.reference.require_repetition(name, axis.to_rad(first), axis.to_rad(stop))
+    _move_back(client, axis, homing, stop)
+    value = axis.to_rad(stop)
+    report(f"{axis.name}: stop at {math.degrees(value):.2f} deg")
+    axis.reference.require_former(name, value, turns_lost=not axis.turn_known)
+    turns.store(client, axis, axis.turns)
+    travelled = abs(first - start) / reg.TICKS_PER_DEG
+    how = f"hard stop with {homing.current_ma} mA after {travelled:.0f} deg"
+    return Homed(axis.name, value, homing.at_mm, how)
+
+
+def _move_back(client: ServoClient, axis: Axis, homing: HardStop, stop: int) -> int:
+    """Back off from a stop [ticks]; returns where to."""
+    backoff_deg = max(homing.backoff_deg, BACKOFF_MIN_DEG)
+    back = stop - homing.direction * round(backoff_deg * reg.TICKS_PER_DEG)
+    search.move_back(client, [axis], {axis.device: stop}, {axis.device: back})
+    return back
 
 
 def _until_blocked(client: ServoClient, axis: Axis, homing: HardStop, start: int) -> int:
-    """Position [ticks] at which the servo stands still with its current at the limit."""
+    """Search from ``start``: the position [ticks] of standstill with the current at its limit."""
+    reach = round(homing.speed_deg_s * homing.timeout_s * reg.TICKS_PER_DEG)
+    client.write(axis.device, reg.GOAL_POSITION, start + homing.direction * reach)
     until = time.monotonic() + homing.timeout_s
     still_since, last = time.monotonic(), start
     while True:
         time.sleep(POLL_S)
         position, current = search.observe(client, axis)
         now = time.monotonic()
-        if abs(position - last) >= STILL_TICKS or current < PUSHING * homing.current_ma:
+        if abs(position - last) >= search.STILL_TICKS or current < PUSHING * homing.current_ma:
             still_since, last = now, position
         elif now - still_since >= STILL_S:
             return position
@@ -128,11 +138,3 @@ def _until_blocked(client: ServoClient, axis: Axis, homing: HardStop, start: int
                 f"with {current:.0f} of {homing.current_ma} mA",
                 "check direction, speed and current of its homing",
             )
-
-
-def _wait_there(client: ServoClient, axis: Axis, goal: int, timeout_s: float) -> None:
-    until = time.monotonic() + timeout_s
-    while time.monotonic() < until:
-        time.sleep(POLL_S)
-        if abs(client.read(axis.device, reg.PRESENT_POSITION) - goal) <= STILL_TICKS:
-            return

@@ -12,10 +12,10 @@ from contid_drivers.dynamixel import duplicates, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
+from contid_drivers.dynamixel.cycle_time import Slack
 from contid_drivers.dynamixel.exchange.answers import AnswerCounts
 from contid_drivers.dynamixel.exchange.block import PLAIN, common_layout
 from contid_drivers.dynamixel.exchange.cyclic import Cyclic
-from contid_drivers.dynamixel.exchange.slack import Slack
 from contid_drivers.dynamixel.mapping import map_block
 from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
@@ -104,7 +104,7 @@ class BusLink:
         """The open port; None when it is closed or lost."""
         return self._opened if self._lost is None else None
 
-    def opened(self) -> Opened:
+    def need_open(self) -> Opened:
         """The open port.
 
         Raises:
@@ -139,7 +139,7 @@ class BusLink:
                 self.name, reg.FAST_READ_FIRMWARE, which,
             )  # fmt: skip
             return False
-        cyclic = self.opened().cyclic
+        cyclic = self.need_open().cyclic
         # A servo without fast reads answers none; that is no fault of the wire.
         cyclic.answers.counts = copy.copy(self.counts)
         try:
@@ -171,8 +171,8 @@ def handshake(client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOp
             lines.append(f"id {axis.device} ({axis.name}): expected {axis.options.model}, found {found}")
     if lines:
         present = ", ".join(
-            f"id {device} {model_name(model)} firmware {firmware}"
-            for device, (model, firmware) in sorted(client.broadcast_ping().items())
+            f"id {device} {model_name(servo.model)} firmware {servo.firmware}"
+            for device, servo in sorted(client.broadcast_ping().items())
         )
         raise DeviceNotFoundError(
             client.bus,

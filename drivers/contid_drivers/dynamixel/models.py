@@ -37,7 +37,7 @@ class Gains(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ServoModel:
-    """One model.
+    """A model of servo, and what distinguishes it from others.
 
     Attributes:
         number: Model Number (register 0).

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
-from typing import Final
+from typing import Final, NamedTuple
 
 HEADER: Final = b"\xff\xff\xfd\x00"
 BROADCAST: Final = 0xFE
@@ -83,10 +83,15 @@ def _crc_table() -> tuple[int, ...]:
 
 
 _CRC: Final = _crc_table()
-#: CRC of two bytes by their value: half the steps of a table of bytes. An array stays in a processor's cache.
-_CRC_2: Final = array(
-    "H", (((first << 8) & 0xFF00) ^ _CRC[(first >> 8) ^ byte] for first in _CRC for byte in range(256))
-)
+
+
+@cache
+def _crc_of_pairs() -> array[int]:
+    """CRC of two bytes by their value: half the steps of a table of bytes; made when needed (10 ms)."""
+    # An array stays in a processor's cache.
+    return array(
+        "H", (((first << 8) & 0xFF00) ^ _CRC[(first >> 8) ^ byte] for first in _CRC for byte in range(256))
+    )
 
 
 @cache
@@ -96,7 +101,7 @@ def _pairs(count: int) -> Callable[[bytes | bytearray | memoryview], tuple[int, 
 
 def crc16(data: bytes | bytearray | memoryview, crc: int = 0) -> int:
     """CRC-16/BUYPASS of ``data``, going on from ``crc``."""
-    table = _CRC_2
+    table = _crc_of_pairs()
     if len(data) & 1:
         crc = ((crc << 8) & 0xFF00) ^ _CRC[(crc >> 8) ^ data[0]]
         data = data[1:]
@@ -196,7 +201,14 @@ def status_head(device: int, size: int) -> bytes:
     return HEADER + bytes((device, (size + 4) & 0xFF, (size + 4) >> 8, Instruction.STATUS))
 
 
-def take_status(stream: bytearray, size: int) -> tuple[int, bytes] | None:
+class Status(NamedTuple):
+    """What a servo answered."""
+
+    error: int
+    parameters: bytes
+
+
+def take_status(stream: bytearray, size: int) -> Status | None:
     """Remove the status packet at the start of ``stream``; a quick `take` for the usual case.
 
     Args:
@@ -204,7 +216,7 @@ def take_status(stream: bytearray, size: int) -> tuple[int, bytes] | None:
         size: number of parameters.
 
     Returns:
-        Error and parameters. None if it is incomplete, broken or stuffed, which `take` decides.
+        None if it is incomplete, broken or stuffed, which `take` decides.
     """
     end = STATUS_HEAD + size + 1
     if len(stream) < end + 2:
@@ -214,7 +226,7 @@ def take_status(stream: bytearray, size: int) -> tuple[int, bytes] | None:
     if _PATTERN in wire[7:] or crc16(wire) != stream[end] | stream[end + 1] << 8:
         return None
     del stream[: end + 2]
-    return wire[STATUS_HEAD], wire[STATUS_HEAD + 1 :]
+    return Status(wire[STATUS_HEAD], wire[STATUS_HEAD + 1 :])
 
 
 def _opened(wire: bytes) -> Packet:

@@ -22,7 +22,7 @@ PROGRESS: Final = 0.1
 SNAPPED: Final = 3.0
 
 
-def jumped(moved_rad: float, elapsed_s: float) -> bool:
+def has_jumped(moved_rad: float, elapsed_s: float) -> bool:
     """Whether a position changed faster than a servo turns."""
     if elapsed_s > JUMP_WINDOW_S:
         return False
@@ -45,7 +45,7 @@ class FollowingError:
     since: float | None = None
     best_rad: float = math.inf
 
-    def exceeded(self, error_rad: float, velocity_rad_s: float, load: float | None, now: float) -> bool:
+    def is_exceeded(self, error_rad: float, velocity_rad_s: float, load: float | None, now: float) -> bool:
         """Judge one measurement.
 
         Args:
@@ -86,7 +86,7 @@ class SlackTendon:
     since: float | None = None
     before_a: float = 0.0
 
-    def exceeded(self, effort_a: float, velocity_rad_s: float, now: float) -> bool:
+    def is_exceeded(self, effort_a: float, velocity_rad_s: float, now: float) -> bool:
         """Judge one measurement: current [A], velocity [rad/s] and its time [s]."""
         carried_a = self.winding * effort_a
         if not self.winding or carried_a >= self.least_a or self.winding * velocity_rad_s < -STILL_RAD_S:

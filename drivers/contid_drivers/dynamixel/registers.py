@@ -60,7 +60,7 @@ class Register:
         return int.from_bytes(data, "little", signed=self.signed)
 
 
-def _rw(name: str, address: int, size: int, default: int, low: int, high: int, unit: str = "") -> Register:
+def _rw(name: str, address: int, size: int, default: int, low: int, high: int, *, unit: str = "") -> Register:
     return Register(name, address, size, default, low, high, low < 0, True, unit)
 
 
@@ -75,16 +75,19 @@ MODEL_NUMBER = _ro("model number", 0, 2, 1200)
 FIRMWARE = _ro("firmware version", 6, 1, 52)
 ID = _rw("id", 7, 1, 1, 0, 252)
 BAUD = _rw("baud rate", 8, 1, 1, 0, 6)
-RETURN_DELAY = _rw("return delay time", 9, 1, 250, 0, 254, "2 us")
+RETURN_DELAY = _rw("return delay time", 9, 1, 250, 0, 254, unit="2 us")
 DRIVE_MODE = _rw("drive mode", 10, 1, 0, 0, 13)
 OPERATING_MODE = _rw("operating mode", 11, 1, 3, 0, 16)
-HOMING_OFFSET = _rw("homing offset", 20, 4, 0, -1044479, 1044479, "tick")
-MAX_VOLTAGE = _rw("max voltage limit", 32, 2, 70, 31, 70, "0.1 V")
-MIN_VOLTAGE = _rw("min voltage limit", 34, 2, 35, 31, 70, "0.1 V")
-CURRENT_LIMIT = _rw("current limit", 38, 2, 1750, 0, 1750, "mA")
-VELOCITY_LIMIT = _rw("velocity limit", 44, 4, 445, 0, 2047, "0.229 rpm")
-MAX_POSITION = _rw("max position limit", 48, 4, 4095, 0, 4095, "tick")
-MIN_POSITION = _rw("min position limit", 52, 4, 0, 0, 4095, "tick")
+SECONDARY_ID = _rw("secondary id", 12, 1, 255, 0, 255)
+HOMING_OFFSET = _rw("homing offset", 20, 4, 0, -1044479, 1044479, unit="tick")
+TEMPERATURE_LIMIT = _rw("temperature limit", 31, 1, 70, 0, 100, unit="deg C")
+MAX_VOLTAGE = _rw("max voltage limit", 32, 2, 70, 31, 70, unit="0.1 V")
+MIN_VOLTAGE = _rw("min voltage limit", 34, 2, 35, 31, 70, unit="0.1 V")
+PWM_LIMIT = _rw("pwm limit", 36, 2, 885, 0, 885, unit="0.113 %")
+CURRENT_LIMIT = _rw("current limit", 38, 2, 1750, 0, 1750, unit="mA")
+VELOCITY_LIMIT = _rw("velocity limit", 44, 4, 445, 0, 2047, unit="0.229 rpm")
+MAX_POSITION = _rw("max position limit", 48, 4, 4095, 0, 4095, unit="tick")
+MIN_POSITION = _rw("min position limit", 52, 4, 0, 0, 4095, unit="tick")
 STARTUP = _rw("startup configuration", 60, 1, 0, 0, 3)
 SHUTDOWN = _rw("shutdown", 63, 1, 0x35, 0, 0x35)
 TORQUE_ENABLE = _rw("torque enable", 64, 1, 0, 0, 1)
@@ -99,14 +102,15 @@ POSITION_I = _rw("position i gain", 82, 2, 0, 0, 16383)
 POSITION_P = _rw("position p gain", 84, 2, 400, 0, 16383)
 #: Gains whose defaults differ between models, in the order of `models.Gains`.
 GAINS: Final = (VELOCITY_I, VELOCITY_P, POSITION_D, POSITION_I, POSITION_P)
-BUS_WATCHDOG = _rw("bus watchdog", 98, 1, 0, -1, 127, "20 ms")
-GOAL_PWM = _rw("goal pwm", 100, 2, 885, -885, 885, "0.113 %")
-GOAL_CURRENT = _rw("goal current", 102, 2, 1750, -1750, 1750, "mA")
-GOAL_VELOCITY = _rw("goal velocity", 104, 4, 0, -2047, 2047, "0.229 rpm")
-PROFILE_ACCELERATION = _rw("profile acceleration", 108, 4, 0, 0, 32767, "214.577 rev/min2")
-PROFILE_VELOCITY = _rw("profile velocity", 112, 4, 0, 0, 32767, "0.229 rpm")
-GOAL_POSITION = _rw("goal position", 116, 4, 0, -_TURNS, _TURNS, "tick")
+BUS_WATCHDOG = _rw("bus watchdog", 98, 1, 0, -1, 127, unit="20 ms")
+GOAL_PWM = _rw("goal pwm", 100, 2, 885, -885, 885, unit="0.113 %")
+GOAL_CURRENT = _rw("goal current", 102, 2, 1750, -1750, 1750, unit="mA")
+GOAL_VELOCITY = _rw("goal velocity", 104, 4, 0, -2047, 2047, unit="0.229 rpm")
+PROFILE_ACCELERATION = _rw("profile acceleration", 108, 4, 0, 0, 32767, unit="214.577 rev/min2")
+PROFILE_VELOCITY = _rw("profile velocity", 112, 4, 0, 0, 32767, unit="0.229 rpm")
+GOAL_POSITION = _rw("goal position", 116, 4, 0, -_TURNS, _TURNS, unit="tick")
 REALTIME_TICK = _ro("realtime tick", 120, 2, 0, "ms")
+REALTIME_TICKS: Final = 32768
 MOVING = _ro("moving", 122, 1, 0)
 PRESENT_CURRENT = _ro("present current", 126, 2, 0, "mA", signed=True)
 PRESENT_VELOCITY = _ro("present velocity", 128, 4, 0, "0.229 rpm", signed=True)
@@ -139,16 +143,16 @@ TABLE: Final[tuple[Register, ...]] = (
     MODEL_NUMBER,
     _ro("model information", 2, 4, 0),
     FIRMWARE, ID, BAUD, RETURN_DELAY, DRIVE_MODE, OPERATING_MODE,
-    _rw("secondary id", 12, 1, 255, 0, 255),
+    SECONDARY_ID,
     _rw("protocol type", 13, 1, 2, 2, 22),
     HOMING_OFFSET,
-    _rw("moving threshold", 24, 4, 10, 0, 1023, "0.229 rpm"),
-    _rw("temperature limit", 31, 1, 70, 0, 100, "deg C"),
+    _rw("moving threshold", 24, 4, 10, 0, 1023, unit="0.229 rpm"),
+    TEMPERATURE_LIMIT,
     MAX_VOLTAGE, MIN_VOLTAGE,
-    _rw("pwm limit", 36, 2, 885, 0, 885, "0.113 %"),
+    PWM_LIMIT,
     CURRENT_LIMIT, VELOCITY_LIMIT, MAX_POSITION, MIN_POSITION,
     STARTUP,
-    _rw("pwm slope", 62, 1, 140, 1, 255, "1.977 mV/ms"),
+    _rw("pwm slope", 62, 1, 140, 1, 255, unit="1.977 mV/ms"),
     SHUTDOWN, TORQUE_ENABLE,
     LED,
     STATUS_RETURN_LEVEL, REGISTERED, HARDWARE_ERROR,

@@ -73,8 +73,8 @@ def _at(path: str, bauds: Sequence[int], report: Report) -> Iterator[FoundDevice
         except DeviceError as error:
             report(str(error))
             return
-        for device, (number, firmware) in present.items():
-            yield FoundDevice(path, baud, device, model_name(number), firmware)
+        for device, servo in present.items():
+            yield FoundDevice(path, baud, device, model_name(servo.model), servo.firmware)
         for device, number in old.items():
             name = PROTOCOL_1_NUMBERS.get(number, f"model {number}")
             yield FoundDevice(path, baud, device, f"{name} (Protocol 1.0, not supported)", 0)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+import time
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
 
 from contid.errors import DeviceError
 from contid_drivers.defer_signals import defer_signals
-from contid_drivers.dynamixel import arming
+from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import ServoClient
@@ -15,9 +17,17 @@ from contid_drivers.dynamixel.registers import Register
 
 log = logging.getLogger(__name__)
 
+POLL_S: Final = 0.005
+#: Standing still: less motion than this.
+STILL_TICKS: Final = 3
+#: A way back without motion for this time goes no further.
+STUCK_S: Final = 0.5
+
 
 def prepare(client: ServoClient, axis: Axis, speed_deg_s: float, current_ma: float) -> int:
     """Set the registers of a search, torque off; returns the present position [ticks].
+
+    Turns that the servo keeps are kept, which sets ``axis.turn_known``.
 
     Raises:
         DeviceError: torque off is not confirmed.
@@ -25,6 +35,7 @@ def prepare(client: ServoClient, axis: Axis, speed_deg_s: float, current_ma: flo
     device = axis.device
     if arming.torque_off(client, [axis]):
         raise DeviceError(client.name(device), "torque off is not confirmed")
+    kept = turns.kept(client, axis)
     for register, value in (
         (reg.HOMING_OFFSET, 0),
         (reg.DRIVE_MODE, 0),
@@ -35,7 +46,10 @@ def prepare(client: ServoClient, axis: Axis, speed_deg_s: float, current_ma: flo
     ):
         if client.read(device, register) != value:
             client.write(device, register, value)
-    axis.turns, axis.travel = 0, None
+    axis.turns, axis.turn_known, axis.travel = 0, False, None
+    if kept is not None:
+        # The change of mode has cleared one of the marks.
+        turns.store(client, axis, kept)
     return client.read(device, reg.PRESENT_POSITION)
 
 
@@ -48,8 +62,15 @@ def relax(client: ServoClient, axes: Sequence[Axis]) -> None:
             )
 
 
-def observe(client: ServoClient, axis: Axis) -> tuple[int, float]:
-    """Position [ticks] and magnitude of the current [mA] of a searching servo, by one answer.
+class Observed(NamedTuple):
+    """Position of a searching servo, and the magnitude of its current."""
+
+    ticks: int
+    current_ma: float
+
+
+def observe(client: ServoClient, axis: Axis) -> Observed:
+    """Read position and current of a searching servo in one answer.
 
     Raises:
         DeviceError: a hardware error, a tripped watchdog, or a reset.
@@ -66,4 +87,32 @@ def observe(client: ServoClient, axis: Axis) -> tuple[int, float]:
         raise DeviceError(name, f"hardware error while homing: {reg.describe_hardware_error(bits)}")
     if value(reg.BUS_WATCHDOG) != axis.armed:
         raise DeviceError(name, "its watchdog tripped or it reset itself while homing", "home again")
-    return value(last), abs(value(reg.PRESENT_CURRENT)) * (axis.model.ma_per_unit or 0.0)
+    return Observed(value(last), abs(value(reg.PRESENT_CURRENT)) * (axis.model.ma_per_unit or 0.0))
+
+
+def move_back(
+    client: ServoClient, axes: Sequence[Axis], stops: Mapping[int, int], backs: Mapping[int, int]
+) -> None:
+    """Move axes under torque back from where they stood still, and require that they did; by device [ticks].
+
+    Raises:
+        DeviceError: one did not: it is jammed, or its encoder is dead.
+    """
+    for axis in axes:
+        client.write(axis.device, reg.GOAL_POSITION, backs[axis.device])
+    positions, moved_s = dict(stops), dict.fromkeys(stops, time.monotonic())
+    while True:
+        time.sleep(POLL_S)
+        # Every axis is read in every round: the reads feed the watchdogs.
+        for axis in axes:
+            position = observe(client, axis).ticks
+            if abs(position - positions[axis.device]) >= STILL_TICKS:
+                positions[axis.device], moved_s[axis.device] = position, time.monotonic()
+        under_way = [a for a in axes if abs(positions[a.device] - backs[a.device]) > STILL_TICKS]
+        if not any(time.monotonic() - moved_s[axis.device] < STUCK_S for axis in under_way):
+            break
+    for axis in axes:
+        stop, back = stops[axis.device], backs[axis.device]
+        moved = (positions[axis.device] - stop) * (1 if back > stop else -1)
+        name, rad = client.name(axis.device), reg.RAD_PER_TICK
+        axis.reference.require_way_back(name, moved * rad, abs(back - stop) * rad)

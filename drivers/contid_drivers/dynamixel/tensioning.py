@@ -22,18 +22,15 @@ from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.options import DynamixelBusOptions, Tensioning
 
-#: A servo stands still when its position changes by less than this for this time.
-STILL_TICKS: Final = 3
+#: A servo stands still when its position changes by less than `search.STILL_TICKS` for this time.
 STILL_S: Final = 0.3
 #: Share of the current from which on a tendon carries it.
 CARRIED: Final = 0.8
-POLL_S: Final = 0.005
 #: Time-out of the watchdogs per servo: servos are read one after the other, and a slow adapter takes this
 #: long for one. Their current is limited meanwhile.
 LOOK_MS: Final = 60
-#: Way back between the two windings, its time, and the share of the speed of the second winding.
+#: Way back between the two windings, and the share of the speed of the second winding.
 BACK_DEG: Final = 6.0
-BACK_S: Final = 0.4
 SLOWLY: Final = 0.1
 
 
@@ -56,20 +53,23 @@ def tension(
     report(f"{', '.join(axis.name for axis in axes)}: winding in")
     _wind(client, axes, starts, 1.0)
     first = _until_taut(client, axes, starts)
-    for axis in axes:
-        back = round(BACK_DEG * reg.TICKS_PER_DEG)
-        client.write(axis.device, reg.GOAL_POSITION, first[axis.device] - _homing(axis).direction * back)
-    _wait_for_way_back(client, axes)
+    back = round(BACK_DEG * reg.TICKS_PER_DEG)
+    backs = {axis.device: first[axis.device] - _homing(axis).direction * back for axis in axes}
+    search.move_back(client, axes, first, backs)
     _wind(client, axes, starts, SLOWLY)
     found = _until_taut(client, axes, starts)
+    for axis in axes:
+        name, value = client.name(axis.device), axis.to_rad(found[axis.device])
+        axis.reference.require_repetition(name, axis.to_rad(first[axis.device]), value)
+        report(f"{axis.name}: taut at {math.degrees(value):.2f} deg")
+        axis.reference.require_former(name, value, turns_lost=not axis.turn_known)
     homed = []
     for axis in axes:
-        homing, position = _homing(axis), found[axis.device]
-        wound_deg = abs(position - starts[axis.device]) / reg.TICKS_PER_DEG
-        turns.store(client, axis, 0)
-        report(f"{axis.name}: taut at {math.degrees(position * reg.RAD_PER_TICK):.2f} deg")
+        homing, value = _homing(axis), axis.to_rad(found[axis.device])
+        wound_deg = abs(found[axis.device] - starts[axis.device]) / reg.TICKS_PER_DEG
+        turns.store(client, axis, axis.turns)
         how = f"tension with {homing.current_ma} mA after {wound_deg:.0f} deg"
-        homed.append(Homed(axis.name, position * reg.RAD_PER_TICK, homing.at_mm, how))
+        homed.append(Homed(axis.name, value, homing.at_mm, how))
     return homed
 
 
@@ -89,21 +89,12 @@ def _wind(client: ServoClient, axes: Sequence[Axis], starts: dict[int, int], sha
         client.write(axis.device, reg.GOAL_POSITION, starts[axis.device] + homing.direction * reach)
 
 
-def _wait_for_way_back(client: ServoClient, axes: Sequence[Axis]) -> None:
-    """Wait until the way back is over; the reads feed the watchdogs."""
-    until = time.monotonic() + BACK_S
-    while time.monotonic() < until:
-        for axis in axes:
-            client.read(axis.device, reg.PRESENT_POSITION)
-        time.sleep(POLL_S)
-
-
 def _until_taut(client: ServoClient, axes: Sequence[Axis], starts: dict[int, int]) -> dict[int, int]:
     """Wait until all servos stand still with their current; returns their positions [ticks]."""
     until = time.monotonic() + max(_homing(axis).timeout_s for axis in axes)
     last, still_since = dict(starts), time.monotonic()
     while True:
-        time.sleep(POLL_S)
+        time.sleep(search.POLL_S)
         slack = []
         for axis in axes:
             device, homing = axis.device, _homing(axis)
@@ -117,7 +108,7 @@ def _until_taut(client: ServoClient, axes: Sequence[Axis], starts: dict[int, int
                     f"{homing.current_ma} mA, limit {homing.slack_deg:g} deg",
                     "check the tendon, and direction and slack_deg of its homing",
                 )
-            if abs(position - last[device]) >= STILL_TICKS or not carried:
+            if abs(position - last[device]) >= search.STILL_TICKS or not carried:
                 still_since, last[device] = time.monotonic(), position
                 slack.append(axis.name)
         now = time.monotonic()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from contid.errors import DeviceError, DeviceLostError
 from contid.hal import Rest
-from contid_drivers.dynamixel import arming
+from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.link import BusLink, Opened
@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 
 def enable(link: BusLink, axes: Sequence[Axis]) -> None:
     """See `contid.hal.Bus.enable`."""
-    opened = link.opened()
+    opened = link.need_open()
     client = opened.client
     chosen = [axis for axis in axes if not axis.enabled]
     for axis in chosen:
@@ -26,6 +26,7 @@ def enable(link: BusLink, axes: Sequence[Axis]) -> None:
     started: list[Axis] = []
     try:
         for axis in chosen:
+            turns.require_kept(client, axis)
             arming.configure(client, axis, link.options)
         link.adopt_return_delay(client)
         for axis in chosen:
@@ -53,6 +54,8 @@ def _start_watchdogs(opened: Opened, chosen: Sequence[Axis], watchdog_ms: int) -
             found = client.read(axis.device, reg.BUS_WATCHDOG)
         if found != axis.armed:
             raise DeviceError(client.name(axis.device), f"its Bus Watchdog does not come on: {found}")
+        # From here on the watchdog, which a reset clears, stands for the count.
+        turns.require_kept(client, axis)
 
 
 def _back_out(opened: Opened, chosen: Sequence[Axis], started: Sequence[Axis]) -> None:
@@ -96,7 +99,7 @@ def disable(link: BusLink, axes: Sequence[Axis], rest: Rest) -> None:
 
 def clear_fault(link: BusLink, axes: Sequence[Axis]) -> None:
     """See `contid.hal.Bus.clear_fault`."""
-    client = link.opened().client
+    client = link.need_open().client
     try:
         for axis in axes:
             if axis.fault or not axis.enabled:

@@ -1,15 +1,16 @@
 """The turn of a servo, which it loses at power-off; a wrong turn is a wrong length of a rack.
 
 The turns to add to the servo's count are kept in two registers of the servo's RAM, so that they are lost with
-the count: in the last Indirect Address (default 227: none since power-up; 145 + n: n turns), and in Velocity
-I Gain, unused in the position modes (4096 + n). A power-off clears both. A change of operating mode clears
-the gain, and through position mode the servo loses its count without a power-off (e-manual, register 132).
+the count: in Velocity I Gain, unused in the position modes (4096 + n: n turns), and in the last Indirect
+Address (145 + n; default 227: none since power-up), where the servo has one. A power-off clears both. A
+change of operating mode clears the gain, and through position mode the servo loses its count without a
+power-off (e-manual, register 132).
 
-* Both marks in a mode of several turns: the count is valid.
+* The gain in a mode of several turns: the count is valid.
 * No mark: the servo was powered up. An axis that homes against a hard stop is refused until it was homed; an
   axis with a stored pose takes the turn nearest to it, if it is near enough; the count of an axis without
   homing is used unchecked.
-* One mark: another program reset the count in the middle of the travel; the axis is refused.
+* The address alone: another program reset the count in the middle of the travel; the axis is refused.
 * A servo that reset while the host was connected takes the turn nearest to its last position.
 
 Not detectable: a CLEAR sent by another program while contid does not run.
@@ -23,8 +24,8 @@ from typing import Final
 
 from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.axis import Axis
-from contid_drivers.dynamixel.client import ServoClient, ServoRefusedError
+from contid_drivers.dynamixel.axis import FAR_RAD, Axis
+from contid_drivers.dynamixel.client import TRIES, ServoClient, ServoRefusedError
 from contid_drivers.dynamixel.options import HardStop, SingleTurn, Tensioning
 from contid_drivers.dynamixel.packets import sync_write
 from contid_drivers.dynamixel.registers import Register
@@ -39,8 +40,9 @@ _MULTI_TURN_MODES: Final = tuple(reg.MODE_NUMBERS.values())
 #: Greatest number of turns that is stored.
 TURNS_MAX: Final = 80
 #: Greatest motion assumed between the last reading (``axis.seen``) and the first one after a reset.
-SEEN_TOLERANCE_RAD: Final = math.radians(45.0)
+SEEN_TOLERANCE_RAD: Final = FAR_RAD
 _TURN: Final = 2.0 * math.pi
+_NO_MARKS: Final = ((MARKER, MARKER.default), (reg.VELOCITY_I, reg.VELOCITY_I.default))
 
 
 def counts_turns(client: ServoClient, axis: Axis) -> bool:
@@ -56,13 +58,15 @@ def store(client: ServoClient, axis: Axis, turns: int) -> None:
     """
     if abs(turns) > TURNS_MAX:
         raise DeviceError(client.name(axis.device), f"{turns} turns from its zero; {TURNS_MAX} can be kept")
-    axis.turns, axis.turn_known = turns, True
+    axis.turns, axis.turn_known, axis.marked = turns, True, False
     if counts_turns(client, axis):
+        marker, gain = marks_of(turns)
+        client.write(axis.device, *gain)
+        axis.marked = True
         try:
-            for register, value in marks_of(turns):
-                client.write(axis.device, register, value)
+            client.write(axis.device, *marker)
         except ServoRefusedError as error:
-            log.warning("%s; its turn is kept by this run only", error)
+            log.info("%s: %s", client.name(axis.device), error.message)
 
 
 def adopt(client: ServoClient, axis: Axis, position: int) -> None:
@@ -77,7 +81,8 @@ def adopt(client: ServoClient, axis: Axis, position: int) -> None:
     near = abs(turns) <= TURNS_MAX and abs(raw + turns * _TURN - axis.seen) <= SEEN_TOLERANCE_RAD
     if near:
         axis.turns = turns
-    for register, value in marks_of(turns) if near else ((MARKER, MARKER.default),):
+    axis.marked = near
+    for register, value in marks_of(turns) if near else _NO_MARKS:
         data = register.encode(value)
         client.port.send(sync_write(register.address, register.size, [(axis.device, data)]))
 
@@ -90,7 +95,42 @@ def marks_of(turns: int) -> tuple[tuple[Register, int], ...]:
 def forget(client: ServoClient, axis: Axis) -> None:
     """Clear the marks, as a power-up does; used after the axis was parked by hand."""
     axis.seen = None
-    client.write(axis.device, MARKER, MARKER.default)
+    for register, value in _NO_MARKS:
+        try:
+            client.write(axis.device, register, value)
+        except ServoRefusedError as error:
+            log.info("%s: %s", client.name(axis.device), error.message)
+
+
+def kept(client: ServoClient, axis: Axis) -> int | None:
+    """The turns that the servo keeps; None when its count is not valid."""
+    stored = client.read(axis.device, reg.VELOCITY_I) - _GAIN_CENTRE
+    return stored if abs(stored) <= TURNS_MAX and counts_turns(client, axis) else None
+
+
+def reset_since(client: ServoClient, axis: Axis, tries: int = TRIES) -> bool:
+    """Whether a servo has lost the mark of its turn.
+
+    Raises:
+        NoAnswerError: it is silent.
+    """
+    gain = reg.VELOCITY_I
+    data = client.read_block(axis.device, gain.address, gain.size, tries)
+    return gain.decode(data) != _GAIN_CENTRE + axis.turns
+
+
+def require_kept(client: ServoClient, axis: Axis) -> None:
+    """Refuse to arm a servo whose count is not the one that `settle` has found.
+
+    Raises:
+        DeviceError: it reset itself, or another program reset its count; or its turn cannot be inferred.
+    """
+    if not axis.marked:
+        # In position mode nothing kept its turn.
+        settle(client, axis)
+    elif kept(client, axis) != axis.turns:
+        axis.latch_reset()
+        raise DeviceError(client.name(axis.device), axis.fault, "clear-fault, once it is safe to move")
 
 
 def settle(client: ServoClient, axis: Axis) -> None:
@@ -99,14 +139,15 @@ def settle(client: ServoClient, axis: Axis) -> None:
     Raises:
         DeviceError: it cannot be inferred.
     """
-    axis.turn_known = False
+    axis.turn_known = axis.marked = False
     device = axis.device
-    stored = client.read(device, MARKER) - _CENTRE
-    # The value after a power-up, 227 or 243 by model, is beyond the turns that are kept.
-    marked = abs(stored) <= TURNS_MAX
-    if marked and client.read(device, reg.VELOCITY_I) == _GAIN_CENTRE + stored and counts_turns(client, axis):
-        axis.turns, axis.turn_known = stored, True
+    stored = kept(client, axis)
+    if stored is not None:
+        axis.turns, axis.turn_known, axis.marked = stored, True, True
+        axis.seen = axis.to_rad(client.read(device, reg.PRESENT_POSITION))
         return
+    # The value after a power-up, 227 or 243 by model, is beyond the turns that are kept.
+    marked = abs(_read_marker(client, device) - _CENTRE) <= TURNS_MAX
     name, homing = client.name(device), axis.options.homing
     raw = client.read(device, reg.PRESENT_POSITION) * reg.RAD_PER_TICK
     if axis.seen is not None:
@@ -123,6 +164,7 @@ def settle(client: ServoClient, axis: Axis) -> None:
     else:
         log.warning("%s was power-cycled and has no homing; its turn count is used unchecked", name)
         store(client, axis, 0)
+        axis.seen = axis.to_rad(round(raw / reg.RAD_PER_TICK))
         return
     turns = round((expected - raw) / _TURN)
     off = raw + turns * _TURN - expected
@@ -134,6 +176,15 @@ def settle(client: ServoClient, axis: Axis) -> None:
             "bring it there by hand, or run `contid home`",
         )
     store(client, axis, turns)
+    axis.seen = raw + turns * _TURN
+
+
+def _read_marker(client: ServoClient, device: int) -> int:
+    """The last Indirect Address; its default in a servo that has none."""
+    try:
+        return client.read(device, MARKER)
+    except ServoRefusedError:
+        return MARKER.default
 
 
 def _remedy(axis: Axis) -> str:

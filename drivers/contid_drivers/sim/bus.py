@@ -159,7 +159,7 @@ class SimBus:
     def measured_tips(self) -> Sequence[TipMeasured]:
         """See `contid.hal.MeasuresTips`."""
         now = self._clock.now()
-        return [tip for arm in self.arms for tip in arm.arrived(now)]
+        return [tip for arm in self.arms for tip in arm.take_arrived(now)]
 
     # -- helpers -----------------------------------------------------------------------------------------
 

@@ -208,7 +208,7 @@ class SimDevice:
         if not self.on and self.rest is not Rest.HOLD:
             return 0.0
         motion, limit = self.motion, self.character.current_limit_a
-        pull = self._amperes_per_lag * (motion.reference[0] - motion.value)
+        pull = self._amperes_per_lag * (motion.reference.position - motion.value)
         if self._shaft is not None:
             return min(limit, max(-limit, self._borne_a + (pull if motion.blocked else 0.0)))
         current = pull + self.FRICTION_SHARE * limit * math.tanh(motion.velocity / 0.05)
@@ -269,7 +269,7 @@ class SimDevice:
         if character.velocity_quantum > 0.0:
             velocity = round(velocity / character.velocity_quantum) * character.velocity_quantum
         if self.kind is DeviceKind.REGULATOR:
-            duty = motion.reference[0] / character.highest
+            duty = motion.reference.position / character.highest
             return Sample(max(0.0, value), now_s, True, 0.0, velocity, duty, None, None, self.fault)
         current = self.current_a
         if self._shaft is not None and current != 0.0:

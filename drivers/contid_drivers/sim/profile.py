@@ -18,6 +18,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
+
+
+class ProfileState(NamedTuple):
+    """Position [rad or Pa] and velocity."""
+
+    position: float
+    velocity: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +37,10 @@ class Phase:
     velocity: float
     acceleration: float
 
-    def at(self, t_s: float) -> tuple[float, float]:
-        """Position and velocity at a time inside the phase."""
+    def at(self, t_s: float) -> ProfileState:
+        """The state at a time inside the phase."""
         dt = t_s - self.start_s
-        return (
+        return ProfileState(
             self.position + dt * (self.velocity + 0.5 * dt * self.acceleration),
             self.velocity + dt * self.acceleration,
         )
@@ -90,8 +98,8 @@ class ProfileMotion:
         self._phases: tuple[Phase, ...] = (Phase(time_s, value, 0.0, 0.0),)
 
     @property
-    def reference(self) -> tuple[float, float]:
-        """Position and velocity of the profile now."""
+    def reference(self) -> ProfileState:
+        """The state of the profile now."""
         return self._phases[0].at(self.time_s)
 
     @property
@@ -109,7 +117,7 @@ class ProfileMotion:
 
     def stop(self) -> None:
         """End the profile where it is; the value follows with its response."""
-        self._phases = (Phase(self.time_s, self.reference[0], 0.0, 0.0),)
+        self._phases = (Phase(self.time_s, self.reference.position, 0.0, 0.0),)
 
     def freeze(self) -> None:
         """Stop at the present value."""
@@ -131,7 +139,7 @@ class ProfileMotion:
     def _response(self, phase: Phase, end_s: float) -> float:
         tau = self.tau_s
         if tau <= 0.0:
-            return phase.at(end_s)[0]
+            return phase.at(end_s).position
         bend = tau * tau * phase.acceleration
         r0, v0 = phase.at(self.time_s)
         r1, v1 = phase.at(end_s)

@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation
 from tests.support.camera_render import Lens, Studio, chessboard
 from tests.support.camera_scene import TIP, WORLD, Scene, motion, places, setup
 
+pytestmark = pytest.mark.process
+
 FPS = 25.0
 
 

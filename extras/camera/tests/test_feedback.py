@@ -18,6 +18,8 @@ from contid_camera.tracker import TipTracker
 from tests.support.camera_scene import TIP, WORLD, Scene, places, setup
 from tests.support.daemons import armed, daemon
 
+pytestmark = pytest.mark.process
+
 FINGER = """
 contid: 1
 name: seen

@@ -13,6 +13,8 @@ from contid.robot_file.load import load_robot_file
 from tests.support.command import contid
 from tests.support.photographs import photograph
 
+pytestmark = pytest.mark.process
+
 
 @pytest.fixture
 def data(tmp_path: Path) -> Path:

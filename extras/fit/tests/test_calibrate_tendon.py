@@ -22,6 +22,8 @@ from contid_fit.commands import command
 from contid_fit.commands.tendon_session import session_recording
 from tests.calibrate.tendon_recordings import excerpt_lines
 
+pytestmark = pytest.mark.process
+
 CONFIG = Path(__file__).parents[3] / "configs" / "ftdcr_v4.yaml"
 
 
@@ -45,6 +47,7 @@ def thinned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_fit_is_written_back_with_its_origin(thinned: Path, tmp_path: Path) -> None:
     robot_file, figure = tmp_path / "arm.yaml", tmp_path / "fit.png"
     written = CONFIG.read_text(encoding="utf-8")
@@ -90,6 +93,7 @@ def test_the_fit_is_written_back_with_its_origin(thinned: Path, tmp_path: Path) 
     assert math.isfinite(ratio)
 
 
+@pytest.mark.process
 def test_a_session_with_measured_tips_is_read(tmp_path: Path) -> None:
     """A real run follows pulls; the tips of its tracker come from the same file."""
     axes = [f"s{s}.t{t}" for s in (1, 2, 3) for t in (1, 2, 3)]

@@ -14,7 +14,10 @@ from tests.sense.commands import SIM, contid, rests
 from tests.sense.contact_runs import ContactRun, push, spiral, with_wall
 from tests.sense.observed import calibrated, plant
 
-pytestmark = pytest.mark.skipif(kernels.load("cosserat") is None, reason="NumPy takes minutes")
+pytestmark = [
+    pytest.mark.process,
+    pytest.mark.skipif(kernels.load("cosserat") is None, reason="NumPy takes minutes"),
+]
 
 NO_LOAD = np.zeros((3, 3))
 SLOPES = np.full((3, 6), 50.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -73,6 +75,20 @@ def test_invalid_data_are_located(edit, message: str) -> None:
 def test_pixels_need_their_size() -> None:
     with pytest.raises(BadInputError, match="--mm-per-px"):
         read_postures(photograph(0).splitlines(), "m.csv", rack_spacing_mm=13, mm_per_px=None)
+
+
+@pytest.mark.parametrize(("count", "enough"), [(2, False), (3, True)])
+def test_a_line_and_its_interval_need_three_postures(count: int, enough: bool) -> None:
+    """Two postures at two arc lengths have a line, but no residual to judge it by."""
+    postures = read_postures(photograph(0.5).splitlines(), "m.csv", rack_spacing_mm=13, mm_per_px=0.2)
+    by_length = {posture.arc_length_mm: posture for posture in postures}
+    chosen = [*by_length.values()][:count]
+    assert len(chosen) == count
+    if enough:
+        assert math.isfinite(fit_curvature(chosen).a_half_width_per_mm)
+        return
+    with pytest.raises(ContidError, match=r"2 postures at 2 arc lengths .* at least three postures"):
+        fit_curvature(chosen)
 
 
 def test_one_arc_length_does_not_determine_a_line() -> None:

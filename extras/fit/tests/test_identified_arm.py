@@ -48,14 +48,14 @@ def near(arm, pressures=PRESSURES, sides=SIDES, scale=-1):
 
 
 def tip_of(arm, **keys):
-    return np.array(near(arm, **keys)[0])
+    return np.array(near(arm, **keys).tip_mm)
 
 
 def derivatives(arm):
     """Of the tip, by pressures [mm/bar] and by the scales of moduli and moments [mm]."""
     here = near(arm)
-    by_scale = [(tip_of(arm, scale=k) - np.array(here[0])) / SCALE_STEP for k in range(arm.scales)]
-    return np.array(here[3]).reshape(3, -1), np.array(by_scale).T
+    by_scale = [(tip_of(arm, scale=k) - np.array(here.tip_mm)) / SCALE_STEP for k in range(arm.scales)]
+    return np.array(here.by_pressure_mm_bar).reshape(3, -1), np.array(by_scale).T
 
 
 def test_it_is_the_model_with_other_sections_at_other_pressures():
@@ -125,11 +125,11 @@ def test_the_base_moment_is_that_of_an_equilibrium_and_none_where_there_is_no_st
     assert moment is not None
     unloaded = arm.near(corrected, (0.0, 0.0, 0.0), moment)
     assert unloaded is not None
-    assert unloaded[1] == pytest.approx(moment, abs=1e-6)
+    assert unloaded.base_moment_nmm == pytest.approx(moment, abs=1e-6)
     under = arm.base_moment(corrected, FORCE)
     assert under is not None
     loaded = arm.near(corrected, FORCE, under)
     assert loaded is not None
-    assert loaded[1] == pytest.approx(under, abs=1e-4)
+    assert loaded.base_moment_nmm == pytest.approx(under, abs=1e-4)
     crushed = (0.0, 0.0, -20.0)
     assert arm.base_moment(corrected, crushed) is None

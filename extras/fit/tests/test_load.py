@@ -17,6 +17,8 @@ from contid_fit.sense import (
 )
 from tests.sense.plant import NOISE_M, RATE_HZ, Plant, pascal, random_pressures, shipped_model, shipped_robot
 
+pytestmark = pytest.mark.process
+
 GRAM_N = 9.80665e-3
 CALIBRATION_POSES = 40
 LOADS = 40

@@ -100,6 +100,7 @@ def test_a_jump_is_seen_at_once_and_followed():
     assert found.force == pytest.approx([0.0, 0.0, 0.098], abs=4.0 * np.sqrt(found.covariance[0, 0]))
 
 
+@pytest.mark.slow
 def test_no_false_jump_in_noise():
     """20 000 measurements, 7 minutes at 50 Hz."""
     rng, found = np.random.default_rng(3), LoadFilter(NOISE_MM, 0.4, EXPECTED_N)

@@ -13,7 +13,10 @@ from contid.robot_file.load import load_robot_file, parse_robot_file
 from contid.robot_file.shipped import load_named
 from tests.sense.commands import SIM, contid, rests
 
-pytestmark = pytest.mark.skipif(kernels.load("cosserat") is None, reason="NumPy takes minutes")
+pytestmark = [
+    pytest.mark.process,
+    pytest.mark.skipif(kernels.load("cosserat") is None, reason="NumPy takes minutes"),
+]
 
 TIP = """    sim:
       payload_g: {grams}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from contid.kinematics.tendon.geometry import TendonGeometry, forward
 from contid_drivers.dynamixel.emulator.servo import Servo
@@ -31,7 +32,9 @@ def recording() -> tuple[Nominal, TendonRecording]:
         Servo(k, baud=57600, model=1200, position_ticks=0.0, stops_ticks=(-1e6, 1e6)) for k in range(1, 7)
     ]
     plant = FrictionPlant(
-        servos, (1,) * 6, (0.0,) * 6, (1.0,) * 6, matrix, bending.tolist(), (PLAY_M * PER_M,) * 6, (MU,) * 2
+        *(servos, (1,) * 6, (0.0,) * 6, (1.0,) * 6, matrix, bending.tolist()),
+        backlash_ticks=(PLAY_M * PER_M,) * 6,
+        capstan=(MU,) * 2,
     )
     random, rows, labels, bends = np.random.default_rng(3), [], [], []
     swing = np.concatenate((np.linspace(0.1, 1.0, 8), np.linspace(0.9, 0.0, 8)))
@@ -55,6 +58,7 @@ def recording() -> tuple[Nominal, TendonRecording]:
     return Nominal((0.06, 0.05), 4e-3, angles, (3, 3)), data
 
 
+@pytest.mark.slow
 def test_the_coefficient_is_that_of_the_emulated_tendons() -> None:
     """The fit has a constant moment per section: the quotient of works is right to a fifth."""
     nominal, data = recording()

@@ -11,6 +11,8 @@ import pytest
 
 from tests.support.command import environment
 
+pytestmark = pytest.mark.process
+
 
 def contid(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(

@@ -103,6 +103,7 @@ MODELS: dict[str, Callable[[], RecordingModel]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_derivatives_are_those_of_finite_differences(name: str) -> None:
     model = MODELS[name]()

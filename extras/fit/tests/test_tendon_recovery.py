@@ -85,6 +85,7 @@ def last(request: pytest.FixtureRequest) -> tuple[LinkRobot, Stage, Stage]:
     return made, stages["+ offsets"], stages["+ friction, play"]
 
 
+@pytest.mark.slow
 def test_parameters_are_inside_their_intervals(last: tuple[LinkRobot, Stage, Stage]) -> None:
     made, _, stage = last
     assert isinstance(stage.fit.model, ElasticBends)

@@ -15,6 +15,8 @@ from tests.sense.squeeze_runs import BEFORE, closing, hand, hand_text, sense_of
 from tests.session.runs import record_virtual
 from tests.support.command import contid
 
+pytestmark = pytest.mark.process
+
 FRICTION_MA, NOISE_MA = 60.0, 3.0
 #: To and fro before the object, 6 s of motion and more.
 THERE = Target(tip_m=(0.010, 0.085, 0.0))

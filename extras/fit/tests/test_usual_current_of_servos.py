@@ -14,7 +14,7 @@ from tests.sense.squeeze_runs import sense_of
 from tests.support.command import contid_in
 from tests.wire.dynamixel.current_hand import hand
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 def test_the_friction_of_emulated_servos(tmp_path: Path, configs: Path) -> None:

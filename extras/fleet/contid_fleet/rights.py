@@ -6,29 +6,21 @@ of a daemon.
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Mapping
 from typing import Final
 
-
-class Right(enum.StrEnum):
-    """A right of an operator in the file of a machine."""
-
-    WATCH = "watch"
-    MEASURE = "measure"
-    MOVE = "move"
-    ARM = "arm"
-
+from contid.control.orders import REQUESTS
+from contid.control.orders import Right as Right
 
 #: Allowed without a right, also in a request to every node.
-STOPS: Final = frozenset({"hold", "stop", "estop"})
+STOPS: Final = frozenset(verb for verb, request in REQUESTS.items() if request.stops)
 #: Requests that change nothing; also to every node.
 READS: Final = frozenset({"status", "describe"})
 #: The conductor of a run relates the clock of a node to its own.
 NOTE: Final = "note"
 #: Verbs that need the lease: at the daemon some take a free one by themselves. An order that waited in a
 #: bridge that stood still must not do that.
-LEASED: Final = frozenset({"move", "grip", "resume", "recover", "clear_fault"})
+LEASED: Final = frozenset(verb for verb, request in REQUESTS.items() if request.leased)
 #: Begins a client: names it, and answers what the daemon is.
 GREETING: Final = "hello"
 #: Answered by the bridge itself, in the thread of the network: the clocks of its machine.
@@ -37,13 +29,8 @@ CLOCK: Final = "clock"
 FEED: Final = "feed"
 #: Rights of which a verb needs one; none for a stop. Verbs that are not listed are no requests by network.
 NEEDED: Final[Mapping[str, frozenset[Right]]] = {
-    **dict.fromkeys(STOPS, frozenset()),
-    **dict.fromkeys((GREETING, CLOCK, FEED), frozenset(Right)),
-    **dict.fromkeys((*READS, "ping", "subscribe", "unsubscribe"), frozenset({Right.WATCH})),
-    "measure": frozenset({Right.MEASURE}),
-    **dict.fromkeys(("acquire", "release"), frozenset({Right.MOVE, Right.ARM})),
-    **dict.fromkeys(("move", "rows", "end", "start", NOTE, "grip"), frozenset({Right.MOVE})),
-    **dict.fromkeys(("resume", "recover", "clear_fault"), frozenset({Right.ARM})),
+    **dict.fromkeys((CLOCK, FEED), frozenset(Right)),
+    **{verb: request.rights for verb, request in REQUESTS.items() if request.rights is not None},
 }
 
 

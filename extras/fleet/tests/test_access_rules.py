@@ -135,6 +135,7 @@ def test_rules_only_allow_and_the_rest_is_denied(operators: dict[str, list[Right
     assert len(identifiers) == len({*identifiers})
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("more", "options"), [("", ()), ("machines: {pc1: [hand1]}\n", ("--router",))], ids=["bridge", "router"]
 )

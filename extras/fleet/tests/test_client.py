@@ -25,7 +25,7 @@ from tests.support.ports import free_port
 from tests.support.relay import Relay
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 @contextmanager

@@ -34,6 +34,7 @@ def test_the_true_offset_lies_within_the_bound(
     assert found.here(found.there(sent_s)) == pytest.approx(sent_s, abs=1e-8)
 
 
+@pytest.mark.process
 def test_the_offset_of_a_node_of_this_machine_is_nothing(lab: Fleet) -> None:
     """Both processes read the one CLOCK_MONOTONIC of this machine: the truth is zero."""
     with FleetOperator(lab.bridge.operator("bob")) as operator:

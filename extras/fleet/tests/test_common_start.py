@@ -17,7 +17,7 @@ from tests.support.daemons import armed, arrives, command, states
 from tests.support.fleets import Fleet
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 STARTS = 4
 TICK_S = 0.005
 

@@ -24,7 +24,7 @@ from tests.support.fleet_faults import FAULTS, measure
 from tests.support.fleets import BridgeProcess, bridge, mover
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 #: The promise is min(lease, lease of the link) + 50 ms; the rest is for a machine that does other work too.
 PROMISE_S = 0.05

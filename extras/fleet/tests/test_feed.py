@@ -37,6 +37,7 @@ def test_it_lapses_once_after_each_feed_that_was_the_last(gaps: list[float]) -> 
     assert lapses == expected
 
 
+@pytest.mark.process
 @pytest.mark.realtime
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGINT])
 def test_a_robot_of_a_trajectory_holds_when_the_feed_stops(number: signal.Signals, tmp_path: Path) -> None:
@@ -77,6 +78,7 @@ def test_a_robot_of_a_trajectory_holds_when_the_feed_stops(number: signal.Signal
             feeder.communicate()
 
 
+@pytest.mark.process
 def test_without_need_a_feed_is_refused() -> None:
     with (
         daemon() as one,

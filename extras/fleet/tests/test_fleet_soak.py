@@ -15,6 +15,7 @@ PROMISE_S = 8.0
 HOLDING = ("client killed", "bridge killed", "link cut")
 
 
+@pytest.mark.process
 @pytest.mark.realtime
 def test_some_of_it(capfd: pytest.CaptureFixture[str]) -> None:
     code = soak.soak(MINUTES, promise_s=PROMISE_S, faults=HOLDING)

@@ -26,7 +26,7 @@ from tests.support.fleets import bridge, machine_file
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 #: https://prometheus.io/docs/instrumenting/exposition_formats/: a sample, its labels and its value.
 SAMPLE = re.compile(

@@ -18,7 +18,7 @@ from tests.support.fleet_faults import FAULTS, ROUTER_FAULTS, FleetFault, strike
 from tests.support.fleets import BridgeProcess, bridge, router
 from tests.support.namespaces import Machine, machines
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 #: The promise is min(lease, lease of the link) + 50 ms; the rest is for a machine that does other work too.
 MARGIN_S = 1.25

@@ -23,6 +23,8 @@ from tests.support.fleets import bridge
 from tests.support.time_namespace import prefix
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.process
+
 NODES = ("hand1", "hand2")
 ROWS = "t_s,hand1/x_mm,hand1/y_mm,hand2/x_mm,hand2/y_mm\n" + "".join(
     f"{0.01 * n:.2f},{30 + 5 * (n / 100) ** 2 * (3 - 2 * n / 100):.4f},80,{-30 - 0.02 * n},80\n"

@@ -28,7 +28,7 @@ from tests.support.fleets import bridge
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 pytest.importorskip("rosbags", reason="needs the extra contid[ros]")
 

@@ -30,7 +30,7 @@ from tests.support.fleets import BridgeProcess, bridge, machine_file, mover, rou
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 RIGHTS = {"anna": ["watch", "move", "arm"], "bob": ["watch"]}
 #: The promise is min(lease, lease of the link) + 50 ms; the rest is for a machine that does other work too.

@@ -26,7 +26,7 @@ from tests.support.fleets import BridgeProcess, bridge, machine_file
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 #: A link of a valid certificate is there after some milliseconds.
 NO_LINK_S = 1.5

@@ -20,6 +20,8 @@ from tests.support import pads
 from tests.support.pads import ABS_RY, ABS_X, ABS_Y, BTN_EAST, BTN_START, BTN_TL, XBOX, Recording, recorded
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.process
+
 
 def gamepad(device: InputDevice, mapping: Path | None = None) -> Gamepad:
     return Gamepad(device, read_mapping(mapping or default_mapping(device.has.kind), device.has))

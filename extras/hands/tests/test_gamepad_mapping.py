@@ -15,6 +15,8 @@ from contid_hands.teleop.gamepad.mapping import default_mapping, read_mapping
 from tests.support.command import contid
 from tests.support.pads import SPACENAVIGATOR, XBOX
 
+pytestmark = pytest.mark.process
+
 GOOD = "contid_gamepad: 1\ndead_man: BTN_TL\nestop: BTN_EAST\naxes:\n  - {input: ABS_X}\n"
 
 

@@ -31,7 +31,7 @@ from tests.support.pads import (
 )
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 class Operator:

@@ -18,7 +18,7 @@ from tests.support.command import environment
 from tests.support.daemons import HERE, Running, armed, arrives, command, daemon, states
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 class Jogging:

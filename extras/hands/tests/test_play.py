@@ -12,7 +12,7 @@ import pytest
 from tests.support.daemons import Running, armed, arrives, command, daemon, states
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 POSES = """\
 contid_poses: 1

@@ -18,7 +18,7 @@ from tests.support.command import contid_in, emulating, environment
 from tests.support.daemons import armed, command, daemon, states
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 #: Of the shipped file: a turn of the pinion.
 MM_PER_REV = 37.69911184307752
 

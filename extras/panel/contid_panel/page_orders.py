@@ -8,6 +8,8 @@ from functools import partial
 from typing import Final, TypeAlias
 
 from contid.client import AsyncClient
+from contid.control.engine.messages import ClearFault, Hold, Stop
+from contid.control.orders import REQUESTS
 from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, RequestFields
 from contid_panel.checks import Checks
 from contid_panel.page_client import LEASE_TIMEOUT_S, PageClient
@@ -38,12 +40,16 @@ class PageOrders:
         self._move: tuple[int, tuple[str, ...]] | None = None
         self._jogging = asyncio.Lock()
         self.orders: dict[str, Order] = {
+            **{
+                order.NAME: _to_robots(
+                    client.stop if REQUESTS[order.NAME].stops else client.request,
+                    getattr(AsyncClient, order.NAME),
+                )
+                for order in (Stop, Hold, ClearFault)
+            },
             "estop": self._estop,
-            "stop": _to_robots(client.stop, AsyncClient.stop),
-            "hold": _to_robots(client.stop, AsyncClient.hold),
             # The page asks the person before it sends this after a stop of another client.
             "resume": _to_robots(client.request, partial(AsyncClient.resume, wait=False, after_stop=True)),
-            "clear_fault": _to_robots(client.request, AsyncClient.clear_fault),
             "recover": _to_robots(client.request, partial(AsyncClient.recover, after_stop=True)),
             "acquire": self._acquire,
             "release": self._plain("release"),

@@ -22,6 +22,8 @@ from tests.support.daemons import armed, daemon
 from tests.support.panels import panel
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.process
+
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 

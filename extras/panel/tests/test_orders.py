@@ -11,7 +11,7 @@ from tests.support.daemons import FAR, HERE, Running, command, states
 from tests.support.panels import PanelClient, PanelProcess, page, panel
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 def _target(point: dict[str, float]) -> dict[str, float]:

@@ -20,7 +20,7 @@ from tests.support.panels import PanelProcess
 from tests.support.waiting import until
 
 #: Leases lapse in real time, and the browser shares the cores.
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 def test_another_client_takes_the_lease(it: OpenPage, running: Running) -> None:

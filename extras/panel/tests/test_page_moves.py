@@ -21,7 +21,7 @@ from tests.support.panels import panel
 from tests.support.waiting import until
 
 #: Leases lapse in real time, and the browser shares the cores.
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 @pytest.mark.parametrize("name", ["x", "y", "left", "right"])

@@ -15,7 +15,7 @@ from tests.support.daemons import Running
 from tests.support.panels import PanelProcess
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 #: A pace with a clock of its own; `image(step)` draws once, and the images asked for come every `step` ms.
 PACED = """async (work) => {

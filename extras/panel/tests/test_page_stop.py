@@ -20,7 +20,7 @@ from tests.support.panels import PanelProcess, panel
 from tests.support.waiting import until
 
 #: Leases lapse in real time, and the browser shares the cores.
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 SILENT = "faults:\n  - {at_s: 2.0, for_s: 1.0, kind: silent, axis: f0.left}\n"
 

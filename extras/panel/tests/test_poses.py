@@ -15,7 +15,7 @@ from tests.support.command import contid_in
 from tests.support.daemons import HERE, Running, armed_daemon
 from tests.support.panels import PanelClient, PanelProcess, page
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 #: By hand: two that suit the robots, one outside a limit, one of another robot.
 POSES = """\

@@ -15,6 +15,8 @@ import pytest
 
 from contid_panel.priority import PAUSE_S, PRIORITY, before_clients
 
+pytestmark = pytest.mark.process
+
 #: Real time of the busy loop: several times `contid_panel.priority.BUSY_US`.
 BUSY_S = 1.0
 

@@ -20,7 +20,7 @@ from tests.support.daemons import Running, armed_daemon, states
 from tests.support.panels import PanelProcess, page, panel
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 @pytest.fixture(scope="module")

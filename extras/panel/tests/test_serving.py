@@ -26,7 +26,7 @@ from tests.support.daemons import Running, armed_daemon, command
 from tests.support.panels import PanelProcess, page, panel
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 @contextmanager

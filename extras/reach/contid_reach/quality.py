@@ -164,8 +164,8 @@ class _CalibratedAccuracy:
         if any(each is None for each in found):
             return math.nan
         here, *moved = [each for each in found if each is not None]
-        by_pressure = np.array(here[3]).reshape(3, -1)
-        by_scale = np.array([np.subtract(each[0], here[0]) for each in moved]).T / SCALE_STEP
+        by_pressure = np.array(here.by_pressure_mm_bar).reshape(3, -1)
+        by_scale = np.array([np.subtract(each.tip_mm, here.tip_mm) for each in moved]).T / SCALE_STEP
         covariance = arm.covariance_mm2(pressures, unknown, by_pressure, by_scale)
         covariance += arm.sides_mm2([1.0] * len(pressures), by_pressure)
         covariance += self._axis_sigma_bar**2 * by_pressure @ by_pressure.T

@@ -23,6 +23,7 @@ NOTEBOOK = ROOT / "examples" / "workspace.ipynb"
 mpl.use("Agg")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "which"), [("finger", None), ("hand", "right"), ("stiffflop1", None)])
 def test_the_size_is_the_share_of_random_points_that_the_inverse_reaches(
     name: str, which: str | None
@@ -49,6 +50,7 @@ def test_the_points_of_a_plane_are_an_outline_and_those_in_space_are_reached() -
     assert found.size == pytest.approx(len(found.points) * 15.0**3)
 
 
+@pytest.mark.slow
 def test_si_has_other_numbers_only() -> None:
     edge, si = Robot("finger").workspace(), Robot("finger", si=True).workspace()
     assert si.size == pytest.approx(edge.size * 1e-6)
@@ -91,6 +93,7 @@ def test_mistakes(monkeypatch: pytest.MonkeyPatch) -> None:
         robot.workspace()
 
 
+@pytest.mark.process
 def test_the_notebook_runs_in_ten_lines_and_draws(tmp_path: Path) -> None:
     notebook = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
     assert (notebook["nbformat"], [cell["cell_type"] for cell in notebook["cells"]]) == (

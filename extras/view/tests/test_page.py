@@ -20,6 +20,8 @@ from contid_view.rerun.session import WebServer
 from contid_view.view_target import Kind, ViewTarget
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.process
+
 DATA = "/rerun.sdk_comms.v1alpha1.MessageProxyService/ReadMessages"
 #: An empty message of gRPC-web.
 EMPTY = bytes(5)

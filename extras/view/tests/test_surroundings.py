@@ -17,6 +17,8 @@ from contid_view.shapes.load_arrow import mm_per_newton
 from tests.support.command import contid
 from tests.support.rerun_entities import entities
 
+pytestmark = pytest.mark.process
+
 OBSTACLES = """
 clearance:
   bodies:
@@ -58,6 +60,7 @@ def test_the_force_of_the_ellipsoid_is_a_round_number(softest: float, length: fl
     assert 0.04 * length < scale_force_n(softest, length) * softest <= 0.1 * length * (1.0 + 1e-9)
 
 
+@pytest.mark.process
 def test_obstacles_and_the_ellipsoid_are_in_the_recording_of_a_run(tmp_path: Path, configs: Path) -> None:
     robot, drawing = tmp_path / "arm.yaml", tmp_path / "run.rrd"
     robot.write_text((configs / "stiffflop2.yaml").read_text() + OBSTACLES)
@@ -71,6 +74,7 @@ def test_obstacles_and_the_ellipsoid_are_in_the_recording_of_a_run(tmp_path: Pat
     assert set(build_scene(loaded, loaded.file.rate_hz).obstacles) == {"table", "ball", "post", "crate"}
 
 
+@pytest.mark.process
 def test_the_estimated_load_is_an_arrow_in_the_recording_of_a_run(tmp_path: Path, configs: Path) -> None:
     zeros = ", ".join(["0"] * 6)
     factor = "".join(f"          - [{', '.join(['0'] * row + ['0.001'])}]\n" for row in range(22))

@@ -83,6 +83,7 @@ def test_without_a_direction_only_the_tip_and_without_a_tip_nothing(configs: Pat
     assert at_its_base.line is None
 
 
+@pytest.mark.slow
 def test_any_pose_gives_a_finite_curve(configs: Path) -> None:
     rng = np.random.default_rng(3)
     for name in ("finger", "cbha"):

@@ -21,6 +21,8 @@ from tests.support.command import contid
 from tests.support.rerun_entities import entities
 from tests.support.viewed_runs import PATHS, drawn, rows_of
 
+pytestmark = pytest.mark.process
+
 
 def shown(part: Any) -> Iterator[str]:
     """Entities that a layout, or a part of one, shows."""

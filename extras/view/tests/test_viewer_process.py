@@ -34,6 +34,8 @@ from tests.support.rerun_entities import entities
 from tests.support.viewed_runs import drawn, rows_of
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.process
+
 
 @pytest.fixture
 def started() -> Iterator[Callable[..., subprocess.Popen[str]]]:

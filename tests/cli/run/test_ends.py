@@ -20,7 +20,7 @@ from tests.cli.run.running import enabled, feed, journal
 from tests.support.fingers import circle_csv
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -148,7 +148,8 @@ def test_killing_the_daemon_brings_the_robot_to_on_host_loss(
     feed(process, circle_csv(1, period_s=60.0))
     until(enabled(tmp_path), "armed")
     time.sleep(0.3)
-    (control,) = psutil.Process(process.pid).children()
+    family = psutil.Process(process.pid).children()
+    (control,) = [each for each in family if "contid.control.process" in each.cmdline()]
     process.kill()
     process.wait()
     control.wait(timeout=10)

@@ -14,7 +14,7 @@ from tests.support.command import contid
 from tests.support.fingers import circle_csv
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 def test_real_time_follows_a_circle_and_reports(robot: Callable[..., Path]) -> None:

@@ -9,6 +9,8 @@ import pytest
 
 from tests.support.command import environment
 
+pytestmark = pytest.mark.process
+
 #: A run whose source of commands takes a moment to close, and in that moment the signal arrives.
 RUN = """
 import asyncio, os, signal, sys

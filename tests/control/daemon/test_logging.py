@@ -25,7 +25,7 @@ from contid.session.read import Session
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator.bench import Bench
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 ROOT = Path(__file__).parents[3]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "drivers")))}

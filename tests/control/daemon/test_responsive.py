@@ -10,6 +10,8 @@ import pytest
 
 from tests.support.command import environment
 
+pytestmark = pytest.mark.process
+
 #: A run that looks at itself while it runs, and afterwards.
 RUN = """
 import asyncio, gc, json, os, sys

@@ -14,7 +14,7 @@ from contid.control.tick.faults import Fault
 from tests.support.daemons import armed, daemon, states
 from tests.support.waiting import until
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 STOOD_S = 1.0
 

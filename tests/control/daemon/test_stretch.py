@@ -22,6 +22,8 @@ from contid.session.read import Session
 from contid.trajectory.read import read_trajectory
 from tests.support.command import contid_in
 
+pytestmark = pytest.mark.process
+
 FINGER = load_named("finger")
 
 

@@ -152,6 +152,7 @@ def test_an_order_that_fails_inside_is_that_robots_fault_and_the_run_goes_on(
     assert collector.modes("f1")[-2:] == ["HOLD", "FAULT"], "it cannot be brought to rest either"
 
 
+@pytest.mark.slow
 def test_estop_rests_the_devices_in_the_tick_it_comes_in_every_state(tmp_path: Path) -> None:
     """By the journal of the devices, at the deadline of that very tick every axis is off."""
     seen: set[int] = set()

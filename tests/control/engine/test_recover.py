@@ -82,6 +82,7 @@ def test_it_is_reported_and_nothing_moves(left_mm: float, on_fault: str) -> None
     assert seen.modes("f0")[-1] == "FAULT"
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     left_mm=st.floats(-40.0, -3.0) | st.floats(103.0, 140.0),

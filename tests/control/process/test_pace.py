@@ -85,6 +85,21 @@ def test_ticks_skipped_soon_after_a_report_are_reported_later() -> None:
     assert sink.events[-1]["total"] == pace.report().skipped
 
 
+@pytest.mark.parametrize("preparing", [False, True])
+def test_periods_missed_between_two_reports_are_added_up(preparing: bool) -> None:
+    sink = Events()
+    pace = Pace(RATE_HZ, 0.0, sink)
+    pace.begin(pace.deadline_s + 1.5 * PERIOD_S + 2.0 * REPORT_INTERVAL_S, preparing)
+    for missed in (2, 3):
+        pace.begin(pace.deadline_s + (missed + 0.5) * PERIOD_S, preparing)
+    assert len(sink.events) == 1
+    for _ in range(round(REPORT_INTERVAL_S * RATE_HZ)):
+        pace.begin(pace.deadline_s, preparing=False)
+    first, second = sink.events
+    assert second["ticks"] == 2 + 3
+    assert second["total"] == first["total"] + 2 + 3
+
+
 @given(st.lists(st.tuples(st.floats(0.0, 0.2), st.booleans()), max_size=40))
 def test_every_deadline_is_run_skipped_or_waited_for(delays: list[tuple[float, bool]]) -> None:
     pace = Pace(RATE_HZ, 0.0, Events())

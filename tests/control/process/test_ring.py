@@ -86,6 +86,7 @@ writer.finish()
 """
 
 
+@pytest.mark.process
 def test_the_number_of_records_never_falls_while_another_process_writes(path: Path) -> None:
     reader = RingReader(path)
     with subprocess.Popen([sys.executable, "-c", WRITER, str(path)]) as process:
@@ -182,6 +183,7 @@ def test_events_longer_than_a_slot_arrive_complete_or_marked_as_cut(path: Path) 
     reader.close()
 
 
+@pytest.mark.slow
 def test_a_slow_reader_never_joins_parts_of_different_events(path: Path) -> None:
     writer, reader = RingWriter(path), RingReader(path)
     dice, written, read = random.Random(4), 0, []

@@ -94,6 +94,7 @@ def both(request: pytest.FixtureRequest) -> tuple[np.ndarray, np.ndarray]:
     return errors[0], errors[1]
 
 
+@pytest.mark.slow
 def test_the_delivered_bends_are_what_the_model_asked_for(both):
     """Turns come a tenth of the play late, and take a few ticks, as the velocity allows 0.6 mm per tick."""
     led, plain = both

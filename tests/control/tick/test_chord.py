@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 
 from contid.control.tick.chord import _least_squares
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.on_path import limit_on_path
+from contid.control.tick.next_command import limit_on_path
 from contid.kinematics.array import Array
 from contid.targets import Actuation, Target, Vec3
 from tests.support.robot_configs import SLACK, config_of, postures
@@ -95,6 +95,7 @@ def test_a_direction_turns_with_the_tip() -> None:
             assert found.off_chord_m(tip_m) <= 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["finger", "trirack", "trirack2"])
 def test_where_the_chord_leaves_the_reach_the_limits_of_the_model_hold(name: str) -> None:
     """Whole range, bend radius included; the arm arrives, on the axes' own line if need be."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.on_path import limit_on_path
+from contid.control.tick.next_command import limit_on_path
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
 from contid.control.tick.transitions import hold
@@ -33,6 +33,7 @@ def _held(config: RobotConfig, command: Actuation, steps: Actuation) -> list[Act
     return [motion.at(k * config.period_s)[0] for k in range(ticks)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["finger", "trirack"])
 def test_a_hold_anywhere_on_the_way_ends_inside_the_limits_of_the_model(name: str) -> None:
     config, rng = config_of(name), np.random.default_rng(7)

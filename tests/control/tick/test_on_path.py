@@ -10,7 +10,7 @@ import pytest
 
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import allowed_steps, limit_axis
-from contid.control.tick.on_path import limit_on_path, tip_tolerance_m
+from contid.control.tick.next_command import limit_on_path, tip_tolerance_m
 from contid.targets import Actuation, Target
 from tests.support.robot_configs import SLACK, config_of
 

@@ -11,10 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contid import kernels
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs
-from contid.control.tick.on_path import tip_tolerance_m
+from contid.control.tick.next_command import tip_tolerance_m
 from contid.control.tick.preflight.path import _Follower
 from contid.control.tick.preflight.rows import Preflight
 from contid.control.tick.preflight.ticks import Tick, run_ticks
@@ -46,6 +45,7 @@ def refused(loaded: LoadedFile, trajectory: Trajectory, rate_hz: float = RATE) -
     return []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("header", "rows", "line", "message"),
     [
@@ -92,6 +92,7 @@ def off_path(loaded: LoadedFile, trajectory: Trajectory) -> float:
 lengths = st.integers(45, 75).map(float)
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(
     steps=st.lists(st.sampled_from([0.001, 0.01, 0.05, 0.2, 0.5, 1.0]), min_size=1, max_size=6),
@@ -169,6 +170,7 @@ def test_where_every_interval_has_a_corner_no_tick_is_left_out(row_s: float) -> 
     assert [each.number for each in every] == list(range(round(3 * row_s * RATE) + 1))
 
 
+@pytest.mark.slow
 def test_a_corner_of_the_answers_amid_a_long_interval_is_found() -> None:
     """Where a bend radius no longer binds, racks would have to gain speed faster than they can."""
     loaded = with_mock(load_named("trirack2"))
@@ -209,7 +211,6 @@ def test_an_extra_axis_may_be_behind_by_its_speed_in_20_ms_or_in_a_tick(rate_hz:
     assert follower._behind(late, goal, target) == pytest.approx([0.0] * (len(goal) - 1) + [0.5])
 
 
-@pytest.mark.skipif(kernels.load("cosserat") is None, reason="needs compiled kernels")
 @pytest.mark.parametrize("slower", [0.7, 1.5, 2.0])
 def test_what_is_accepted_on_the_axis_of_the_arm_is_followed(
     slower: float, monkeypatch: pytest.MonkeyPatch

@@ -69,6 +69,7 @@ def followed(config: RobotConfig, goals: np.ndarray, start: Actuation) -> list[A
     return seen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["finger", "trirack", "trirack2"])
 def test_axes_at_any_pace_stop_before_the_limits_they_share(name: str) -> None:
     """An axis that went at 40 mm/s up to the bend radius of a finger ended 0.43 mm beyond it."""

@@ -110,6 +110,7 @@ def arrived(run: Run, target: Target) -> bool:
     return False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["tendon3", "ftdcr_v4"])
 @pytest.mark.parametrize("seed", range(2))
 def test_random_live_jumps_keep_every_tension(configs: Path, name: str, seed: int) -> None:

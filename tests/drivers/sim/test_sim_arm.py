@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contid import kernels
 from contid.control.engine.clock import VirtualClock
 from contid.control.engine.wiring import open_buses
 from contid.errors import BadInputError
 from contid.hal import MeasuresTips
+from contid.kernels import load
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.load import parse_robot_file, with_mock
 from contid.robot_file.shipped import load_named
 from contid_drivers.sim.arm.body import SimulatedBody
-from contid_drivers.sim.arm.statics import STEPS, LiteralArm, arm_solver, section_numbers
+from contid_drivers.sim.arm.statics import STEPS, arm_solver, section_numbers
 from studies.shi import forward
 from tests.oracles.rod_shooting import shoot
 
@@ -46,39 +46,88 @@ def test_without_errors_the_tip_is_that_of_the_model(force):
     robot = arm_with()
     model, solve = CosseratModel(robot), arm_solver(robot)
     for p in pressures():
-        tip, _, _, stable, moment, _ = model.engine.forward(p.tolist(), force)
-        found, unknowns, met = solve(p.tolist(), force, (*moment, 0.0), *ANYWHERE)
-        assert stable
+        at = model.engine.forward(p.tolist(), force)
+        found, unknowns, met = solve(p.tolist(), force, (*at.base_moment_nmm, 0.0), *ANYWHERE)
+        assert at.stable
         assert met
-        assert found == pytest.approx(tip, abs=5e-3)  # [mm]; the model's own discretisation
+        assert found == pytest.approx(at.tip_mm, abs=5e-3)  # [mm]; the model's own discretisation
         # Its base moment leaves no moment at the tip in yet another formulation (quaternions, DOP853).
         again, left = shoot(model.setup.rod, p, np.array(force), np.array(unknowns[:3]))
         assert found == pytest.approx(again.tolist(), abs=1e-4)
         assert np.abs(left).max() < 1e-3
 
 
-def test_compiled_arm_twin_and_the_study_of_the_paper_agree():
+def test_the_arm_is_that_of_the_study_of_the_paper_also_with_errors():
     robot = arm_with("errors: {modulus_percent: [4, -3], moment_percent: -2}")
     assert robot.sim.errors.modulus_percent == (4.0, -3.0)
-    rows = [section_numbers(s, 1.04 if i == 0 else 0.97, 0.98) for i, s in enumerate(robot.geometry.sections)]
-    twin, solve = LiteralArm(rows, STEPS), arm_solver(robot)
+    solve = arm_solver(robot)
     nominal = CosseratModel(robot).setup.rod
     from studies.shi_experiments import Plant, arm
 
     rod = Plant().rod((0, 1))
     assert arm((0, 1)) == nominal
     force = np.array([0.0, 0.0, 0.05])
-    p = pressures(2)
+    p = pressures(4)
     study = forward(rod, p, force, STEPS)
     for row, tip in zip(p, study.tip, strict=True):
-        found, unknowns, met = twin.solve(row.tolist(), force.tolist(), (0.0,) * 4, *ANYWHERE)
-        assert met
-        assert found == pytest.approx(tip.tolist(), abs=1e-6)
-        if kernels.load("plant") is not None:
-            compiled = solve(row.tolist(), force.tolist(), (0.0,) * 4, *ANYWHERE)
-            assert compiled[2]
-            assert compiled[0] == pytest.approx(found, abs=1e-8)
-            assert compiled[1] == pytest.approx(unknowns, abs=1e-8)
+        found = solve(row.tolist(), force.tolist(), (0.0,) * 4, *ANYWHERE)
+        assert found.found
+        assert found.tip_mm == pytest.approx(tip.tolist(), abs=1e-6)
+        assert found.unknowns[3] == 0.0
+
+
+def test_a_push_of_the_wall_is_a_force_on_a_free_tip():
+    """The same equilibrium without the wall, and by shooting in another formulation."""
+    robot = arm_with()
+    solve, rod = arm_solver(robot), CosseratModel(robot).setup.rod
+    normal = (0.6, 0.0, 0.8)
+    for p in pressures(4):
+        free = solve(p.tolist(), (0.0, 0.01, 0.02), (0.0,) * 4, *ANYWHERE)
+        wall = float(np.dot(normal, free.tip_mm)) - 2.0
+        held = solve(p.tolist(), (0.0, 0.01, 0.02), free.unknowns, True, normal, wall)
+        assert held.found
+        assert np.dot(normal, held.tip_mm) == pytest.approx(wall, abs=1e-8)
+        push = held.unknowns[3]
+        assert push < -1e-3  # it pulls the tip back
+        load = (0.6 * push, 0.01, 0.02 + 0.8 * push)
+        again = solve(p.tolist(), load, (*held.unknowns[:3], 5.0), *ANYWHERE)
+        assert again.found
+        assert again.tip_mm == pytest.approx(held.tip_mm, abs=1e-6)
+        tip, left = shoot(rod, p, np.array(load), np.array(held.unknowns[:3]))
+        assert held.tip_mm == pytest.approx(tip.tolist(), abs=1e-4)
+        assert np.abs(left).max() < 1e-3
+
+
+def test_beyond_its_range_the_modulus_stays_and_a_missing_equilibrium_is_reported():
+    robot = arm_with()
+    sections = [section_numbers(s, 1.0, 1.0) for s in robot.geometry.sections]
+    ends = [(*row[:17], up_to) for row in sections for up_to in (0.5,)]
+    kernel = load("plant").Arm(ends, STEPS)
+    clamped = [(*row[:12], 0.0, 0.0, 0.0, 0.0, float(np.polyval(row[12:17], 0.5)), 9.0) for row in sections]
+    fixed = load("plant").Arm(clamped, STEPS)
+    p = [0.8] * 3 + [0.7] * 3
+    given_to = (p, (0.0, 0.0, 0.01), (0.0,) * 4, *ANYWHERE)
+    assert kernel.solve(*given_to).tip_mm == pytest.approx(fixed.solve(*given_to).tip_mm, abs=1e-9)
+    assert not kernel.solve(p, (0.0, np.nan, 0.0), (0.0,) * 4, *ANYWHERE).found
+
+
+def test_wrong_numbers_of_the_arm_are_refused():
+    row = section_numbers(arm_with().geometry.sections[0], 1.0, 1.0)
+    with pytest.raises(ValueError, match="18 numbers"):
+        load("plant").Arm([row[:17]], STEPS)
+    arm = load("plant").Arm([row], STEPS)
+    right = [(0.1,) * 3, (0.0,) * 3, (0.0,) * 4, False, (0.0,) * 3, 0.0]
+    assert arm.solve(*right).found
+    for place, message in (
+        (0, "pressures: three"),
+        (1, "force: three"),
+        (2, "guess: four"),
+        (4, "normal: three"),
+    ):
+        wrong = [*right]
+        wrong[place] = (0.0,) * 2
+        with pytest.raises(ValueError, match=message):
+            arm.solve(*wrong)
 
 
 def test_a_wall_stops_the_tip_and_pushes_only_away():
@@ -183,6 +232,7 @@ def test_mistakes_are_located(keys, message):
     assert "arm.yaml:" in str(caught.value)
 
 
+@pytest.mark.process
 def test_a_run_records_the_payload_and_replays(tmp_path: Path):
     (tmp_path / "arm.yaml").write_text(
         text_with("payload_g: 5\npayload_at_s: 1.5\nerrors: {regulator_bar: 0.03}")

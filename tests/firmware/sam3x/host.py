@@ -58,7 +58,7 @@ class Host:
 
     def arm(self, motors: int = 6) -> None:
         self.demand({})
-        answer = self.ask(Type.ARM, messages.masked(self.crc, range(motors)))
+        answer = self.ask(Type.ARM, messages.mask_body(self.crc, range(motors)))
         assert isinstance(answer, messages.Telemetry), answer
 
     def demand(self, goals: Mapping[int, int], timeout_ms: float = 30) -> None:

@@ -98,6 +98,7 @@ def test_tips_from_one_seed(model: Model, chained: bool) -> None:
     assert_same_answers(model, Targets.of(reached(model)), box(model, 1), chained, 2)
 
 
+@pytest.mark.slow
 def test_loaded_tips_with_a_seed_each(model: Model) -> None:
     assert_same_answers(model, Targets.of(reached(model), load_n=LOAD), box(model), False, 3)
 
@@ -161,6 +162,7 @@ def test_no_rows_give_no_rows(model: Model) -> None:
     assert len(inverse_many(model, Targets.of(np.empty((0, 3))), np.zeros(axes)).rows) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["finger"], indirect=True)
 def test_tips_of_all_sizes_of_a_finger(model: Model) -> None:
     """The kernel's hypot rounds as Python's, also for tips next to the axis and next to the base."""
@@ -171,6 +173,7 @@ def test_tips_of_all_sizes_of_a_finger(model: Model) -> None:
     assert_same_answers(model, Targets.of(tips), box(model, 1), False, 2)
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_changes_nothing(model: Model) -> None:
     tips = Targets.of(reached(model, 200))
     one, many = (inverse_many(model, tips, box(model, 1), threads=count) for count in (1, 7))

@@ -24,6 +24,7 @@ def model_of(name: str) -> Model:
     return build_model(next(iter(RobotFile.model_validate(raw).robots.values())))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_batches_at_the_same_time_give_the_same_bits(name: str) -> None:
     model = model_of(name)

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from contid import Robot
 from contid.api.arguments import ArgumentError
-from contid.kinematics.arc.task import turn_left
 from contid.targets import Target
+from studies.arc_chains import turn_left
 from tests.kinematics.tendon_robots import frame_of, placed, random_bends, shipped, vec
 
 

@@ -17,7 +17,7 @@ from contid_drivers.due.codes import Type
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from tests.wire.due.boards import AIR, MOTORS, settle
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 def test_hello_and_first_samples(world):

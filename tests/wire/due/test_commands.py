@@ -22,7 +22,7 @@ from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, R
 from contid_drivers.due.service import doctor, home
 from tests.wire.due.boards import MOTORS, PARKED
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 def test_home_and_doctor(world):
@@ -105,7 +105,7 @@ def test_firmware_command(world, tmp_path, configs):
     file.write_text(text)
     result = run(firmware_command, ["info", str(file)])
     assert result.exit_code == 0, result.output
-    assert "role motor, firmware 1.2.0 (built by hand), chip e0e1" in result.output
+    assert "role motor, firmware 1.3.0 (built by hand), chip e0e1" in result.output
 
 
 def test_parked_by_command(world, tmp_path, configs):

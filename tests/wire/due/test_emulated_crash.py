@@ -12,6 +12,8 @@ from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueBusOptions, Role
 from tests.wire.due.boards import MOTORS
 
+pytestmark = pytest.mark.process
+
 
 def board_process() -> psutil.Process:
     return next(child for child in psutil.Process().children() if "--pty" in child.cmdline())

@@ -13,7 +13,7 @@ from contid_drivers.due.service import doctor, park
 from contid_drivers.due.session import ask_hello
 from tests.wire.due.boards import MOTORS, settle
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 @pytest.mark.parametrize(("fault", "cause"), [("reset", "pin"), ("brown_out", "brown-out")])

@@ -17,7 +17,7 @@ from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from contid_drivers.due.wiring import Adc
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 #: 10 bits over 2.5 V: 1 bar reads 409 steps, where a Due reads 1241.
 OTHER = Adc(1023, 2500.0)

@@ -29,7 +29,7 @@ from contid_drivers.due.codes import Type
 from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueBusOptions
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 TEN_CM_S = 6081.0  # counts/s
 WATCHDOG_MS = 100
@@ -181,7 +181,7 @@ def test_port_that_stays_open_but_is_not_read(board):
         assert termios.tcgetattr(fd)
         ask(Type.CONFIGURE, wiring.config_body(blob))
         telemetry = ask(Type.DEMAND, messages.demand(crc, 0, {}))
-        telemetry = ask(Type.ARM, messages.masked(crc, range(3)))
+        telemetry = ask(Type.ARM, messages.mask_body(crc, range(3)))
         start = {channel: telemetry.channels[channel].position for channel in range(3)}
         began = telemetry.uptime_ms
 

@@ -39,7 +39,7 @@ class Rig:
     @property
     def opened(self) -> Opened:
         """The open port of the bus."""
-        return self.bus._link.opened()
+        return self.bus._link.need_open()
 
     def tick(self, times: int = 1, **commands: float) -> Mapping[str, Sample]:
         """Exchange; commands by axis without the robot's name."""

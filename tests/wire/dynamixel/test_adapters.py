@@ -18,7 +18,7 @@ from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import STALLS_LOGGED
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
-from contid_drivers.dynamixel.exchange.slack import SLACK_MIN_S, WINDOW, Slack
+from contid_drivers.dynamixel.cycle_time import SLACK_MIN_S, WINDOW, Slack
 from contid_drivers.dynamixel.port import ServoPort
 
 pytestmark = pytest.mark.realtime
@@ -118,6 +118,7 @@ def test_batches_and_pieces_cost_no_sample(rig: Make, switches: Any, fast: str) 
         time.sleep(0.001)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("fast", ["auto", "off"])
 @pytest.mark.parametrize("ms", [3, 4, 5, 7, 9, 12, 16])
 def test_samples_of_a_late_adapter_belong_to_their_exchange_or_are_invalid(
@@ -169,6 +170,7 @@ def test_a_stall_longer_than_the_time_out_costs_no_sample(rig: Make) -> None:
     assert r.bus.answer_counts()["stalls"] >= stalls + 10
 
 
+@pytest.mark.process
 def test_an_adapter_that_is_always_late_is_named_although_no_sample_is_lost(
     rig: Make, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -213,6 +215,7 @@ def test_a_second_host_on_the_bus_yields_no_wrong_sample(rig: Make) -> None:
     r.until(lambda: all(sample.valid for sample in r.tick().values()), LONG_S)
 
 
+@pytest.mark.process
 def test_arming_many_servos_through_a_slow_adapter_does_not_outlive_the_watchdog(rig: Make) -> None:
     r = rig(16, watchdog_ms=500)
     r.bus.open()
@@ -227,6 +230,7 @@ def test_arming_many_servos_through_a_slow_adapter_does_not_outlive_the_watchdog
         assert servo.get(reg.BUS_WATCHDOG) == 25
 
 
+@pytest.mark.process
 def test_a_silent_servo_is_asked_last(rig: Make) -> None:
     r = rig(3, fast_read="off")
     r.bus.open()

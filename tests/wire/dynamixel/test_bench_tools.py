@@ -51,6 +51,7 @@ def test_registers_are_read_by_name_and_address_with_the_unit_of_the_model(emula
         bench_tools.read(bus.port, BAUD, 3, ["presnt_position"])
 
 
+@pytest.mark.process
 def test_a_register_is_written_within_its_range_and_torque_lock(emulated: Start) -> None:
     bus = emulated(Servo(1))
     assert bench_tools.write(bus.port, BAUD, 1, "position_p_gain", 800) == 800
@@ -71,6 +72,7 @@ def test_a_register_is_written_within_its_range_and_torque_lock(emulated: Start)
     assert bench_tools.write(bus.port, BAUD, 1, "torque_enable", 0) == 0
 
 
+@pytest.mark.process
 def test_a_request_without_an_answer_names_the_cause(emulated: Start) -> None:
     bus = emulated(Servo(1))
     with pytest.raises(DeviceError, match="servo 7: no answer at 1000000 baud"):
@@ -114,6 +116,7 @@ def test_blinking_leaves_the_led_as_it_was(emulated: Start, monkeypatch: pytest.
     assert bus.servo(1).get(reg.LED) == 1
 
 
+@pytest.mark.process
 def test_a_reset_keeps_id_and_baud_rate(emulated: Start) -> None:
     bus = emulated(Servo(9))
     bus.servo(9).put(reg.RETURN_DELAY, 0)
@@ -168,6 +171,7 @@ def test_setup_finds_a_servo_at_an_unusual_rate_beside_numbered_ones(emulated: S
     assert [(servo.device, servo.baud) for servo in (first, second)] == [(1, BAUD), (2, BAUD)]
 
 
+@pytest.mark.process
 def test_a_run_begins_at_once_after_a_servo_got_another_id_and_its_own_again(emulated: Start) -> None:
     bus = emulated(Servo(1), Servo(2))
     options = DynamixelBusOptions(port=bus.port, usb_latency_ms=200, slack_ms=200)

@@ -74,6 +74,7 @@ def test_ping_and_broadcast_ping_agree_with_the_sdk(client: ServoClient, stock: 
     assert client.broadcast_ping() == {device: tuple(data) for device, data in found.items()}
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     "register", [r for r in reg.TABLE if r is not reg.REALTIME_TICK], ids=lambda register: register.name
 )

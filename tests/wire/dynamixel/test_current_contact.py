@@ -22,7 +22,7 @@ from tests.support.command import contid_in
 from tests.support.waiting import until
 from tests.wire.dynamixel.current_hand import hand
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 #: Travel of the servos up to what they push against; 4096 ticks are 37.7 mm of rack.
 FREE_TICKS = 500.0

@@ -22,6 +22,7 @@ def doctor(r: Any) -> dict[str, Any]:
     return {finding.subject: finding for finding in findings}
 
 
+@pytest.mark.process
 def test_problems_of_a_person_have_a_remedy(rig: Callable[..., Any]) -> None:
     made = [Servo(1), Servo(2, firmware=44), Servo(2, position_ticks=77.0), Servo(8)]
     r = rig(3, made=made)
@@ -35,6 +36,7 @@ def test_problems_of_a_person_have_a_remedy(rig: Callable[..., Any]) -> None:
     assert "8" in findings["servos others"].message
 
 
+@pytest.mark.process
 def test_what_arming_changes_is_a_warning_until_torque_locks_it(rig: Callable[..., Any]) -> None:
     r = rig(1)
     servo = r.emulator.servo(1)
@@ -78,6 +80,7 @@ def test_nothing_is_wrong_with_a_good_bus(rig: Callable[..., Any]) -> None:
     assert all(finding.ok for finding in doctor(rig(2)).values())
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("switch", "values", "counted", "remedy"),
     [
@@ -107,3 +110,31 @@ def test_the_owner_of_the_port_is_named(rig: Callable[..., Any]) -> None:
     r = rig(1)
     r.bus.open()
     assert "in use" in doctor(r)["servos port"].message
+
+
+def test_what_other_programs_leave_is_cured_or_named(rig: Callable[..., Any]) -> None:
+    r = rig(1, made=[Servo(1), Servo(7)])
+    assert doctor(r)["id 1 limits"].message == "those of a new servo"
+    servo = r.emulator.servo(1)
+    servo.put(reg.SECONDARY_ID, 2)
+    servo.put(reg.GOAL_PWM, 100)
+    servo.put(reg.SHUTDOWN, 0x10)
+    servo.put(reg.PWM_LIMIT, 400)
+    servo.put(reg.TEMPERATURE_LIMIT, 100)
+    r.emulator.servo(7).put(reg.SECONDARY_ID, 1)
+    findings = doctor(r)
+    settings, limits, others = (
+        findings[f"{each}"] for each in ("id 1 settings", "id 1 limits", "servos others")
+    )
+    assert "secondary id is 2, not 255" in settings.message
+    assert "goal pwm is 100, not 400" in settings.message
+    assert limits.warning
+    assert "overheated, overload" in limits.message
+    assert "pwm limit (36) is 400 of 885" in limits.message
+    assert "temperature limit (31) is 100 deg C" in limits.message
+    assert not others.ok
+    assert "id 7 has the secondary id (12) 1: it moves with servo 1" in others.message
+    r.bus.open()
+    r.bus.enable(r.bus.axes)
+    assert servo.get(reg.SECONDARY_ID) == 255
+    assert servo.get(reg.GOAL_PWM) == 400

@@ -40,6 +40,7 @@ def test_set_id_and_set_baud_refuse_two_servos_of_one_id(emulated: Callable[...,
     assert [(servo.device, servo.baud) for servo in bus.servos] == [(1, 1000000)] * 2
 
 
+@pytest.mark.process
 def test_set_id_changes_the_only_servo_also_under_noise(emulated: Callable[..., DynamixelEmulator]) -> None:
     bus = emulated(Servo(1))
     bus.set("corrupt", 1, count=2)

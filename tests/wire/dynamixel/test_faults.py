@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import time
 from collections.abc import Callable
@@ -14,7 +15,7 @@ from pydantic import ValidationError
 from contid.errors import DeviceError
 from contid.hal import Rest
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator import InjectedFault, machine
+from contid_drivers.dynamixel.emulator import InjectedFault, machine, replies
 from contid_drivers.dynamixel.packets import Instruction
 
 pytestmark = pytest.mark.realtime
@@ -106,6 +107,7 @@ def test_a_stale_answer_is_not_taken_for_the_answer_to_another_request(rig: Make
     assert client.read(1, reg.PRESENT_VOLTAGE) == 50
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("kind", "bits", "message"),
     [
@@ -152,6 +154,7 @@ def test_torque_switched_off_from_outside_is_a_fault_and_returns_without_a_jump(
     assert abs(running.emulator.servo(2).position_ticks - limp) < 1
 
 
+@pytest.mark.process
 def test_a_tripped_watchdog_is_a_latched_fault_and_comes_back_without_a_jump(running: Any) -> None:
     running.tick(a1=9000 * TICK)
     running.tick(3)
@@ -263,3 +266,44 @@ def test_the_reboot_of_a_servo_trips_no_watchdog_of_the_others(
     r.until(lambda: "overload" in r.tick()["r.a2"].fault)
     r.bus.clear_fault(["r.a2"])
     assert [sample.fault for sample in r.tick().values()] == ["", "", ""]
+
+
+def test_clear_fault_of_a_dead_servo_does_not_freeze_its_neighbours(running: Any) -> None:
+    running.emulator.set("silent", 2)
+    running.until(lambda: bool(running.bus._states["r.a2"].misses > 3))
+    before = time.monotonic()
+    running.bus.disable(["r.a2"], Rest.RELAX)
+    with pytest.raises(DeviceError, match=r"r\.a2.*no answer"):
+        running.bus.clear_fault(["r.a2"])
+    # One time-out alone takes 40 ms here.
+    assert time.monotonic() - before < 0.02
+    running.emulator.set("silent", 2, on=False)
+    running.until(lambda: running.tick()["r.a2"].valid)
+    running.bus.clear_fault(["r.a2"])
+    assert not running.emulator.servo(2).torque
+
+
+def test_servos_behind_a_dead_one_are_found(rig: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A servo that waits for the answer of the one before it stays silent in a sync read."""
+    r = rig(4, fast_read="off")
+    r.bus.open()
+    r.bus.enable(["r.a1", "r.a2", "r.a3", "r.a4"])
+    r.tick(3)
+    reads = replies._reads
+
+    def chained(instruction: int, blocks: list[Any], servos: Any, byte_s: float) -> list[Any]:
+        ids = [servo.device for servo in servos]
+        alive = list(itertools.takewhile(lambda block: block.device in ids, blocks))
+        return reads(instruction, alive, servos, byte_s)
+
+    monkeypatch.setattr(replies, "_reads", chained)
+    for dead in ((1,), (2, 3), (3,), (1, 4)):
+        for device in dead:
+            r.emulator.set("silent", device)
+        r.tick(20)
+        samples = r.tick(3)
+        valid = [samples[f"r.a{i}"].valid for i in (1, 2, 3, 4)]
+        assert valid == [i not in dead for i in (1, 2, 3, 4)], f"dead: {dead}"
+        for device in dead:
+            r.emulator.set("silent", device, on=False)
+        r.until(lambda: all(sample.valid for sample in r.tick().values()))

@@ -132,6 +132,7 @@ def test_axes_in_another_mode_have_no_limit(rig: Callable[..., Any]) -> None:
     assert r.bus.effort_limits() == {}
 
 
+@pytest.mark.process
 def test_the_grip_of_a_running_robot_changes_live(tmp_path: Path, configs: Path) -> None:
     text = (configs / "hand.emulated.yaml").read_text().replace("./hand.tty", str(tmp_path / "hand.tty"))
     text = text.replace(
@@ -169,3 +170,19 @@ def test_the_grip_of_a_running_robot_changes_live(tmp_path: Path, configs: Path)
             run.send_signal(signal.SIGINT)
             out, _ = run.communicate(timeout=20)
     assert json.loads(out)["exit_code"] == 0 or "interrupt" in json.loads(out)["ending"]
+
+
+def test_a_crash_with_a_grip_does_not_refuse_the_next_run(rig: Callable[..., Any]) -> None:
+    r = rig(1, axis=GRIP)
+    r.bus.open()
+    r.bus.enable(["r.a1"])
+    r.bus.limit_effort({"r.a1": 0.3})
+    put_egg(r.emulator, 1)
+    squeeze(r, 0.3)
+    r.emulator.set("trip", 1)
+    r.as_another_process()
+    r.bus.open()
+    r.bus.enable(["r.a1"])
+    assert not r.tick()["r.a1"].fault
+    assert r.emulator.servo(1).get(reg.GOAL_CURRENT) == 600
+    assert not r.emulator.servo(1).tripped

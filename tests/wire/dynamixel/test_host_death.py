@@ -16,7 +16,7 @@ import pytest
 
 from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 ROOT = Path(__file__).parents[3]
 WATCHDOG_MS = 100

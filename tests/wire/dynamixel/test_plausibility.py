@@ -10,7 +10,7 @@ import pytest
 
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.packets import Instruction, build
-from contid_drivers.dynamixel.plausibility import FollowingError, jumped
+from contid_drivers.dynamixel.plausibility import FollowingError, has_jumped
 
 pytestmark = pytest.mark.realtime
 
@@ -90,12 +90,12 @@ def test_the_current_based_mode_may_push(rig: Make) -> None:
 
 @pytest.mark.parametrize("elapsed_s", [0.001, 0.005, 0.05])
 def test_a_turn_is_a_jump_and_the_fastest_motion_is_none(elapsed_s: float) -> None:
-    assert jumped(2 * 3.14159, elapsed_s)
-    assert not jumped(383 / 60 * 2 * 3.14159 * elapsed_s, elapsed_s)
+    assert has_jumped(2 * 3.14159, elapsed_s)
+    assert not has_jumped(383 / 60 * 2 * 3.14159 * elapsed_s, elapsed_s)
 
 
 def test_progress_restarts_the_time_of_the_following_error() -> None:
     check = FollowingError(0.5, 0.3)
-    assert not any(check.exceeded(3.0 - 0.02 * k, 0.0, 1.0, 0.01 * k) for k in range(100))
-    assert [check.exceeded(1.0, 5.0, 0.9, 1.0 + 0.1 * k) for k in range(5)][-1]
-    assert not any(check.exceeded(1.0, 5.0, 0.1, 2.0 + 0.1 * k) for k in range(9))
+    assert not any(check.is_exceeded(3.0 - 0.02 * k, 0.0, 1.0, 0.01 * k) for k in range(100))
+    assert [check.is_exceeded(1.0, 5.0, 0.9, 1.0 + 0.1 * k) for k in range(5)][-1]
+    assert not any(check.is_exceeded(1.0, 5.0, 0.1, 2.0 + 0.1 * k) for k in range(9))

@@ -11,8 +11,9 @@ import pytest
 from contid.errors import DeviceError
 from contid.hal import Rest
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.emulator import Servo
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 TICK = reg.RAD_PER_TICK
 Make = Callable[..., Any]
@@ -22,11 +23,11 @@ TURNS = 5 * 4096
 @pytest.fixture(params=["indirect", "plain"])
 def moving(rig: Make, request: pytest.FixtureRequest) -> Any:
     """Two servos five turns up and on their way to the eighth, with torque at power-up configured."""
-    from contid_drivers.dynamixel.exchange.block import INDIRECT, PLAIN
-
-    r = rig(2, watchdog_ms=500, retry_ms=0, fast_read="off")
-    r.bus._link._layout = {"indirect": INDIRECT, "plain": PLAIN}[request.param]
+    plain = request.param == "plain"
+    made = [Servo(1), Servo(2, firmware=53 if plain else 52)]
+    r = rig(2, made=made, watchdog_ms=500, retry_ms=0, fast_read="off")
     r.bus.open()
+    assert r.bus._link.indirect is not plain
     r.bus.enable(["r.a1", "r.a2"])
     r.tick(a1=TURNS * TICK, a2=TURNS * TICK)
     r.until(lambda: all(abs(r.emulator.servo(i).position_ticks - TURNS) < 1 for i in (1, 2)))
@@ -61,6 +62,7 @@ def test_a_brown_out_in_motion_does_not_lead_to_the_goal_of_an_old_turn(moving: 
     r.until(lambda: abs(r.emulator.servo(1).position_ticks - TURNS - 5000) < 0.01)  # at rest
 
 
+@pytest.mark.process
 def test_a_servo_turned_after_its_reset_keeps_the_turn_it_had_when_it_answered_first(moving: Any) -> None:
     """The servo counts on after its reset, so the first answer determines the turn for all later ones."""
     r = moving
@@ -94,6 +96,7 @@ def test_torque_at_power_up_is_not_left_on_under_torque(rig: Make) -> None:
         r.bus.enable(["r.a1"])
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("rest", [Rest.RELAX, Rest.HOLD])
 def test_a_rest_that_a_silent_servo_missed_is_applied_when_it_answers(rig: Make, rest: Rest) -> None:
     r = rig(2, watchdog_ms=2000)

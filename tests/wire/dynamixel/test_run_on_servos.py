@@ -20,7 +20,7 @@ from contid_drivers.dynamixel.emulator import DynamixelEmulator
 from contid_drivers.dynamixel.emulator.bench import Bench
 from tests.support.command import environment
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 ROOT = Path(__file__).parents[3]
 IDS = (1, 2, 3, 4)

@@ -14,7 +14,7 @@ from contid_drivers.dynamixel.packets import BROADCAST, STATUS_OVERHEAD
 from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.dynamixel.scan import PROTOCOL_1_S, USUAL_BAUDS, protocol_1, scan
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 # Packets of the e-manual, Protocol 1.0, sections Ping and Read, for id 1; model number 12 is an AX-12.
 PING_ALL = bytes.fromhex("fffffe0201fe")

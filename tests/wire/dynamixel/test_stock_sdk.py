@@ -12,7 +12,7 @@ import pytest
 from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 from contid_drivers.dynamixel.emulator.machine import BOOT_S
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 @pytest.fixture

@@ -21,6 +21,8 @@ from tests.kinematics.tendon_robots import shipped
 from tests.support.command import environment
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.process
+
 PATIENT = "usb_latency_ms: 15\n    watchdog_ms: 400"
 HOMING = ", homing: {method: tension, direction: 1, current_ma: 80}}"
 #: Of the tendon that snaps: the backbone springs back, so that others carry nothing either.
@@ -95,6 +97,7 @@ def test_a_snapped_tendon_leaves_the_others_in_balance(tmp_path: Path, configs: 
         np.testing.assert_allclose(moments, plant._bending * plant._bends, atol=least)
 
 
+@pytest.mark.process
 @pytest.mark.realtime
 @pytest.mark.timeout(180)
 def test_a_tendon_snaps_while_the_robot_runs(tmp_path: Path, configs: Path) -> None:

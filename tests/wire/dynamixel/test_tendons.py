@@ -18,6 +18,8 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator import Servo, TendonPlant
 from tests.support.tendon_sections import even_section
 
+pytestmark = pytest.mark.process
+
 Make = Callable[..., Any]
 MA_PER_N = 28.0
 M_PER_TICK = 2 * np.pi * 0.010 / 4096
@@ -100,6 +102,7 @@ def test_a_snapped_tendon_is_named_and_torque_is_off(rig: Make) -> None:
     assert not any(servo.torque for servo in servos)
 
 
+@pytest.mark.process
 @pytest.mark.realtime
 def test_axes_are_refused_until_they_were_tensioned_since_power_up(rig: Make) -> None:
     servos = spools()
@@ -128,6 +131,7 @@ def running(rig: Make, **homing: Any) -> tuple[Any, TendonPlant]:
     return r, plant
 
 
+@pytest.mark.process
 @pytest.mark.realtime
 def test_a_tendon_that_snaps_while_the_robot_runs_is_a_fault_of_its_axis(rig: Make) -> None:
     r, plant = running(rig, slack_ma=20, slack_ms=100)
@@ -143,6 +147,7 @@ def test_a_tendon_that_snaps_while_the_robot_runs_is_a_fault_of_its_axis(rig: Ma
     assert not samples["r.a3"].fault
 
 
+@pytest.mark.process
 @pytest.mark.realtime
 def test_a_tendon_that_was_paid_out_too_far_is_slack(rig: Make) -> None:
     r, _ = running(rig, slack_ma=20, slack_ms=100)
@@ -158,6 +163,7 @@ def test_a_tendon_that_was_paid_out_too_far_is_slack(rig: Make) -> None:
     assert fault in (Fault.TENDON_SLACK, Fault.TENDON_SNAPPED)
 
 
+@pytest.mark.process
 @pytest.mark.realtime
 def test_tendons_are_not_watched_unless_asked_for(rig: Make) -> None:
     r, plant = running(rig)

@@ -14,7 +14,7 @@ from contid_drivers.dynamixel import DRIVER
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.commission import sdk_bus
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 TICK = reg.RAD_PER_TICK
 Make = Callable[..., Any]
@@ -47,6 +47,7 @@ def driven_far(r: Any, home: bool) -> None:
 HOMINGS = pytest.mark.parametrize("homing", [None, STOP, POSE], ids=["none", "hard_stop", "single_turn"])
 
 
+@pytest.mark.process
 @HOMINGS
 def test_a_passage_through_position_mode_resets_the_count_and_refuses_the_axis(
     rig: Make, homing: dict[str, Any] | None
@@ -86,6 +87,7 @@ def test_torque_in_position_mode_resets_the_count_as_well(rig: Make) -> None:
     assert "another program reset its count of turns" in r.tick()["r.a1"].fault
 
 
+@pytest.mark.process
 @HOMINGS
 def test_a_change_between_modes_of_several_turns_by_the_robot_file_keeps_the_count(
     rig: Make, homing: dict[str, Any] | None

@@ -14,7 +14,7 @@ from contid.hal import Rest
 from contid_drivers import serial_ports
 from contid_drivers.dynamixel import registers as reg
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 TICK = reg.RAD_PER_TICK
 Make = Callable[..., Any]
@@ -49,6 +49,7 @@ def test_unplugging_is_a_lost_device_at_once_and_plugging_in_needs_no_restart(
     assert [servo.position_ticks for servo in r.emulator.servos] == pytest.approx(before, abs=12)
 
 
+@pytest.mark.process
 def test_the_watchdog_that_tripped_during_an_unplug_is_reported_and_not_armed_over(
     rig: Make, tmp_path: Path
 ) -> None:

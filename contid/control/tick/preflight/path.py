@@ -2,7 +2,7 @@
 
 The run is computed as the tick computes it: the eased clock, the model seeded with the solution before, the
 limiter. Refused are targets out of reach and paths on which the limiter would take the tip off its target by
-more than `contid.control.tick.on_path.tip_tolerance_m`. Extra axes round the corners of their trajectory
+more than `contid.control.tick.next_command.tip_tolerance_m`. Extra axes round the corners of their trajectory
 within a few ticks: they must not fall further behind than their greatest speed times `LAG_S`.
 
 Not every tick is computed: see `contid.control.tick.preflight.ticks`.
@@ -16,8 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.next_command import next_command
-from contid.control.tick.on_path import tip_tolerance_m
+from contid.control.tick.next_command import next_command, tip_tolerance_m
 from contid.control.tick.preflight.clearance import ClearancePreflight
 from contid.control.tick.preflight.ticks import Tick, run_ticks
 from contid.control.tick.soft_start import ease_ticks

@@ -1,5 +1,10 @@
-// Poses beside an answer on the target to which the straight path from the present state does not lead: twin of
-// contid/kinematics/cosserat/along_branch/beside.py, its specification.
+// Poses beside an answer on the target to which the straight path from the present state does not lead.
+//
+// Such a path passes a fork and ends on its other side. The forks that straight paths from one point meet are surfaces
+// in the space of pressures: around the answer there are points on both sides of them. 24 Halton points in a box around
+// it are tried, then as many in a smaller box around the nearest pose found; descents start from the four nearest to
+// the target among those that the arm gets to. A descent ends on the target, or is cut, by bisection, where the
+// straight path no longer leads there.
 #pragma once
 
 #include "../../halton.hpp"
@@ -27,63 +32,62 @@ template <class Each, int most> struct Nearest {
 };
 
 // Calls `visit` with a pose for each point around pressures.
-template <int K, class Visit>
-void over_probes(const Limits<K>& limits, const double* around, double width, Visit&& visit) {
+template <class Visit> void over_probes(const Limits& limits, const double* around, double width, Visit&& visit) {
   for (int k = 0; k < kProbes; ++k) {
-    BranchPose<K> probe;
-    for (int i = 0; i < 3 * K; ++i) {
+    BranchPose probe;
+    for (int i = 0; i < limits.count; ++i) {
       const double range = limits.upper[i] - limits.lower[i];
       probe.pressures[i] = around[i] + width * (2.0 * radical_inverse(k + 1, kPrimes[i]) - 1.0) * range;
     }
-    clamp<K>(limits, probe.pressures);
+    clamp(limits, probe.pressures);
     visit(probe);
   }
 }
 
 // A pose to which a straight path leads; one leads to the pressures behind it too.
-template <int K> struct StraightPose {
-  BranchPose<K> pose;
-  double behind[3 * K];
+struct StraightPose {
+  BranchPose pose;
+  double behind[kMost];
 };
 
-template <int K> struct Beside {
-  static constexpr int n = 3 * K;
-  const Rod<K>& rod;
+struct Beside {
+  const Rod& rod;
   const Task& task;
   Vec force;
-  const Limits<K>& limits;
+  const Limits& limits;
   int elements;
   double tolerance;
-  const BranchPose<K>& present;
+  const BranchPose& present;
   StopRule stop;
   int work = 0;
-  Nearest<StraightPose<K>, kStraights> found{};
+  const int n = rod.pressures();
+  Nearest<StraightPose, kStraights> found{};
 
   bool met() const { return found.count > 0 && found.errors[0] <= tolerance; }
 
   // True where the arm gets to a pose on the branch with these pressures, on the straight path too.
-  bool straight_at(BranchPose<K>& pose) {
-    const double done = ramped<K>(rod, pose.pressures, force, elements, pose.moment, pose.at, pose.ramp);
+  bool straight_at(BranchPose& pose) {
+    const double done = ramped(rod, pose.pressures, force, elements, pose.moment, pose.at, pose.ramp);
     work += pose.ramp.work();
     return done == 1.0 && is_straight(pose);
   }
 
-  bool is_straight(const BranchPose<K>& pose) {
+  bool is_straight(const BranchPose& pose) {
     work += kRampWork;
-    const Outcome<K> o = outcome_of<K>(task, pose, tolerance);
-    return snap_on_path<K>(rod, force, present.pressures, present.moment, o, elements) == kNoSnap;
+    const Outcome o = outcome_of(task, pose, tolerance);
+    return snap_on_path(rod, force, present.pressures, present.moment, o, elements) == kNoSnap;
   }
 
   // From a pose towards the target; where the straight path does not lead to the end of a descent, to the last point
   // on the way there to which it does.
-  void attempt(const BranchPose<K>& start) {
-    Descent<K> descent{rod, task, force, limits, elements, tolerance};
-    const Outcome<K> o = descent.run(start, stop);
+  void attempt(const BranchPose& start) {
+    Descent descent{rod, task, force, limits, elements, tolerance};
+    const Outcome o = descent.run(start, stop);
     work += o.iterations;
-    StraightPose<K> good{};
+    StraightPose good{};
     good.pose = start;
     std::copy(start.pressures, start.pressures + n, good.behind);
-    BranchPose<K> trial = descent.pose();
+    BranchPose trial = descent.pose();
     if (is_straight(trial)) {
       good.pose = trial;
     } else {
@@ -105,13 +109,13 @@ template <int K> struct Beside {
   void run(const double* pressures) {
     search(pressures, kWide);
     if (found.count == 0 || met()) return;
-    const BranchPose<K> centre = found.each[0].pose;
+    const BranchPose centre = found.each[0].pose;
     search(centre.pressures, kNarrow);
   }
 
   void search(const double* around, double width) {
-    Nearest<BranchPose<K>, kProbeDescents> starts;
-    over_probes<K>(limits, around, width, [&](BranchPose<K>& probe) {
+    Nearest<BranchPose, kProbeDescents> starts;
+    over_probes(limits, around, width, [&](BranchPose& probe) {
       if (straight_at(probe)) starts.add(probe, task_error(task, probe.at.ends));
     });
     for (int k = 0; k < starts.count && !met(); ++k) attempt(starts.each[k]);

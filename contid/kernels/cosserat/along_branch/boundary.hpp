@@ -1,5 +1,6 @@
-// The boundary of the pressures whose path from rest is stable, next to a pose: twin of
-// contid/kinematics/cosserat/along_branch/boundary.py, its specification.
+// The boundary of the pressures whose path from rest is stable, next to a pose. Beyond it the path leads to another
+// equilibrium: the arm would snap. A descent needs the direction in which it lies: at the weakest point of the path,
+// that in which pressures turn the base moment most.
 #pragma once
 
 #include "../box_step.hpp"
@@ -10,9 +11,9 @@ namespace contid {
 constexpr double kShrink = 0.25, kLeastApproach = 0.05, kNearlyWeakest = 0.5, kPlaneWeight = 1e4, kDefinite = 1e-13;
 
 // A plane that the next steps must not cross, and the distance that is left in front of it.
-template <int K> struct StableBoundary {
-  static constexpr int n = 3 * K;
-  double normal[n], room = 0.0;
+struct StableBoundary {
+  int n;  // pressures
+  double normal[kMost] = {}, room = 0.0;
 
   double along_normal(const double* d) const {
     double sum = 0.0;
@@ -21,9 +22,9 @@ template <int K> struct StableBoundary {
   }
 
   // The normal next to a pose; false where there is no such direction.
-  bool find_normal(const Rod<K>& rod, const double* pressures, Vec moment, const Judged& end, Vec force, int elements,
-                   const Ramp<K>& ramp) {
-    double most = squared(end.moment_by_balance), p[n];
+  bool find_normal(const Rod& rod, const double* pressures, Vec moment, const Judged& end, Vec force, int elements,
+                   const Ramp& ramp) {
+    double most = squared(end.moment_by_balance), p[kMost];
     for (int k = 0; k < ramp.count; ++k) most = std::fmax(most, squared(ramp.compliance[k]));
     int first = 0;
     while (first < ramp.count && squared(ramp.compliance[first]) < kNearlyWeakest * kNearlyWeakest * most) ++first;
@@ -36,8 +37,8 @@ template <int K> struct StableBoundary {
       if (size > longest) longest = size, row = i;
     }
     for (int j = 0; j < n; ++j) p[j] = share * pressures[j];
-    Sweep<K> at;
-    sweep<K, true>(rod, p, first < ramp.count ? ramp.moment[first] : moment, share * force, share, elements, at);
+    Sweep at;
+    sweep(rod, p, first < ramp.count ? ramp.moment[first] : moment, share * force, share, elements, at);
     double length = 0.0;
     for (int j = 0; j < n; ++j) {
       normal[j] = 0.0;
@@ -64,16 +65,16 @@ template <int K> struct StableBoundary {
   }
 
   // The bounded step that uses up the room; false where a step `d` does not need more.
-  bool limit(const double (&H)[n][n], const double* g, const double* low, const double* high, double* d) const {
+  bool limit(const double (&H)[kMost][kMost], const double* g, const double* low, const double* high, double* d) const {
     if (along_normal(d) <= room) return false;
-    double stiff[n][n], slope[n], weight = 0.0;
+    double stiff[kMost][kMost], slope[kMost], weight = 0.0;
     for (int j = 0; j < n; ++j) weight += kPlaneWeight * H[j][j];
     for (int i = 0; i < n; ++i) {
       for (int j = 0; j < n; ++j) stiff[i][j] = H[i][j] + weight * normal[i] * normal[j];
       stiff[i][i] += kDefinite * weight;
       slope[i] = g[i] - weight * room * normal[i];
     }
-    box_step<n>(stiff, slope, low, high, d);
+    box_step(n, stiff, slope, low, high, d);
     return true;
   }
 };

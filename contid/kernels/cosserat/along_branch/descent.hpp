@@ -1,5 +1,13 @@
-// Descent of the task error along the branch and along its boundary: twin of
-// contid/kinematics/cosserat/along_branch/descent.py, its specification.
+// Descent of the task error along the branch and along its boundary.
+//
+//     minimise  |r(P)|^2   over the pressures P in their limits whose path from rest is stable
+//
+// Gauss-Newton steps in a trust box from one pose on the branch: every step ends in an equilibrium near the one before,
+// found by Newton's method, and must lower the error. Whether poses are on the branch is checked every few steps; the
+// descent goes back to the last that is. Next to the boundary of the stable pressures (boundary.hpp) every step is
+// checked, and a plane keeps the next ones in front of it. It stops on the target, where a step gains nothing or the
+// trust box has vanished, or by its `StopRule`. Slower than solve.hpp, which balances the moments on the way and may
+// end in any equilibrium.
 #pragma once
 
 #include "../solve.hpp"
@@ -21,17 +29,17 @@ struct StopRule {
 };
 
 // A pose on the branch, and the path to it from rest.
-template <int K> struct BranchPose {
-  double pressures[3 * K];
+struct BranchPose {
+  double pressures[kMost] = {};
   Vec moment;
   Judged at;
-  Ramp<K> ramp;
+  Ramp ramp;
 };
 
 // An outcome that is a pose on the branch.
-template <int K> Outcome<K> outcome_of(const Task& task, const BranchPose<K>& pose, double tolerance) {
-  Outcome<K> o{};
-  std::copy(pose.pressures, pose.pressures + 3 * K, o.pressures);
+inline Outcome outcome_of(const Task& task, const BranchPose& pose, double tolerance) {
+  Outcome o{};
+  std::copy(pose.pressures, pose.pressures + kMost, o.pressures);
   o.moment = pose.moment, o.at = pose.at;
   o.residual = task_error(task, pose.at.ends), o.statics = norm(pose.at.ends.moment);
   o.met = o.optimal = o.residual <= tolerance;
@@ -41,26 +49,26 @@ template <int K> Outcome<K> outcome_of(const Task& task, const BranchPose<K>& po
 
 // From one pose on the branch to others, each near the one before. Whether they are on the branch is checked every few
 // steps, and at every step next to its boundary.
-template <int K> struct Descent {
-  static constexpr int n = 3 * K;
-  const Rod<K>& rod;
+struct Descent {
+  const Rod& rod;
   const Task& task;
   Vec force;
-  const Limits<K>& limits;
+  const Limits& limits;
   int elements;
   double tolerance;
 
   struct Point {
-    double p[n], r[9], cost;
+    double p[kMost], r[9], cost;
     Vec moment;
     Judged at;
   };
   Point points[kUnchecked + 1]{};  // the first is on the branch
   int ahead = 0;                   // points after it
-  Ramp<K> ramp{};                  // the path from rest to the first
-  StableBoundary<K> boundary{};
-  Sweep<K> here{};
-  Reduced<K> by{};
+  Ramp ramp{};                     // the path from rest to the first
+  const int n = rod.pressures();
+  StableBoundary boundary{n};
+  Sweep here{};
+  Reduced by{};
   double trust = kTrustStart, margin = kMargin;
   int work = 0, step = 0, retreats = 0;
   bool bounded = false, normal_is_old = false, fresh = false, blocked = false, optimal = false;
@@ -71,12 +79,12 @@ template <int K> struct Descent {
     for (int a = 0; a < task.rows(); ++a) point.cost += point.r[a] * point.r[a];
   }
 
-  bool on_branch_at(const Point& point, Ramp<K>& path) {
+  bool on_branch_at(const Point& point, Ramp& path) {
     Vec found;
     Judged at;
-    const double done = ramped<K>(rod, point.p, force, elements, found, at, path);
+    const double done = ramped(rod, point.p, force, elements, found, at, path);
     work += path.work();
-    return done == 1.0 && path.least >= margin && same_pose<K>(rod, force, found, point.moment);
+    return done == 1.0 && path.least >= margin && same_pose(rod, force, found, point.moment);
   }
 
   // After a step from the first point led off the branch: the next ones keep in front of its boundary.
@@ -92,7 +100,7 @@ template <int K> struct Descent {
   // The last point becomes the first. Back to the last one on the branch, and false, where it is not.
   bool check() {
     if (ahead == 0) return true;
-    Ramp<K> path;
+    Ramp path;
     int good = 0, bad = ahead;
     if (on_branch_at(points[ahead], path)) {
       good = ahead, ramp = path;
@@ -105,7 +113,7 @@ template <int K> struct Descent {
           bad = middle;
       }
     }
-    double d[n];
+    double d[kMost];
     for (int j = 0; j < n; ++j) d[j] = points[bad].p[j] - points[good].p[j];
     points[0] = points[good];
     const bool all = good == ahead;
@@ -116,7 +124,7 @@ template <int K> struct Descent {
     return false;
   }
 
-  void accept(const Point& next, const Ramp<K>& path, bool limited, double along) {
+  void accept(const Point& next, const Ramp& path, bool limited, double along) {
     fresh = false, blocked = limited;
     if (!bounded) {
       points[++ahead] = next;
@@ -134,26 +142,26 @@ template <int K> struct Descent {
   bool advance(const StopRule& stop) {
     const Point& now = points[ahead];
     if (!fresh) {
-      sweep<K, true>(rod, now.p, now.moment, force, 1.0, elements, here);
+      sweep(rod, now.p, now.moment, force, 1.0, elements, here);
       if (!by.eliminate(rod, task, here, 0.0)) return false;
       fresh = true;
     }
     if (bounded && normal_is_old) {
-      double before[n];
+      double before[kMost];
       std::copy(boundary.normal, boundary.normal + n, before);
       bounded = boundary.find_normal(rod, now.p, now.moment, now.at, force, elements, ramp);
       if (bounded && boundary.along_normal(before) < 0.0)
-        for (double& each : boundary.normal) each = -each;
+        for (int j = 0; j < n; ++j) boundary.normal[j] = -boundary.normal[j];
       normal_is_old = false;
     }
-    double g[n], low[n], high[n], d[n], size = 0.0, gain = 0.0;
+    double g[kMost], low[kMost], high[kMost], d[kMost], size = 0.0, gain = 0.0;
     for (int j = 0; j < n; ++j) {
       g[j] = 0.0;
       for (int a = 0; a < task.rows(); ++a) g[j] += by.J[a][j] * now.r[a];
       low[j] = std::max(limits.lower[j] - now.p[j], -trust);
       high[j] = std::min(limits.upper[j] - now.p[j], trust);
     }
-    box_step<n>(by.H, g, low, high, d);
+    box_step(n, by.H, g, low, high, d);
     const bool limited = bounded && boundary.limit(by.H, g, low, high, d);
     const double along = bounded ? boundary.along_normal(d) : 0.0;
     for (int j = 0; j < n; ++j) {
@@ -169,10 +177,10 @@ template <int K> struct Descent {
     Point next;
     for (int j = 0; j < n; ++j) next.p[j] = std::min(std::max(now.p[j] + d[j], limits.lower[j]), limits.upper[j]);
     next.moment = now.moment - by.moment_step(d, 0.0, {0, 0, 0});
-    bool stable = settle<K>(rod, next.p, next.moment, force, 1.0, elements, kStatics, next.at);
+    bool stable = settle(rod, next.p, next.moment, force, 1.0, elements, kStatics, next.at);
     if (stable) measure(next);
     const bool lower = stable && next.cost < now.cost;
-    Ramp<K> path;
+    Ramp path;
     if (lower && bounded) stable = on_branch_at(next, path);
     if (lower && stable) {
       if (now.cost - next.cost > 0.75 * gain) trust = std::fmax(trust, 2.0 * size);
@@ -197,14 +205,14 @@ template <int K> struct Descent {
   }
 
   // The first of the points.
-  BranchPose<K> pose() const {
-    BranchPose<K> first;
+  BranchPose pose() const {
+    BranchPose first;
     std::copy(points[0].p, points[0].p + n, first.pressures);
     first.moment = points[0].moment, first.at = points[0].at, first.ramp = ramp;
     return first;
   }
 
-  Outcome<K> run(const BranchPose<K>& start, const StopRule& stop) {
+  Outcome run(const BranchPose& start, const StopRule& stop) {
     std::copy(start.pressures, start.pressures + n, points[0].p);
     points[0].moment = start.moment, points[0].at = start.at, ramp = start.ramp;
     margin = std::fmin(kMargin, ramp.least);
@@ -227,7 +235,7 @@ template <int K> struct Descent {
       if (check() || work >= stop.work) break;
       optimal = false;
     }
-    Outcome<K> out{};
+    Outcome out{};
     const Point& end = points[0];
     std::copy(end.p, end.p + n, out.pressures);
     out.moment = end.moment, out.at = end.at, out.iterations = work;
@@ -239,10 +247,9 @@ template <int K> struct Descent {
   }
 };
 
-template <int K>
-Outcome<K> descend(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& limits,
-                   const BranchPose<K>& start, int elements, double tolerance, const StopRule& stop) {
-  Descent<K> descent{rod, task, tip_force, limits, elements, tolerance};
+inline Outcome descend(const Rod& rod, const Task& task, Vec tip_force, const Limits& limits, const BranchPose& start,
+                       int elements, double tolerance, const StopRule& stop) {
+  Descent descent{rod, task, tip_force, limits, elements, tolerance};
   return descent.run(start, stop);
 }
 

@@ -1,5 +1,4 @@
-// How much a search along the branch may do, in the control loop and elsewhere: twin of
-// contid/kinematics/cosserat/along_branch/effort.py.
+// How much a search along the branch may do, in the control loop and elsewhere.
 #pragma once
 
 #include "../discretisation.hpp"
@@ -28,7 +27,7 @@ constexpr Effort kTickEffort{450, 1, 2, 1, 60, false, 0, 140, 6, 20},
 inline const Effort& effort_of(const Settings& settings) { return settings.thorough ? kThoroughEffort : kTickEffort; }
 
 // What steps of descents cost, in those of two sections of three elements; and how many a cost allows.
-template <int K> constexpr int cost_of(int steps, int elements) { return (steps * elements * K + 5) / 6; }
-template <int K> constexpr int steps_for(int cost, int elements) { return 6 * cost / (elements * K); }
+constexpr int cost_of(int sections, int steps, int elements) { return (steps * elements * sections + 5) / 6; }
+constexpr int steps_for(int sections, int cost, int elements) { return 6 * cost / (elements * sections); }
 
 }  // namespace contid

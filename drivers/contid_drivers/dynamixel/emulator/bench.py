@@ -85,10 +85,12 @@ def _plant(found: Sequence[tuple[Servo, int, SpooledTendon | None]]) -> TendonPl
     if np.linalg.matrix_rank(wound) < len(bending):  # only some of the robot's tendons
         return TendonPlant(spools, winding, none, stiffness)
     plant: TendonPlant
-    play = [each.play_rad / reg.RAD_PER_TICK for each in tendons]
-    if any(play) or tendons[0].capstan:
+    backlash = [each.backlash_rad / reg.RAD_PER_TICK for each in tendons]
+    if any(backlash) or tendons[0].capstan:
         capstan = tendons[0].capstan or (0.0,) * (len(bending) // 2)
-        plant = FrictionPlant(spools, winding, none, stiffness, wound, bending, play, capstan)
+        plant = FrictionPlant(
+            spools, winding, none, stiffness, wound, bending, backlash_ticks=backlash, capstan=capstan
+        )
     else:
         plant = TendonPlant(spools, winding, none, stiffness, wound, bending)
     plant.held = True

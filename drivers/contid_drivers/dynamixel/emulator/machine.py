@@ -196,4 +196,4 @@ class ServoMachine(ControlTable):
         memory[132:136] = (self.present() & 0xFFFFFFFF).to_bytes(4, "little")
         memory[144] = self.supply_decivolt
         memory[122] = 1 if velocity else 0
-        memory[120:122] = (int(self.now * 1e3) % 32768).to_bytes(2, "little")
+        memory[120:122] = (int((self.now - self.booted_at) * 1e3) % reg.REALTIME_TICKS).to_bytes(2, "little")

@@ -1,8 +1,9 @@
-"""Tendons with friction on the spools of emulated servos: play, and stick and slip in the bends.
+"""Tendons with friction on the spools of emulated servos: backlash, and stick and slip in the bends.
 
-Formulated apart from the lead of the control loop. A pin in a slot is the play between spool and tendon. Each
-section is `PIECES` pieces of bend; in each piece a tendon of tension T hangs on a bristle that carries up to
-``mu T`` per radian and slips beyond (Dahl's model with a sharp corner: P. Dahl, Aerospace TOR-158, 1968),
+Formulated apart from the lead of the control loop. A pin in a slot is the backlash between spool and
+tendon. Each section is `PIECES` pieces of bend; in each piece a tendon of tension T hangs on a bristle that
+carries up to ``mu T`` per radian and slips beyond (Dahl's model with a sharp corner: P. Dahl, Aerospace
+TOR-158, 1968),
 
     T_after - T_before = -mu (theta / PIECES) sigma (T_before + T_after) / 2,
     sigma = clip(sigma before + sliding / BRISTLE, -1, 1),
@@ -44,7 +45,7 @@ class FrictionPlant(TendonPlant):
     Args:
         servos, winding, taut_ticks, ma_per_tick, pull_matrix: as of `TendonPlant`.
         bending: the same, two per section.
-        play_ticks: half width of the play of each tendon.
+        backlash_ticks: half width of the backlash of each tendon.
         capstan: mu of each section.
     """
 
@@ -56,12 +57,13 @@ class FrictionPlant(TendonPlant):
         ma_per_tick: Sequence[float],
         pull_matrix: Floats,
         bending: Sequence[float],
-        play_ticks: Sequence[float],
+        *,
+        backlash_ticks: Sequence[float],
         capstan: Sequence[float],
     ) -> None:
         super().__init__(servos, winding, taut_ticks, ma_per_tick, pull_matrix, bending)
         tendons, count = len(servos), len(bending) // 2
-        self._play = np.array(play_ticks, dtype=float)
+        self._backlash = np.array(backlash_ticks, dtype=float)
         self._mu = np.array(capstan, dtype=float)
         self._arms = self._matrix.reshape(tendons, count, 2)
         self._passes = np.any(self._arms != 0.0, axis=2)
@@ -94,7 +96,9 @@ class FrictionPlant(TendonPlant):
             parts = math.ceil(float(np.abs(wound - self._at).max()) / _STEP)
             for part in range(1, parts + 1):
                 here = self._at + (wound - self._at) * part / parts
-                self._arrived = np.minimum(here + self._play, np.maximum(here - self._play, self._arrived))
+                self._arrived = np.minimum(
+                    here + self._backlash, np.maximum(here - self._backlash, self._arrived)
+                )
                 self._solve(self._arrived)
             self._at = wound
         return self._tensions

@@ -39,6 +39,7 @@ class ServoReading(NamedTuple):
         hardware_error: bits of Hardware Error Status.
         torque: torque is on.
         temperature: [deg C].
+        tick: Realtime Tick [ms], from 0 after a reset, modulo `reg.REALTIME_TICKS`.
     """
 
     current: int
@@ -51,6 +52,7 @@ class ServoReading(NamedTuple):
     hardware_error: int | None = None
     torque: bool | None = None
     temperature: int | None = None
+    tick: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,14 +74,14 @@ class CyclicLayout:
             return ServoReading(
                 current, velocity, position, alert, watchdog, low, low, error, bool(torque), temperature
             )
-        watchdog, current, velocity, position, voltage, temperature = _PLAIN.unpack(data)
+        watchdog, tick, current, velocity, position, voltage, temperature = _PLAIN.unpack(data)
         return ServoReading(
-            current, velocity, position, alert, watchdog, None, voltage, temperature=temperature
+            current, velocity, position, alert, watchdog, None, voltage, temperature=temperature, tick=tick
         )
 
 
 _LEAN: Final = struct.Struct("<BhiiB")
-_PLAIN: Final = struct.Struct("<B27xhii8xHB")
+_PLAIN: Final = struct.Struct("<B21xH4xhii8xHB")
 INDIRECT: Final = CyclicLayout(208, _LEAN.size, len(INDIRECT_ORDER), indirect=True)
 INDIRECT_224: Final = CyclicLayout(224, _LEAN.size, len(INDIRECT_ORDER), indirect=True)
 PLAIN: Final = CyclicLayout(98, _PLAIN.size, _PLAIN.size)

@@ -22,11 +22,11 @@ from itertools import chain
 from typing import Final
 
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.cycle_time import Slack
 from contid_drivers.dynamixel.exchange.answers import AnswerCounts, Receiver, ServoAnswers
 from contid_drivers.dynamixel.exchange.block import Block, CyclicLayout, ServoReading, numbered_blocks
 from contid_drivers.dynamixel.exchange.fast_answer import HEAD as FAST_HEAD
 from contid_drivers.dynamixel.exchange.fast_answer import PART_OVERHEAD
-from contid_drivers.dynamixel.exchange.slack import Slack
 from contid_drivers.dynamixel.packets import (
     BROADCAST,
     Instruction,
@@ -74,10 +74,8 @@ class Cyclic:
         """Time-out of the answers from the end of the instruction [s]."""
         return self._answers_s(self._usual[full].size, self.fast) + self.port.latency_s
 
-    def _block(self, full: bool) -> Block:
-        """The block of the next exchange."""
-        if self._orderly >= ORDERLY:
-            return self._usual[full]
+    def _numbered_block(self) -> Block:
+        """The block of an exchange during which late answers may come."""
         now = time.monotonic()
         free = (block for block, used in self._numbered.items() if now - used >= REUSE_S)
         block = next(free, None) or min(self._numbered, key=self._numbered.__getitem__)
@@ -97,18 +95,22 @@ class Cyclic:
         return bool(self._silent or self.answers.counts.late)
 
     def put_last(self, silent: Collection[int]) -> None:
-        """Move silent ids to the end of the order: each one delays, or ends, the answers after it."""
-        if self._silent != (now := frozenset(silent)):
+        """Move silent ids to the end of the order: each one delays, or ends, the answers after it.
+
+        Of several, another one is asked first in every exchange: those behind a dead one may be alive.
+        """
+        now = frozenset(silent)
+        if self._silent != now or len(now) > 1:
+            last = [device for device in self.ids if device in now]
+            self.ids = (*(device for device in self.ids if device not in now), *last[1:], *last[:1])
             self._silent = now
-            self.ids = tuple(sorted(self.ids, key=now.__contains__))
             self._reads.clear()
 
     def _read(self, block: Block, fast: bool) -> bytes:
-        # Sizes differ between blocks, and are quicker to look up.
-        key = (block.size, fast)
-        if key not in self._reads:
-            self._reads[key] = sync_read(block.address, block.size, self.ids, fast)
-        return self._reads[key]
+        """The packet that reads a block; kept by its size, which differs between blocks."""
+        packet = sync_read(block.address, block.size, self.ids, fast)
+        self._reads[block.size, fast] = packet
+        return packet
 
     def run(
         self,
@@ -134,9 +136,11 @@ class Cyclic:
             DeviceLostError: the port failed.
         """
         fast = self.fast if fast is None else fast
-        block = self._block(full)
-        wire = before + (_goal_packet(goals) if goals else b"") + self._read(block, fast)
-        stale = self._discard()
+        block = self._usual[full] if self._orderly >= ORDERLY else self._numbered_block()
+        read = self._reads.get((block.size, fast)) or self._read(block, fast)
+        wire = before + (_goal_packet(goals) if goals else b"") + read
+        early = self.port.receive(0.0)
+        stale = self._discard(early) if early else 0
         sent = self.port.send(wire)
         # What the instruction does not depend on follows it, to keep the pause before it short.
         counts = self.answers.counts
@@ -153,7 +157,7 @@ class Cyclic:
         found: dict[int, ServoReading] = {}
         returned: list[int] = []
 
-        def answered(device: int, reading: ServoReading) -> None:
+        def take_answer(device: int, reading: ServoReading) -> None:
             if device in unproven:
                 returned.append(device)
                 return
@@ -162,7 +166,7 @@ class Cyclic:
                 each(device, reading)
 
         take_answers = self.answers.fast if fast else self.answers.plain
-        take_answers(self.ids, block, sent + on_wire_s + self.port.latency_s, slack_s, answered)
+        take_answers(self.ids, block, sent + on_wire_s + self.port.latency_s, slack_s, take_answer)
         self.returned = frozenset(returned)
         if returned:
             self._silent -= self.returned
@@ -175,17 +179,15 @@ class Cyclic:
         self._orderly = self._orderly + 1 if orderly else 0
         return found
 
-    def _discard(self) -> int:
+    def _discard(self, early: bytes) -> int:
         """Drop what arrived since the last exchange: late answers, copies, or traffic of another host.
 
         Returns:
-            The number of late answers; at least 1 if anything was dropped.
+            The number of late answers; at least 1.
         """
-        stale = bytearray()
+        stale = bytearray(early)
         while data := self.port.receive(0.0):
             stale += data
-        if not stale:
-            return 0
         late = 0
         while (packet := take(stream=stale, final=True)) is not None:
             late += packet.instruction == Instruction.STATUS
@@ -193,7 +195,7 @@ class Cyclic:
 
     def read_again(self, devices: Sequence[int], full: bool, until: float, each: Receiver) -> None:
         """Read some servos once more, if their answers can arrive before ``until`` [monotonic s]."""
-        block = self._block(full)
+        block = self._usual[full] if self._orderly >= ORDERLY else self._numbered_block()
         port = self.port
         wire = sync_read(block.address, block.size, devices)
         answers_s = len(devices) * (port.status_s(block.size) + port.return_delay_s)

@@ -19,7 +19,7 @@ _START: Final = HEADER + bytes((BROADCAST,))
 
 
 class Part(NamedTuple):
-    """One servo's part."""
+    """The part of a fast answer that one servo sends."""
 
     device: int
     error: int

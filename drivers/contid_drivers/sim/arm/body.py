@@ -7,7 +7,7 @@ from typing import Final
 
 from contid.robot_file.cosserat import Cosserat
 from contid.units import BAR, MM_PER_M, STANDARD_GRAVITY
-from contid_drivers.sim.arm.statics import Numbers, arm_solver
+from contid_drivers.sim.arm.statics import Numbers, PlantEquilibrium, arm_solver
 
 #: A new equilibrium that is not found in one step is approached in this many.
 _PARTS: Final = 16
@@ -47,7 +47,7 @@ class SimulatedBody:
         self.lost = False
 
     def follow(self, regulators_pa: list[float]) -> None:
-        """The regulators reached pressures [Pa]; the chambers follow as far as the play lets them."""
+        """The regulators reached pressures [Pa]; the chambers follow as far as the hysteresis lets them."""
         pressures = [p / BAR for p in regulators_pa]
         if not self._acting:
             self._acting = pressures
@@ -97,9 +97,7 @@ class SimulatedBody:
                     return tip, guess
         return None
 
-    def _held_or_free(
-        self, pressures: list[float], force: list[float], guess: Numbers
-    ) -> tuple[Numbers, Numbers, bool]:
+    def _held_or_free(self, pressures: list[float], force: list[float], guess: Numbers) -> PlantEquilibrium:
         """The equilibrium with the tip off the wall, or on the wall where that pushes it outwards."""
         none = (0.0, 0.0, 0.0)
         if self._sim.wall is None:

@@ -20,7 +20,7 @@ class TrackedArm:
 
     Attributes:
         axes: names of its axes on the bus.
-        body: follows their pressures, also between two captures: its play depends on all of them.
+        body: follows their pressures, also between two captures: its hysteresis depends on all of them.
     """
 
     def __init__(self, robot: str, description: Cosserat) -> None:
@@ -47,7 +47,7 @@ class TrackedArm:
         x, y, z = (v + self._noise.gauss(0.0, sigma) for v in self.body.tip_in_world_m(t_s))
         self._underway.append(TipMeasured(self._robot, (x, y, z), now_s))
 
-    def arrived(self, now_s: float) -> list[TipMeasured]:
+    def take_arrived(self, now_s: float) -> list[TipMeasured]:
         """Measurements whose latency is over."""
         out = []
         latency_s = self._tracker.latency_ms / 1e3

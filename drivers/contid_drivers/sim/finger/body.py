@@ -14,7 +14,7 @@ central difference.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 from contid.robot_file.rack_finger import RackFinger
 from contid.units import MM_PER_M
@@ -35,6 +35,13 @@ _STILL: Final = 1e-10
 _SWEEPS: Final = 200
 #: Times that the tip is linearised anew in one equilibrium.
 _LINEARISED: Final = 20
+
+
+class Shaft(NamedTuple):
+    """Angle of a shaft, and the current of its servo."""
+
+    angle_rad: float
+    current_a: float
 
 
 class FingerBody:
@@ -65,8 +72,8 @@ class FingerBody:
         if self._sim.object is not None:
             self._normal, self._surface_mm = self._sim.object.in_base(description.base)
 
-    def settle(self, free_rad: list[float], t_s: float) -> list[tuple[float, float]]:
-        """Angles of the shafts [rad] and currents of their servos [A].
+    def settle(self, free_rad: list[float], t_s: float) -> list[Shaft]:
+        """The shafts at rest under the push of the object.
 
         Args:
             free_rad: angles of the servos without a load.
@@ -84,7 +91,7 @@ class FingerBody:
                 break
         gap_m = self._gap_m(shafts) if present else 1.0
         self.push_n = k * max(0.0, -gap_m)
-        return [(q, self._stiffness * (free - q)) for q, free in zip(shafts, free_rad, strict=True)]
+        return [Shaft(q, self._stiffness * (free - q)) for q, free in zip(shafts, free_rad, strict=True)]
 
     def _slide(self, free_rad: list[float], k: float, gap_m: float, along: list[float]) -> float:
         """Let the shafts move until friction holds them; returns the largest motion [rad].

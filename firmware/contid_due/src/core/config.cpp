@@ -80,6 +80,8 @@ void read_motor(Reader& in, Checker& check, MotorConfig& m) {
   m.home_at = check.within(in.i32(), -COUNT_LIMIT, COUNT_LIMIT);
   m.home_backoff = check.within(in.i32(), 0, COUNT_LIMIT);
   m.home_timeout_ms = check.within(in.u16(), m.homing ? 1 : 0, 60000);
+  // A way back shorter than the allowed difference would prove nothing.
+  m.home_repeat = check.within(in.i32(), 0, m.homing ? m.home_backoff - 1 : COUNT_LIMIT);
 }
 
 void read_regulator(Reader& in, Checker& check, RegulatorConfig& r) {

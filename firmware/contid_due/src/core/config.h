@@ -24,7 +24,7 @@ struct MotorConfig {
   int32_t adc_steps;         // the top of the analogue input
   int32_t follow;            // greatest following error [counts]
   int32_t power_up;          // position of the parked shaft [counts]
-  int32_t home_velocity, home_duty, home_at, home_backoff, home_timeout_ms;
+  int32_t home_velocity, home_duty, home_at, home_backoff, home_timeout_ms, home_repeat;
 };
 
 struct RegulatorConfig {

@@ -30,7 +30,7 @@ void Motor::configure(const MotorConfig& config) {
     referenced_ = true;
   } else if (config.encoder_reversed != reversed_ || config.power_up != power_up_ || config.home_at != home_at_) {
     homed_ = false;
-    lost_ = true;
+    lose();
   }
   reversed_ = config.encoder_reversed;
   power_up_ = config.power_up;
@@ -51,7 +51,7 @@ void Motor::sense(int32_t raw_count, int32_t raw_analog, uint32_t raw_missed) {
   if (config_ == nullptr) return;
   if (missed()) {
     homed_ = false;
-    lost_ = true;
+    lose();
   }
   position_ = plus(counted(), offset_);
   moved_ = minus(position_, history_[at_]);
@@ -119,10 +119,27 @@ void Motor::home() {
   begin();
   homed_ = false;
   missed_base_ = raw_missed_;
+  seek(false);
+}
+
+void Motor::seek(bool again) {
+  again_ = again;
   phase_ = Phase::APPROACH;
   phase_ticks_ = 0;
   still_ticks_ = 0;
   set_.limit(config_->home_velocity, config_->acceleration);
+}
+
+// The count becomes `home_at`, unless this place disagrees with an earlier one.
+Reason Motor::stand_still() {
+  const int64_t off = static_cast<int64_t>(position_) - config_->home_at;
+  if ((again_ || known_) && magnitude64(off) > config_->home_repeat) {
+    return again_ ? Reason::HOME_TWICE : Reason::HOME_MOVED;
+  }
+  offset_ = plus(offset_, minus(config_->home_at, position_));
+  position_ = config_->home_at;
+  for (uint32_t i = 0; i < WINDOW; ++i) history_[i] = position_;
+  return Reason::NONE;
 }
 
 void Motor::park() {
@@ -218,10 +235,9 @@ Output Motor::search() {
     if (reversed_ticks_ >= REVERSED_MS) fault_ = Reason::ENCODER_REVERSED;
     if (phase_ticks_ >= config_->home_timeout_ms) fault_ = Reason::HOME_FAILED;
     if (still_ticks_ < STILL_MS) return out;
-    offset_ = plus(offset_, minus(config_->home_at, position_));
-    position_ = config_->home_at;
-    for (uint32_t i = 0; i < WINDOW; ++i) history_[i] = position_;
+    const Reason elsewhere = stand_still();
     begin();
+    fault_ = elsewhere;
     set_.demand(minus(position_, towards * config_->home_backoff), 0, NO_VELOCITY);
     phase_ = Phase::BACK_OFF;
     still_ticks_ = 0;
@@ -232,8 +248,14 @@ Output Motor::search() {
   const int64_t off = static_cast<int64_t>(set_.goal()) - position_;
   still_ticks_ = arrived ? still_ticks_ + 1 : 0;
   if (arrived && magnitude64(off) <= config_->deadband + 1) {
-    phase_ = Phase::FOUND;
-    homed_ = true;
+    if (again_) {
+      phase_ = Phase::FOUND;
+      homed_ = true;
+      known_ = true;
+    } else {
+      begin();
+      seek(true);
+    }
   } else if (still_ticks_ >= SETTLE_MS) {
     fault_ = Reason::HOME_FAILED;
   }

@@ -48,7 +48,10 @@ class Motor {
   bool homed() const { return homed_; }
   // A count that started at an unknown position: neither homed nor parked.
   bool lost() const { return lost_ && !homed_; }
-  void lose() { lost_ = true; }
+  void lose() {
+    lost_ = true;
+    known_ = false;
+  }
   // The shaft is at `power_up` now.
   void park();
   bool limited() const { return limited_; }
@@ -58,6 +61,8 @@ class Motor {
 
  private:
   enum class Phase : uint8_t { IDLE, APPROACH, BACK_OFF, FOUND };
+  void seek(bool again);
+  Reason stand_still();
   // Each missed edge is two counts; from this number on the position is useless.
   static const uint32_t MISSED_EDGES = 8;
   bool missed() const { return missed_edges() >= MISSED_EDGES; }
@@ -88,6 +93,8 @@ class Motor {
   Phase phase_;
   Reason fault_;
   bool referenced_, homed_, limited_, lost_;
+  bool known_;  // the count agrees with an end stop that was found earlier
+  bool again_;  // the stop is searched for the second time
 };
 
 }  // namespace contid

@@ -8,9 +8,9 @@
 
 namespace contid {
 
-const uint8_t PROTOCOL_VERSION = 3;
+const uint8_t PROTOCOL_VERSION = 4;
 const uint8_t FIRMWARE_MAJOR = 1;
-const uint8_t FIRMWARE_MINOR = 2;
+const uint8_t FIRMWARE_MINOR = 3;
 const uint8_t FIRMWARE_PATCH = 0;
 
 const uint8_t CHANNELS = 6;
@@ -72,6 +72,8 @@ enum class Reason : uint8_t {
   ABOVE_SET_POINT = 11,
   NOT_VENTING = 12,
   ENCODER_EDGES = 13,  // edges of the encoder were missed
+  HOME_TWICE = 14,     // the shaft stood still at two places
+  HOME_MOVED = 15,     // the end stop is elsewhere than when the motor was homed before
 };
 
 enum class Refusal : uint8_t {

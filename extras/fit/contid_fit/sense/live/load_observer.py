@@ -161,15 +161,17 @@ class _Estimation:
         assert self._model is not None
         model = self._model
         if any(pose.late) or any(pose.side_open):
-            by_pressure = np.array(here[3]).reshape(3, -1)
+            by_pressure = np.array(here.by_pressure_mm_bar).reshape(3, -1)
             late = by_pressure @ np.array(pose.late)
             model = model + late[:, None] * late
             if any(pose.side_open):
                 model = model + self.arm.sides_mm2(pose.side_open, by_pressure)
         yield
-        tip, self._moment = np.array(here[0]), here[1]
+        tip, self._moment = np.array(here.tip_mm), here.base_moment_nmm
         seen = MM_PER_M * np.array(self._frame.point_in_base(measurement.tip_in_world))
-        jumped = yield from self._filter.add(measurement.time_s, seen - tip, _matrix(here[2]), model)
+        jumped = yield from self._filter.add(
+            measurement.time_s, seen - tip, _matrix(here.by_force_mm_n), model
+        )
         if jumped:
             yield
             # Steps never lead back from an equilibrium of another branch: try the unloaded arm as well.
@@ -186,8 +188,8 @@ class _Estimation:
             yield
             if there is None:
                 self._filter.judge(None, _NONE)
-            elif self._filter.judge(np.array(there[0]) - tip, _matrix(there[2])):
-                tip, self._moment = np.array(there[0]), there[1]
+            elif self._filter.judge(np.array(there.tip_mm) - tip, _matrix(there.by_force_mm_n)):
+                tip, self._moment = np.array(there.tip_mm), there.base_moment_nmm
         spread = tuple(self._filter.covariance.ravel().tolist())
         reached, moment = tip, self._moment
         force = vec3(self._filter.force.tolist())
@@ -201,7 +203,7 @@ class _Estimation:
             there = self.arm.near(corrected, vec3((part * self._filter.force).tolist()), predicted)
             stable.append(there is not None)
             if there is not None:
-                reached, moment = np.array(there[0]), there[1]
+                reached, moment = np.array(there.tip_mm), there.base_moment_nmm
         yield
         held, margin = (*stable, False, False)[:2]
         self.found = LoadFound(measurement.time_s, force, spread, self._filter.settled, held, margin)
@@ -211,8 +213,10 @@ class _Estimation:
         """The tip of the estimate, which is now the unloaded arm where that explains the jump better."""
         moment = self.arm.base_moment(corrected)
         there = None if moment is None else self.arm.near(corrected, ZERO3, moment)
-        if there is not None and self._filter.judge_unloaded(np.array(there[0]) - tip, _matrix(there[2])):
-            tip, self._moment = np.array(there[0]), there[1]
+        if there is not None and self._filter.judge_unloaded(
+            np.array(there.tip_mm) - tip, _matrix(there.by_force_mm_n)
+        ):
+            tip, self._moment = np.array(there.tip_mm), there.base_moment_nmm
         return tip
 
     def _again(self, corrected: Numbers) -> NearAnswer | None:
@@ -240,15 +244,15 @@ class _Estimation:
             return
         columns = []
         for scale in range(arm.scales):
-            moved = arm.near(corrected, load, here[1], scale)
+            moved = arm.near(corrected, load, here.base_moment_nmm, scale)
             if scale % 2:
                 yield
             if moved is None:
                 return
-            columns.append([(a - b) / SCALE_STEP for a, b in zip(moved[0], here[0], strict=True)])
+            columns.append([(a - b) / SCALE_STEP for a, b in zip(moved.tip_mm, here.tip_mm, strict=True)])
         yield
-        by_pressure = np.array(here[3]).reshape(3, -1)
-        self._moment = here[1]
+        by_pressure = np.array(here.by_pressure_mm_bar).reshape(3, -1)
+        self._moment = here.base_moment_nmm
         self._model = arm.covariance_mm2(pose.pressures, pose.sides, by_pressure, np.array(columns).T)
         self._model_at = (pose.pressures, force)
         yield

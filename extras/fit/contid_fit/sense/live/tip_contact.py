@@ -155,11 +155,14 @@ class TipContact:
         if here is None:
             self._forget()
             return None
-        self._moment = here[1]
+        self._moment = here.base_moment_nmm
         seen = MM_PER_M * np.array(self._frame.point_in_base(measurement.tip_in_world))
-        by_force, by_pressure = np.array(here[2]).reshape(3, 3), np.array(here[3]).reshape(3, -1)
+        by_force, by_pressure = (
+            np.array(here.by_force_mm_n).reshape(3, 3),
+            np.array(here.by_pressure_mm_bar).reshape(3, -1),
+        )
         residual = TipResidual(
-            residual_mm=seen - np.array(here[0]),
+            residual_mm=seen - np.array(here.tip_mm),
             velocity=by_pressure @ self._rate(measurement.time_s, np.array(pose.pressures)),
             by_pressure=by_pressure,
             shared=self._of_pose(pose, by_pressure),
@@ -198,13 +201,13 @@ class TipContact:
         here = self._arm.near(corrected, vec3(before.force.tolist()), moment)
         if here is None:
             return False
-        by_force = np.array(here[2]).reshape(3, 3)
-        residual_mm = seen - np.array(here[0])
+        by_force = np.array(here.by_force_mm_n).reshape(3, 3)
+        residual_mm = seen - np.array(here.tip_mm)
         spread: Array = self._test.noise(residual) + by_force @ before.covariance @ by_force.T
         if float(residual_mm @ np.linalg.solve(spread, residual_mm)) > _ENDED:
             return False
         self._forget()
-        self._known, self._before, self._moment = before, None, here[1]
+        self._known, self._before, self._moment = before, None, here.base_moment_nmm
         return True
 
     def _contact(self, time_s: float, found: Departure, by_force: Array, load: KnownLoad) -> TipContactFound:

@@ -1,0 +1,113 @@
+// A chain of sections as the bindings see it: behind it stands a build for any number of sections, or for exactly one.
+// Definitions and specification: contid/kinematics/arc/{task,solve,avoid}.py. Units: m.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "../batch.hpp"
+#include "../clearance/obstacle.hpp"
+
+namespace contid {
+
+constexpr int kMostSections = 8, kMostVariables = 3 * kMostSections;
+
+// Parameters of the solver: see Tuning of contid/kinematics/arc/tuning.py.
+struct Tuning {
+  double ell, tolerance, home_tolerance, weight, near;
+  int home_steps;
+  double contraction;
+  double slow;
+  int iterations, settling, starts, agreeing;
+  double tracking, still, still_error;
+};
+
+struct Goal {
+  const double* tip;
+  const double* direction;           // may be null
+  const double* mid;                 // may be null
+  const double* rotation = nullptr;  // of the tip frame, row-major; instead of a direction
+};
+
+struct Answer {
+  static constexpr int kWords = 11;  // bits for kMostPlanes and a cone per section
+  double lengths[kMostVariables];
+  double residual;
+  bool converged;
+  std::uint64_t binding[kWords];  // limits that bind, a bit for each
+  int iterations;
+  int starts;
+};
+
+struct Frames {
+  double tip[3];
+  double rotation[9];
+  double mid[3];
+};
+
+// What redundant axes keep away from.
+struct Surroundings {
+  std::vector<Obstacle> obstacles;  // in the base frame
+  double radius = 0.0;              // of the body
+  double margin = 0.0;              // least distance of surfaces
+  double from = 0.0;                // arc length where the body begins
+  double zone = 0.0;                // the potential begins this far outside the margin
+  double force = 0.0;               // its scale
+};
+
+class ChainSolver {
+ public:
+  virtual ~ChainSolver() = default;
+
+  // Number of variables: lengths, or bends of tendon robots.
+  virtual int size() const = 0;
+  virtual void forward(const double* variables, Frames& out) const = 0;
+  // 3 x size() each, row-major: derivatives of the tip, of the turn of its frame and of the mid-point.
+  virtual void differentiate(const double* variables, double* tip, double* spin, double* mid) const = 0;
+  // No obstacles switch it off.
+  virtual void avoid(const Surroundings& around) = 0;
+  virtual void solve(const Goal& goal, const double* seed, Answer& out) const = 0;
+
+  virtual void forward_rows(const double* variables, std::size_t rows, int threads, std::uint8_t* out) const = 0;
+  // `seeds`: one row for each target, or with `chained` the start of the first; then one thread does all rows.
+  virtual void inverse_rows(const TargetRows& targets, std::size_t rows, const double* seeds, bool chained, int threads,
+                            std::uint8_t* out) const = 0;
+};
+
+// Tubes and racks: three lengths per section.
+struct ArcSetup {
+  int count;
+  double radius[kMostSections], rigid[kMostSections];
+  double to_arc[kMostSections][9], to_lengths[kMostSections][9];
+  double lower[kMostSections], upper[kMostSections], home[kMostVariables];
+  double rack, curvature_max;
+  Tuning tuning;
+};
+
+constexpr int kMostPlanes = 640;
+
+// Bends of tendon robots: two per section, within planes.
+struct TendonSetup {
+  int count;
+  double backbone[kMostSections], rigid[kMostSections], bend_max[kMostSections], offset[2];
+  std::vector<double> normals, offsets;
+  Tuning tuning;
+};
+
+// The builds, each in a namespace of its own, to which CMakeLists.txt gives the name `section_build`. Those for an
+// exact number of sections are null in a module that is linked without them.
+namespace any_sections {
+std::unique_ptr<ChainSolver> make_arc_solver(const ArcSetup&);
+std::unique_ptr<ChainSolver> make_tendon_solver(const TendonSetup&);
+}  // namespace any_sections
+namespace one_section {
+[[gnu::weak]] std::unique_ptr<ChainSolver> make_arc_solver(const ArcSetup&);
+}
+namespace two_sections {
+[[gnu::weak]] std::unique_ptr<ChainSolver> make_arc_solver(const ArcSetup&);
+}
+namespace three_sections {
+[[gnu::weak]] std::unique_ptr<ChainSolver> make_tendon_solver(const TendonSetup&);
+}
+
+}  // namespace contid

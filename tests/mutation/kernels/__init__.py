@@ -1,0 +1,1 @@
+"""Mutants of the C++ kernels, all compiled into one build and chosen at run time."""

@@ -1,0 +1,65 @@
+"""The processor time of a run, printed at its end; a run of all tests but campaigns has a budget."""
+
+from __future__ import annotations
+
+import resource
+from typing import Any, Final
+
+import pytest
+
+#: Of pure and process tests together, with all workers and children [s].
+BUDGET_S: Final = 1200.0
+#: The choice of tests that the budget is for: what CI runs.
+WHOLE: Final = "not campaign"
+_SPENT: Final = pytest.StashKey[list[float]]()
+
+
+def spent_s() -> float:
+    """Processor time of this process and of the children that it waited for."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(each.ru_utime + each.ru_stime for each in used)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Nothing is spent by workers yet."""
+    config.stash[_SPENT] = []
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any) -> None:
+    """A worker of pytest-xdist has ended."""
+    node.config.stash[_SPENT].append(getattr(node, "workeroutput", {}).get("spent_s", 0.0))
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    """A worker reports; the command judges."""
+    output = getattr(session.config, "workeroutput", None)
+    if output is not None:
+        output["spent_s"] = spent_s()
+    elif (
+        _is_whole(session.config) and exitstatus == pytest.ExitCode.OK and _total_s(session.config) > BUDGET_S
+    ):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    """One line."""
+    total_s = _total_s(config)
+    budget = f", at most {BUDGET_S:.0f}" if _is_whole(config) else ""
+    terminalreporter.write_line(f"processor time with workers and children: {total_s:.0f} s{budget}")
+    if budget and total_s > BUDGET_S:
+        terminalreporter.write_line(
+            "over the budget: `pytest --durations=30` names the longest tests", red=True
+        )
+
+
+def _total_s(config: pytest.Config) -> float:
+    # The workers are children of the command: waited for or not, they count once.
+    workers_s = config.stash[_SPENT]
+    own = resource.getrusage(resource.RUSAGE_SELF)
+    return own.ru_utime + own.ru_stime + sum(workers_s) if workers_s else spent_s()
+
+
+def _is_whole(config: pytest.Config) -> bool:
+    named = config.args_source is pytest.Config.ArgsSource.ARGS
+    return config.option.markexpr == WHOLE and not config.option.keyword and not named
