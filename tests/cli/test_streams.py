@@ -93,6 +93,3 @@ def test_an_export_to_a_full_disk_is_refused_by_name(tmp_path: Path) -> None:
     (tmp_path / "full.csv").symlink_to("/dev/full")
     done = shell("contid session export a.mcap --csv full.csv", tmp_path)
     assert (done.returncode, "full.csv: cannot write it: No space left" in done.stderr) == (2, True)
-    (tmp_path / "full.rrd").symlink_to("/dev/full")
-    done = shell("contid session export a.mcap --rrd full.rrd", tmp_path)
-    assert (done.returncode, "full.rrd" in done.stderr) == (2, True)

@@ -55,7 +55,7 @@ def test_the_robot_file_is_exported_unchanged(recorded: Path, tmp_path: Path) ->
     assert path.read_text() == "mine"
 
 
-@pytest.mark.parametrize("option", ["--csv", "--rrd", "--yaml"])
+@pytest.mark.parametrize("option", ["--csv", "--hdf5", "--yaml"])
 def test_an_export_never_replaces_a_recording(recorded: Path, tmp_path: Path, option: str) -> None:
     session, other = tmp_path / "mine.csv", tmp_path / "other.csv"
     for path in (session, other):
@@ -89,7 +89,7 @@ def test_no_incomplete_table_is_left(recorded: Path, tmp_path: Path, monkeypatch
 @pytest.mark.parametrize("name", ["-", ""])
 @pytest.mark.parametrize(
     ("arguments", "option"),
-    [(("session", "export", "SESSION"), "--csv"), (("session", "export", "SESSION"), "--rrd"),
+    [(("session", "export", "SESSION"), "--csv"), (("session", "export", "SESSION"), "--hdf5"),
      (("session", "repair", "SESSION"), "--output"), (("run", "hand", "--virtual"), "--record")],
 )  # fmt: skip
 def test_standard_output_is_refused(
@@ -124,20 +124,13 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
 def test_a_refused_robot_file_is_located_in_the_session(recorded: Path, tmp_path: Path) -> None:
     path, corrected = tmp_path / "old.mcap", tmp_path / "corrected.yaml"
     rewritten(recorded, path, lambda text: text.replace("rack_spacing_mm", "rack_gap_mm"))
-    for command in (("replay", path), ("session", "export", path, "--rrd", tmp_path / "s.rrd")):
-        with pytest.raises(
-            ContidError, match=r"old\.mcap: its robot file is refused(.|\n)*:\d+:\d+: unknown key"
-        ):
-            _run(*command)
+    with pytest.raises(
+        ContidError, match=r"old\.mcap: its robot file is refused(.|\n)*:\d+:\d+: unknown key"
+    ):
+        _run("replay", path)
     _run("session", "export", path, "--yaml", corrected)
     corrected.write_text(corrected.read_text().replace("rack_gap_mm", "rack_spacing_mm"))
     assert "bit for bit" in _run("replay", path, "--robot", corrected)
-
-
-def test_a_drawing_of_other_robots_is_refused(recorded: Path, tmp_path: Path) -> None:
-    with pytest.raises(ContidError, match="other robots or axes than recorded"):
-        _run("session", "export", recorded, "--rrd", tmp_path / "s.rrd", "--robot", "hand")
-    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("rate", ["0", "-1", "1000.5"])

@@ -17,7 +17,7 @@ import pytest
 from contid import Robot
 from contid.errors import ContidError, MissingExtraError
 
-ROOT = Path(__file__).parent.parent.parent
+ROOT = Path(__file__).parents[3]
 NOTEBOOK = ROOT / "examples" / "workspace.ipynb"
 
 mpl.use("Agg")

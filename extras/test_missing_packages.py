@@ -14,7 +14,7 @@ from contid.errors import EXTRAS
 
 pytestmark = pytest.mark.process
 
-ROOT = Path(__file__).parent.parent.parent
+ROOT = Path(__file__).parent.parent
 # Processes that a command starts hide them as well: they import this module too.
 HIDE = f"""
 import sys
