@@ -93,18 +93,18 @@ def _compiled(scratch: Path, library: Path, numbered: dict[int, Mutant]) -> set[
         ]  # fmt: skip
         subprocess.run(configure, check=True, stdout=subprocess.DEVNULL)
     make = ["cmake", "--build", str(build), "--", "-k", "0", *(f"_{name}" for name in KERNELS)]
-    told = subprocess.run(make, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
-    if not told.returncode:
+    made = subprocess.run(make, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+    if not made.returncode:
         return set()
     refused = set[int]()
     kernels = tree / "contid/kernels"
-    for found in ERROR.finditer(told.stdout):
+    for found in ERROR.finditer(made.stdout):
         path = Path(build, found["file"]).resolve()
         if path.is_relative_to(kernels):
             file, line = str(path.relative_to(kernels)), int(found["line"])
             refused |= {number for number, each in numbered.items() if (each.file, each.line) == (file, line)}
     if not refused:
         raise SystemExit(
-            f"the mutants do not compile, and no line of theirs is named:\n{told.stdout[-4000:]}"
+            f"the mutants do not compile, and no line of theirs is named:\n{made.stdout[-4000:]}"
         )
     return refused

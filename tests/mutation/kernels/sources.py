@@ -1,7 +1,7 @@
 """Small changes of C++ sources, and the text in which every drawn change can be chosen at run time.
 
 A change is an expression that asks whether it is the chosen one (`mutant.hpp`), so that one build has all of
-them. What the compiler refuses (a constant of a template, say) is left out by `build.py`.
+them. What the compiler refuses (as the constant of a template) is left out by `build.py`.
 """
 
 from __future__ import annotations

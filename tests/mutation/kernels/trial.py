@@ -18,7 +18,7 @@ from tests.mutation.forked import Forked, Result, results
 from tests.mutation.kernels.build import LIBRARY
 
 #: Times the processor time of its tests that a mutant may take; more is an endless loop.
-PATIENCE: Final = 10.0
+TIMES_LONGER: Final = 10.0
 
 
 class Library:
@@ -87,7 +87,7 @@ class Trials:
 
         def start(number: int) -> Forked:
             tests = [items[at] for at in chosen[number]]
-            limit_s = 5.0 + PATIENCE * sum(first["tests"][at]["seconds"] for at in chosen[number])
+            limit_s = 5.0 + TIMES_LONGER * sum(first["tests"][at]["seconds"] for at in chosen[number])
             return Forked(lambda: self._mutated(number, tests), limit_s)
 
         for number, result in results(list(chosen), start, self._jobs):

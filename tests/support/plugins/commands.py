@@ -15,9 +15,9 @@ from contid.control.engine.virtual import run_virtual as engine_run_virtual
 from contid.robot_file.load import LoadedFile, with_mock
 from contid.robot_file.shipped import load_named
 from contid.trajectory.read import read_trajectory
-from tests.support import forked
 from tests.support.command import contid_in
 from tests.support.fingers import Collector
+from tests.support.plugins import forked
 
 
 @pytest.fixture(scope="session", autouse=True)

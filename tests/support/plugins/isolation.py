@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from tests.support import forked
+from tests.support.plugins import forked
 
 # Time is measured in benchmarks/, on a machine that may be busy.
 # Examples are the same at every run: the commit alone decides whether it passes. Others are drawn with

@@ -1,9 +1,8 @@
 """Three tiers: what a test without a mark may do, which tests run, and what the whole suite may cost.
 
-A test without a mark is **pure**: it starts no process, does not sleep, and takes at most `PURE_S`. The marks
-`process`, `slow`, `campaign` and `realtime` say otherwise. ``pytest`` without a path runs the pure tests.
-With a path it runs everything there. CI runs all but campaigns.
-Runs without a path judge what a test does.
+A test without a mark is **pure**: it starts no process, does not sleep, takes at most `PURE_S`. Those with
+the marks `process`, `slow`, `campaign` and `realtime` may. ``pytest`` without a path runs the pure tests and
+judges what they do; with a path it runs everything there. CI runs all but campaigns.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`subprocess.Popen` whose commands of contid fork from `tests.support.starter` instead of importing anew."""
+"""`subprocess.Popen` whose commands of contid fork from the starter instead of importing anew."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from tests.support import starter
+from tests.support.plugins import starter
 
-ROOT: Final = Path(__file__).parents[2]
+ROOT: Final = Path(__file__).parents[3]
 #: PYTHONPATH of commands; without it they import the installed tree, which is the same (conftest.py).
 THIS_TREE: Final = os.pathsep.join((str(ROOT), str(ROOT / "drivers")))
 #: ``python -m MODULE`` that a starter can be. The recorder outlives its daemon, the control process does not.
@@ -179,7 +179,7 @@ def _start() -> socket.socket:
         here, there = socket.socketpair()
         _environment = environment()
         with there:
-            command = [sys.executable, "-m", "tests.support.starter", str(there.fileno())]
+            command = [sys.executable, "-m", "tests.support.plugins.starter", str(there.fileno())]
             _process = TruePopen(
                 [*command, "-" * starter.ROOM],
                 pass_fds=[there.fileno()],

@@ -1,4 +1,4 @@
-"""A process that has imported contid and forks for each command: ``python -m tests.support.starter FD ...``.
+"""A process that has imported contid and forks for each command: ``python -m ...plugins.starter FD ...``.
 
 Importing is most of the cost of a command of contid (0.3 to 0.8 s of processor time; a fork takes 4 ms).
 What a fork runs has its own files, folder, environment, signals, session, umask and arguments, as after
@@ -247,7 +247,7 @@ def _start_by(connection: socket.socket) -> None:
     """Processes that this one starts are forked as well, where they are contid's."""
     import subprocess
 
-    from tests.support import forked
+    from tests.support.plugins import forked
 
     forked.use(connection)
     subprocess.Popen = forked.ForkedPopen  # type: ignore[misc]
