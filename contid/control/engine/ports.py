@@ -6,15 +6,19 @@ by the end of the tick gets no new job until it is; its robots count a miss.
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 
+from contid.control.engine.checked_samples import checked_samples
 from contid.control.engine.messages import Measured
 from contid.control.tick.state import Effect
 from contid.errors import ContidError
 from contid.hal import Bus, MeasuresTips, Rest, Sample
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +66,7 @@ def perform(bus: Bus, job: BusJob) -> BusReply:
                 answer.refused.append((robot, effect, str(error)))
             else:
                 answer.done.append((robot, effect))
-        answer.samples = bus.exchange(job.commands)
+        answer.samples = checked_samples(bus, bus.exchange(job.commands))
     except ContidError as error:
         answer.lost = str(error)
     except Exception as error:  # a driver's defect ends its bus, not the process that holds the others
@@ -180,6 +184,10 @@ class BusTrackers:
 
     def arrived(self, deadline_s: float) -> Iterator[Measured]:
         """What arrived since the last call; ages are those at the deadline of a tick."""
-        for bus in self._buses:
-            for tip in bus.measured_tips():
-                yield Measured(tip.robot, tip.tip_in_world_m, age_s=max(0.0, deadline_s - tip.time_s))
+        for bus in tuple(self._buses):
+            try:
+                for tip in bus.measured_tips():
+                    yield Measured(tip.robot, tip.tip_in_world_m, age_s=max(0.0, deadline_s - tip.time_s))
+            except Exception as error:  # a driver's defect ends its tracker, not the process
+                self._buses.remove(bus)
+                log.warning("a tracker is not read any more: %s: %s", type(error).__name__, error)
