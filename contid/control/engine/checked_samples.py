@@ -7,10 +7,20 @@ the device with the words of the answer.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from operator import attrgetter
+from typing import Any, Final
+
+import numpy as np
 
 from contid.hal import Bus, Sample
 from contid.targets import are_numbers
+
+#: The parts of a sample; the numbers from the third one on may be absent.
+_PARTS: Final = attrgetter(
+    "fault", "valid", "time_s", "age_s", "value", "velocity", "effort", "temperature_c", "voltage_v"
+)
+#: Types of the parts of samples that were examined.
+_KNOWN: Final[set[tuple[type, ...]]] = set()
 
 
 def checked_samples(bus: Bus, answer: Any) -> Mapping[str, Sample]:
@@ -31,21 +41,17 @@ def checked_samples(bus: Bus, answer: Any) -> Mapping[str, Sample]:
 
 
 def _is_sample(sample: Any) -> bool:
-    return (
-        isinstance(sample, Sample)
-        and sample.valid in (True, False)
-        and isinstance(sample.fault, str)
-        and are_numbers((sample.time_s, sample.age_s))
-        and are_numbers(
-            [
-                value
-                for value in (
-                    sample.value, sample.velocity, sample.effort, sample.temperature_c, sample.voltage_v
-                )
-                if value is not None
-            ]
-        )
-    )  # fmt: skip
+    return isinstance(sample, Sample) and (tuple(map(type, _PARTS(sample))) in _KNOWN or _examined(sample))
+
+
+def _examined(sample: Sample) -> bool:
+    """True for a sample; the types of its parts are known from then on."""
+    fault, valid, *numbers = _PARTS(sample)
+    sound = isinstance(fault, str) and isinstance(valid, int | np.bool_)
+    sound &= are_numbers(numbers[:2]) and are_numbers([each for each in numbers[2:] if each is not None])
+    if sound:
+        _KNOWN.add(tuple(map(type, _PARTS(sample))))
+    return sound
 
 
 def _none(answer: Any) -> Sample:
