@@ -69,7 +69,7 @@ def perform(bus: Bus, job: BusJob) -> BusReply:
         answer.samples = checked_samples(bus, bus.exchange(job.commands))
     except ContidError as error:
         answer.lost = str(error)
-    except Exception as error:  # a driver's defect ends its bus, not the process that holds the others
+    except (Exception, SystemExit) as error:  # a driver's defect ends its bus, not the process of all
         answer.lost = f"{bus.name}: {type(error).__name__}: {error}"
     return answer
 

@@ -120,7 +120,7 @@ def tick(
         if state.squeeze is not None and state.squeeze.start:
             return _squeezed(config, state, state.squeeze, now_s, samples)
         return _move(config, state, now_s)
-    except Exception as error:  # an error in one robot must not stop the others
+    except (Exception, SystemExit) as error:  # an error in one robot must not stop the others
         failed = fail(config, state, Fault.INTERNAL, f"{type(error).__name__}: {error}", now_s)
         return _stop_without_model(config, failed, now_s)
 

@@ -6,6 +6,7 @@ The witness of the other robot is its records: the same to the bit as in a run w
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import pairwise
@@ -112,10 +113,15 @@ def fail(*_: object, **__: object) -> Any:
     raise RuntimeError("no idea")
 
 
+def leave(*_: object, **__: object) -> Any:
+    sys.exit("enough")
+
+
 MODELS: dict[str, tuple[dict[str, Callable[..., Any]], str]] = {
     "inverse raises": ({"inverse": fail}, "no idea"),
     "forward raises": ({"forward": fail}, "no idea"),
     "both raise": ({"inverse": fail, "forward": fail}, "no idea"),
+    "inverse exits": ({"inverse": leave}, "enough"),
     "inverse answers None": ({"inverse": lambda *_: None}, "None"),
     "inverse answers text": ({"inverse": lambda *_: "up"}, "up"),
     "forward answers None": ({"forward": lambda *_: None}, "NoneType"),
@@ -180,6 +186,7 @@ SAMPLES: dict[str, tuple[Callable[[Any], Any], str]] = {
     "None as validity": (lambda samples: each(samples, valid=None), "None"),
     "a number as a fault": (lambda samples: each(samples, fault=7), "7"),
     "it raises": (fail, "no idea"),
+    "it exits": (leave, "enough"),
 }
 
 
