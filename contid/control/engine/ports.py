@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 
@@ -96,16 +96,24 @@ class BusPort:
         retry_at: number of the tick of the next attempt to open a lost bus.
     """
 
-    def __init__(self, bus: Bus, threaded: bool, reopen_aside: bool = False) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        threaded: bool,
+        reopen_aside: bool = False,
+        prepare: Callable[[bool], None] = lambda begins: None,
+    ) -> None:
         """Take a bus.
 
         Args:
             bus: already open.
             threaded: a worker does the jobs from the start.
             reopen_aside: a worker takes over when the bus is lost, because opening it again may take long.
+            prepare: called before and after a request in the thread of the tick, which may take long.
         """
         self.bus = bus
         self._reopen_aside = reopen_aside
+        self._prepare = prepare
         self.lost = ""
         self.stalls = 0
         self.exempt = False
@@ -138,7 +146,9 @@ class BusPort:
         self.busy = True
         self.exempt = job.reopen or bool(job.effects)
         if self._worker is None:
+            self._prepare(self.exempt)
             self._answer = perform(self.bus, job)
+            self._prepare(False)
         else:
             self._jobs.put(job)
 

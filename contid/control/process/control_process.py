@@ -164,7 +164,8 @@ def _serve(setup: RunSetup, inbox: Inbox, parent_watch: ParentWatch, ring: RingW
         why_not = request_real_time()
         ring.event(RunStarted(realtime=not why_not, message=why_not))
         ports |= {
-            name: BusPort(bus, threaded=len(buses) > 1, reopen_aside=True) for name, bus in buses.items()
+            name: BusPort(bus, threaded=len(buses) > 1, reopen_aside=True, prepare=ring.prepare)
+            for name, bus in buses.items()
         }
         process = ControlProcess(setup, inbox, parent_watch, ring, ports, logs)
         parent_watch.running = True
