@@ -19,7 +19,7 @@ from contid.cli.support.orders import json_option, socket_option
 @socket_option
 @json_option
 def command(watch: bool, rate: float, socket: str | None, as_json: bool) -> None:
-    """Show robots, buses and faults of a running daemon; exit code 3 while a robot is in FAULT.
+    """Show robots, buses and faults of a running daemon; exit code 3 in FAULT or when nothing ticks.
 
     With --watch and --json: one line per update.
     """
@@ -37,5 +37,6 @@ def command(watch: bool, rate: float, socket: str | None, as_json: bool) -> None
         click.echo(json.dumps(status))
     else:
         Console().print(render_status(status))
-    if any(robot["fault"] for robot in status["robots"].values() if "fault" in robot):
+    faults = (robot["fault"] for robot in status["robots"].values() if "fault" in robot)
+    if any(faults) or status.get("stalled"):
         sys.exit(3)

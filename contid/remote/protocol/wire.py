@@ -16,6 +16,9 @@ from contid.errors import ContidError
 
 #: Incremented when an old client would misunderstand a new server, or a new client an old server.
 PROTOCOL: Final = 2
+#: The orders to stop, in every protocol ``{"id": 2, "verb": "estop"}``: with ``robots`` (a list of names)
+#: unless for all, with ``"end": true`` of a stop that ends the daemon, never with a version or an expiry.
+STOP_VERBS: Final = ("hold", "stop", "estop")
 #: Clients at a time; one more displaces the one that was idle longest.
 MAX_CLIENTS: Final = 96
 

@@ -14,7 +14,7 @@ from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.buses import BusChanged, StalenessChanged
 from contid.control.engine.events.json_form import to_json
 from contid.control.engine.events.orders import OrderRefused
-from contid.control.engine.events.pace import TicksSkipped
+from contid.control.engine.events.pace import ControlStalled, TicksSkipped
 from contid.control.engine.events.robots import FaultLatched, ModeChanged
 from contid.control.engine.events.run import SourceEnded, StopBegan
 from contid.control.tick.faults import Fault
@@ -40,7 +40,7 @@ CLOSE_TIMEOUT_S: Final = 1.0
 #: Kinds of events that subscribers receive.
 EVENTS: Final = (
     BusChanged, FaultLatched, ModeChanged, OrderRefused, SourceEnded, StalenessChanged, StopBegan,
-    TicksSkipped,
+    TicksSkipped, ControlStalled,
 )  # fmt: skip
 
 

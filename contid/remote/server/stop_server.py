@@ -19,9 +19,8 @@ from contid import __version__
 from contid.lines import MAX_LINE
 from contid.remote.protocol.estop_line import ESTOP, is_estop
 from contid.remote.protocol.socket_path import Endpoint, default_path
-from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, decode, encode
+from contid.remote.protocol.wire import PROTOCOL, STOP_VERBS, Code, Fields, RemoteError, decode, encode
 
-_STOPS: Final = (ESTOP, "stop", "hold")
 #: Time for a client to read its responses.
 _CLIENT_TIMEOUT_S: Final = 0.5
 #: Time for the devices to come to rest.
@@ -111,13 +110,13 @@ class StopServer:
             return {"id": number, "ok": False, "error": error.as_fields()}
 
     def _result(self, verb: object) -> Fields:
-        if verb in _STOPS:
+        if verb in STOP_VERBS:
             return self._stop()
         if verb == "hello":
             return {**self._hello(), "client": 0}
         if verb == "ping":
             return {}
-        message = f"a command is {self._activity} without a daemon; only {', '.join(_STOPS)} are possible"
+        message = f"a command is {self._activity} without a daemon; only {', '.join(STOP_VERBS)} are possible"
         raise RemoteError(Code.REFUSED, message)
 
     def _stop(self) -> Fields:

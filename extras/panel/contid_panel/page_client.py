@@ -49,7 +49,7 @@ class PageClient:
         async with self._connecting:
             if self._client is None:
                 self._client = await AsyncClient(self._path, name=self._name).connect()
-                self.number = int(self._client.hello["client"])
+                self.number = int(self._client.hello.get("client", 0))  # none of another protocol
             return self._client
 
     async def request(self, send: Callable[[AsyncClient], Awaitable[Fields]]) -> Fields:
