@@ -21,10 +21,7 @@ export function cancelQuestion() {
 }
 
 export function installQuestion() {
-  byId("confirm").querySelector("form").addEventListener("submit", (event) => {
-    event.preventDefault();
-    close(event.submitter?.value === "yes");
-  });
+  for (const button of byId("confirm").querySelectorAll("button")) button.addEventListener("click", () => close(button.value === "yes"));
   window.addEventListener("keydown", (event) => {
     if (event.key === "Escape") cancelQuestion();
   });
