@@ -44,6 +44,7 @@ class Code(enum.StrEnum):
     REFUSED = "refused"  # its state does not allow it
     NO_CREDIT = "no-credit"  # more rows than were granted
     SUPERSEDED = "superseded"  # by network: a newer row of a live stream took its place, or it was lost
+    EXPIRED = "expired"  # it waited for longer than it is valid; it was not carried out
     NO_ANSWER = "no-answer"  # the control process did not confirm in time; the order was sent
     INTERNAL = "internal"  # an error of contid or its host, such as a full disk
 
