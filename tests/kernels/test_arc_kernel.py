@@ -44,7 +44,9 @@ def test_frames_and_jacobians_are_those_of_exponentials(feasible, random, straig
         lengths = np.repeat(lengths[::3], 3) + 1e-9 * lengths
     kernel, chain = build_solver(feasible), twists.of_tubes(feasible.sections)
     found, expected = kernel.forward(tuple(lengths.tolist())), chain.placed(lengths)
-    scale = float(lengths.sum())
+    # The bend of a thin section is many turns, and has the rounding of the differences it is made of.
+    bend = float(np.abs(feasible.sections.to_arc).sum() * lengths.max())
+    scale = float(lengths.sum()) * max(1.0, bend / 10.0)
     np.testing.assert_allclose(found.tip, expected.tip, atol=1e-12 * scale)
     np.testing.assert_allclose(np.reshape(found.rotation, (3, 3)), expected.rotation, atol=1e-11)
     np.testing.assert_allclose(found.mid, expected.mid, atol=1e-12 * scale)

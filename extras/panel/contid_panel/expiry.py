@@ -1,6 +1,6 @@
 """Orders of a page expire: one that waited before a panel or a daemon that stood still moves nothing later.
 
-A page says when something was pressed, by the clock of the panel. It learns that clock from the messages that
+A page sends when something was pressed, by the clock of the panel. It learns that clock from the messages that
 it gets (`static/clock.js`), so clocks that differ do not matter; its estimate is never later than the press.
 """
 
@@ -52,7 +52,7 @@ def validity(verb: str, pressed_ms: object) -> float | None:
         pressed_ms: when it was given, by `clock_ms`.
 
     Raises:
-        RemoteError: it has expired, or does not say when it was given.
+        RemoteError: it has expired, or has no time at which it was given.
     """
     if verb in LASTING:
         return None

@@ -63,7 +63,7 @@ def test_a_resume_pressed_while_the_panel_sleeps(
 
 
 def test_a_resume_pressed_while_the_page_sleeps(stopped: OpenPage, running: Running) -> None:
-    """The press waits for a page whose script stands still; its event says when it was."""
+    """The press waits for a page whose script stands still; its event has the time of the press."""
     answer = asked(stopped)
     stopped.page.evaluate(
         "() => setTimeout(() => { const end = Date.now() + 3000; while (Date.now() < end); }, 200)"

@@ -1,4 +1,4 @@
-"""Requests that say until when they are valid: late ones are refused, stops never."""
+"""Requests with a time until which they are valid: late ones are refused, stops never."""
 
 from __future__ import annotations
 

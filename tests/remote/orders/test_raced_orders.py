@@ -147,7 +147,7 @@ class VirtualRun:
         raise AssertionError("there is no input")
 
     def note(self, event: NoteWritten) -> None:
-        raise AssertionError("nobody writes a note")
+        raise AssertionError("no client writes a note")
 
     def lateness(self, ticks: int) -> list[float]:
         return []
@@ -159,7 +159,7 @@ class VirtualRun:
         """Events go to `turn`."""
 
     def interrupt(self) -> None:
-        raise AssertionError("nobody ends the run")
+        raise AssertionError("no client ends the run")
 
 
 class Race:
@@ -240,7 +240,7 @@ async def race() -> AsyncIterator[Race]:
 
 
 @pytest.mark.parametrize("seed", range(3))
-async def test_nobody_moves_after_the_stop_of_another(race: Race, seed: int) -> None:
+async def test_no_client_moves_after_the_stop_of_another(race: Race, seed: int) -> None:
     rng = random.Random(seed)
     clients = [Client(number) for number in range(1, 6)]
     for _ in range(1500):
