@@ -1,7 +1,7 @@
 """The expiry of a request: one that waited too long before a process that stood still moves nothing later.
 
-A request may carry until when it is valid, on a clock that all processes of the machine share and that goes on
-while the machine sleeps. Orders to stop never expire.
+A request may carry the time until which it is valid, on a clock that all processes of the machine share and
+that goes on while the machine sleeps. Orders to stop never expire.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Orders of a page expire: one that waited before a panel or a daemon that stood still moves nothing later.
 
-A page sends when something was pressed, by the clock of the panel. It learns that clock from the messages that
-it gets (`static/clock.js`), so clocks that differ do not matter; its estimate is never later than the press.
+A page sends when something was pressed, by the clock of the panel. It learns that clock from the messages it
+gets (`static/clock.js`), so clocks that differ do not matter; its estimate is never later than the press.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A control process that stands still is reported and killed; one that is slow, starved or prepares is not."""
+"""A control process that stands still is reported and killed; a slow or a preparing one is not."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def watch_of(activity: Activity = Activity.GOES_ON, rate_hz: float = 200.0) -> S
 
 
 @pytest.mark.parametrize("activity", [Activity.GOES_ON, Activity.STOPPED])
-def test_silence_is_reported_after_fifty_milliseconds_and_ended_after_half_a_second(
+def test_silence_is_reported_after_50_ms_and_ended_after_half_a_second(
     activity: Activity,
 ) -> None:
     found = looks(watch_of(activity), [1, 2, 3] + [3] * 40)
