@@ -15,12 +15,25 @@ from contid.clearance.obstacles import Box, Capsule, Obstacle, Plane
 from contid.kinematics.body_shape import in_world
 from contid.kinematics.extra_axes import build_whole_model
 from contid.kinematics.frames import BaseFrame
-from contid.kinematics.halton import PRIMES, radical_inverse
 from contid.kinematics.model import Model
 from contid.robot_file.clearance import Clearance, ObstacleDescription
 from contid.robot_file.document import RobotFile
 from contid.targets import ZERO3, Actuation, Vec3
 from contid.units import MM_PER_M, m_to_mm
+
+#: One base per coordinate.
+PRIMES: Final = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89)
+
+
+def radical_inverse(index: int, base: int) -> float:
+    """Van der Corput's sequence in [0, 1): digits of the index mirrored at the point (Halton 1960)."""
+    value, scale = 0.0, 1.0 / base
+    while index:
+        index, digit = divmod(index, base)
+        value += digit * scale
+        scale /= base
+    return value
+
 
 #: Actuation and known force on the tip in the world [N], by robot.
 Configuration: TypeAlias = Mapping[str, tuple[Actuation, Vec3]]

@@ -17,10 +17,10 @@ from contid.kinematics.model import Model
 #: Class of a model -> the module with its ``forward`` and ``inverse`` for batches; one returns None where
 #: no kernel solves it; the loop is used then.
 BATCHES: Final = {
-    "contid.kinematics.arc.section_model:SectionModel": "contid.kinematics.batch.sections",
+    "contid.kinematics.arc.section_model:SectionModel": "contid.kinematics.batch.kernel",
     "contid.kinematics.cosserat.model:CosseratModel": "contid.kinematics.batch.pneumatic",
     "contid.kinematics.rack.finger:RackFingerModel": "contid.kinematics.batch.finger",
-    "contid.kinematics.ph.model:PhModel": "contid.kinematics.batch.sections",
+    "contid.kinematics.ph.model:PhModel": "contid.kinematics.batch.kernel",
 }
 
 
