@@ -203,7 +203,7 @@ def main(count: int) -> None:
     from contid.kinematics.model import build_model
     from contid.kinematics.tendon.feasible import ell_of
     from contid.kinematics.tendon.model import TendonModel
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
     from contid.robot_file.tendon.robot import TendonRobot
     from contid.targets import Target
 

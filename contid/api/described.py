@@ -14,9 +14,8 @@ from contid.api.limits import AxisRanges, LimitBits
 from contid.api.units import Units
 from contid.kinematics.array import Array
 from contid.robot_file.findings import allowed_names
-from contid.robot_file.load import LoadedFile
+from contid.robot_file.load import LoadedFile, load_named
 from contid.robot_file.robot import RobotDescription
-from contid.robot_file.shipped import load_named
 
 
 class DescribedRobots:

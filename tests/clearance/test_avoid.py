@@ -8,7 +8,7 @@ from contid.clearance.obstacles import Box, Capsule, Plane
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.solver import tuning_for
 from contid.kinematics.tendon.model import TendonModel
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
 from tests.clearance.around import (

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from contid.control.engine import messages as msg
-from contid.control.engine.events.orders import GotoEnded, OrderRefused
-from contid.control.engine.events.robots import ContactBegan, SqueezeChanged
+from contid.control.engine.events.robots import ContactBegan, GotoEnded, OrderRefused, SqueezeChanged
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.contact.squeeze_way import Squeeze, moved
 from contid.control.tick.supervisor import Mode

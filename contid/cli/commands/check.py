@@ -23,7 +23,7 @@ def command(robot_file: str, trajectory: str | None, as_json: bool) -> None:
     A bad file ends with exit code 2 and every mistake as file:line:column: what; allowed; nearest name.
     """
     from contid.errors import BadInputError
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
     from contid.robot_file.summary import summarise
 
     try:

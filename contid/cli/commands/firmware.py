@@ -111,7 +111,7 @@ def info(robot_file: str | None) -> None:
     if robot_file is None:
         return
     from contid.control.engine.wiring import wired_buses
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
 
     boards = [bus for bus in wired_buses(load_named(robot_file)) if bus.wiring.driver == "due"]
     if not boards:

@@ -21,7 +21,7 @@ def command(robot_file: str, rows: str | None, pose: bool, frame: bool, as_json:
     """
     from contid.cli.support.rows import convert_rows
     from contid.cli.support.solved_rows import ForwardRows
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
 
     loaded = load_named(robot_file)
     robots = loaded.driven

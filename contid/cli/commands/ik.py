@@ -25,7 +25,7 @@ def command(robot_file: str, rows: str | None, bare: bool, as_json: bool) -> Non
     """
     from contid.cli.support.rows import convert_rows
     from contid.cli.support.solved_rows import InverseRows
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
 
     loaded = load_named(robot_file)
     answers = {name: InverseRows(name, robot, bare) for name, robot in loaded.driven.items()}

@@ -153,7 +153,7 @@ def _swing(
     from contid.kinematics.frames import BaseFrame
     from contid.kinematics.model import build_model
     from contid.robot_file.chain import Chain
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
     from contid.trajectory.swing import Swing
     from contid.trajectory.table import write_rows
     from contid.units import m_to_mm

@@ -56,7 +56,7 @@ def command(
     from contid.kinematics.body_shape import of_rope
     from contid.kinematics.rope.chain import ChainGuard
     from contid.robot_file.chain import Chain
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
     from contid.units import MM_PER_M
 
     length_m = None

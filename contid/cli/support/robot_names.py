@@ -13,7 +13,7 @@ def robot_names(ctx: click.Context, param: click.Parameter, incomplete: str) -> 
     """Shipped names with this beginning; the shell adds the files."""
     from click.shell_completion import CompletionItem
 
-    from contid.robot_file.shipped import configs_folder
+    from contid.robot_file.load import configs_folder
 
     names = sorted(file.stem for file in configs_folder().glob("*.yaml"))
     shipped = [CompletionItem(name) for name in names if name.startswith(incomplete)]

@@ -16,10 +16,9 @@ from types import TracebackType
 from typing import Final, Self
 
 from contid import __version__
-from contid.lines import MAX_LINE
-from contid.remote.protocol.estop_line import ESTOP, is_estop
 from contid.remote.protocol.socket_path import Endpoint, default_path
-from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, decode, encode
+from contid.remote.protocol.wire import ESTOP, PROTOCOL, Code, Fields, RemoteError, decode, encode, is_estop
+from contid.units import MAX_LINE
 
 _STOPS: Final = (ESTOP, "stop", "hold")
 #: Time for a client to read its responses.

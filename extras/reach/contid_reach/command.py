@@ -59,8 +59,8 @@ def command(
     """
     from contid.cli.support.progress import counting
     from contid.errors import ContidError
+    from contid.robot_file.load import load_named
     from contid.robot_file.rack_finger import RackFinger
-    from contid.robot_file.shipped import load_named
     from contid_reach.report import planar_report, spatial_report
 
     loaded = load_named(robot_file)
