@@ -8,7 +8,7 @@ from typing import Final
 
 import click
 
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 from contid.hal import Emulates
 from contid.robot_file.load import load_named

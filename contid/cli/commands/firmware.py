@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import click
 
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 
 #: The driver's own module of sources and builds, found by name like every driver.

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 from contid.hal import AxisOnBus, Homed, Homes, Parks, Reference
 from contid.hal.homing import REPEAT_TENDON_M

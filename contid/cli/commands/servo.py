@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 
 if TYPE_CHECKING:

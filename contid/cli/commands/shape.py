@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from contid.cli.support.numbers import POSITIVE, Numbers
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import POSITIVE, Numbers, robot_names
 from contid.units import m_to_mm
 
 if TYPE_CHECKING:
