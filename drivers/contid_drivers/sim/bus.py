@@ -19,7 +19,7 @@ from contid.robot_file.rack_finger import RackFinger
 from contid_drivers.sim.arm.body import TrackedArm
 from contid_drivers.sim.devices import SimDevice
 from contid_drivers.sim.faults import Switches, append_event
-from contid_drivers.sim.finger import FingerBody
+from contid_drivers.sim.finger_body import FingerBody
 from contid_drivers.sim.options import FaultKind, SimAxisOptions, SimBusOptions
 
 if TYPE_CHECKING:
