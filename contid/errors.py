@@ -56,6 +56,12 @@ class SessionError(ContidError):
     """A file is not a session, or not one that this version can read."""
 
 
+class DriverDefectError(ContidError):
+    """A driver raised an error that it does not document."""
+
+    exit_code = 4
+
+
 class DeviceError(ContidError):
     """A device refused, or could not be reached; ``device`` is its name in the robot file."""
 

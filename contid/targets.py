@@ -7,8 +7,9 @@ world frame of the trajectory into it. Vectors are tuples of three floats (plana
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from types import MappingProxyType
 from typing import Final, Self, TypeAlias
 
@@ -24,6 +25,8 @@ _PARALLEL: Final = 1e-6
 #: In ``limited_by`` where no limit of an axis binds: a number is not finite, or the robot ends there.
 NOT_FINITE: Final = "not_finite"
 REACH: Final = "reach"
+#: Types of numbers; a faster question than that for `Real`.
+_PLAIN: Final = frozenset((float, int))
 _NO_EXTRA: Final[Mapping[str, float]] = MappingProxyType({})
 
 
@@ -31,6 +34,11 @@ def vec3(values: Iterable[float]) -> Vec3:
     """Three numbers as a vector."""
     x, y, z = values
     return x, y, z
+
+
+def are_numbers(values: Sequence[object]) -> bool:
+    """True when all of them are real numbers, of Python or NumPy."""
+    return {*map(type, values)} <= _PLAIN or all(isinstance(value, Real) for value in values)
 
 
 def load_or_zero(load_n: Vec3) -> Vec3:

@@ -47,9 +47,17 @@ def test_the_response_to_a_forgotten_request_is_dropped() -> None:
     assert refused.value.code == Code.BAD_REQUEST
 
 
-def test_another_protocol_is_refused_at_its_hello() -> None:
+def test_a_daemon_of_another_protocol_is_only_sent_stops() -> None:
+    protocol = ClientProtocol()
+    greeted = protocol.request("hello", {})
+    protocol.receive(encode({"event": "hello", "protocol": 99}))
     with pytest.raises(RemoteError, match="protocol 99"):
-        ClientProtocol().receive(encode({"event": "hello", "protocol": 99}))
+        protocol.result(greeted)
+    with pytest.raises(RemoteError, match="protocol 99"):
+        protocol.request("move", {})
+    stop = protocol.request("estop", {})
+    protocol.receive(response(stop, tick=1))
+    assert protocol.result(stop) == {"tick": 1}
 
 
 def test_credit_is_that_of_the_newest_line() -> None:

@@ -70,9 +70,11 @@ def test_after_a_stop_only_the_stopper_or_an_explicit_request_goes_on() -> None:
         with pytest.raises(RemoteError, match="person"):
             lease.allow(1, 0.2, after_stop=False)
         lease.allow(2, 0.3, after_stop=False)
+        lease.go_on()
         lease.allow(1, 0.4, after_stop=False)
         lease.stop(2, "person (hold)")
         lease.allow(3, 0.5, after_stop=True)
+        lease.go_on()
         lease.allow(1, 0.6, after_stop=False)
 
 
@@ -86,3 +88,25 @@ def test_the_stop_of_the_holder_keeps_its_lease_and_bars_the_others() -> None:
     lease.require(1, "one", 0.2)
     lease.release(1)
     lease.require(2, "two", 0.3)
+
+
+def test_stops_of_several_clients_stand_side_by_side() -> None:
+    lease = Lease(0.0, input_active=False)
+    lease.stop(1, "person (estop)")
+    for script in range(2, 100):
+        lease.stop(script, f"script {script} (hold)")
+        with pytest.raises(RemoteError, match="person"):
+            lease.require(script, "script", 0.1)
+    assert "person (estop); script 2 (hold)" in lease.stopped_by
+    assert len(lease.stopped_by) < 400
+    lease.acquire(5, "script", 0.2)
+    assert lease.stopped_by == ""
+
+
+def test_the_stop_of_a_client_stands_when_its_own_order_is_refused() -> None:
+    lease = Lease(0.0, input_active=False)
+    lease.stop(1, "person (hold)")
+    lease.stop_stands(1, lease.require(1, "person", 0.1))
+    lease.release(1)
+    with pytest.raises(RemoteError, match="person"):
+        lease.require(2, "script", 0.2)

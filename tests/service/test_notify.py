@@ -143,18 +143,10 @@ def test_a_stopped_control_process_is_not_reported_alive(tmp_path: Path) -> None
             family = psutil.Process(process.pid).children()
             (child,) = [each for each in family if "contid.control.process" in each.cmdline()]
             child.send_signal(signal.SIGSTOP)
-            # Ticks completed before may still be reported once or twice.
-            end.settimeout(1.0)
-            with pytest.raises(TimeoutError):
-                assert [end.recv(4096) for _ in range(4)] == []
-            child.send_signal(signal.SIGCONT)
-            end.settimeout(30.0)
-            assert end.recv(4096) == b"WATCHDOG=1"
-            process.send_signal(signal.SIGTERM)
-            while end.recv(4096) != b"STOPPING=1":
-                pass
+            # Ticks completed before may still be reported once or twice; then the daemon ends the run, and
+            # the manager starts the next one.
             out, _ = process.communicate(timeout=20)
-            assert process.returncode == 130
+            assert process.returncode == 3
             assert b"finger" in out
         finally:
             process.kill()

@@ -17,6 +17,7 @@ import httpx
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
+from contid.remote.protocol.expiry import clock_s
 from tests.support.daemons import Running, command
 
 
@@ -77,7 +78,8 @@ class PanelClient:
 
     async def send(self, verb: str, **fields: Any) -> int:
         number = next(self._numbers)
-        await self.connection.send(json.dumps({"id": number, "verb": verb, **fields}))
+        message = {"id": number, "verb": verb, "pressed_ms": clock_s() * 1e3, **fields}
+        await self.connection.send(json.dumps(message))
         return number
 
     async def order(self, verb: str, **fields: Any) -> dict[str, Any]:

@@ -49,7 +49,7 @@ def stop(robots: tuple[str, ...], end: bool, socket: str | None, as_json: bool) 
 @socket_option
 @json_option
 def status(watch: bool, rate: float, socket: str | None, as_json: bool) -> None:
-    """Show robots, buses and faults of a running daemon; exit code 3 while a robot is in FAULT.
+    """Show robots, buses and faults of a running daemon; exit code 3 in FAULT or when nothing ticks.
 
     With --watch and --json: one line per update.
     """
@@ -67,5 +67,6 @@ def status(watch: bool, rate: float, socket: str | None, as_json: bool) -> None:
         click.echo(json.dumps(reported))
     else:
         Console().print(render_status(reported))
-    if any(robot["fault"] for robot in reported["robots"].values() if "fault" in robot):
+    faults = (robot["fault"] for robot in reported["robots"].values() if "fault" in robot)
+    if any(faults) or reported.get("stalled"):
         sys.exit(3)

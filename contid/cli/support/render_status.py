@@ -48,6 +48,8 @@ def _head(status: Fields) -> Text:
     text.append(f"\n{status['clients']} clients, lease: {lease['holder'] or 'free'}")
     if lease.get("stopped_by"):
         text.append(f" (stopped by {lease['stopped_by']})", style="yellow")
+    if status.get("stalled"):
+        text.append("\nthe control process stands still: nothing moves or stops the robots", style="bold red")
     if status.get("waiting"):
         text.append(f"\n{status['waiting']}; nothing is connected yet", style="yellow")
     if status.get("source_s") is not None:

@@ -30,9 +30,10 @@ from contid.control.daemon.row_stream import LiveRowReader, StreamFollower
 from contid.control.daemon.run_request import RunOptions, preflight_of, rate_of
 from contid.control.daemon.run_signals import RunSignals
 from contid.control.daemon.shutdown import Escalation, ShutdownSequence
+from contid.control.daemon.silence_watch import ProcessActivity, Silence, SilenceWatch
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events import RunEvent
-from contid.control.engine.events.buses import PaceReported
+from contid.control.engine.events.buses import ControlStalled, PaceReported
 from contid.control.engine.events.run import NoteWritten, RunFailed, SourceEnded, StopBegan
 from contid.control.engine.measured_tip import MeasuredTips
 from contid.control.engine.messages import Begin, EndOfRows, Estop, Finish, Hold, Message
@@ -40,6 +41,7 @@ from contid.control.engine.report import RunReport, outrun
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.control.engine.wiring import build_robot_configs, record_layout
 from contid.control.process.log_queue import LogQueue, handle_logs
+from contid.control.process.ring_reader import RingReader
 from contid.control.process.setup import RunSetup
 from contid.robot_file.load import LoadedFile
 from contid.trajectory.timed import Trajectory
@@ -74,6 +76,8 @@ class Daemon:
             build_robot_configs(loaded, self.rate_hz), record_layout(loaded, self.rate_hz)
         )
         self._shutdown = ShutdownSequence()
+        self._silence = SilenceWatch(self.rate_hz, ProcessActivity(child.pid))
+        self._ended = False
         self._notifier = Notifier()
         self._logs = LogQueue("daemon")
         # The recording holds records from INFO also when the terminal shows warnings only.
@@ -255,6 +259,8 @@ class Daemon:
             self._feed.fetch()
             if self._child.reader is not None:
                 self._notifier.ticked(self._child.reader.written, loop.time())
+                if self._stands_still(self._child.reader, loop.time()):
+                    break
             match self._shutdown.due(loop.time()):
                 case Escalation.RELAX:
                     self._report.problem("the orderly stop took too long; relaxed at once")
@@ -266,6 +272,24 @@ class Daemon:
             self._tips.add(self.newest())
             line.show(self.newest, end_s)
 
+    def _stands_still(self, reader: RingReader, now_s: float) -> bool:
+        """Tell when the control process stands still; True when it has been killed for it."""
+        if self._ended:
+            return False
+        watch = self._silence
+        found = watch.look(reader.written, reader.preparing, now_s)
+        if found is Silence.KILL:
+            log.error("the control process stands still; it is killed, and the devices stop by themselves")
+            self._child.kill()
+            self._report.stalled(watch.silent_s)
+            return True
+        if found is Silence.BEGAN:
+            log.warning("the control process stands still")
+        if found in (Silence.BEGAN, Silence.OVER):
+            over = found is Silence.OVER
+            self._feed.deliver(ControlStalled(silent_s=round(watch.silent_s, 3), over=over))
+        return False
+
     def _on_event(self, event: RunEvent) -> None:
         match event:
             case SourceEnded():
@@ -274,6 +298,7 @@ class Daemon:
                 self._notifier.stopping()
                 self._shutdown.stop_takes(event.seconds, asyncio.get_running_loop().time())
             case RunFailed() | PaceReported():
+                self._ended = True
                 self._notifier.stopping()
 
     def _source_failed(self, message: str) -> None:

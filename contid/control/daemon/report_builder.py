@@ -7,7 +7,7 @@ import signal
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.buses import BusReported, PaceReported, TicksSkipped, TicksWaited
 from contid.control.engine.events.robots import RobotReported
-from contid.control.engine.events.run import RunFailed, RunStarted
+from contid.control.engine.events.run import RunFailed, RunStarted, StopBegan
 from contid.control.engine.report import RunReport, complete_from_records
 from contid.control.process.ring_reader import RingReader
 
@@ -24,6 +24,8 @@ class ReportBuilder:
         self.report = RunReport(ending="the input ended", rate_hz=rate_hz)
         self.started = False
         self._interrupted = False
+        #: The control process has said how its run ended.
+        self._closed = False
 
     def interrupted(self) -> None:
         """A user or a client ended the run."""
@@ -37,6 +39,12 @@ class ReportBuilder:
     def broken(self, message: str) -> None:
         """The run ends because a part of it failed."""
         self.report.ending, self.report.exit_code = message, 3
+
+    def stalled(self, silent_s: float) -> None:
+        """The control process stood still and was killed."""
+        message = f"the control process stood still for {silent_s:.1f} s and was killed"
+        self.problem(f"{message}; the devices stop by their own watchdogs")
+        self.broken(message)
 
     def killed(self) -> None:
         """The control process was killed."""
@@ -53,12 +61,16 @@ class ReportBuilder:
                 self.started = True
                 report.realtime = event.realtime
             case RunFailed():
+                self._closed = True
                 report.ending, report.exit_code = event.message, event.exit_code
+            case StopBegan(reason="on_host_loss") if not self._interrupted:
+                self.broken("the control process was told to end (SIGTERM), but not by this daemon")
             case RobotReported():
                 report.robots[event.robot] = event.report
             case BusReported():
                 report.buses[event.bus] = event.counts
             case PaceReported():
+                self._closed = True
                 report.ticks, report.late, report.skipped = event.ticks, event.late, event.skipped
                 report.waited, report.lateness = event.waited, event.lateness
                 report.longest_gap_ms = event.longest_gap_ms
@@ -81,7 +93,10 @@ class ReportBuilder:
         if report.faulted():
             report.ending = "a fault stopped a robot" if report.exit_code != 130 else report.ending
             report.exit_code = 3
-        elif self._interrupted and not self.started and status == -signal.SIGTERM:
+        elif self._interrupted and not self.started and status in (None, 0, -signal.SIGTERM):
             pass  # ended before it opened the buses
+        elif not self._closed and report.exit_code in (0, 130):
+            how = "still runs" if status is None else f"ended with status {status}"
+            self.broken(f"the control process {how}, without a report of the run")
         elif status not in (None, 0) and report.exit_code in (0, 130):
             report.ending, report.exit_code = f"the control process ended with status {status}", 3

@@ -14,6 +14,7 @@ from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.clearance_watch import ClearanceWatch
 from contid.control.engine.contact_stage import ContactStage
 from contid.control.engine.cycle import OnEnd, Sink, Timing
+from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.order_handler import OrderHandler
 from contid.control.engine.outcomes import Outcomes
@@ -71,6 +72,7 @@ class Engine:
             clearance: what keeps bodies apart, None without.
         """
         self.finished = False
+        self._sink = sink
         self.robots = Robots(configs, sink)
         self.exchange = Exchange(self.robots, ports, rate_hz, sink, now)
         chains = ChainMonitor(guards, self.robots, self.exchange, sink)
@@ -94,7 +96,9 @@ class Engine:
         )
         self._recorder = RecordPacker(self.robots, self.exchange, sink, now)
         self._buses = tuple(ports)
-        self._orders = OrderHandler(self.robots, self.selector, self.exchange, chains, stages, sink)
+        self._orders = OrderHandler(
+            self.robots, self.selector, self.exchange, chains, stages, sink, self._fail
+        )
         going_back = () if contacts is None else contacts.going_back
         self._outcomes = Outcomes(self.robots, self.selector, self.exchange, going_back, sink)
         self._rate_hz = rate_hz
@@ -122,8 +126,12 @@ class Engine:
         self.robots.report_changes(0)
 
     def obey(self, message: object, tick_number: int) -> None:
-        """Carry out a message of the daemon; a refusal becomes an event."""
-        self._orders.obey(message, tick_number, self._step + 1, (self._step + 1) / self._rate_hz)
+        """Carry out a message of the daemon; a refusal becomes an event, and so does a defect."""
+        try:
+            self._orders.obey(message, tick_number, self._step + 1, (self._step + 1) / self._rate_hz)
+        except Exception as error:
+            name = type(message).__name__.lower()
+            self._sink.event(OrderRefused(message=f"{name}: {type(error).__name__}: {error}"))
 
     def cycle(self, timing: Timing) -> None:
         """One tick of everything."""

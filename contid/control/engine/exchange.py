@@ -115,8 +115,13 @@ class Exchange:
             for name, axes in self._axes_on[index].items():
                 bus = self._ports[name].bus
                 if isinstance(bus, LimitsEffort):
-                    shares = {axis: share for axis in axes if axis in bus.effort_limits()}
-                    bus.limit_effort(shares)
+                    try:
+                        shares = {axis: share for axis in axes if axis in bus.effort_limits()}
+                        bus.limit_effort(shares)
+                    except Exception as error:
+                        message = f"{config.name}: {name}: {type(error).__name__}: {error}"
+                        self._sink.event(OrderRefused(robot=config.name, message=message))
+                        continue
                     limited[config.name] |= bool(shares)
         return limited
 

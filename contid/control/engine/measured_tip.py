@@ -75,14 +75,14 @@ def measured_actuation(config: RobotConfig, robot: RobotRecord) -> Actuation | N
 def tip_in_world(config: RobotConfig, actuation: Actuation, load_n: Vec3) -> Vec3 | None:
     """Tip of the model [m] with the known load [N], both in the world frame; a load with NaN is none.
 
-    None outside the domain of the model.
+    None outside the domain of the model, or where it has a defect.
     """
     try:
         pose = config.model.forward(actuation, config.frame.vector_in_base(load_or_zero(load_n)))
-    except (ValueError, ArithmeticError):
+        tip = config.frame.point_in_world(pose.tip_m)
+        return tip if all(map(math.isfinite, tip)) else None
+    except Exception:
         return None
-    tip = config.frame.point_in_world(pose.tip_m)
-    return tip if all(map(math.isfinite, tip)) else None
 
 
 def measured_tip_error_m(config: RobotConfig, robot: RobotRecord) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from contid.control.engine import messages as msg
 from contid.control.engine.chain_monitor import ChainMonitor
@@ -31,11 +31,14 @@ class OrderHandler:
         chains: ChainMonitor,
         stages: Sequence[TickStage],
         sink: Sink,
+        stage_failed: Callable[[TickStage, Exception, float], None],
     ) -> None:
+        """``stage_failed`` is called with a stage, its error and the time."""
         self._robots = robots
         self._selector = selector
         self._exchange = exchange
         self._chains = chains
+        self._stage_failed = stage_failed
         self._changing_gotos = with_method(stages, "goto")
         self._cancelled = with_method(stages, "cancel")
         self._sink = sink
@@ -70,7 +73,10 @@ class OrderHandler:
         robots, selector, chains = self._robots, self._selector, self._chains
         if not isinstance(message, msg.Measured | msg.EndOfRows | msg.Mark):
             for stage in self._cancelled:
-                stage.cancel()
+                try:
+                    stage.cancel()
+                except Exception as error:  # an error in a stage must not stop an order to stop
+                    self._stage_failed(stage, error, now_s)
         match message:
             case msg.Measured(robot, tip_in_world, direction, age_s):
                 robots.measured[robot] = Measurement(tip_in_world, now_s - age_s, direction)

@@ -6,15 +6,19 @@ by the end of the tick gets no new job until it is; its robots count a miss.
 
 from __future__ import annotations
 
+import logging
 import threading
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 
+from contid.control.engine.checked_samples import checked_samples
 from contid.control.engine.messages import Measured
 from contid.control.tick.state import Effect
 from contid.errors import ContidError
 from contid.hal import Bus, MeasuresTips, Rest, Sample
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +66,10 @@ def perform(bus: Bus, job: BusJob) -> BusReply:
                 answer.refused.append((robot, effect, str(error)))
             else:
                 answer.done.append((robot, effect))
-        answer.samples = bus.exchange(job.commands)
+        answer.samples = checked_samples(bus, bus.exchange(job.commands))
     except ContidError as error:
         answer.lost = str(error)
-    except Exception as error:  # a driver's defect ends its bus, not the process that holds the others
+    except (Exception, SystemExit) as error:  # a driver's defect ends its bus, not the process of all
         answer.lost = f"{bus.name}: {type(error).__name__}: {error}"
     return answer
 
@@ -92,16 +96,24 @@ class BusPort:
         retry_at: number of the tick of the next attempt to open a lost bus.
     """
 
-    def __init__(self, bus: Bus, threaded: bool, reopen_aside: bool = False) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        threaded: bool,
+        reopen_aside: bool = False,
+        prepare: Callable[[bool], None] = lambda begins: None,
+    ) -> None:
         """Take a bus.
 
         Args:
             bus: already open.
             threaded: a worker does the jobs from the start.
             reopen_aside: a worker takes over when the bus is lost, because opening it again may take long.
+            prepare: called before and after a request in the thread of the tick, which may take long.
         """
         self.bus = bus
         self._reopen_aside = reopen_aside
+        self._prepare = prepare
         self.lost = ""
         self.stalls = 0
         self.exempt = False
@@ -134,7 +146,9 @@ class BusPort:
         self.busy = True
         self.exempt = job.reopen or bool(job.effects)
         if self._worker is None:
+            self._prepare(self.exempt)
             self._answer = perform(self.bus, job)
+            self._prepare(False)
         else:
             self._jobs.put(job)
 
@@ -180,6 +194,10 @@ class BusTrackers:
 
     def arrived(self, deadline_s: float) -> Iterator[Measured]:
         """What arrived since the last call; ages are those at the deadline of a tick."""
-        for bus in self._buses:
-            for tip in bus.measured_tips():
-                yield Measured(tip.robot, tip.tip_in_world_m, age_s=max(0.0, deadline_s - tip.time_s))
+        for bus in tuple(self._buses):
+            try:
+                for tip in bus.measured_tips():
+                    yield Measured(tip.robot, tip.tip_in_world_m, age_s=max(0.0, deadline_s - tip.time_s))
+            except Exception as error:  # a driver's defect ends its tracker, not the process
+                self._buses.remove(bus)
+                log.warning("a tracker is not read any more: %s: %s", type(error).__name__, error)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -12,7 +13,7 @@ from contid.control.engine.tick_layout import RecordLayout, RobotLayout
 from contid.control.tick.config import RobotConfig, robot_config
 from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.control.tick.transmission import RobotTransmission
-from contid.errors import ContidError
+from contid.errors import ContidError, DriverDefectError
 from contid.hal import AxisOnBus, Bus, Clock, Driver, SimulatesBodies, SpooledTendon, load_driver
 from contid.kinematics.rope.chain import ChainGuard
 from contid.kinematics.tendon.described import spooled_tendons
@@ -75,21 +76,36 @@ def open_buses(loaded: LoadedFile, clock: Clock) -> Mapping[str, Bus]:
     """
     buses = build_buses(loaded, clock)
     try:
-        for bus in buses.values():
-            bus.open()
+        for name, bus in buses.items():
+            with _told(loaded.buses[name]):
+                bus.open()
     except BaseException:
         for bus in buses.values():
-            bus.close()
+            with suppress(Exception):
+                bus.close()
         raise
     return buses
 
 
+@contextmanager
+def _told(wiring: BusWiring) -> Iterator[None]:
+    """Tell a defect of the driver of a bus as an error of that bus."""
+    try:
+        yield
+    except ContidError:
+        raise
+    except Exception as error:
+        text = f"bus {wiring.name}: driver {wiring.driver!r}: {type(error).__name__}: {error}"
+        raise DriverDefectError(text) from error
+
+
 def build_buses(loaded: LoadedFile, clock: Clock) -> dict[str, Bus]:
     """Every bus that carries an axis; accesses no device."""
-    buses = {
-        bus.wiring.name: bus.driver.open_bus(bus.wiring.name, bus.wiring.options, bus.axes, clock)
-        for bus in wired_buses(loaded)
-    }
+    buses = {}
+    for each in wired_buses(loaded):
+        with _told(each.wiring):
+            name = each.wiring.name
+            buses[name] = each.driver.open_bus(name, each.wiring.options, each.axes, clock)
     for name, robot in loaded.driven.items():
         if isinstance(robot, Cosserat | RackFinger) and robot.sim is not None:
             _carry(loaded, buses, name, robot)

@@ -11,7 +11,8 @@ from __future__ import annotations
 import logging
 import math
 import signal
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 from typing import Final
@@ -163,7 +164,8 @@ def _serve(setup: RunSetup, inbox: Inbox, parent_watch: ParentWatch, ring: RingW
         why_not = request_real_time()
         ring.event(RunStarted(realtime=not why_not, message=why_not))
         ports |= {
-            name: BusPort(bus, threaded=len(buses) > 1, reopen_aside=True) for name, bus in buses.items()
+            name: BusPort(bus, threaded=len(buses) > 1, reopen_aside=True, prepare=ring.prepare)
+            for name, bus in buses.items()
         }
         process = ControlProcess(setup, inbox, parent_watch, ring, ports, logs)
         parent_watch.running = True
@@ -177,11 +179,22 @@ def _serve(setup: RunSetup, inbox: Inbox, parent_watch: ParentWatch, ring: RingW
             ring.event(RobotReported(robot=name, report=fields))
         for name, port in ports.items():
             if isinstance(port.bus, CountsAnswers):
-                ring.event(BusReported(bus=name, counts=dict(port.bus.answer_counts())))
+                with _logged(name):
+                    ring.event(BusReported(bus=name, counts=dict(port.bus.answer_counts())))
     except ContidError as error:
         ring.event(RunFailed(message=str(error), exit_code=error.exit_code))
         return error.exit_code
     finally:
-        for port in ports.values():
-            port.close(CLOSE_TIMEOUT_S)
+        for name, port in ports.items():
+            with _logged(name):
+                port.close(CLOSE_TIMEOUT_S)
     return 0
+
+
+@contextmanager
+def _logged(bus: str) -> Iterator[None]:
+    """Log a defect of the driver of a bus at its end; the others end as ever."""
+    try:
+        yield
+    except Exception as error:
+        log.warning("%s: %s: %s", bus, type(error).__name__, error)

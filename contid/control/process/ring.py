@@ -6,7 +6,7 @@ with its sequence number (from 1) and moves the head; a reader copies a slot and
 an overwritten slot is detected and counted. A long event takes several slots. Readers attach by path, and
 their mapping stays valid after the file is unlinked.
 
-Layout of the file: 64 bytes of header (magic, sizes, closed flag, two sequence numbers), the JSON of the
+Layout of the file: 128 bytes of header (magic, sizes, flags, two sequence numbers), the JSON of the
 `RecordLayout`, tick slots, event slots. Every slot has a CRC-32 of its contents and number: processors other
 than x86-64 may show a reader the stamp before the contents, and such a slot is read again. The sequence
 numbers are stored in one piece: `struct` clears the bytes before it packs, and a reader would see zero.
@@ -28,11 +28,12 @@ from contid.control.engine.tick_layout import RecordLayout
 from contid.control.process.shared_files import folder
 from contid.errors import ContidError
 
-MAGIC: Final = b"contidR5"
+MAGIC: Final = b"contidR6"
 HEAD: Final = struct.Struct("=8sQQQQQ")  # magic, bytes of JSON, tick slots, bytes per tick, event slots
-HEAD_BYTES: Final = 64
-#: Places of the closed flag and of the two sequence numbers, in integers of 8 bytes.
-CLOSED, TICKS, EVENTS = 5, 6, 7
+HEAD_BYTES: Final = 128
+#: Places of the closed flag, of the two sequence numbers and of the flag of a request to devices that is
+#: under way, in integers of 8 bytes.
+CLOSED, TICKS, EVENTS, PREPARING = 5, 6, 7, 8
 #: Size of an event slot, and number of them.
 EVENT_BYTES: Final = 2048
 EVENT_SLOTS: Final = 1024

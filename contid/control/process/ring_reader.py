@@ -17,6 +17,7 @@ from contid.control.process.ring import (
     EVENTS,
     F64,
     PART,
+    PREPARING,
     STAMP,
     TICKS,
     TRIES,
@@ -56,6 +57,11 @@ class RingReader(MappedRing):
     def finished(self) -> bool:
         """True when the writer has finished; its records can still be read."""
         return bool(self._numbers[CLOSED])
+
+    @property
+    def preparing(self) -> bool:
+        """True while a request to devices is under way that may take longer than a tick."""
+        return bool(self._numbers[PREPARING])
 
     @property
     def written(self) -> int:

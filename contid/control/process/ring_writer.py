@@ -17,6 +17,7 @@ from contid.control.process.ring import (
     EVENT_PARTS,
     EVENTS,
     PART,
+    PREPARING,
     STAMP,
     TICKS,
     U64,
@@ -59,6 +60,10 @@ class RingWriter(MappedRing):
         STAMP.pack_into(self._map, at, 0, crc32(contents, number & 0xFFFFFFFF))
         self._map[at + STAMP.size : at + STAMP.size + len(contents)] = contents
         U64.pack_into(self._map, at, number)
+
+    def prepare(self, begins: bool) -> None:
+        """Mark that a request to devices begins, which may take longer than a tick, or is over."""
+        self._numbers[PREPARING] = begins
 
     def finish(self) -> None:
         """Mark the ring as complete."""

@@ -28,7 +28,7 @@ from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
 from contid.control.tick.transitions import fail, moved, stay, stopped
 from contid.hal import Sample
-from contid.targets import Actuation, Solution, Target
+from contid.targets import Actuation, Solution, Target, are_numbers
 from contid.trajectory.approach import Approach
 
 _WATCHED: Final = frozenset(Mode) - {Mode.OFF, Mode.CONNECTING, Mode.FAULT}
@@ -120,9 +120,19 @@ def tick(
         if state.squeeze is not None and state.squeeze.start:
             return _squeezed(config, state, state.squeeze, now_s, samples)
         return _move(config, state, now_s)
-    except Exception as error:  # an error in one robot must not stop the others
+    except (Exception, SystemExit) as error:  # an error in one robot must not stop the others
         failed = fail(config, state, Fault.INTERNAL, f"{type(error).__name__}: {error}", now_s)
-        return TickResult(replace(failed, motion=None, reference=failed.command))
+        return _stop_without_model(config, failed, now_s)
+
+
+def _stop_without_model(config: RobotConfig, failed: RobotState, now_s: float) -> TickResult:
+    """The first command of a stop that asks no model; none when what leads to the devices failed."""
+    try:
+        if failed.enabled:
+            return _move(config, failed, now_s)
+    except Exception:  # its words are those of the first error
+        failed = replace(failed, motion=None, reference=failed.command)
+    return TickResult(failed)
 
 
 def watched(config: RobotConfig, state: RobotState, samples: Sequence[Sample], now_s: float) -> RobotState:
@@ -183,7 +193,7 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
     in_base = config.frame.target_in_base(target)
     if config.feedback is not None:
         in_base = corrected(state.correction, in_base)
-    solution = config.model.inverse(in_base, state.command)
+    solution = _checked(config, config.model.inverse(in_base, state.command))
     if not all(map(math.isfinite, solution.actuation)):
         message = f"the model answered {solution.actuation} to {in_base}"
         return _move(config, fail(config, state, Fault.NOT_A_NUMBER, message, now_s), now_s)
@@ -194,6 +204,25 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
     if target_tip is None:
         target_tip = config.model.forward(in_base.actuation or command, in_base.load_n).tip_m
     return TickResult(result.state, result.device, solution, math.dist(tip, target_tip), result.limits)
+
+
+def _checked(config: RobotConfig, answer: Solution) -> Solution:
+    """What a model answered, which may be anybody's.
+
+    Raises:
+        TypeError: it is no solution.
+        ValueError: it has another number of axes.
+    """
+    if not isinstance(answer, Solution):
+        raise TypeError(f"the model answered {answer!r}, not a solution")
+    if len(answer.actuation) != len(config.axes):
+        raise ValueError(f"the model answered {answer.actuation} for {len(config.axes)} axes")
+    numbers = (*answer.actuation, answer.residual_m, answer.iterations)
+    if not are_numbers(numbers):
+        raise TypeError(f"the model answered {answer}, and not all of it are numbers")
+    if not all(isinstance(name, str) for name in answer.limited_by):
+        raise TypeError(f"the model answered limited_by={answer.limited_by!r}, and not all of it are names")
+    return answer
 
 
 def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:

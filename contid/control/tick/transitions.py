@@ -24,6 +24,8 @@ from contid.targets import Actuation, Target
 RETREAT_SHARE: Final = 0.2
 #: Modes in which a tip closes on an object, and holds it.
 _SQUEEZING: Final = (Mode.APPROACH, Mode.HOLD)
+#: Faults after which nothing asks the model any more: it may be what failed.
+_WITHOUT_MODEL: Final = (Fault.INTERNAL, Fault.NOT_A_NUMBER)
 
 
 def moved(config: RobotConfig, state: RobotState, event: Event, now_s: float) -> RobotState:
@@ -172,7 +174,8 @@ def fail(config: RobotConfig, state: RobotState, fault: Fault, message: str, now
         # The bus is lost or nothing is enabled: only the devices' own watchdogs can act.
         return replace(after, enabled=False, motion=None)
     if config.stops.on_fault is StopPolicy.HOLD and state.command:
-        return braking(config, after, now_s)
+        brake = braking_at_once if fault in _WITHOUT_MODEL else braking
+        return brake(config, after, now_s)
     return replace(after, enabled=False, motion=None, pending=_effect(config.stops.on_fault))
 
 

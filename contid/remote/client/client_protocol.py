@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from contid.remote.protocol.wire import (
     PROTOCOL,
+    STOP_VERBS,
     Code,
     ConnectionLostError,
     Fields,
@@ -62,6 +63,8 @@ class ClientProtocol:
         granted: rows that may be sent in all, those that were sent included, by number of the move.
         started: tick and times of the start of trajectories that waited, by number of the move.
         close_reason: the daemon's reason to end the connection, "" before.
+        greeting: the daemon's first line, empty before.
+        foreign: why the daemon only stops robots for this client: it has another protocol; "" otherwise.
         requested_s: time of the last request; requests keep the lease.
         timeout_s: how long to wait for a response.
     """
@@ -72,6 +75,8 @@ class ClientProtocol:
         self.granted: dict[int, int] = {}
         self.started: dict[int, Fields] = {}
         self.close_reason = ""
+        self.greeting: Fields = {}
+        self.foreign = ""
         self.requested_s = 0.0
         self.timeout_s = timeout_s
         self._number = 0
@@ -81,7 +86,12 @@ class ClientProtocol:
         self._partial = b""
 
     def request(self, verb: str, fields: Mapping[str, Any], newest: bool = False) -> Request:
-        """The next request; fields that are None are left out."""
+        """The next request; fields that are None are left out.
+
+        Raises:
+            RemoteError: the daemon has another protocol, and this is no order to stop.
+        """
+        self._check_protocol(verb)
         self._number += 1
         self.requested_s = time.monotonic()
         given = {key: value for key, value in fields.items() if value is not None}
@@ -94,7 +104,7 @@ class ClientProtocol:
         """Take in bytes; True when they completed a notice, or the response to rows.
 
         Raises:
-            RemoteError: the daemon has another protocol, or none.
+            RemoteError: the daemon has no protocol.
         """
         *lines, self._partial = (self._partial + chunk).split(b"\n")
         noticed = False
@@ -111,8 +121,9 @@ class ClientProtocol:
         """The result of a request, None before its response.
 
         Raises:
-            RemoteError: the daemon refused.
+            RemoteError: the daemon refused, or has another protocol and this is no order to stop.
         """
+        self._check_protocol(request.verb)
         response = self._responses.pop(request.number, None)
         if response is None:
             return None
@@ -165,10 +176,13 @@ class ClientProtocol:
 
     def _notice(self, fields: Fields) -> None:
         match fields["event"]:
-            case "hello" if fields.get("protocol") != PROTOCOL:
-                theirs = fields.get("protocol")
-                message = f"the daemon has protocol {theirs}, this client {PROTOCOL}; update the older one"
-                raise RemoteError(Code.PROTOCOL, message)
+            case "hello":
+                self.greeting = fields
+                if (theirs := fields.get("protocol")) != PROTOCOL:
+                    self.foreign = (
+                        f"the daemon has protocol {theirs}, this client {PROTOCOL}; update the older one "
+                        f"(until then: {', '.join(STOP_VERBS)})"
+                    )
             case "telemetry" | "event":
                 self.frames.append(fields)
             case "move":
@@ -181,6 +195,11 @@ class ClientProtocol:
                 self.started[int(fields["move"])] = fields
             case "bye":
                 self.close_reason = str(fields["message"])
+
+    def _check_protocol(self, verb: str) -> None:
+        """Refuse what another protocol may spell differently: all but an order to stop."""
+        if self.foreign and verb not in STOP_VERBS:
+            raise RemoteError(Code.PROTOCOL, self.foreign)
 
     def _grant(self, move: int, fields: Fields) -> None:
         self.credits[move] = int(fields["credits"])

@@ -36,7 +36,7 @@ class Orders(ABC):
 
     Attributes:
         path: of the socket, or the address, once connected.
-        hello: the daemon's greeting: protocol, version, name, number of this client.
+        hello: the daemon's greeting: protocol, version, name, number of this client (of the same protocol).
     """
 
     path: Path
@@ -83,7 +83,7 @@ class Orders(ABC):
     # -- connection --------------------------------------------------------------------------------------
 
     async def connect(self) -> Self:
-        """Connect; ``with`` and ``async with`` do it.
+        """Connect; ``with`` and ``async with`` do it. To a daemon of another protocol it only gives stops.
 
         Raises:
             NoDaemonError: no daemon there, or several and no path.
@@ -91,7 +91,7 @@ class Orders(ABC):
         self.path = Path(self._address.name) if self._address is not None else find(self._given)
         try:
             await self._open(self.path)
-            self.hello = await self.request("hello", protocol=PROTOCOL, name=self.name)
+            self.hello = await self._greeted()
         except OSError as error:
             await self._disconnect()
             if isinstance(error, BlockingIOError):
@@ -106,6 +106,15 @@ class Orders(ABC):
             await self._disconnect()
             raise
         return self
+
+    async def _greeted(self) -> Fields:
+        """The response to ``hello``; the greeting of a daemon with another protocol, which still stops."""
+        try:
+            return await self.request("hello", protocol=PROTOCOL, name=self.name)
+        except RemoteError:
+            if not self._protocol.foreign:
+                raise
+            return self._protocol.greeting
 
     async def close(self) -> None:
         """Release the lease and disconnect; idempotent."""
@@ -154,7 +163,7 @@ class Orders(ABC):
 
     async def stop(self, robots: Robots = None, *, end: bool = False) -> Fields:
         """Stop by the robot file's ``stop.on_interrupt``; ``end`` also ends the daemon. Needs no lease."""
-        return await self.request("stop", robots=names_of(robots), end=end)
+        return await self.request("stop", robots=names_of(robots), end=end or None)
 
     async def estop(self, robots: Robots = None) -> Fields:
         """Relax or vent now; needs no lease."""

@@ -17,6 +17,9 @@ from contid.errors import ContidError
 
 #: Incremented when an old client would misunderstand a new server, or a new client an old server.
 PROTOCOL: Final = 2
+#: The orders to stop, in every protocol ``{"id": 2, "verb": "estop"}``: with ``robots`` (a list of names)
+#: unless for all, with ``"end": true`` of a stop that ends the daemon, never with a version or an expiry.
+STOP_VERBS: Final = ("hold", "stop", "estop")
 #: Clients at a time; one more displaces the one that was idle longest.
 MAX_CLIENTS: Final = 96
 
@@ -42,6 +45,7 @@ class Code(enum.StrEnum):
     REFUSED = "refused"  # its state does not allow it
     NO_CREDIT = "no-credit"  # more rows than were granted
     SUPERSEDED = "superseded"  # by network: a newer row of a live stream took its place, or it was lost
+    EXPIRED = "expired"  # it waited for longer than it is valid; it was not carried out
     NO_ANSWER = "no-answer"  # the control process did not confirm in time; the order was sent
     INTERNAL = "internal"  # an error of contid or its host, such as a full disk
 

@@ -4,7 +4,7 @@ This class only keeps the state; times are arguments [s, monotonic], and
 `contid.remote.server.request_handler` acts on the results.
 While stdin or ``--trajectory`` moves the robots, that input holds the lease as client 0. After a stop other
 clients move again only after an explicit ``acquire``, or a ``resume`` with ``after_stop``: a script in a loop
-does not undo the stop of a person.
+does not undo the stop of a person, and neither does a stop of its own.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ MIN_TIMEOUT_S: Final = 0.1
 MAX_TIMEOUT_S: Final = 60.0
 #: The name of the daemon's own input as a holder.
 INPUT: Final = "input"
+#: Most stops that are kept by name. Two of different clients already bar every client.
+MAX_STOPS: Final = 8
 
 
 @dataclass(slots=True)
@@ -58,13 +60,12 @@ class Lease:
 
     Attributes:
         holder: None while the lease is free.
-        stopped_by: who stopped the robots, "" when they may be moved again.
     """
 
     def __init__(self, now_s: float, input_active: bool) -> None:
         self.holder: LeaseHolder | None = None
-        self.stopped_by = ""
-        self._stopper = 0
+        #: Who stopped the robots and how, by client; each stop stands until `go_on`.
+        self._stops: dict[int, str] = {}
         if input_active:
             self.holder = LeaseHolder(0, INPUT, now_s, float("inf"), now_s)
 
@@ -98,24 +99,29 @@ class Lease:
             raise self._refusal(before, now_s)
         if unless_stopped:
             self._check_stopped(client)
-        self.stopped_by = ""
+        self._stops.clear()
         since_s = now_s if before is None or before.client != client else before.since_s
         self.holder = LeaseHolder(client, name, since_s, timeout_s, now_s, by)
         return before if before is not None and before.client != client else None
 
-    def require(self, client: int, name: str, now_s: float, by: str = "") -> None:
+    def require(self, client: int, name: str, now_s: float, by: str = "") -> str:
         """Ensure that a client may move: it holds the lease, or acquires a free one.
+
+        Returns:
+            Its own stop, which does not stand any more; `stop_stands` when it does not move after all.
 
         Raises:
             RemoteError: another client holds it, or stopped the robots.
         """
         self.check_free(client, now_s, input_counts=True)
         self._check_stopped(client)
+        own = self._stops.pop(client, "")
         if not self.held_by(client):
             self.acquire(client, name, now_s, by=by)
+        return own
 
     def allow(self, client: int, now_s: float, after_stop: bool) -> None:
-        """Ensure that a client may resume robots.
+        """Ensure that a client may resume robots; `go_on` when it does.
 
         Args:
             client: its number.
@@ -126,9 +132,12 @@ class Lease:
             RemoteError: another client (but the input) holds the lease, or stopped the robots.
         """
         self.check_free(client, now_s)
-        if after_stop:
-            self.stopped_by = ""
-        self._check_stopped(client)
+        if not after_stop:
+            self._check_stopped(client)
+
+    def go_on(self) -> None:
+        """No stop stands any more: a client that `allow` admits resumes robots."""
+        self._stops.clear()
 
     def check_free(self, client: int, now_s: float, input_counts: bool = False) -> None:
         """Refuse a client while another one (with ``input_counts`` also the input) holds the lease."""
@@ -137,19 +146,31 @@ class Lease:
             raise self._refusal(holder, now_s)
 
     def _check_stopped(self, client: int) -> None:
-        """Refuse a client after a stop by another one; a client may go on after its own stop."""
-        if self.stopped_by and self._stopper != client:
-            message = f"{self.stopped_by} stopped the robots; check them, then acquire the lease to go on"
+        """Refuse a client while a stop by another one stands; a client may go on after its own stop."""
+        others = [message for stopper, message in self._stops.items() if stopper != client]
+        if others:
+            message = f"{'; '.join(others)} stopped the robots; check them, then acquire the lease to go on"
             raise RemoteError(Code.STOPPED, f"{message} (`contid resume`)")
-        self.stopped_by = ""
+
+    @property
+    def stopped_by(self) -> str:
+        """Who stopped the robots, "" when they may be moved again."""
+        return "; ".join(self._stops.values())
+
+    def stop_stands(self, client: int, message: str) -> None:
+        """Note a stop of a client again, "" for none; it revokes nothing."""
+        if message and (client in self._stops or len(self._stops) < MAX_STOPS):
+            self._stops[client] = message
 
     def stop(self, by: int, message: str) -> LeaseHolder | None:
         """Note a stop; revokes the lease of another client, the input keeps it and pauses.
 
+        A stop removes no stop of another client.
+
         Returns:
             The holder that lost the lease.
         """
-        self.stopped_by, self._stopper = message, by
+        self.stop_stands(by, message)
         holder = self.holder
         if holder is None or holder.client in (0, by):
             return None
@@ -177,7 +198,9 @@ class Lease:
         if holder is None:
             return {"holder": None, "stopped_by": self.stopped_by or None}
         since_s = round(now_s - holder.since_s, 3)
-        found = {"holder": holder.name, "client": holder.client, "since_s": since_s}
+        found: Fields = {"holder": holder.name, "client": holder.client, "since_s": since_s}
+        if self._stops:
+            found["stopped_by"] = self.stopped_by
         return {**found, "by": holder.by} if holder.by else found
 
     @staticmethod

@@ -78,12 +78,14 @@ class MotionOrders:
                 f"{name}: fault {f['number']} {f['name']}, {f['what']}" for name, f in faults.items()
             )
             raise RemoteError(Code.FAULT, f"{found}; clear-fault first", faults)
+        self._run.lease.go_on()
         return await self._run.confirmed(self._run.pending.send([Resume(robots)]), robots)
 
     async def _recover(self, caller: Caller, request: RequestFields) -> Fields:
         robots, after_stop = self._run.view.named(request), request.flag("after_stop")
         request.end()
         self._run.lease.allow(caller.number, time.monotonic(), after_stop)
+        self._run.lease.go_on()
         return await self._run.confirmed(self._run.pending.send([Recover(robots)]), robots)
 
     async def _clear_fault(self, caller: Caller, request: RequestFields) -> Fields:
@@ -122,12 +124,13 @@ class MotionOrders:
             message = "move takes a target (a point) or columns (a stream of rows), one of them"
             raise RemoteError(Code.BAD_REQUEST, message)
         held = self._run.lease.held_by(caller.number)
-        self._run.lease.require(caller.number, caller.name, time.monotonic(), caller.by)
+        own_stop = self._run.lease.require(caller.number, caller.name, time.monotonic(), caller.by)
         try:
             if target is not None:
                 return await self._run.moves.point(caller.number, target, caller.notify, force_n or None)
             return await self._run.moves.begin(caller.number, columns or (), caller.notify)
         except RemoteError:
+            self._run.lease.stop_stands(caller.number, own_stop)
             if not held:
                 self._run.lease.release(caller.number)
             raise

@@ -155,6 +155,8 @@ class Moves:
             trajectory = await asyncio.to_thread(check, move.reader, move.timed_rows, stands)
         self._not_stopped(move)
         await self._pending.confirmed(self._pending.send_bulk(Play(trajectory, move.waits)), BULK_TIMEOUT_S)
+        if self._stream is None:  # a stop has overtaken it: a later resume must not follow it
+            self._control.send(Begin())
         self._not_stopped(move)
         move.playing = True
         result: Fields = {"move": move.number, "duration_s": trajectory.end_s - trajectory.start_s}

@@ -11,6 +11,7 @@ from typing import Any, Final, Protocol, TypeAlias
 from contid import __version__
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import RunEvent
+from contid.control.engine.events.buses import ControlStalled
 from contid.control.engine.events.run import LogWritten, RunStarted
 from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, RequestFields
@@ -105,6 +106,7 @@ class QueryHandler:
         self._recordings = recordings
         self._began_s = time.monotonic()
         self._realtime: bool | None = None
+        self._stalled = False
         self._warnings: deque[Fields] = deque(maxlen=WARNINGS)
         self.verbs: dict[str, Verb] = {
             "hello": self._hello, "ping": self._ping, "status": self._status, "describe": self._describe,
@@ -115,6 +117,8 @@ class QueryHandler:
         """Take in an event of the ring."""
         if isinstance(event, RunStarted):
             self._realtime = event.realtime
+        elif isinstance(event, ControlStalled):
+            self._stalled = not event.over
         elif isinstance(event, LogWritten) and event.level not in ("debug", "info"):
             at_s = round(time.monotonic() - self._began_s, 3)
             self._warnings.append(
@@ -151,6 +155,7 @@ class QueryHandler:
             "version": __version__,
             "rate_hz": self._control.rate_hz,
             "realtime": self._realtime,
+            "stalled": self._stalled,
             "uptime_s": round(now_s - self._began_s, 3),
             "clients": self._clients(),
             "waiting": self._control.waiting or None,

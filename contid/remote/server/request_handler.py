@@ -20,6 +20,7 @@ from contid.control.engine.events.run import NoteWritten, SourceEnded
 from contid.control.engine.messages import Hold
 from contid.control.orders import REQUESTS
 from contid.errors import ContidError
+from contid.remote.protocol.expiry import check_expiry
 from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
 from contid.remote.server.frame_encoder import FrameEncoder
@@ -98,12 +99,13 @@ class RequestHandler:
         if caller.role is ClientRole.WATCH and (verb not in WATCH_VERBS or fields.get("end")):
             message = "a member of the group of --watch-group may only read, and hold, stop and estop"
             raise RemoteError(Code.FORBIDDEN, message)
+        given = check_expiry(verb, dict(fields))  # before the lease: one that is late keeps no lease
         if caller.by and verb in JOURNALLED:
             self._journal(caller, verb)
         self._busy[caller.number] += 1
         try:
             self.lease.refresh(caller.number, time.monotonic())
-            return await self._verbs[verb](caller, RequestFields(fields))
+            return await self._verbs[verb](caller, RequestFields(given))
         finally:
             # A client that waits for a response keeps the lease, however long the request takes.
             self.lease.refresh(caller.number, time.monotonic())

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import RunEvent
-from contid.control.engine.events.buses import BusChanged, StalenessChanged, TicksSkipped
+from contid.control.engine.events.buses import BusChanged, ControlStalled, StalenessChanged, TicksSkipped
 from contid.control.engine.events.json_form import to_json
 from contid.control.engine.events.robots import FaultLatched, ModeChanged, OrderRefused
 from contid.control.engine.events.run import SourceEnded, StopBegan
@@ -38,7 +38,7 @@ CLOSE_TIMEOUT_S: Final = 1.0
 #: Kinds of events that subscribers receive.
 EVENTS: Final = (
     BusChanged, FaultLatched, ModeChanged, OrderRefused, SourceEnded, StalenessChanged, StopBegan,
-    TicksSkipped,
+    TicksSkipped, ControlStalled,
 )  # fmt: skip
 
 

@@ -17,10 +17,19 @@ from typing import Final, Self
 
 from contid import __version__
 from contid.remote.protocol.socket_path import Endpoint, default_path
-from contid.remote.protocol.wire import ESTOP, PROTOCOL, Code, Fields, RemoteError, decode, encode, is_estop
+from contid.remote.protocol.wire import (
+    ESTOP,
+    PROTOCOL,
+    STOP_VERBS,
+    Code,
+    Fields,
+    RemoteError,
+    decode,
+    encode,
+    is_estop,
+)
 from contid.units import MAX_LINE
 
-_STOPS: Final = (ESTOP, "stop", "hold")
 #: Time for a client to read its responses.
 _CLIENT_TIMEOUT_S: Final = 0.5
 #: Time for the devices to come to rest.
@@ -110,13 +119,13 @@ class StopServer:
             return {"id": number, "ok": False, "error": error.as_fields()}
 
     def _result(self, verb: object) -> Fields:
-        if verb in _STOPS:
+        if verb in STOP_VERBS:
             return self._stop()
         if verb == "hello":
             return {**self._hello(), "client": 0}
         if verb == "ping":
             return {}
-        message = f"a command is {self._activity} without a daemon; only {', '.join(_STOPS)} are possible"
+        message = f"a command is {self._activity} without a daemon; only {', '.join(STOP_VERBS)} are possible"
         raise RemoteError(Code.REFUSED, message)
 
     def _stop(self) -> Fields:

@@ -17,6 +17,7 @@ from contid.client import AsyncClient
 from contid.errors import ContidError
 from contid.remote.protocol.wire import ConnectionLostError, Fields, NoDaemonError, RemoteError
 from contid.targets import Actuation
+from contid_panel.expiry import clock_ms
 from contid_panel.geometry import PanelGeometry, actuation_of
 from contid_panel.mailbox import Mailbox
 
@@ -153,7 +154,7 @@ class Hub:
         if self.geometry is not None:
             bodies = self.geometry.bodies({name: robot["measured"] for name, robot in self.newest.items()})
         message = {"kind": "frame", "tick": frame["tick"], "t_s": frame["t_s"], "robots": self.newest}
-        text = encode_message({**message, "bodies": bodies})
+        text = encode_message({**message, "bodies": bodies, "clock_ms": clock_ms()})
         for mailbox in self._mailboxes:
             mailbox.put_frame(text)
 

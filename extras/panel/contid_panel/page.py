@@ -15,6 +15,7 @@ from contid.errors import ContidError
 from contid.remote.protocol.wire import Code, RemoteError, RequestFields, decode, is_estop
 from contid_panel.access import SUBPROTOCOL
 from contid_panel.checks import Checks
+from contid_panel.expiry import URGENT, clock_ms, valid_until_s, validity
 from contid_panel.hub import Hub, encode_message
 from contid_panel.limits import MAX_MESSAGE, MessageRate
 from contid_panel.mailbox import Mailbox
@@ -28,8 +29,6 @@ MAX_PENDING: Final = 16
 MAX_MALFORMED: Final = 10
 #: How long a page may take to read one message.
 SEND_TIMEOUT_S: Final = 5.0
-#: Orders to stop: they are carried out at once, whatever else waits.
-URGENT: Final = frozenset({"estop", "stop", "hold"})
 #: Status of a WebSocket that broke a rule (RFC 6455, 7.4.1), or whose page is too slow.
 POLICY_VIOLATION, TRY_AGAIN_LATER = 1008, 1013
 
@@ -56,7 +55,7 @@ class Page:
         """Serve until the page is closed; its lease ends with it."""
         await websocket.accept(subprotocol=SUBPROTOCOL)
         hello = {"version": __version__, "read_only": self._read_only, "page": self.number}
-        self._send("hello", **hello, lease_timeout_s=LEASE_TIMEOUT_S)
+        self._send("hello", **hello, lease_timeout_s=LEASE_TIMEOUT_S, clock_ms=clock_ms())
         self._hub.join(self._mailbox)
         self._start(self._connect())
         sender = asyncio.create_task(self._deliver(websocket))
@@ -117,14 +116,14 @@ class Page:
         number: Any = None
         try:
             fields = decode(line)
-            number, verb = fields.get("id"), fields.get("verb")
+            number, verb, pressed_ms = fields.get("id"), fields.get("verb"), fields.pop("pressed_ms", None)
             if not isinstance(verb, str) or verb not in self._orders:
                 raise RemoteError(Code.UNKNOWN_VERB, f"unknown verb {str(verb)[:40]!r}")
         except RemoteError as error:
             self._malformed += 1
             self._refuse(number, error)
             if stops:
-                self._start(self._carry_out(None, "estop", RequestFields({})), stops=True)
+                self._start(self._carry_out(None, "estop", RequestFields({}), None), stops=True)
             return
         if self._read_only and verb not in READ_ONLY:
             if verb != "beat":
@@ -133,23 +132,27 @@ class Page:
             # One at a time: beats that a slow daemon has not answered yet must not keep the lease longer.
             if not self._beating:
                 self._beating = True
-                self._start(self._beat(RequestFields(fields)))
+                self._start(self._beat(RequestFields(fields), pressed_ms))
         elif verb not in URGENT and len(self._pending) >= MAX_PENDING:
             self._refuse(number, RemoteError(Code.REFUSED, "too many orders wait for their results"))
         else:
-            self._start(self._carry_out(number, verb, RequestFields(fields)), stops=verb in URGENT)
+            work = self._carry_out(number, verb, RequestFields(fields), pressed_ms)
+            self._start(work, stops=verb in URGENT)
 
-    async def _beat(self, request: RequestFields) -> None:
+    async def _beat(self, request: RequestFields, pressed_ms: object) -> None:
+        """Keep the lease; a heartbeat that waited does not."""
         try:
+            valid_until_s.set(validity("beat", pressed_ms))
             if self._client.number:
                 await self._orders["beat"](request)
         except (ContidError, OSError):
-            pass  # the hub reports the daemon's end
+            pass  # it waited, or the daemon has ended, which the hub reports
         finally:
             self._beating = False
 
-    async def _carry_out(self, number: Any, verb: str, request: RequestFields) -> None:
+    async def _carry_out(self, number: Any, verb: str, request: RequestFields, pressed_ms: object) -> None:
         try:
+            valid_until_s.set(validity(verb, pressed_ms))
             result = await self._orders[verb](request)
         except RemoteError as error:
             self._refuse(number, error)

@@ -14,6 +14,7 @@ from typing import Final
 
 from contid.client import AsyncClient
 from contid.remote.protocol.wire import ConnectionLostError, Fields, NoDaemonError
+from contid_panel.expiry import ExpiringClient
 
 #: How long an order to stop is repeated on connections that are lost, and the pause between two attempts.
 PERSISTENCE_S: Final = 10.0
@@ -48,8 +49,8 @@ class PageClient:
         """
         async with self._connecting:
             if self._client is None:
-                self._client = await AsyncClient(self._path, name=self._name).connect()
-                self.number = int(self._client.hello["client"])
+                self._client = await ExpiringClient(self._path, name=self._name).connect()
+                self.number = int(self._client.hello.get("client", 0))  # none of another protocol
             return self._client
 
     async def request(self, send: Callable[[AsyncClient], Awaitable[Fields]]) -> Fields:

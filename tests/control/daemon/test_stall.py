@@ -1,4 +1,4 @@
-"""A control process that stands still for a second: skipped ticks and the fault are reported as its own."""
+"""A control process that stands still for a while: skipped ticks and the fault are reported as its own."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from tests.support.waiting import until
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
-STOOD_S = 1.0
+#: Longer than the watchdog of the devices, shorter than what the daemon lets pass.
+STOOD_S = 0.35
 
 
 def test_a_stall_while_holding_is_counted_and_named() -> None:
@@ -34,7 +35,7 @@ def test_a_stall_while_holding_is_counted_and_named() -> None:
         status = client.status()
         fault = status["robots"]["f0"]["fault"]
         assert fault["number"] == Fault.LOOP_STALLED
-        assert "the loop stood still for 1" in fault["what"]
+        assert "the loop stood still for " in fault["what"]
         assert "real-time" in fault["remedy"]
         skipped = STOOD_S * status["rate_hz"]
         assert status["skipped"] >= 0.9 * skipped

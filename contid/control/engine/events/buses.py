@@ -84,6 +84,14 @@ class TicksWaited(RunEvent):
     longest_gap_ms: Annotated[float, "longest time between two ticks so far that others were left out of"]
 
 
+@run_event("stalled")
+class ControlStalled(RunEvent):
+    """The control process stands still, or ticks again; the daemon tells it, and no recording has it."""
+
+    silent_s: Annotated[float, "time without a tick so far, in which it could have ticked"]
+    over: Annotated[bool, "it ticks again"]
+
+
 @run_event("report")
 class PaceReported(RunEvent):
     """Statistics of the ticks at the end of the run."""

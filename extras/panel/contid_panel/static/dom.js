@@ -54,15 +54,3 @@ export async function attempt(work) {
     toast(error.message, "error");
   }
 }
-
-/** Ask before an order that undoes what another person did. */
-export function confirmed(text, yes) {
-  const dialog = byId("confirm");
-  dialog.querySelector("p").textContent = text;
-  dialog.querySelector("[value=yes]").textContent = yes;
-  dialog.returnValue = "no";
-  dialog.showModal();
-  return new Promise((resolve) => {
-    dialog.addEventListener("close", () => resolve(dialog.returnValue === "yes"), { once: true });
-  });
-}

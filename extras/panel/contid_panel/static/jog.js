@@ -9,6 +9,7 @@ export class Jog {
   constructor(link) {
     this.link = link;
     this.row = null;
+    this.pressed = 0;
     this.sending = false;
     this.ending = false;
     this.active = null;
@@ -22,6 +23,7 @@ export class Jog {
     this.active = robot;
     this.ending = false;
     this.row = { columns, rows: [values] };
+    this.pressed = this.link.clock.pressed();
     this.pump();
   }
 
@@ -42,7 +44,7 @@ export class Jog {
         const row = this.row;
         this.row = null;
         this.sentAt = performance.now();
-        const { refused } = await this.link.order("jog", row);
+        const { refused } = await this.link.order("jog", row, this.pressed);
         this.refused = refused.length ? refused[0].replace(/^rows:\d+: /, "") : "";
       }
       if (this.ending) {

@@ -3,6 +3,8 @@
 // The heartbeat runs only while this page is visible and its script runs. A page that is hidden gives the lease
 // back and holds; one that is frozen or closed falls silent, the lease lapses, and the robots hold.
 
+import { Clock } from "./clock.js";
+
 const BEAT_MS = 200;
 const RETRY_MS = 500;
 const REPLY_TIMEOUT_MS = 15000;
@@ -25,6 +27,7 @@ export class Link {
     this.mine = false;
     this.waiting = new Map();
     this.number = 0;
+    this.clock = new Clock();
     document.addEventListener("visibilitychange", () => { if (document.visibilityState !== "visible") this.leave(); });
     window.addEventListener("pagehide", () => this.leave());
     setInterval(() => this.beat(), BEAT_MS);
@@ -38,6 +41,7 @@ export class Link {
     let opened = false;
     socket.onopen = () => {
       opened = true;
+      this.clock.forget();
       this.set(true, "");
     };
     socket.onmessage = (event) => this.take(JSON.parse(event.data));
@@ -51,6 +55,7 @@ export class Link {
   }
 
   take(message) {
+    if (message.clock_ms !== undefined) this.clock.take(message.clock_ms);
     if (message.kind === "reply") {
       const waiting = this.waiting.get(message.id);
       this.waiting.delete(message.id);
@@ -66,8 +71,8 @@ export class Link {
     setTimeout(() => this.connect(), RETRY_MS);
   }
 
-  /** Send an order; its result, or a Refusal. */
-  order(verb, fields = {}) {
+  /** Send an order; its result, or a Refusal. It is valid for a second from when it was pressed; stops never expire. */
+  order(verb, fields = {}, pressed = this.clock.pressed()) {
     return new Promise((resolve, reject) => {
       if (!this.open) {
         reject(new Refusal({ code: "lost", message: "no connection to the panel" }));
@@ -76,9 +81,9 @@ export class Link {
       const id = ++this.number;
       this.waiting.set(id, { resolve, reject });
       setTimeout(() => {
-        if (this.waiting.delete(id)) reject(new Refusal({ code: "no-answer", message: `no reply to ${verb}` }));
+        if (this.waiting.delete(id)) reject(new Refusal({ code: "no-answer", message: `no reply to ${verb}; look at the robots` }));
       }, REPLY_TIMEOUT_MS);
-      this.socket.send(JSON.stringify({ id, verb, ...fields }));
+      this.socket.send(JSON.stringify({ id, verb, pressed_ms: this.clock.ofPanel(pressed), ...fields }));
     });
   }
 
@@ -90,7 +95,7 @@ export class Link {
   }
 
   beat() {
-    if (this.open && this.mine && document.visibilityState === "visible") this.socket.send('{"verb":"beat"}');
+    if (this.open && this.mine && document.visibilityState === "visible") this.socket.send(JSON.stringify({ verb: "beat", pressed_ms: this.clock.ofPanel(performance.now()) }));
   }
 
   /** Hold and give the lease back, as this page is not looked at any more. */

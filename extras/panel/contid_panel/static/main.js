@@ -6,6 +6,7 @@ import { Link } from "./link.js";
 import { Pace } from "./pace.js";
 import { Plots } from "./plots.js";
 import { PosesCard } from "./poses.js";
+import { installQuestion } from "./question.js";
 import { RecordingCard } from "./recording.js";
 import { RobotCard } from "./robots.js";
 import { Events, LeaseControl, Machine, TrajectoryCard } from "./side.js";
@@ -81,6 +82,7 @@ const pace = new Pace();
 const view = new View(link, jog, pace);
 const trajectory = new TrajectoryCard(link, (paths) => view.preview(paths));
 installStop(link);
+installQuestion();
 
 function showStatus() {
   const { status } = page;

@@ -1,6 +1,7 @@
 // Named poses of the robots: go there, and save where they are.
 
-import { attempt, byId, confirmed, h, setHidden, setText, shown, toast } from "./dom.js";
+import { attempt, byId, h, setHidden, setText, shown, toast } from "./dom.js";
+import { confirmed } from "./question.js";
 
 const NAME = "[A-Za-z0-9][A-Za-z0-9_.\\-]{0,63}";
 

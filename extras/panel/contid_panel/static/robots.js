@@ -1,7 +1,8 @@
 // One card per robot: state, fault with its remedy, orders, and sliders for tip and axes.
 
 import { COLORS } from "./plots.js";
-import { attempt, confirmed, h, setHidden, setText, shown, toast } from "./dom.js";
+import { attempt, h, setHidden, setText, shown, toast } from "./dom.js";
+import { confirmed } from "./question.js";
 
 const ARMED = new Set(["HOLD", "RUN", "APPROACH"]);
 const JOG_END_MS = 350;

@@ -1,7 +1,8 @@
 // The lease, the buses, the events, and the trajectory: what is beside the robots.
 
-import { attempt, byId, confirmed, h, setHidden, setText, shown, toast } from "./dom.js";
+import { attempt, byId, h, setHidden, setText, shown, toast } from "./dom.js";
 import { request } from "./link.js";
+import { confirmed } from "./question.js";
 
 const MAX_EVENTS = 60;
 

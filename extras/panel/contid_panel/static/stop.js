@@ -1,6 +1,7 @@
 // The STOP button: always there, by click and by the space bar, with or without the lease.
 
 import { byId, setHidden, setText, toast } from "./dom.js";
+import { cancelQuestion } from "./question.js";
 
 const CONFIRM_MS = 1500; // a panel that hangs neither confirms nor refuses
 const FAILED = "STOP WAS NOT CONFIRMED. Use the emergency switch of the robot, or `contid estop` in a terminal.";
@@ -16,6 +17,7 @@ export function installStop(link) {
   const stop = async () => {
     try {
       const stopping = link.stop(); // before anything is drawn
+      cancelQuestion();
       button.classList.add("pressed");
       setTimeout(() => button.classList.remove("pressed"), 600);
       unconfirmed ??= setTimeout(() => warn(FAILED), CONFIRM_MS);
@@ -41,7 +43,7 @@ export function installStop(link) {
     window.addEventListener(
       kind,
       (event) => {
-        if (event.code !== "Space") return;
+        if (event.code !== "Space" && event.key !== " ") return; // a keyboard on a screen has no codes
         event.preventDefault();
         event.stopImmediatePropagation();
         if (kind === "keydown" && !event.repeat) stop();

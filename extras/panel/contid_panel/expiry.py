@@ -1,0 +1,65 @@
+"""Orders of a page expire: one that waited before a panel or a daemon that stood still moves nothing later.
+
+A page says when something was pressed, by the clock of the panel. It learns that clock from the messages that
+it gets (`static/clock.js`), so clocks that differ do not matter; its estimate is never later than the press.
+"""
+
+from __future__ import annotations
+
+from contextvars import ContextVar
+from typing import Any, Final
+
+from contid.client import AsyncClient
+from contid.remote.protocol.expiry import FIELD, clock_s
+from contid.remote.protocol.wire import Code, Fields, RemoteError, is_number
+
+#: How long after its press an order is valid.
+VALID_S: Final = 1.0
+#: A press that lies further ahead is a mistake of clocks.
+AHEAD_S: Final = 0.25
+#: Orders to stop: they are carried out at once, whatever else waits, and never expire.
+URGENT: Final = frozenset({"estop", "stop", "hold"})
+#: These also only end something.
+LASTING: Final = URGENT | {"release", "jog_end"}
+#: The end of a stream needs none: it began in time, and ends with the lease of a page that falls silent.
+_UNLIMITED_REQUESTS: Final = frozenset({"end", "release"})
+
+#: Until when the order is valid that the present task carries out [s]; None: for ever.
+valid_until_s: ContextVar[float | None] = ContextVar("valid_until_s", default=None)
+
+
+class ExpiringClient(AsyncClient):
+    """A client whose requests expire with the order of the page that they belong to."""
+
+    async def request(self, verb: str, /, **fields: Any) -> Fields:
+        """See `AsyncClient.request`; the daemon refuses it when it comes too late."""
+        until_s = valid_until_s.get()
+        if until_s is None or verb in _UNLIMITED_REQUESTS:
+            return await super().request(verb, **fields)
+        return await super().request(verb, **fields, **{FIELD: until_s})
+
+
+def clock_ms() -> int:
+    """The clock of the panel, as pages learn it; rounded down, so that none is ahead."""
+    return int(clock_s() * 1e3)
+
+
+def validity(verb: str, pressed_ms: object) -> float | None:
+    """Until when an order of a page is valid [s]; None for one that never expires.
+
+    Args:
+        verb: of the order.
+        pressed_ms: when it was given, by `clock_ms`.
+
+    Raises:
+        RemoteError: it has expired, or does not say when it was given.
+    """
+    if verb in LASTING:
+        return None
+    if not is_number(pressed_ms):
+        raise RemoteError(Code.BAD_REQUEST, f"{verb}: pressed_ms is missing")
+    now_s, pressed_s = clock_s(), float(pressed_ms) * 1e-3  # type: ignore[arg-type]
+    if not now_s - VALID_S <= pressed_s <= now_s + AHEAD_S:
+        age = f"{now_s - pressed_s:.1f} s ago" if pressed_s < now_s else "in the future"
+        raise RemoteError(Code.EXPIRED, f"{verb} was pressed {age} and is not carried out; press it again")
+    return min(pressed_s, now_s) + VALID_S
