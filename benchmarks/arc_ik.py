@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from contid.kinematics.arc.section_model import SectionModel, build_solver
-from contid.kinematics.arc.tuning import tuning_for
+from contid.kinematics.arc.solver import tuning_for
 from contid.kinematics.model import build_model
 from contid.robot_file.load import load_robot_file
 from contid.targets import Target

@@ -16,7 +16,7 @@ import numpy as np
 
 from contid.kinematics.batch import Targets, forward_many, inverse_many
 from contid.kinematics.model import Model, build_model
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.targets import Target
 
 #: Robot -> rows.

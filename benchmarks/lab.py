@@ -7,8 +7,7 @@ from typing import Any, Final
 
 import yaml
 
-from contid.robot_file.load import LoadedFile, load_robot_file, parse_robot_file
-from contid.robot_file.shipped import find_robot_file
+from contid.robot_file.load import LoadedFile, find_robot_file, load_robot_file, parse_robot_file
 
 MEMBERS: Final = ("hand", "trirack", "cbha")
 

@@ -23,8 +23,7 @@ from contid.control.daemon.run_request import RunOptions
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.messages import Finish
 from contid.control.tick.statistics import Lateness
-from contid.robot_file.load import load_robot_file, with_mock
-from contid.robot_file.shipped import find_robot_file
+from contid.robot_file.load import find_robot_file, load_robot_file, with_mock
 from contid.trajectory.read import read_trajectory
 
 PAUSE_S = 0.015

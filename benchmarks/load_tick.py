@@ -19,10 +19,9 @@ import numpy as np
 from contid.control.engine.messages import Rows
 from contid.control.engine.virtual import VirtualProcess
 from contid.robot_file.cosserat import Cosserat
-from contid.robot_file.load import LoadedFile, with_mock
+from contid.robot_file.load import LoadedFile, load_named, with_mock
 from contid.robot_file.pneumatic.sense import LoadSensing, ModelErrors, Sense
 from contid.robot_file.pneumatic.simulated import SimulatedArm
-from contid.robot_file.shipped import load_named
 from contid.targets import Target
 from contid_fit.sense.live.stage import LoadSensingStage
 

@@ -17,13 +17,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contid.clearance.body import sampled_body
-from contid.clearance.distance import to_obstacle
+from contid.clearance.guard import to_obstacle
 from contid.clearance.obstacles import Box, Capsule, Obstacle
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.sections import Sections, backbone
-from contid.kinematics.arc.solver import FORCE, ZONE
-from contid.kinematics.arc.tuning import tuning_for
+from contid.kinematics.arc.solver import FORCE, ZONE, tuning_for
 from contid.kinematics.array import Array
 
 RADIUS_M, MARGIN_M, FROM_M = 0.04, 0.005, 0.06

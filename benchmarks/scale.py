@@ -25,12 +25,11 @@ from typing import Any, Final
 
 import yaml
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.wiring import build_robot_configs
 from contid.hal import Sample
-from contid.robot_file.load import LoadedFile, load_robot_file, parse_robot_file, with_mock
-from contid.robot_file.shipped import find_robot_file
+from contid.robot_file.load import LoadedFile, find_robot_file, load_robot_file, parse_robot_file, with_mock
 from contid.trajectory.read import read_trajectory
 from contid_drivers.sim.bus import SimBus
 

@@ -22,15 +22,14 @@ import psutil
 
 from benchmarks.session_replay import circle
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import DEADLINE, LATENESS, TICK
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
 from contid.control.process.ring_writer import RingWriter
 from contid.control.process.setup import RunSetup
-from contid.robot_file.load import load_robot_file, with_mock
-from contid.robot_file.shipped import find_robot_file
+from contid.robot_file.load import find_robot_file, load_robot_file, with_mock
 from contid.session.info import summarize
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver

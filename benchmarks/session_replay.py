@@ -19,8 +19,7 @@ from pathlib import Path
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
 from contid.control.process.setup import RunSetup
-from contid.robot_file.load import load_robot_file, with_mock
-from contid.robot_file.shipped import find_robot_file
+from contid.robot_file.load import find_robot_file, load_robot_file, with_mock
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
 from contid.session.replay import replay

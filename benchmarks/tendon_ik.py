@@ -18,7 +18,7 @@ import numpy as np
 from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.model import build_model
 from contid.kinematics.tendon.model import TendonModel
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.targets import Actuation, Pose, Solution, Target
 
 TIMES: Final = 3

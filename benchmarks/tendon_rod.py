@@ -17,8 +17,7 @@ import numpy as np
 
 from contid.kinematics.model import build_model
 from contid.kinematics.tendon.loaded import LoadedTendonModel
-from contid.robot_file.load import parse_robot_file
-from contid.robot_file.shipped import find_robot_file
+from contid.robot_file.load import find_robot_file, parse_robot_file
 from contid.targets import Actuation, Target
 
 TIMES: Final = 3

@@ -44,8 +44,7 @@ from contid.control.engine.messages import Finish, Message
 from contid.control.engine.tick_layout import LATENESS
 from contid.control.process.ring_reader import RingReader
 from contid.control.process.setup import RunSetup
-from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
-from contid.robot_file.shipped import find_robot_file
+from contid.robot_file.load import LoadedFile, find_robot_file, load_robot_file, with_mock
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
 from contid_view.observer import ViewerObserver

@@ -1,9 +1,13 @@
-"""Conversions between SI, used everywhere inside contid, and the units of files and messages."""
+"""Units of files and messages, their conversion to SI (used everywhere inside contid); the longest line."""
 
 from __future__ import annotations
 
 import math
 from typing import Final
+
+#: Longest line of text that contid reads [characters or bytes]: rows of trajectories, requests and responses
+#: on a socket. A row of sixteen fingers has about a thousand characters.
+MAX_LINE: Final = 1 << 16
 
 #: Pascals in a bar, radians in a degree.
 BAR: Final = 1e5

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import contid
-from contid.child_module import module_command
+from contid.control.daemon.spawn import module_command
 
 ROWS = "t_s,x_mm,y_mm\n0,50,75\n0.2,51,75\n"
 OPTIONS: tuple[list[str], ...] = (

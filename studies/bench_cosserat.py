@@ -53,7 +53,7 @@ def command(
     Times are this machine's, from Python. Errors are of a simulated plant with wrong parameters, hysteresis
     and 0.03 bar of pressure error; the paper's figures beside them were measured on a robot.
     """
-    from contid.cli.support.progress import counting
+    from contid.cli.support.streams import counting
     from studies.shi_cold import campaign
     from studies.shi_experiments import experiments
     from studies.shi_paths import runs

@@ -14,8 +14,7 @@ from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.solver import Solver
 from contid.kinematics.array import Array
-from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
-from contid.kinematics.ph.model import arc_direction
+from contid.kinematics.ph.model import ShapeInverse, TubeSection, arc_direction
 from contid.targets import vec3
 from studies import singh
 from studies.arc_chains import differentiate, forward

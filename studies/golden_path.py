@@ -6,7 +6,7 @@ import sys
 
 import click
 
-from contid.cli.support.numbers import POSITIVE
+from contid.cli.support.parameters import POSITIVE
 
 
 @click.command()

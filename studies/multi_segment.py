@@ -18,7 +18,7 @@ import click
 import numpy as np
 
 from contid.kernels import load
-from contid.kinematics.arc.tuning import Tuning
+from contid.kinematics.arc.solver import Tuning
 from contid.kinematics.array import Array
 from studies import jacobian_methods, reaching_methods
 from studies.arc_chains import Goal

@@ -30,7 +30,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contid.kinematics.array import Array
-from contid.kinematics.tendon.sections import BendSections
+from contid.kinematics.tendon.geometry import BendSections
 from studies.arc_chains import Goal, task
 
 #: Parts of the circle, and corrections of the last and of the first section, from coarse to fine.
@@ -201,9 +201,9 @@ def _bends(r: Array) -> Array:
 def main(count: int) -> None:
     """Compare both methods on POSES random reachable poses of `tendon3`."""
     from contid.kinematics.model import build_model
-    from contid.kinematics.tendon.bend_solver import ell_of
+    from contid.kinematics.tendon.feasible import ell_of
     from contid.kinematics.tendon.model import TendonModel
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
     from contid.robot_file.tendon.robot import TendonRobot
     from contid.targets import Target
 

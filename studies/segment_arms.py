@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.tendon.sections import BendSections
+from contid.kinematics.tendon.geometry import BendSections
 from studies.arc_chains import Goal
 
 

@@ -17,8 +17,7 @@ import numpy as np
 
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.array import Array
-from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
-from contid.kinematics.ph.model import arc_direction
+from contid.kinematics.ph.model import ShapeInverse, TubeSection, arc_direction
 from contid.targets import Vec3
 from studies import singh
 from studies.arc_chains import biarc, forward, lengths_of

@@ -16,8 +16,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import Limits, RodSetup, RodSolver
-from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Rod, Section
+from contid.kinematics.cosserat.section import Loads, Rod, Section
 from contid.targets import Vec3
 from studies.shi import Ends, forward
 from studies.shi_paths import Run

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from contid.cli.support.numbers import NumberRange
+from contid.cli.support.parameters import NumberRange
 
 if TYPE_CHECKING:
     from studies.distal_learning import InverseNetwork, Recipe

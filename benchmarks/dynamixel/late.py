@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 
-from contid.control.engine.clock import RealClock
+from contid.control.engine.cycle import RealClock
 from contid.hal import AxisOnBus
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions

@@ -12,7 +12,7 @@ from typing import Any
 from unittest.mock import patch
 
 from benchmarks.dynamixel.rows import Row, measure, wire_limit
-from contid.control.engine.clock import RealClock
+from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Rest
 from contid_drivers.dynamixel import link

@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike
 from contid.api.arguments import ArgumentError, Shape, as_rows, as_values
 from contid.api.described import DescribedRobots
 from contid.api.placed import PlacedRows
-from contid.api.plot import draw_backbones, draw_points, new_axes
 from contid.api.row_arguments import Records, RowArguments, records, renamed
-from contid.api.workspace import Workspace, measure_workspace
+from contid.api.workspace import Workspace, draw_backbones, draw_points, measure_workspace, new_axes
 from contid.kinematics.array import Array
 from contid.kinematics.batch import POSE, Table, Targets, forward_many, inverse_many
 from contid.kinematics.frames import BaseFrame

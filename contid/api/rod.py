@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from contid.api.arguments import ArgumentError, as_rows
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import Limits, RodSetup, RodSolver
-from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Rod, Section
+from contid.kinematics.cosserat.section import Loads, Rod, Section
 from contid.units import MM_PER_M
 
 #: Integration steps per piece of the rod to begin with. They are doubled while the estimated error of a

@@ -16,16 +16,15 @@ from contid.api.sim_state import SimState, StateReader
 from contid.api.units import Units
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd, Sink
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.orders import OrderGiven
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.virtual import Tee, VirtualProcess
 from contid.control.engine.wiring import build_preflight, record_layout
 from contid.control.process.setup import RunSetup
 from contid.control.tick.preflight.rows import Unreachable
 from contid.control.tick.supervisor import Mode
 from contid.errors import ContidError
-from contid.robot_file.load import with_mock
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named, with_mock
 from contid.session.recording_observer import RecordingObserver
 
 #: Greatest virtual time until every robot is armed [s]; simulated devices need some ticks.

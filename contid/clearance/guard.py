@@ -1,8 +1,13 @@
-"""The bodies, obstacles and pairs of a robot file, and the distances of one configuration."""
+"""The bodies, obstacles and pairs of a robot file, and the distances of one configuration.
+
+The kernel ``contid/kernels/clearance`` bounds the distance between two bodies, and between a body and an
+obstacle, by branch and bound. The result holds for the curves between the samples, not only for the samples.
+"""
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, TypeAlias
@@ -10,17 +15,75 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from contid.clearance.body import Body, sampled_body
-from contid.clearance.distance import Distance, between_bodies, to_obstacle
 from contid.clearance.obstacles import Box, Capsule, Obstacle, Plane
+from contid.kernels import load
 from contid.kinematics.body_shape import in_world
 from contid.kinematics.extra_axes import build_whole_model
 from contid.kinematics.frames import BaseFrame
-from contid.kinematics.halton import PRIMES, radical_inverse
 from contid.kinematics.model import Model
 from contid.robot_file.clearance import Clearance, ObstacleDescription
 from contid.robot_file.document import RobotFile
 from contid.targets import ZERO3, Actuation, Vec3
 from contid.units import MM_PER_M, m_to_mm
+
+
+@dataclass(frozen=True, slots=True)
+class Distance:
+    """A distance between surfaces: ``lower_m <= truth <= upper_m``, negative for a penetration.
+
+    Attributes:
+        lower_m, upper_m: bounds [m].
+        at_m: arc length from the base of the first body where it is nearest [m].
+    """
+
+    lower_m: float
+    upper_m: float
+    at_m: float
+
+
+def between_bodies(a: Body, b: Body, enough_m: float = math.inf) -> Distance:
+    """Distance between the surfaces of two bodies [m].
+
+    Args:
+        a: a body.
+        b: another body.
+        enough_m: stop halving as soon as the distance is certainly at least this.
+    """
+    radii, off_m = a.radius_m + b.radius_m, a.off_m + b.off_m
+    enough = enough_m + radii + off_m
+    found = load("clearance").between(a.points, a.spacing_m, b.points, b.spacing_m, enough)
+    at_m = a.start_m + found.at * a.spacing_m
+    return Distance(found.lower - radii - off_m, found.upper - radii + off_m, at_m)
+
+
+def to_obstacle(body: Body, obstacle: Obstacle, enough_m: float = math.inf) -> Distance:
+    """Distance between the surfaces of a body and of a convex obstacle [m].
+
+    Args:
+        body: the body.
+        obstacle: a convex set.
+        enough_m: stop halving as soon as the distance is certainly at least this.
+    """
+    radius_m, off_m = body.radius_m, body.off_m
+    enough = enough_m + radius_m + off_m
+    found = load("clearance").to_obstacle(body.points, body.spacing_m, obstacle.packed, enough)
+    at_m = body.start_m + found.at * body.spacing_m
+    return Distance(found.lower - radius_m - off_m, found.upper - radius_m + off_m, at_m)
+
+
+#: One base per coordinate.
+PRIMES: Final = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89)
+
+
+def radical_inverse(index: int, base: int) -> float:
+    """Van der Corput's sequence in [0, 1): digits of the index mirrored at the point (Halton 1960)."""
+    value, scale = 0.0, 1.0 / base
+    while index:
+        index, digit = divmod(index, base)
+        value += digit * scale
+        scale /= base
+    return value
+
 
 #: Actuation and known force on the tip in the world [N], by robot.
 Configuration: TypeAlias = Mapping[str, tuple[Actuation, Vec3]]

@@ -14,13 +14,14 @@ from contid.cli.support.streams import flush_stdout, open_closed_streams, print_
 from contid.cli.support.table import TableGroup
 from contid.errors import ContidError, missing_extra
 
+_KINEMATICS: Final = "contid.cli.commands.kinematics"
 _ORDERS: Final = "contid.cli.commands.orders"
 
 #: Command -> (module[:attribute], one line for ``contid --help``).
 COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "run": ("contid.cli.commands.run", "make the robots follow a trajectory"),
     "status": (
-        "contid.cli.commands.status",
+        f"{_ORDERS}:status",
         "robots, buses and faults of a running daemon; --watch for a live view",
     ),
     "move": ("contid.cli.commands.move", "send robots of a running daemon to a point, or along a trajectory"),
@@ -33,11 +34,11 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "fault": ("contid.cli.commands.fault", "cause and remedy of a fault"),
     "new": ("contid.cli.commands.new", "a robot file of your own, copied from a shipped one"),
     "check": ("contid.cli.commands.check", "validate a robot file, or a trajectory for it; moves nothing"),
-    "schema": ("contid.cli.commands.schema", "print the JSON Schema of the robot file"),
+    "schema": ("contid.cli.commands.check:schema", "print the JSON Schema of the robot file"),
     "path": ("contid.cli.commands.path", "print a trajectory: circle, line, square, spiral and others"),
-    "retime": ("contid.cli.commands.retime", "the fastest timing of a trajectory within all limits"),
-    "fk": ("contid.cli.commands.fk", "actuation rows to tip positions"),
-    "ik": ("contid.cli.commands.ik", "target rows to actuation"),
+    "retime": ("contid.cli.commands.path:retime", "the fastest timing of a trajectory within all limits"),
+    "fk": (f"{_KINEMATICS}:fk", "actuation rows to tip positions"),
+    "ik": (f"{_KINEMATICS}:ik", "target rows to actuation"),
     "shape": (
         "contid.cli.commands.shape",
         "backbone points from actuation rows, or from measured poses of the tip",

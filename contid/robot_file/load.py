@@ -1,4 +1,8 @@
-"""Loading a robot file: validated buses and robots, or every mistake with its place."""
+"""Loading a robot file, also a shipped one by its name: validated, or every mistake with its place.
+
+The files that ship with contid are in ``contid/configs`` when installed (see CMakeLists.txt), in ``configs``
+at the top of a checkout: ``hand`` is ``configs/hand.yaml``.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +12,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from contid.errors import BadInputError, first_findings
+from contid.errors import BadInputError, ContidError, first_findings
 from contid.hal import load_driver
 from contid.robot_file.document import BusWiring, RobotFile
-from contid.robot_file.findings import with_renamed_keys
+from contid.robot_file.findings import allowed_names, with_renamed_keys
 from contid.robot_file.loader import Loader, robot_classes
 from contid.robot_file.model_plugins import load_plugin
 from contid.robot_file.positions import read_document, read_text
@@ -105,3 +109,36 @@ def _robot_file(data: Any) -> RobotFile:
         for name, raw in robots.items()
     }
     return file.model_copy(update={"robots": described})
+
+
+def configs_folder() -> Path:
+    """Folder of the shipped robot files."""
+    package = Path(__file__).resolve().parent.parent
+    inside = package / "configs"
+    return inside if inside.is_dir() else package.parent / "configs"
+
+
+def load_named(name: str) -> LoadedFile:
+    """Read and check a robot file, or the shipped one of that name.
+
+    Raises:
+        ContidError: as `find_robot_file` and `load_robot_file`.
+    """
+    return load_robot_file(find_robot_file(name))
+
+
+def find_robot_file(name: str) -> Path:
+    """``name`` itself if it is a file, else the shipped robot file of that name.
+
+    Raises:
+        ContidError: neither; the message lists the shipped names and the nearest one.
+    """
+    path = Path(name)
+    if path.is_dir():
+        raise ContidError(f"{name}: is a folder; name a robot file in it")
+    if path.exists():  # a pipe as well: contid check <(sed ... hand.yaml)
+        return path
+    shipped = {file.stem: file for file in sorted(configs_folder().glob("*.yaml"))}
+    if name in shipped:
+        return shipped[name]
+    raise ContidError(f"{name}: no such file and no shipped robot file; {allowed_names(shipped, name)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,8 +19,7 @@ from contid.robot_file.clearance import check_clearance
 from contid.robot_file.document import MAX_RATE_HZ, AnyRobot, BusDescription, BusWiring, RobotFile
 from contid.robot_file.findings import allowed_names, explain, shown
 from contid.robot_file.model_plugins import ModelPluginError, load_plugin, plugin_names
-from contid.robot_file.positions import Data, Document, KeyPath
-from contid.robot_file.recovery import recover
+from contid.robot_file.positions import Data, Document, KeyPath, step_into
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tick_rate import rate_too_high, watchdog_too_short
 
@@ -199,3 +199,54 @@ def _contid_keys(data: Data, keys: Sequence[str]) -> Data:
 def _driver_keys(data: dict[str, Data], keys: Sequence[str]) -> Data:
     """The keys of a mapping that belong to the driver."""
     return {key: value for key, value in data.items() if key not in keys}
+
+
+_Model = TypeVar("_Model", bound=BaseModel)
+#: A replaced value can cause the next error.
+_ROUNDS: Final = 4
+
+
+def recover(kind: type[_Model], data: Data) -> _Model | None:
+    """``data`` as a ``kind`` with every invalid value dropped or replaced; None when that fails."""
+    data = copy.deepcopy(data)
+    for _ in range(_ROUNDS):
+        try:
+            return kind.model_validate_json(json.dumps(data), strict=True)
+        except ValidationError as error:
+            for detail in error.errors(include_url=False):
+                _replace(data, detail["loc"], detail["type"], detail.get("ctx", {}))
+    return None
+
+
+def _replace(data: Data, location: tuple[str | int, ...], kind: str, context: dict[str, object]) -> None:
+    table, parent = None, data
+    for step in location[:-1]:
+        # A location also holds the tags of unions; those are no steps.
+        below = step_into(parent, step)
+        table, parent = (parent, below[0]) if below else (table, parent)
+    key = location[-1] if location else None
+    if isinstance(table, list) and isinstance(parent, list):
+        table[:] = [row for row in table if row is not parent]
+    elif isinstance(parent, list) and isinstance(key, int):
+        if kind in ("float_type", "finite_number") and len(parent) > 1:
+            parent[key] = parent[key - 1] if key else parent[1]
+        else:
+            parent[key:] = [0.0] if kind in ("missing", "float_type", "finite_number") else []
+    elif isinstance(parent, dict) and isinstance(key, str):
+        bound = context.get("gt", context.get("ge", context.get("lt", context.get("le"))))
+        if kind == "missing" or (kind in ("float_type", "finite_number") and key in parent):
+            parent[key] = 1.0
+        elif isinstance(bound, (int, float)) and key in parent:
+            parent[key] = bound + (1.0 if "gt" in context else -1.0 if "lt" in context else 0.0)
+        elif kind == "value_error" and isinstance(parent.get(key), list):
+            parent[key] = _increasing(parent[key])
+        else:
+            parent.pop(key, None)
+
+
+def _increasing(data: Data) -> Data:
+    """The numbers of a list in rising order; other data unchanged."""
+    if not isinstance(data, list):
+        return data
+    numbers: list[float] = sorted(item for item in data if isinstance(item, (int, float)))
+    return [*numbers]

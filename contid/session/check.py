@@ -21,10 +21,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.gaps import RecorderOverrun
-from contid.control.engine.events.orders import OrderGiven
-from contid.control.engine.events.robots import FaultLatched
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.buses import RecorderOverrun
+from contid.control.engine.events.robots import FaultLatched, OrderGiven
 from contid.control.engine.messages import ClearFault, Recover
 from contid.control.engine.tick_layout import RobotRecord, TickRecord
 from contid.control.engine.wiring import build_robot_configs

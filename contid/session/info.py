@@ -6,8 +6,8 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.gaps import RecorderOverrun
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.buses import RecorderOverrun
 from contid.control.engine.events.json_form import to_json
 from contid.control.engine.events.robots import FaultLatched
 from contid.control.engine.events.run import LogWritten

@@ -24,7 +24,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from contid.control.engine.events.gaps import RecorderFailed, RecorderOverrun
+from contid.control.engine.events.buses import RecorderFailed, RecorderOverrun
 from contid.control.engine.tick_layout import DEADLINE
 from contid.control.process.ring_reader import RingReader
 from contid.errors import ContidError

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RecordLayout, RobotLayout, TickRecord
 from contid.errors import BadInputError, SessionError
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock

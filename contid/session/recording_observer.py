@@ -11,8 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from contid.child_module import module_command
-from contid.control.daemon.spawn import ENVIRONMENT
+from contid.control.daemon.spawn import ENVIRONMENT, module_command
 from contid.control.engine.cycle import Sink
 from contid.control.engine.messages import Message, Play
 from contid.control.process.setup import RunSetup

@@ -16,11 +16,10 @@ from typing import Final
 
 from contid.control.engine.cycle import OnEnd, Timing
 from contid.control.engine.engine import Engine
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.buses import BusAnswered, BusStalled, DeviceFaultChanged
-from contid.control.engine.events.gaps import UnknownEvent
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.buses import BusAnswered, BusStalled, DeviceFaultChanged, UnknownEvent
 from contid.control.engine.events.json_form import to_json
-from contid.control.engine.events.orders import OrderGiven
+from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.messages import Play
 from contid.control.engine.order_events import answer_of, order_of
 from contid.control.engine.ports import BusJob, BusReply

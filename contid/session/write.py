@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.events.json_form import to_json
 from contid.control.engine.tick_layout import DEADLINE, TICK
 from contid.errors import ContidError

@@ -10,10 +10,10 @@ from itertools import islice
 from typing import Final, TextIO
 
 from contid.errors import BadInputError, Located
-from contid.lines import MAX_LINE
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Target
 from contid.trajectory.columns import MAX_FINDINGS, ColumnLayout, read_layout
+from contid.units import MAX_LINE
 
 #: Two million rows are almost three hours at 200 Hz.
 MAX_ROWS: Final = 2_000_000

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TextIO
 
 from contid.errors import ContidError
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.targets import Vec3
 from contid.trajectory.columns import TIME
 from contid.trajectory.shapes import ShapePath

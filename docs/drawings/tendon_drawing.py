@@ -15,7 +15,7 @@ from matplotlib import pyplot as plt
 from contid.kinematics.model import build_model
 from contid.kinematics.tendon.geometry import TendonGeometry, forward
 from contid.kinematics.tendon.model import TendonModel
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 
 IMAGE = Path(__file__).parents[1] / "images" / "tendon.svg"
 COLOURS = ("#1b4965", "#ca6702", "#2d6a4f")

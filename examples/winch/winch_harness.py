@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from contid.control.engine.clock import RealClock
+from contid.control.engine.cycle import RealClock
 from contid.hal import AxisOnBus, DeviceKind, Rest
 from contid_winch import AxisOptions, BusOptions
 from contid_winch.bus import WinchBus

@@ -10,7 +10,7 @@ import pytest
 from contid import Robot
 from contid.errors import ContidError
 from contid.kinematics.cosserat.model import CosseratModel
-from contid.robot_file.shipped import configs_folder
+from contid.robot_file.load import configs_folder
 
 PRESSURES = {
     "stiffflop1": [[0.0, 0.0, 0.0], [0.9, 0.2, 0.1], [0.4, 1.0, 0.7]],

@@ -24,10 +24,8 @@ from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
-from contid.remote.protocol.estop_line import is_estop
-from contid.remote.protocol.wire import RequestFields, decode
-from contid.robot_file.load import load_robot_file, parse_robot_file, with_mock
-from contid.robot_file.shipped import configs_folder
+from contid.remote.protocol.wire import RequestFields, decode, is_estop
+from contid.robot_file.load import configs_folder, load_robot_file, parse_robot_file, with_mock
 from contid.session.export.csv_files import export_joined
 from contid.session.info import summarize
 from contid.session.read import Session

@@ -18,7 +18,7 @@ import yaml
 from contid.client import Client
 from contid.errors import ContidError
 from contid.remote.protocol.socket_path import is_listening
-from contid.robot_file.shipped import configs_folder
+from contid.robot_file.load import configs_folder
 from contid.session.check import check_session
 from contid.session.read import Session
 from tests.campaign.wired.daemon import NotStartedError

@@ -23,7 +23,7 @@ import psutil
 from contid.client import Client
 from contid.control.process.shared_files import folder as ring_folder
 from contid.remote.protocol.socket_path import is_listening
-from contid.robot_file.shipped import configs_folder
+from contid.robot_file.load import configs_folder
 from tests.support.waiting import until
 
 #: From the signal to the end of the last process, on a machine that has no more to do than cores.

@@ -18,8 +18,7 @@ from contid.control.engine import messages as msg
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
 from contid.robot_file.base import StopPolicy
-from contid.robot_file.load import LoadedFile, load_robot_file, parse_robot_file, with_mock
-from contid.robot_file.shipped import configs_folder
+from contid.robot_file.load import LoadedFile, configs_folder, load_robot_file, parse_robot_file, with_mock
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory

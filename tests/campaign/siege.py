@@ -26,8 +26,8 @@ import psutil
 
 from contid.client import Client
 from contid.errors import ContidError
-from contid.lines import MAX_LINE
 from contid.remote.protocol.socket_path import is_listening
+from contid.units import MAX_LINE
 from tests.support.daemons import armed
 from tests.support.fingers import fingers
 from tests.support.waiting import until

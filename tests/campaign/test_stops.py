@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from contid.remote.protocol.estop_line import is_estop
+from contid.remote.protocol.wire import is_estop
 from tests.campaign.spellings import Spellings
 from tests.campaign.stops import siege
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.events.run import StopBegan
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.engine.virtual import VirtualProcess

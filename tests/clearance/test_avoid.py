@@ -6,9 +6,9 @@ from scipy.spatial.transform import Rotation
 
 from contid.clearance.obstacles import Box, Capsule, Plane
 from contid.kinematics.arc.section_model import build_solver
-from contid.kinematics.arc.tuning import tuning_for
+from contid.kinematics.arc.solver import tuning_for
 from contid.kinematics.tendon.model import TendonModel
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
 from tests.clearance.around import (

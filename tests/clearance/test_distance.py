@@ -9,8 +9,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from contid.clearance.body import Body, sampled_body
-from contid.clearance.distance import between_bodies, to_obstacle
-from contid.clearance.guard import Shapes
+from contid.clearance.guard import Shapes, between_bodies, to_obstacle
 from contid.clearance.obstacles import Box, Capsule, Plane
 from contid.control.engine.wiring import clearance_guard
 from contid.kernels import load

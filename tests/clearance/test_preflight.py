@@ -14,8 +14,7 @@ from contid.control.engine.wiring import build_preflight, clearance_guard
 from contid.control.tick.preflight.rows import Unreachable
 from contid.errors import BadInputError, ContidError
 from contid.kinematics.model import build_model
-from contid.robot_file.load import parse_robot_file
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named, parse_robot_file
 from contid.targets import ZERO3
 from contid.trajectory.read import read_trajectory
 from tests.clearance.finger_file import FINGER, WALL

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from contid.control.engine import messages as msg
-from contid.control.engine.events.orders import GotoEnded, OrderRefused
-from contid.control.engine.events.robots import FaultLatched
+from contid.control.engine.events.robots import FaultLatched, GotoEnded, OrderRefused
 from contid.control.engine.virtual import VirtualProcess, run_virtual
 from contid.control.engine.wiring import build_robot_configs, record_layout
 from contid.control.tick.supervisor import Mode

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from contid.cli.support.docs_pages import MEANING, pages, states_page
+from contid.cli.commands.fault import MEANING, pages, states_page
 from contid.control.tick.faults import PAGES
 from contid.control.tick.supervisor import MOVES, Mode
 

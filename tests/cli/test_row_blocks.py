@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from contid.cli.commands import fk, ik
+from contid.cli.commands.kinematics import fk, ik
 from contid.cli.support import row_blocks
 from tests.support.command import contid
 
@@ -40,14 +40,14 @@ def output(command: click.Command, *words: str, stdin: str) -> tuple[int, str, s
 
 
 CASES = {
-    "cbha": (ik.command, ("cbha",), table("x_mm,y_mm,z_mm", [-90, -90, 180], [90, 90, 280], 60)),
+    "cbha": (ik, ("cbha",), table("x_mm,y_mm,z_mm", [-90, -90, 180], [90, 90, 280], 60)),
     "directions and time": (
-        ik.command,
+        ik,
         ("cbha",),
         table("t_s,x_mm,y_mm,z_mm,ax,ay,az", [0, -50, -50, 200, -1, -1, 0.2], [9, 50, 50, 260, 1, 1, 1], 20),
     ),
     "frames": (
-        ik.command,
+        ik,
         ("trirack2",),
         table(
             "x_mm,y_mm,z_mm,ax,ay,az,bx,by,bz",
@@ -57,37 +57,37 @@ CASES = {
         ),
     ),
     "two fingers": (
-        ik.command,
+        ik,
         ("hand",),
         table("left.x_mm,left.y_mm,right.x_mm,right.y_mm", [20, 40, 20, 40], [80, 110, 80, 110], 60),
     ),
     "a load": (
-        ik.command,
+        ik,
         ("stiffflop1",),
         table(f"x_mm,y_mm,z_mm{LOAD}", [-15, -15, 40, 0, 0, -0.05], [15, 15, 55, 0.02, 0, 0], 20),
     ),
     "bare": (
-        ik.command,
+        ik,
         ("cbha", "--bare"),
         table("x_mm,y_mm,z_mm,gripper_mm", [-20, -20, 230, 0], [20, 20, 250, 9], 60),
     ),
     "bare to the first out of reach": (
-        ik.command,
+        ik,
         ("finger", "--bare"),
         table("x_mm,y_mm", [0, 60], [50, 120], 60),
     ),
     "fk": (
-        fk.command,
+        fk,
         ("cbha", "--pose"),
         table("s1.l1_mm,s1.l2_mm,s1.l3_mm,s2.l1_mm,s2.l2_mm,s2.l3_mm", [100] * 6, [140] * 6, 60),
     ),
     "fk with frames": (
-        fk.command,
+        fk,
         ("trirack2", "--frame"),
         table("s1.l1_mm,s1.l2_mm,s1.l3_mm,s2.l1_mm,s2.l2_mm,s2.l3_mm", [100] * 6, [140] * 6, 20),
     ),
     "fk of a hand": (
-        fk.command,
+        fk,
         ("hand", "--pose"),
         table("left.left_mm,left.right_mm,right.left_mm,right.right_mm", [60] * 4, [80] * 4, 60),
     ),

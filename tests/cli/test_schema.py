@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 from jsonschema import Draft202012Validator
 
-from contid.cli.commands.schema import command
+from contid.cli.commands.check import schema as schema_command
 from contid.hal import BUILT_IN
 from contid.robot_file.load import parse_robot_file
 from contid.robot_file.loader import robot_classes
@@ -33,7 +33,7 @@ def references(schema: Any) -> Iterator[str]:
 
 
 def test_the_schema_is_whole() -> None:
-    schema = json.loads(CliRunner().invoke(command, []).stdout)
+    schema = json.loads(CliRunner().invoke(schema_command, []).stdout)
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     names = {reference.removeprefix("#/$defs/") for reference in references(schema)}
     assert names <= set(schema["$defs"])
@@ -93,5 +93,5 @@ def test_the_whole_robot_file_on_the_page_is_one() -> None:
 
 def test_the_page_about_the_robot_file_is_current() -> None:
     page = CONFIGS.parent / "docs" / "robot-file.md"
-    made = CliRunner().invoke(command, ["--markdown"]).stdout
+    made = CliRunner().invoke(schema_command, ["--markdown"]).stdout
     assert page.read_text() == made, "run: contid schema --markdown > docs/robot-file.md"

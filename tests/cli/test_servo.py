@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from contid.cli.commands.scan import find_by_unplugging
 from contid.cli.commands.servo import command
-from contid.cli.support.usb_ports import find_by_unplugging
 from contid.errors import ContidError
 from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 

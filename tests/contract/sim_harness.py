@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-from contid.control.engine.clock import VirtualClock
+from contid.control.engine.cycle import VirtualClock
 from contid.hal import AxisOnBus, DeviceKind, Rest, Sample, load_driver
 from contid_drivers.sim.bus import SimBus
 from contid_drivers.sim.options import FaultKind, SimAxisOptions, SimBusOptions

@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import InverseAnswer, RodSolver
-from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Rod
+from contid.kinematics.cosserat.section import Loads, Rod
 from contid.targets import Vec3
 from tests.kinematics.cosserat_cases import section
 

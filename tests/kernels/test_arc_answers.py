@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from contid.kinematics.arc.section_model import build_solver
-from contid.kinematics.arc.tuning import tuning_for
+from contid.kinematics.arc.solver import tuning_for
 from tests.kernels.arc_cases import ARMS, CASES, metric, solved, target_of
 from tests.kinematics.section_robots import random_lengths
 from tests.oracles import section_limits, twists

@@ -15,7 +15,7 @@ from contid.kernels import has_avx2, load
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.sections import Sections
-from contid.kinematics.arc.tuning import tuning_for
+from contid.kinematics.arc.solver import tuning_for
 from tests.kernels.arc_cases import ARMS, solved, target_of
 from tests.kinematics.section_robots import RACKS, random_lengths
 from tests.oracles import twists

@@ -11,8 +11,7 @@ import pytest
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.sections import Sections
-from contid.kinematics.arc.solver import SectionSolution
-from contid.kinematics.arc.tuning import tuning_for
+from contid.kinematics.arc.solver import SectionSolution, tuning_for
 from tests.kernels.arc_cases import ARMS, metric, solved, target_of
 from tests.kinematics.section_robots import RACKS, ROBOTS, random_lengths
 from tests.oracles import section_limits, twists

@@ -12,7 +12,7 @@ import pytest
 
 from contid.kernels import has_avx2, load
 from contid.kinematics.cosserat.engine import RodSolver
-from contid.kinematics.cosserat.loads import Loads
+from contid.kinematics.cosserat.section import Loads
 from contid.targets import ZERO3
 from tests.kernels.rod_tasks import own_weight, rod_of
 from tests.kinematics.cosserat_cases import GRAM, one, solver, two

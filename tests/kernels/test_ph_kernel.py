@@ -14,7 +14,7 @@ import pytest
 
 from contid.kernels import load
 from contid.kinematics.ph.ends import BRANCHES, CurveEnds, PhFit, least_energy, plausible_energy, through
-from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
+from contid.kinematics.ph.model import ShapeInverse, TubeSection
 from contid.kinematics.ph.quintic import PhQuintic
 from tests.kinematics.ph_golden import DISTANCE, GOLDEN, MM, PAPER_ANGLES, golden_lengths, two_section_pose
 from tests.oracles.offset_curves import tube_length

@@ -9,8 +9,7 @@ import pytest
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import NearAnswer
-from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Rod
+from contid.kinematics.cosserat.section import Loads, Rod
 from contid.targets import ZERO3, Vec3
 from tests.kernels.rod_tasks import own_weight, rod_of
 from tests.kinematics.cosserat_cases import GRAM, one, section, solver, standing, two

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 
 from contid.kernels import has_avx2, load
-from contid.kinematics.arc.solver import SectionSolution
-from contid.kinematics.arc.tuning import Tuning
+from contid.kinematics.arc.solver import SectionSolution, Tuning
 from contid.kinematics.tendon.model import TendonModel
 from tests.kinematics.tendon_robots import random_bends, shipped
 from tests.oracles import section_limits, twists

@@ -12,8 +12,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import Limits, RodSetup, RodSolver
-from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Rod
+from contid.kinematics.cosserat.section import Loads, Rod
 from studies.shi_experiments import segment
 
 GOLDEN: dict[str, Any] = json.loads(

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contid.kinematics.tendon.model import TendonModel
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.robot_file.tendon.robot import TendonRobot
 
 

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contid.kinematics.cosserat.engine import Limits
-from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Rod, Section
+from contid.kinematics.cosserat.section import Loads, Rod, Section
 from contid.targets import ZERO3, Vec3
 from tests.kinematics.cosserat_cases import GOLDEN, GRAM, lean, one, rod_of, section, solver, two
 from tests.oracles.rod_energy import variation

@@ -14,8 +14,7 @@ import pytest
 import tqdm
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Rod, Section
+from contid.kinematics.cosserat.section import Loads, Rod, Section
 from tests.kinematics.cosserat_cases import standing
 
 pytestmark = pytest.mark.slow

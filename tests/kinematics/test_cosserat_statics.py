@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Rod, Section
-from contid.kinematics.cosserat.spatial import exponential
-from contid.kinematics.cosserat.statics import sweep
+from contid.kinematics.cosserat.compliance import sweep
+from contid.kinematics.cosserat.element import exponential
+from contid.kinematics.cosserat.section import Loads, Rod, Section
 from tests.kinematics.cosserat_cases import (
     GOLDEN,
     hanging,

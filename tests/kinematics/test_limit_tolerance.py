@@ -7,7 +7,7 @@ import pytest
 
 from contid.kinematics.model import build_model
 from contid.robot_file.base import Quantity
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.targets import Target
 from contid.units import LIMIT_TOLERANCE_M, LIMIT_TOLERANCE_PA
 

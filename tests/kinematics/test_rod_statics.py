@@ -10,10 +10,10 @@ import pytest
 
 from contid import ElasticRod, Robot, Wrench
 from contid.kinematics.cosserat.engine import RodSolver
-from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.model import CosseratModel
+from contid.kinematics.cosserat.section import Loads
 from contid.kinematics.model import build_model
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from tests.oracles.elastic_rods import ALLOWED, RODS, compared, rod, shapes
 from tests.oracles.rod_equations import integrate
 from tests.support.shared_data import shared_data

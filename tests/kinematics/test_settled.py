@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.model import build_model
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from tests.oracles import rods
 from tests.oracles.arcs import bends, random_posture, tip_and_tangent
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.model import build_model
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from tests.oracles.arcs import random_posture, tip_and_tangent
 from tests.oracles.bounded import LOADS_G, count
 from tests.oracles.elastic_rods import compare_all

@@ -21,7 +21,7 @@ from scipy.optimize import least_squares, minimize
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.cosserat import Cosserat
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.targets import Solution, Target, Vec3
 from contid.units import BAR, MM_PER_M
 from tests.oracles.rod_walk import FINE_PARTS, PARTS, carries, load_scale, walk

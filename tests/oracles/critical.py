@@ -18,7 +18,7 @@ import numpy as np
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.cosserat import Cosserat
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.targets import Vec3
 from contid.units import BAR
 from tests.oracles.rod_walk import LEAST_STEP, load_scale, walk

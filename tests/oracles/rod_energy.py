@@ -20,8 +20,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Rod, Section
+from contid.kinematics.cosserat.section import Loads, Rod, Section
 from tests.oracles.rod_equations import integrate
 
 #: Elements of a section, and the step of differences.

@@ -17,8 +17,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Rod, Section
+from contid.kinematics.cosserat.section import Loads, Rod, Section
 
 PRECISION = 1e-10
 State = tuple[Array, Array, Array, Array]

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Rod, Section
+from contid.kinematics.cosserat.section import Loads, Rod, Section
 
 #: Parts of a path, the same next to a fork, and its least step; elements of a section.
 PARTS, FINE_PARTS, LEAST_STEP, ELEMENTS = 60, 300, 1e-5, 20

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from contid.kinematics.model import build_model
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.targets import Target
 from contid.units import BAR
 

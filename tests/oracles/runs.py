@@ -26,8 +26,7 @@ from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.array import Array
 from contid.kinematics.model import build_model
-from contid.robot_file.load import LoadedFile, with_mock
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import LoadedFile, load_named, with_mock
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
 from tests.oracles.arcs import random_posture, tip_and_tangent

@@ -20,7 +20,7 @@ from contid.kinematics.cosserat.engine import InverseAnswer, Limits, RodSolver
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.kinematics.cosserat.section import Rod
 from contid.robot_file.cosserat import Cosserat
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.targets import Vec3
 from tests.oracles.bounded import BOX, DENSITY, GRAM_N, TILTED, Case, best_of_scipy
 

@@ -8,7 +8,7 @@ import pytest
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.kinematics.extra_axes import build_whole_model
 from contid.kinematics.model import build_model
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.targets import Target, Vec3
 from contid.units import BAR, MM_PER_M
 from tests.oracles.bounded import AS_GOOD_MM, GRAM_N, answer, cases, compare, models

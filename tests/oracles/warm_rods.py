@@ -13,7 +13,7 @@ import numpy as np
 
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.kinematics.model import build_model
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.targets import Vec3
 from tests.oracles.cold_rods import CONTRADICTED_MM
 

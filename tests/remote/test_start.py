@@ -10,8 +10,8 @@ import pytest
 from mcap.reader import make_reader
 
 from contid.client import Client, Code, RemoteError
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.orders import OrderRefused
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.messages import Estop, Hold, Mark, Measured, Start
 from contid.control.process.pace import PlannedStart
 from tests.support.command import contid

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from contid.client import AsyncClient, Client, Code, RemoteError
-from contid.control.engine.events.orders import OrderGiven
+from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.wiring import build_robot_configs
 from contid.kinematics.model import build_model
 from contid.robot_file.load import load_robot_file, parse_robot_file

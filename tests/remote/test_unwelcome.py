@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 
 from contid.client import RemoteError
-from contid.lines import MAX_LINE
 from contid.remote.protocol.wire import MAX_CLIENTS
+from contid.units import MAX_LINE
 from tests.support.daemons import armed, command, daemon, raw, states
 from tests.support.waiting import until
 

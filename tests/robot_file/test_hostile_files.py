@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from contid.errors import MAX_FINDINGS, BadInputError, Located
-from contid.robot_file.load import parse_robot_file
-from contid.robot_file.shipped import configs_folder
+from contid.robot_file.load import configs_folder, parse_robot_file
 
 MANY = 20_000
 

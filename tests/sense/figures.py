@@ -16,9 +16,8 @@ import numpy as np
 
 from contid.control.engine.virtual import VirtualProcess
 from contid.robot_file.clearance import PlaneDescription
-from contid.robot_file.load import with_mock
+from contid.robot_file.load import load_named, with_mock
 from contid.robot_file.pneumatic.simulated import SimulatedArm
-from contid.robot_file.shipped import load_named
 from tests.sense.observed import ERRORS, GRAM_N, RATE_HZ, Loaded, Run, calibrated, plant
 from tests.sense.plant import shipped_robot
 

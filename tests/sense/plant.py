@@ -7,7 +7,7 @@ from scipy.optimize import root
 
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.cosserat import Cosserat
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.units import BAR
 from tests.oracles.rod_shooting import shoot
 

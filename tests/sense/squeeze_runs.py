@@ -10,12 +10,11 @@ from typing import Final
 import numpy as np
 
 from contid.control.engine import messages as msg
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.tick.state import RobotState
-from contid.robot_file.load import LoadedFile, load_robot_file, parse_robot_file, with_mock
+from contid.robot_file.load import LoadedFile, load_named, load_robot_file, parse_robot_file, with_mock
 from contid.robot_file.rack_finger import CurrentSense, RackFinger
-from contid.robot_file.shipped import load_named
 from contid.targets import Target
 from contid_drivers.sim.bus import SimBus
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from contid.control.engine import messages as msg
-from contid.control.engine.events.orders import GotoEnded, OrderRefused
-from contid.control.engine.events.robots import ContactBegan, SqueezeChanged
+from contid.control.engine.events.robots import ContactBegan, GotoEnded, OrderRefused, SqueezeChanged
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.contact.squeeze_way import Squeeze, moved
 from contid.control.tick.supervisor import Mode
@@ -18,7 +17,7 @@ from contid.robot_file.load import parse_robot_file
 from contid.session.read import Session
 from contid.session.replay import replay
 from contid.targets import Target
-from contid_drivers.sim.finger.body import FingerBody
+from contid_drivers.sim.finger_body import FingerBody
 from tests.sense.squeeze_runs import AT_CLOSE, BEFORE, BEHIND, RATE_HZ, Run, closing, hand, hand_text, run
 from tests.session.runs import record_virtual
 

@@ -13,8 +13,7 @@ import pytest
 from contid.cli.commands.session.summary import MAX_VIOLATIONS
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.events.orders import OrderGiven
-from contid.control.engine.events.robots import FaultLatched, ModeChanged
+from contid.control.engine.events.robots import FaultLatched, ModeChanged, OrderGiven
 from contid.control.engine.tick_layout import SKIPPED, TICK
 from contid.control.process.setup import RunSetup
 from contid.control.tick.supervisor import Mode

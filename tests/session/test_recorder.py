@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.events.gaps import RecorderFailed
-from contid.control.engine.events.orders import OrderGiven
+from contid.control.engine.events.buses import RecorderFailed
+from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
 from contid.control.process.ring_writer import RingWriter

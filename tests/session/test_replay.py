@@ -10,7 +10,7 @@ import pytest
 
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.events.orders import OrderGiven
+from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
 from contid.control.process.ring_writer import RingWriter

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from contid.control.engine.events.pace import TicksSkipped
+from contid.control.engine.events.buses import TicksSkipped
 from contid.control.engine.tick_layout import DEADLINE, SKIPPED, TICK
 from contid.session.export.csv_files import export_channels, export_joined
 from contid.session.format.entries import Entry

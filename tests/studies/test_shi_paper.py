@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from contid.kinematics.cosserat.loads import Loads
+from contid.kinematics.cosserat.section import Loads
 from studies.bench_cosserat import command
 from studies.shi import PAPER_ELEMENTS, forward, inverse, unknowns
 from studies.shi_cold import MODES, cold_starts

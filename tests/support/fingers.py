@@ -6,7 +6,7 @@ import io
 import math
 from typing import Any
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.events.json_form import to_json
 from contid.control.engine.virtual import run_virtual
 from contid.robot_file.load import LoadedFile, parse_robot_file

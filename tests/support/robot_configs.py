@@ -6,8 +6,7 @@ import numpy as np
 
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
-from contid.robot_file.load import with_mock
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named, with_mock
 from contid.targets import Actuation, Target, Vec3
 
 RATE = 100.0

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from contid.errors import BadInputError
 from contid.kinematics.frames import BaseFrame
 from contid.robot_file.base import BasePose
+from contid.robot_file.load import load_named
 from contid.robot_file.robot import RobotDescription
-from contid.robot_file.shipped import load_named
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from contid.errors import BadInputError
-from contid.lines import MAX_LINE
 from contid.robot_file.load import load_robot_file
 from contid.robot_file.robot import RobotDescription
 from contid.trajectory.read import MAX_FINDINGS, read_trajectory
 from contid.trajectory.rows import RowReader
 from contid.trajectory.timed import Trajectory
+from contid.units import MAX_LINE
 
 
 @pytest.fixture

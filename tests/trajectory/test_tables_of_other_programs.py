@@ -7,8 +7,7 @@ import io
 import pytest
 
 from contid.errors import BadInputError
-from contid.robot_file.load import load_robot_file
-from contid.robot_file.shipped import find_robot_file
+from contid.robot_file.load import find_robot_file, load_robot_file
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
 

@@ -1,4 +1,4 @@
-"""``contid check``: validate a robot file and print what it describes; check a trajectory for it."""
+"""``contid check`` and ``contid schema``: validate a robot file or a trajectory for it; its JSON Schema."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import json
 
 import click
 
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import robot_names
 
 
 @click.command()
@@ -23,7 +23,7 @@ def command(robot_file: str, trajectory: str | None, as_json: bool) -> None:
     A bad file ends with exit code 2 and every mistake as file:line:column: what; allowed; nearest name.
     """
     from contid.errors import BadInputError
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
     from contid.robot_file.summary import summarise
 
     try:
@@ -63,3 +63,21 @@ def command(robot_file: str, trajectory: str | None, as_json: bool) -> None:
 
     print_report(report, columns)
     click.echo(f"kernels: {build}")
+
+
+@click.command()
+@click.option("--markdown", is_flag=True, help="The same as a page to read: docs/robot-file.md.")
+def schema(markdown: bool) -> None:
+    """Print the JSON Schema (draft 2020-12) of the robot file, for editors.
+
+    In VS Code with the YAML extension, write the output to a file and begin the robot file with
+    "# yaml-language-server: $schema=FILE".
+    """
+    if markdown:
+        from contid.robot_file.docs_page import robot_file_page
+
+        click.echo(robot_file_page(), nl=False)
+        return
+    from contid.robot_file.schema import robot_file_schema
+
+    click.echo(json.dumps(robot_file_schema(), indent=2))

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import click
 
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 from contid.hal import Diagnoses, Finding
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.robot_file.tick_rate import exchange_time, rate_finding
 
 

@@ -8,10 +8,10 @@ from typing import Final
 
 import click
 
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 from contid.hal import Emulates
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 
 #: SCHED_FIFO priority; the control process has 50.
 _PRIORITY: Final = 40

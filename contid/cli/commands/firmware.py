@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import click
 
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 
 #: The driver's own module of sources and builds, found by name like every driver.
@@ -111,7 +111,7 @@ def info(robot_file: str | None) -> None:
     if robot_file is None:
         return
     from contid.control.engine.wiring import wired_buses
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
 
     boards = [bus for bus in wired_buses(load_named(robot_file)) if bus.wiring.driver == "due"]
     if not boards:

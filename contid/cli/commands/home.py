@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 from contid.hal import AxisOnBus, Homed, Homes, Parks, Reference
 from contid.hal.homing import REPEAT_TENDON_M
@@ -50,7 +50,7 @@ def command(robot_file: str, axes: tuple[str, ...], dry_run: bool, force: bool, 
     """
     from contid.control.engine.wiring import wired_buses
     from contid.remote.server.stop_server import StopServer
-    from contid.robot_file.shipped import find_robot_file
+    from contid.robot_file.load import find_robot_file
 
     path = find_robot_file(robot_file)
     loaded = load_robot_file(path)

@@ -9,9 +9,8 @@ import click
 
 from contid import entry_points
 from contid.cli.support.added_options import ExtendedCommand, GoalOption
-from contid.cli.support.files import ROWS_FILE
-from contid.cli.support.numbers import NumberRange
 from contid.cli.support.orders import json_option, send, socket_option
+from contid.cli.support.parameters import ROWS_FILE, NumberRange
 
 if TYPE_CHECKING:
     from contid.client import Client

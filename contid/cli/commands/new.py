@@ -111,7 +111,7 @@ def _bad(option: str, message: str) -> click.BadParameter:
 
 def _ask_ports(template: Template, given: Mapping[str, str]) -> dict[str, str]:
     """The ports of all buses; present adapters are offered."""
-    from contid.cli.support.usb_ports import serial_names
+    from contid.cli.commands.scan import serial_names
 
     present = sorted(set(serial_names().values()) - set(given.values()))
     if present and len(given) < len(template.ports):

@@ -1,16 +1,15 @@
-"""``contid path``: shapes to follow, as a trajectory on stdout."""
+"""``contid path`` and ``contid retime``: a shape as a trajectory on stdout, and the fastest timing."""
 
 from __future__ import annotations
 
 import io
 import sys
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import click
 
-from contid.cli.support.numbers import NUMBER, POSITIVE, Numbers
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import NUMBER, POSITIVE, Numbers, robot_names
 
 if TYPE_CHECKING:
     from contid.trajectory.shapes import ShapePath
@@ -133,8 +132,6 @@ def command(
     if not fastest or robot_file is None:
         write_path(sys.stdout, path, targets, mid)
         return
-    from contid.cli.commands.retime import print_fastest
-
     text = io.StringIO()
     write_path(text, path, targets, mid)
     print_fastest(robot_file, "the path", io.StringIO(text.getvalue()))
@@ -153,7 +150,7 @@ def _swing(
     from contid.kinematics.frames import BaseFrame
     from contid.kinematics.model import build_model
     from contid.robot_file.chain import Chain
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
     from contid.trajectory.swing import Swing
     from contid.trajectory.table import write_rows
     from contid.units import m_to_mm
@@ -190,4 +187,29 @@ def _mid(text: str, path: ShapePath) -> ShapePath | tuple[float, float, float]:
         raise click.BadParameter(error.message, param_hint="'--mid'") from None
     return replace(
         path, shape=Shape(name), size_mm=size_mm, height_mm=height_mm, dz_mm=0.0, lean_deg=None, roll_deg=None
+    )
+
+
+@click.command()
+@click.argument("robot_file", shell_complete=robot_names)
+@click.argument("trajectory", type=click.Path(dir_okay=False, exists=True, allow_dash=True))
+def retime(robot_file: str, trajectory: str) -> None:
+    """Print TRAJECTORY (`-`: stdin) with the fastest timing for ROBOT_FILE, one row per tick.
+
+    The path stays; its times are replaced, dwells are left out. Velocity, acceleration and jerk of every axis
+    hold at every tick. Needs the extra `retime`.
+    """
+    print_fastest(robot_file, trajectory)
+
+
+def print_fastest(robot_file: str, trajectory: str, text: TextIO | None = None) -> None:
+    """Print the fastest timing of a file, or of ``text`` by that name."""
+    from contid.control.daemon.check_trajectory import fastest_trajectory
+    from contid.trajectory.table import write_rows
+
+    found = fastest_trajectory(robot_file, trajectory, text)
+    write_rows(sys.stdout, found.columns, found.rows.tolist())
+    click.echo(
+        f"contid: {found.duration_s:.4g} s; velocity, acceleration and jerk hold, {found.binding} binds",
+        err=True,
     )

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import click
 
-from contid.cli.support.numbers import NumberRange
-from contid.cli.support.progress import counting
+from contid.cli.support.parameters import NumberRange
+from contid.cli.support.streams import counting
 
 
 @click.command()
@@ -30,7 +30,7 @@ def command(session_file: str, robot: str | None, tolerance: float, hardware: bo
 
     Exit code 1 and the first divergence when one differs.
     """
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
     from contid.session import replay_report
     from contid.session.differences import differences
     from contid.session.read import Session

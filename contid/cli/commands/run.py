@@ -12,9 +12,7 @@ import click
 
 from contid import entry_points
 from contid.cli.support.added_options import ExtendedCommand, RunOption, Watch
-from contid.cli.support.files import NewFile
-from contid.cli.support.numbers import NUMBER
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import NUMBER, NewFile, robot_names
 
 if TYPE_CHECKING:
     from contid.control.daemon.interfaces import RunObserver

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def setup(servo_port: ServoPortOptions, robot_file: str) -> None:
     """Ask for one servo of ROBOT_FILE after the other and give each its id and baud rate."""
     from contid.control.engine.wiring import wired_buses
     from contid.hal import Commissions
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
 
     buses = [bus for bus in wired_buses(load_named(robot_file)) if isinstance(bus.driver, Commissions)]
     if not buses:

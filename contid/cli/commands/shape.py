@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from contid.cli.support.numbers import POSITIVE, Numbers
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import POSITIVE, Numbers, robot_names
 from contid.units import m_to_mm
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ def command(
     from contid.kinematics.body_shape import of_rope
     from contid.kinematics.rope.chain import ChainGuard
     from contid.robot_file.chain import Chain
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
     from contid.units import MM_PER_M
 
     length_m = None

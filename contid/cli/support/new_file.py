@@ -18,8 +18,7 @@ import yaml
 
 from contid.errors import BadInputError, ContidError, Located
 from contid.robot_file.findings import allowed_names
-from contid.robot_file.load import LoadedFile, load_robot_file
-from contid.robot_file.shipped import configs_folder
+from contid.robot_file.load import LoadedFile, configs_folder, load_robot_file
 from contid.whole_file import new_file_mode
 
 KeyPath: TypeAlias = tuple[str, ...]

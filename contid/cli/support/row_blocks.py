@@ -16,9 +16,9 @@ import numpy as np
 from contid.errors import BadInputError
 from contid.kernels import load
 from contid.kinematics.array import Array
-from contid.lines import MAX_LINE
 from contid.trajectory.columns import ColumnLayout
 from contid.trajectory.rows import MAX_NUMBER, RowReader, is_comment
+from contid.units import MAX_LINE
 
 #: Rows solved together: while one block is solved, the one before is printed.
 ROWS: Final = 4096

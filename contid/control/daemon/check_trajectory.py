@@ -15,8 +15,7 @@ from contid.control.daemon.terminal import check_progress
 from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import TooFastError, Unreachable
 from contid.errors import ContidError
-from contid.robot_file.load import LoadedFile
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import LoadedFile, load_named
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
 

@@ -32,8 +32,8 @@ from contid.control.daemon.run_signals import RunSignals
 from contid.control.daemon.shutdown import Escalation, ShutdownSequence
 from contid.control.daemon.silence_watch import ProcessActivity, Silence, SilenceWatch
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.pace import ControlStalled, PaceReported
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.buses import ControlStalled, PaceReported
 from contid.control.engine.events.run import NoteWritten, RunFailed, SourceEnded, StopBegan
 from contid.control.engine.measured_tip import MeasuredTips
 from contid.control.engine.messages import Begin, EndOfRows, Estop, Finish, Hold, Message

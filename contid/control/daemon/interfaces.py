@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.events.run import NoteWritten
 from contid.control.engine.messages import Message
 from contid.control.engine.tick_layout import TickRecord

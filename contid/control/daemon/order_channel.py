@@ -10,7 +10,7 @@ from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.interfaces import RunObserver
 from contid.control.daemon.pending_input import PendingInput
 from contid.control.daemon.report_builder import ReportBuilder
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.events.run import NoteWritten
 from contid.control.engine.messages import Message, Play
 from contid.control.process.log_queue import LogQueue

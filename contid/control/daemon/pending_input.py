@@ -16,8 +16,8 @@ from typing import Final
 from contid.control.daemon.cancellable_reader import CancellableReader, InputCancelledError
 from contid.control.daemon.inputs import Stream
 from contid.control.engine import messages as msg
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.orders import MarkReached, OrderRefused
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.robots import MarkReached, OrderRefused
 from contid.trajectory.timed import Trajectory
 
 #: The thread may take so long to end after `cancel`; then it is left running.

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import signal
 
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.buses import BusReported
-from contid.control.engine.events.pace import PaceReported, TicksSkipped, TicksWaited
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.buses import BusReported, PaceReported, TicksSkipped, TicksWaited
 from contid.control.engine.events.robots import RobotReported
 from contid.control.engine.events.run import RunFailed, RunStarted, StopBegan
 from contid.control.engine.report import RunReport, complete_from_records

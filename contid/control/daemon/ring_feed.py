@@ -11,7 +11,7 @@ from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.report_builder import ReportBuilder
 from contid.control.daemon.run_request import RunOptions
 from contid.control.engine.command_log import CommandLog
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RecordLayout
 
 log = logging.getLogger(__name__)

@@ -18,8 +18,8 @@ from contid.control.daemon.inputs import Stream
 from contid.control.engine.messages import Message, Rows
 from contid.control.tick.preflight.rows import Preflight
 from contid.errors import BadInputError
-from contid.lines import MAX_LINE
 from contid.trajectory.rows import is_comment
+from contid.units import MAX_LINE
 
 #: Time for rows that arrived together; a row of a finger takes 0.1 ms.
 BUDGET_S: Final = 1e-3

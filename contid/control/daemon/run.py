@@ -24,7 +24,7 @@ from contid.control.daemon.spawn import Spawned
 from contid.control.daemon.terminal import event_text, print_message
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.measured_tip import MeasuredTips
 from contid.control.engine.report import RunReport, outrun
 from contid.control.engine.virtual import Tee, run_virtual

@@ -20,8 +20,7 @@ from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import Preflight, TooFastError, Unreachable
 from contid.errors import ContidError
 from contid.robot_file.document import MAX_RATE_HZ
-from contid.robot_file.load import LoadedFile, with_mock
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import LoadedFile, load_named, with_mock
 from contid.robot_file.tick_rate import rate_too_high, watchdog_too_short
 from contid.trajectory.timed import Trajectory
 

@@ -8,11 +8,9 @@ import sys
 from collections.abc import Callable
 from typing import Final
 
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.buses import BusChanged
-from contid.control.engine.events.orders import OrderRefused
-from contid.control.engine.events.pace import TicksSkipped
-from contid.control.engine.events.robots import ContactBegan, FaultLatched, SqueezeChanged
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.buses import BusChanged, TicksSkipped
+from contid.control.engine.events.robots import ContactBegan, FaultLatched, OrderRefused, SqueezeChanged
 from contid.control.engine.events.run import LogWritten, RunStarted
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.control.process.log_queue import LEVELS, level_name

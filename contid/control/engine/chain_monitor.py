@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from contid.control.engine.cycle import Sink, Timing
-from contid.control.engine.events.orders import OrderRefused
+from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.messages import RobotNames
 from contid.control.engine.robots import Robots

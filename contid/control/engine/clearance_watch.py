@@ -20,7 +20,7 @@ from dataclasses import replace
 from contid.clearance.guard import ClearanceGuard
 from contid.clearance.walk import RESOLUTION_M, Walk
 from contid.control.engine.cycle import Sink, Timing
-from contid.control.engine.events.orders import OrderRefused
+from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.robots import Robots
 from contid.control.engine.sources import Timed

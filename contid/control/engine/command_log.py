@@ -12,7 +12,7 @@ import os
 import stat
 from pathlib import Path
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.control.tick.supervisor import Mode
 from contid.errors import ContidError

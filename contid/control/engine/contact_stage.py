@@ -9,8 +9,7 @@ from typing import Final
 
 from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.cycle import Sink, Timing
-from contid.control.engine.events.orders import OrderRefused
-from contid.control.engine.events.robots import ContactBegan
+from contid.control.engine.events.robots import ContactBegan, OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.robots import Order, Robots
 from contid.control.engine.stages import Targets, TickStage

@@ -1,12 +1,50 @@
-"""Types shared by the engine and its callers: the timing of a cycle, the sink, the end of a run."""
+"""Types shared by the engine and its callers: clocks, the timing of a cycle, the sink, the end of a run.
+
+A bus gets one of the clocks (`contid.hal.Clock`). Nothing in the tick reads any other clock, which is what
+makes a run in virtual time repeatable to the bit.
+"""
 
 from __future__ import annotations
 
 import enum
+import time
 from dataclasses import dataclass
 from typing import Protocol
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
+
+
+class RealClock:
+    """CLOCK_MONOTONIC: immune to the steps of the wall clock, the same for every process of the machine."""
+
+    #: Seconds since the machine started, and a wait [s].
+    now = staticmethod(time.monotonic)
+    sleep = staticmethod(time.sleep)
+
+
+class VirtualClock:
+    """A clock that advances by `set` and `sleep` only."""
+
+    def __init__(self, now_s: float = 0.0) -> None:
+        self._now_s = now_s
+
+    def now(self) -> float:
+        """The time last set [s]."""
+        return self._now_s
+
+    def set(self, now_s: float) -> None:
+        """Move the clock forward to ``now_s``.
+
+        Raises:
+            ValueError: time would run backwards.
+        """
+        if now_s < self._now_s:
+            raise ValueError(f"time runs forward: {now_s} is before {self._now_s}")
+        self._now_s = now_s
+
+    def sleep(self, seconds: float) -> None:
+        """Advance the clock, as a device that answers late does."""
+        self.set(self._now_s + seconds)
 
 
 class OnEnd(enum.StrEnum):

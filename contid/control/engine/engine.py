@@ -14,7 +14,7 @@ from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.clearance_watch import ClearanceWatch
 from contid.control.engine.contact_stage import ContactStage
 from contid.control.engine.cycle import OnEnd, Sink, Timing
-from contid.control.engine.events.orders import OrderRefused
+from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.order_handler import OrderHandler
 from contid.control.engine.outcomes import Outcomes

@@ -10,7 +10,7 @@ from typing import Final
 
 from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.events.buses import BusChanged, BusStalled, DeviceFaultChanged
-from contid.control.engine.events.orders import OrderRefused
+from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.order_events import answer_event
 from contid.control.engine.ports import BusJob, BusPort, BusReply
 from contid.control.engine.robots import Robots

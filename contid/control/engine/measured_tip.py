@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, Final
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import TICK, RecordLayout, RobotRecord, TickRecord
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.statistics import RobotTally

@@ -13,7 +13,7 @@ from typing import Any, Final, get_args
 
 from contid.control.engine import messages as msg
 from contid.control.engine.events.buses import BusAnswered
-from contid.control.engine.events.orders import OrderGiven
+from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.ports import BusReply
 from contid.control.tick.state import Effect
 from contid.errors import ContidError

@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 from contid.control.engine import messages as msg
 from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events.orders import MarkReached, OrderRefused
-from contid.control.engine.events.robots import EffortLimited
+from contid.control.engine.events.robots import EffortLimited, MarkReached, OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.order_events import order_event, rows_event
 from contid.control.engine.robots import Order, Robots, stopping

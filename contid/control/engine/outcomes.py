@@ -7,8 +7,7 @@ from collections.abc import Container
 from typing import Final
 
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events.orders import GotoEnded
-from contid.control.engine.events.robots import SqueezeChanged
+from contid.control.engine.events.robots import GotoEnded, SqueezeChanged
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.robots import Robots
 from contid.control.engine.sources import Timed

@@ -7,8 +7,7 @@ from typing import TypeAlias
 
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events.orders import OrderRefused
-from contid.control.engine.events.robots import FaultLatched, ModeChanged
+from contid.control.engine.events.robots import FaultLatched, ModeChanged, OrderRefused
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, describe

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from contid.control.engine.clock import VirtualClock
-from contid.control.engine.cycle import OnEnd, Sink, Timing
+from contid.control.engine.cycle import OnEnd, Sink, Timing, VirtualClock
 from contid.control.engine.engine import Engine
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.pace import TicksSkipped
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.buses import TicksSkipped
 from contid.control.engine.messages import EndOfRows, Message, Rows
 from contid.control.engine.ports import BusPort, BusTrackers
 from contid.control.engine.report import RunReport, robot_reports

@@ -16,7 +16,7 @@ from contid.control.tick.transmission import RobotTransmission
 from contid.errors import ContidError, DriverDefectError
 from contid.hal import AxisOnBus, Bus, Clock, Driver, SimulatesBodies, SpooledTendon, load_driver
 from contid.kinematics.rope.chain import ChainGuard
-from contid.kinematics.tendon.spools import spooled_tendons
+from contid.kinematics.tendon.described import spooled_tendons
 from contid.robot_file.chain import Chain
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.document import BusWiring

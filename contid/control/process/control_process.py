@@ -17,7 +17,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
-from contid.control.engine.clock import RealClock
+from contid.control.engine.cycle import RealClock
 from contid.control.engine.engine import Engine
 from contid.control.engine.events.buses import BusReported
 from contid.control.engine.events.robots import RobotReported

@@ -13,8 +13,8 @@ from typing import Final
 
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import Sink, Timing
-from contid.control.engine.events.orders import OrderRefused
-from contid.control.engine.events.pace import PaceReported, TicksSkipped, TicksWaited
+from contid.control.engine.events.buses import PaceReported, TicksSkipped, TicksWaited
+from contid.control.engine.events.robots import OrderRefused
 from contid.control.tick.statistics import Lateness
 
 #: A tick that starts later than this share of the period counts as late.

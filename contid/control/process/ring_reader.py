@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from zlib import crc32
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.events.json_form import from_json
 from contid.control.engine.tick_layout import LATENESS, TickRecord
 from contid.control.process.ring import (

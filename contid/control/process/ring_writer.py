@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 from zlib import crc32
 
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.gaps import EventTooLong
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.buses import EventTooLong
 from contid.control.engine.events.json_form import to_json
 from contid.control.process.ring import (
     CLOSED,

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from contid.kernels import load
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Rod
+from contid.kinematics.cosserat.section import Loads, Rod
 from contid.targets import Vec3
 
 #: A table of rows, shape ``(rows, bytes of a row)``.

@@ -12,12 +12,10 @@ import numpy as np
 
 from contid.kinematics.any_target import any_target
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.compliance import tip_compliance
+from contid.kinematics.cosserat.compliance import sweep, tip_compliance
 from contid.kinematics.cosserat.engine import NO_SNAP, Limits, RodSetup, RodSolver
 from contid.kinematics.cosserat.identified import Regulators, identified_sections
-from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Rod, Section
-from contid.kinematics.cosserat.statics import sweep
+from contid.kinematics.cosserat.section import Loads, Rod, Section
 from contid.robot_file.cosserat import Cosserat, Orientation
 from contid.robot_file.pneumatic.geometry import SectionGeometry
 from contid.targets import REACH, ZERO3, Actuation, Pose, Solution, Target, Vec3, Wrench6

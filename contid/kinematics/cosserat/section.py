@@ -1,9 +1,12 @@
-"""Constants of one pneumatic section: areas, second moments, chamber arms and the modulus polynomial."""
+"""A rod of pneumatic sections, and the loads on it.
+
+Of a section: areas, second moments, chamber arms and the modulus polynomial.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -201,3 +204,39 @@ class Rod:
             if section.link > 0.0:
                 found.append(np.array([begin]))
         return np.concatenate(found)
+
+
+def _zeros() -> Array:
+    return np.zeros(3)
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Dead loads in the base frame.
+
+    Attributes:
+        tip_force, tip_moment: at the tip [N, N·mm].
+        joint_force, joint_moment: at the end of section i, before its link, by i [N, N·mm].
+        weight: per reference length of section i [N/mm], by i.
+        link_weight: per length of link i [N/mm], by i.
+    """
+
+    tip_force: Array = field(default_factory=_zeros)
+    tip_moment: Array = field(default_factory=_zeros)
+    joint_force: dict[int, Array] = field(default_factory=dict)
+    joint_moment: dict[int, Array] = field(default_factory=dict)
+    weight: dict[int, Array] = field(default_factory=dict)
+    link_weight: dict[int, Array] = field(default_factory=dict)
+
+    def base_force(self, rod: Rod) -> Array:
+        """N at the base [N], shape (3,), of the weights and the force on the tip."""
+        total = self.tip_force.copy()
+        for i, section in enumerate(rod.sections):
+            total += section.length * self.weight.get(i, _zeros())
+            total += section.link * self.link_weight.get(i, _zeros())
+        return total
+
+    @property
+    def has_moments(self) -> bool:
+        """True when a dead moment acts; it has no energy, so the kernel does not count unstable modes."""
+        return any(np.any(moment) for moment in (self.tip_moment, *self.joint_moment.values()))

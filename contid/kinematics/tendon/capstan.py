@@ -1,4 +1,11 @@
-"""Pulls that lead the capstan friction of tendons, so that the bends are those the model asked for.
+"""Friction of tendons: their play, and pulls that lead the capstan so that the bends are those asked for.
+
+Play (backlash) of half width r: what arrives follows what is commanded at most r behind,
+
+    delivered' = min(commanded + r, max(commanded - r, delivered)),
+
+the state is the value delivered last (Brokate, Sprekels: Hysteresis and Phase Transitions, 1996, 2.1).
+`contid.control.tick.play` leads it.
 
 A tendon that slides over a bend theta keeps exp(-+ mu theta) of its tension (- while it is pulled in, + while
 it is paid out: the capstan). With the tension t at its spool, the share of it that is left on the average of
@@ -25,6 +32,25 @@ import numpy as np
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.tension import TendonStatics
 from contid.targets import Actuation
+
+
+def play(commanded: Array | float, delivered: Array | float, half_width: Array | float) -> Array:
+    """What arrives [m] for a command [m], from what arrived last [m]; elementwise."""
+    return np.minimum(
+        np.add(commanded, half_width), np.maximum(np.subtract(commanded, half_width), delivered)
+    )
+
+
+def play_series(commanded: Array, half_width: Array | float, start: Array | float | None = None) -> Array:
+    """What arrives along a recording: commands ``(times, ...)`` [m]; ``start``: what arrived before."""
+    commanded = np.asarray(commanded, dtype=np.float64)
+    delivered = np.array(commanded[0] if start is None else start, dtype=np.float64)
+    out = np.empty_like(commanded)
+    for k, row in enumerate(commanded):
+        delivered = play(row, delivered, half_width)
+        out[k] = delivered
+    return out
+
 
 #: A tendon turns its friction over while it slides back by twice this length [m]: above rounding of commands,
 #: below what a servo resolves.

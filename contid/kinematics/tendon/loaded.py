@@ -18,8 +18,7 @@ from contid.kinematics.arc.solver import nearest_note
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.geometry import TendonGeometry
 from contid.kinematics.tendon.model import TendonModel
-from contid.kinematics.tendon.rod import TendonRod
-from contid.kinematics.tendon.rod_elements import TendonEquilibrium
+from contid.kinematics.tendon.rod import TendonEquilibrium, TendonRod
 from contid.kinematics.tendon.taut import TautPulls
 from contid.kinematics.tendon.tension import TendonStatics
 from contid.robot_file.tendon.robot import TendonRobot

@@ -14,12 +14,11 @@ from contid.kinematics.any_target import any_target
 from contid.kinematics.arc.sections import backbone
 from contid.kinematics.arc.solver import FORCE, ZONE, nearest_note
 from contid.kinematics.array import Array
-from contid.kinematics.tendon.bend_solver import build_bend_solver, ell_of
 from contid.kinematics.tendon.capstan import CapstanLead
 from contid.kinematics.tendon.described import geometry_of, statics_of
-from contid.kinematics.tendon.feasible import limits_of
+from contid.kinematics.tendon.feasible import build_bend_solver, ell_of, limits_of
+from contid.kinematics.tendon.geometry import BendSections
 from contid.kinematics.tendon.residual import TipCorrection
-from contid.kinematics.tendon.sections import BendSections
 from contid.kinematics.tendon.taut import PullLimits, TautPulls
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3

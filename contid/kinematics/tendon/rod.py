@@ -19,17 +19,73 @@ Trans. Robotics 27(6), 2011. The error falls with the square of their number.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Final, Protocol
 
 import numpy as np
 
 from contid.kernels import load
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.geometry import TendonGeometry
-from contid.kinematics.tendon.rod_chain import place_elements
-from contid.kinematics.tendon.rod_elements import RodElements, TendonEquilibrium
 from contid.targets import ZERO3, Vec3
+
+
+@dataclass(frozen=True, eq=False)
+class RodElements:
+    """Elements of a rod from the base on; the kernel reads the fields by name.
+
+    Attributes:
+        lengths: of the elements [m].
+        stiffness: of each: bend u, v, twist [N m], stretch [N m], 0 without; ``(elements, 4)``.
+        arms: of every tendon in every element [m], NaN where it does not pass; ``(elements, tendons, 2)``.
+        rigid: length of the rigid piece after each element [m].
+        tendon: stiffness of each tendon [N/m].
+        rest: tensions of the straight rod at zero pulls [N].
+        weight: of each element [N], in the base frame; ``(elements, 3)``.
+        offset: of the tip, in the frame of the last element [m].
+        base_m: length before the first element [m].
+        per_section: elements of a section.
+        stretches: the backbone is extensible.
+    """
+
+    lengths: Array
+    stiffness: Array
+    arms: Array
+    rigid: Array
+    tendon: Array
+    rest: Array
+    weight: Array
+    offset: Array
+    base_m: float
+    per_section: int
+    stretches: bool
+
+
+@dataclass(frozen=True, eq=False)
+class TendonEquilibrium:
+    """The rod in equilibrium, in the base frame.
+
+    Attributes:
+        points_m: ends of the elements from the base on, rigid pieces included, ``(nodes, 3)``.
+        tip_m: tip of the robot ``(3,)``.
+        rotation: frame of the tip ``(3, 3)``.
+        ends_m: end of each section, its rigid piece included, ``(sections, 3)``.
+        tensions_n: of the tendons ``(tendons,)`` [N].
+        strain: of every element: bend u, v, twist [rad], stretch; ``(elements, 4)``.
+        jacobian: derivative of the tip by the pulls ``(3, tendons)``.
+        compliance: derivative of the tip by a force on it [m/N], ``(3, 3)``.
+    """
+
+    points_m: Array
+    tip_m: Array
+    rotation: Array
+    ends_m: Array
+    tensions_n: Array
+    strain: Array
+    jacobian: Array
+    compliance: Array
 
 
 class RodKernel(Protocol):
@@ -147,3 +203,39 @@ class TendonRod:
         if self._kernel.solve(given, tip_force_n, begin, found, derivatives) < 0.0:
             raise ArithmeticError("no equilibrium of the rod found")
         return found
+
+
+#: Terms of the series in the square of an element's turn, which stays far below half a turn.
+_TERMS: Final = range(12)
+
+
+def place_elements(strain: Array, lengths_m: Array, rigid_m: Array, base_m: float) -> tuple[Array, Array]:
+    """The start and the ends of the elements [m], ``(elements + 1, 3)``, and the frame of the last end.
+
+    An element turns by ``w = (-v, u, t)`` with bend (u, v) and twist t, and its end lies at
+
+        h (1 + e) (e_z + B w x e_z + C w x (w x e_z)),   B = (1 - cos |w|)/|w|^2,   C = (|w| - sin |w|)/|w|^3
+
+    in the frame of its start; ``rigid_m[i]`` follows along the local z.
+    """
+    w = np.stack((-strain[:, 1], strain[:, 0], strain[:, 2]), axis=1)
+    square = np.sum(w * w, axis=1)
+    a, b, c = (_series(square, offset)[:, None] for offset in (1, 2, 3))
+    across = np.cross(w, (0.0, 0.0, 1.0))
+    stretched = (lengths_m * (1.0 + strain[:, 3]))[:, None]
+    ends = stretched * (np.array((0.0, 0.0, 1.0)) + b * across + c * np.cross(w, across))
+    skew = np.cross(np.eye(3), w[:, None, :])  # skew v = w x v
+    turns = np.eye(3) + a[:, :, None] * skew + b[:, :, None] * (skew @ skew)
+    ends = ends + rigid_m[:, None] * turns[:, :, 2]
+    points, frame = np.empty((len(w) + 1, 3)), np.eye(3)
+    points[0] = (0.0, 0.0, base_m)
+    for n, (end, turn) in enumerate(zip(ends, turns, strict=True)):
+        points[n + 1] = points[n] + frame @ end
+        frame = frame @ turn
+    return points, frame
+
+
+def _series(square: Array, offset: int) -> Array:
+    """``sum_n (-square)^n / (2 n + offset)!``: sin t / t, (1 - cos t)/t^2, (t - sin t)/t^3 for 1, 2, 3."""
+    terms = np.stack([(-square) ** n / math.factorial(2 * n + offset) for n in _TERMS])
+    return np.asarray(terms.sum(axis=0))

@@ -3,7 +3,7 @@
 Requests start in their order; a long one does not delay the next, so a stop after a large trajectory is
 carried out at once. Of all clients together one request starts per turn of the event loop
 (`contid.remote.server.turns`); orders to stop and other short requests of `PROMPT` wait for no turn. An
-emergency stop is recognised before its line is parsed (`contid.remote.protocol.estop_line`) and obeyed when
+emergency stop is recognised before its line is parsed (`contid.remote.protocol.wire`) and obeyed when
 it arrives (`contid.remote.server.line_receiver`).
 """
 
@@ -16,15 +16,14 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, Final
 
-from contid.lines import MAX_LINE
-from contid.remote.protocol.estop_line import ESTOP, is_estop
 from contid.remote.protocol.peer_credentials import ClientRole
-from contid.remote.protocol.wire import Code, Fields, RemoteError, decode, encode
+from contid.remote.protocol.wire import ESTOP, Code, Fields, RemoteError, decode, encode, is_estop
 from contid.remote.server.line_receiver import LineReceiver
 from contid.remote.server.outbox import Outbox
 from contid.remote.server.query_handler import Subscription
 from contid.remote.server.request_handler import RequestHandler
 from contid.remote.server.turns import Turns
+from contid.units import MAX_LINE
 
 #: Requests of one client in progress; more wait in its socket.
 MAX_PENDING: Final = 32

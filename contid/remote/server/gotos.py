@@ -6,8 +6,7 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 
 from contid.control.daemon.interfaces import RunControl
-from contid.control.engine.events.orders import GotoEnded
-from contid.control.engine.events.robots import SqueezeChanged
+from contid.control.engine.events.robots import GotoEnded, SqueezeChanged
 from contid.control.engine.messages import Goto, Message
 from contid.remote.protocol.wire import Code, Fields, RemoteError
 from contid.remote.server.move import Move

@@ -12,8 +12,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from contid.lines import MAX_LINE
-from contid.remote.protocol.estop_line import is_estop
+from contid.remote.protocol.wire import is_estop
+from contid.units import MAX_LINE
 
 #: Bytes of lines that wait to be served; with more, the client's data stay in its socket.
 MAX_WAITING: Final = 1 << 14

@@ -7,7 +7,7 @@ import logging
 import time
 from typing import Final
 
-from contid.control.engine.events.orders import OrderRefused
+from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.messages import ClearFault, Grip, Hold, Recover, Resume
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields

@@ -13,9 +13,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.orders import GotoEnded, OrderGiven, OrderRefused
-from contid.control.engine.events.robots import SqueezeChanged
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.robots import GotoEnded, OrderGiven, OrderRefused, SqueezeChanged
 from contid.control.engine.events.run import SourceEnded
 from contid.control.engine.messages import NOT_AT_START, Begin, Hold, Play, Resume, Rows, Start
 from contid.control.tick.supervisor import Mode

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from contid.control.daemon.interfaces import RunControl
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.orders import MarkReached, OrderRefused
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.robots import MarkReached, OrderRefused
 from contid.control.engine.messages import Mark, Message
 from contid.remote.protocol.wire import Code, RemoteError
 

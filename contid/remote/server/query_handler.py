@@ -10,8 +10,8 @@ from typing import Any, Final, Protocol, TypeAlias
 
 from contid import __version__
 from contid.control.daemon.interfaces import RunControl
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.pace import ControlStalled
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.buses import ControlStalled
 from contid.control.engine.events.run import LogWritten, RunStarted
 from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, RequestFields

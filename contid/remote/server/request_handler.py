@@ -14,8 +14,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.orders import OrderRefused
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.events.run import NoteWritten, SourceEnded
 from contid.control.engine.messages import Hold
 from contid.control.orders import REQUESTS

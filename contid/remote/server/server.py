@@ -10,12 +10,10 @@ from contextlib import suppress
 from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.buses import BusChanged, StalenessChanged
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.buses import BusChanged, ControlStalled, StalenessChanged, TicksSkipped
 from contid.control.engine.events.json_form import to_json
-from contid.control.engine.events.orders import OrderRefused
-from contid.control.engine.events.pace import ControlStalled, TicksSkipped
-from contid.control.engine.events.robots import FaultLatched, ModeChanged
+from contid.control.engine.events.robots import FaultLatched, ModeChanged, OrderRefused
 from contid.control.engine.events.run import SourceEnded, StopBegan
 from contid.control.tick.faults import Fault
 from contid.remote.protocol.peer_credentials import ClientRole, peer_of, role_of

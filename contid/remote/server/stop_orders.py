@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from contid.control.engine.messages import Estop, Hold, Stop
-from contid.remote.protocol.estop_line import ESTOP
-from contid.remote.protocol.wire import Fields, RemoteError, RequestFields, decode
+from contid.remote.protocol.wire import ESTOP, Fields, RemoteError, RequestFields, decode
 from contid.remote.server.lease import client_label
 from contid.remote.server.pending_orders import OrderResult
 from contid.remote.server.query_handler import Caller, Verb

@@ -16,10 +16,19 @@ from types import TracebackType
 from typing import Final, Self
 
 from contid import __version__
-from contid.lines import MAX_LINE
-from contid.remote.protocol.estop_line import ESTOP, is_estop
 from contid.remote.protocol.socket_path import Endpoint, default_path
-from contid.remote.protocol.wire import PROTOCOL, STOP_VERBS, Code, Fields, RemoteError, decode, encode
+from contid.remote.protocol.wire import (
+    ESTOP,
+    PROTOCOL,
+    STOP_VERBS,
+    Code,
+    Fields,
+    RemoteError,
+    decode,
+    encode,
+    is_estop,
+)
+from contid.units import MAX_LINE
 
 #: Time for a client to read its responses.
 _CLIENT_TIMEOUT_S: Final = 0.5

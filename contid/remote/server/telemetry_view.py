@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.pace import TicksSkipped, TicksWaited
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.buses import TicksSkipped, TicksWaited
 from contid.control.engine.events.robots import FaultLatched
 from contid.control.engine.measured_tip import measured_actuation
 from contid.control.engine.tick_layout import ENABLED, RecordLayout, RobotRecord, TickRecord

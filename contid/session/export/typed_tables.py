@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import contid
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.events.json_form import to_json
 from contid.session.export.table import TickTable
 from contid.session.read import Session

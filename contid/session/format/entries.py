@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.events.json_form import from_json
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import EVENT, RENAMED_EVENT_KEYS, TICK_CHANNELS

@@ -11,7 +11,7 @@ from typing import Final
 
 from contid.errors import ContidError, DeviceError
 from contid.hal import AxisOnBus, Finding, FoundDevice, Homed, Report, Rest
-from contid_drivers.defer_signals import defer_signals
+from contid_drivers import defer_signals
 from contid_drivers.due.bus import SILENCE_S, DueBus
 from contid_drivers.due.codes import Reason
 from contid_drivers.due.options import DueBusOptions, Role

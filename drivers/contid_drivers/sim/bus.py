@@ -16,11 +16,10 @@ from contid.errors import ContidError, DeviceError, DeviceLostError, DeviceNotFo
 from contid.hal import AxisOnBus, Clock, DeviceKind, Rest, Sample, TipMeasured
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
-from contid_drivers.sim.arm.tracker import TrackedArm
+from contid_drivers.sim.arm.body import TrackedArm
 from contid_drivers.sim.devices import SimDevice
-from contid_drivers.sim.faults import Switches
-from contid_drivers.sim.finger.body import FingerBody
-from contid_drivers.sim.journal import append_event
+from contid_drivers.sim.faults import Switches, append_event
+from contid_drivers.sim.finger_body import FingerBody
 from contid_drivers.sim.options import FaultKind, SimAxisOptions, SimBusOptions
 
 if TYPE_CHECKING:

@@ -1,10 +1,16 @@
-"""Faults of a simulated bus, scheduled by the robot file."""
+"""Faults of a simulated bus, scheduled by the robot file, and the journal of its events."""
 
 from __future__ import annotations
 
 import heapq
+import json
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
+from contid.errors import DeviceError
+from contid.hal import DeviceKind
+from contid_drivers.sim.devices import SimDevice
 from contid_drivers.sim.options import FaultKind, ScheduledFault
 
 
@@ -63,3 +69,39 @@ class Switches:
     def delay_s(self) -> float:
         """Additional delay of replies now."""
         return self.on.get((FaultKind.LATE, ""), 0.0)
+
+
+def append_event(
+    path: str, event: str, t_s: float, bus: str, devices: Mapping[str, SimDevice], subject: str
+) -> None:
+    """Append one event with the state of every axis, as one JSON line.
+
+    It takes one system call, so that a killed process leaves whole lines; they show what the devices did
+    after the control process ended.
+
+    Raises:
+        DeviceError: the file cannot be written.
+    """
+    line = {
+        "event": event,
+        "t_s": t_s,
+        "bus": bus,
+        "subject": subject,
+        "axes": {name: _state(device) for name, device in devices.items()},
+    }
+    try:
+        with Path(path).open("ab", buffering=0) as file:
+            file.write(json.dumps(line).encode() + b"\n")
+    except OSError as error:
+        raise DeviceError(bus, f"cannot write journal_file {path}: {error.strerror}") from error
+
+
+def _state(device: SimDevice) -> dict[str, object]:
+    unit = "pa" if device.kind is DeviceKind.REGULATOR else "rad"
+    return {
+        f"value_{unit}": device.motion.value,
+        f"goal_{unit}": device.goal,
+        "on": device.on,
+        "rest": "" if device.on else device.rest.value,
+        "fault": device.fault,
+    }

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import click
 
-from contid.cli.support.files import NewFile
-from contid.cli.support.numbers import NumberRange
+from contid.cli.support.parameters import NewFile, NumberRange
 
 
 @click.command()

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from contid.cli.support.files import NewFile
 from contid.cli.support.orders import socket_option
+from contid.cli.support.parameters import NewFile
 
 if TYPE_CHECKING:
     from contid_camera.tracker import MeasuredTip

@@ -15,8 +15,7 @@ from click.testing import CliRunner
 from ruamel.yaml import YAML
 
 from contid.errors import ContidError
-from contid.robot_file.load import load_robot_file
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named, load_robot_file
 from contid.robot_file.tendon.robot import TendonRobot
 from contid_fit.commands import command
 from contid_fit.commands.tendon_session import session_recording

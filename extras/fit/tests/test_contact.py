@@ -113,7 +113,7 @@ def into_the_wall(path):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Robot files with a wall that the tip meets half way, one per policy."""
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
 
     folder = tmp_path_factory.mktemp("contact")
     text = load_named("stiffflop2").text.replace("rate_hz: 500", "rate_hz: 200", 1)

@@ -9,8 +9,7 @@ import pytest
 from contid import Session, kernels
 from contid.errors import BadInputError
 from contid.robot_file.cosserat import Cosserat
-from contid.robot_file.load import load_robot_file, parse_robot_file
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named, load_robot_file, parse_robot_file
 from tests.sense.commands import SIM, contid, rests
 
 pytestmark = [

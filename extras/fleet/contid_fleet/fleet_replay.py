@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from contid.control.engine.events.orders import OrderGiven
+from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.events.run import NoteWritten
 from contid.errors import ContidError
 from contid.session.clock_notes import clock_notes

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from contid.lines import MAX_LINE
 from contid.remote.protocol.wire import Code, Fields, RemoteError, decode
+from contid.units import MAX_LINE
 from contid_fleet.keys import Keys, Order, Origin
 from contid_fleet.rights import FEED, NEEDED, READS, STOPS, Right
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 from contid.cli.support.orders import socket_option
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import robot_names
 
 
 @click.command()

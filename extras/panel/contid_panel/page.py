@@ -12,8 +12,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from contid import __version__
 from contid.errors import ContidError
-from contid.remote.protocol.estop_line import is_estop
-from contid.remote.protocol.wire import Code, RemoteError, RequestFields, decode
+from contid.remote.protocol.wire import Code, RemoteError, RequestFields, decode, is_estop
 from contid_panel.access import SUBPROTOCOL
 from contid_panel.checks import Checks
 from contid_panel.expiry import URGENT, clock_ms, valid_until_s, validity

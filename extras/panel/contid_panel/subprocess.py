@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from contid.child_module import module_command
+from contid.control.daemon.spawn import module_command
 
 #: How long the end of a run waits for the panel's end.
 EXIT_TIMEOUT_S: Final = 5.0

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from contid.cli.support.files import FIGURE
-from contid.cli.support.numbers import POSITIVE
-from contid.cli.support.robot_names import robot_names
+from contid.cli.support.parameters import FIGURE, POSITIVE, robot_names
 
 if TYPE_CHECKING:
     from contid.robot_file.robot import RobotDescription
@@ -57,10 +55,10 @@ def command(
     newton), accuracy (standard deviation of the tip in its worst direction), or dexterity (1 where the tip
     moves alike in all directions, 0 where it cannot move in one).
     """
-    from contid.cli.support.progress import counting
+    from contid.cli.support.streams import counting
     from contid.errors import ContidError
+    from contid.robot_file.load import load_named
     from contid.robot_file.rack_finger import RackFinger
-    from contid.robot_file.shipped import load_named
     from contid_reach.report import planar_report, spatial_report
 
     loaded = load_named(robot_file)
@@ -103,7 +101,7 @@ def _quality(
     plot: Path | None,
 ) -> None:
     """Print the map of a measure for every robot, and draw it."""
-    from contid.cli.support.progress import counting
+    from contid.cli.support.streams import counting
     from contid.units import MM_PER_M
     from contid_reach.quality import Measure, quality_map
     from contid_reach.quality_report import to_json, to_text

@@ -19,9 +19,8 @@ from contid.errors import ContidError
 from contid.kinematics.cosserat.identified import scaled_arm
 from contid.kinematics.model import Model, build_model
 from contid.robot_file.cosserat import Cosserat
-from contid.robot_file.load import parse_robot_file
+from contid.robot_file.load import load_named, parse_robot_file
 from contid.robot_file.robot import RobotDescription
-from contid.robot_file.shipped import load_named
 from contid.targets import Actuation, Target
 from contid.units import BAR
 from contid_reach.quality import Measure, QualityMap, quality_map

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import FaultLatched, ModeChanged
 from contid.control.tick.faults import PAGES, Fault
 

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 from typing import Final
 
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.buses import BusAnswered, BusChanged, BusStalled, DeviceFaultChanged
-from contid.control.engine.events.gaps import ViewerPaused
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.buses import (
+    BusAnswered,
+    BusChanged,
+    BusStalled,
+    DeviceFaultChanged,
+    PaceReported,
+    TicksSkipped,
+    TicksWaited,
+    ViewerPaused,
+)
 from contid.control.engine.events.json_form import to_json
-from contid.control.engine.events.orders import MarkReached, OrderGiven, OrderRefused
-from contid.control.engine.events.pace import PaceReported, TicksSkipped, TicksWaited
 from contid.control.engine.events.robots import (
     ContactBegan,
     FaultLatched,
     LimitNamed,
+    MarkReached,
     ModeChanged,
+    OrderGiven,
+    OrderRefused,
     RobotReported,
 )
 from contid.control.engine.events.run import LogWritten, NoteWritten, RunFailed

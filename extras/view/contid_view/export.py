@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from typing import Final
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RecordLayout
 from contid.robot_file.load import LoadedFile
 from contid_view.frames import Decimator

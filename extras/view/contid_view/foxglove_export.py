@@ -15,7 +15,7 @@ import numpy as np
 from foxglove import messages as fox
 from foxglove.channels import FrameTransformsChannel, JointStatesChannel, LogChannel, SceneUpdateChannel
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RecordLayout, RobotRecord, TickRecord
 from contid.kinematics.array import Array
 from contid.robot_file.load import LoadedFile

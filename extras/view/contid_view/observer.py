@@ -10,10 +10,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from contid.child_module import module_command
-from contid.control.daemon.spawn import ENVIRONMENT
+from contid.control.daemon.spawn import ENVIRONMENT, module_command
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.messages import Message
 from contid.control.engine.wiring import record_layout
 from contid.control.process.setup import RunSetup

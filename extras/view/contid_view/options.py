@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from contid.cli.support.added_options import Watch
-from contid.cli.support.files import NewFile
+from contid.cli.support.parameters import NewFile
 
 if TYPE_CHECKING:
     from contid.robot_file.load import LoadedFile

@@ -15,7 +15,7 @@ import sys
 from contextlib import closing
 from typing import Final
 
-from contid.control.engine.events.gaps import ViewerPaused
+from contid.control.engine.events.buses import ViewerPaused
 from contid.control.process.ring_reader import RingReader
 from contid.errors import ContidError
 from contid_view.frames import BATCH, FRAMES_HZ, Decimator

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from contid.control.engine.events.robots import FaultLatched, ModeChanged
+from contid.robot_file.load import load_named
 from contid.robot_file.sections import SectionRobot
-from contid.robot_file.shipped import load_named
 from contid_view.banner import Banner
 from contid_view.body import Cylinders, SolidBody, between
 from contid_view.body_plan import PIECES, body_plan

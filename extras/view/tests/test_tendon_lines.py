@@ -7,8 +7,7 @@ import pytest
 
 from contid.control.engine.wiring import build_robot_configs
 from contid.kinematics.tendon.model import TendonModel
-from contid.robot_file.load import with_mock
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named, with_mock
 from contid_view.robot_scene import RobotScene
 from contid_view.tendon_lines import CORNERS, DISCS, tendon_lines
 from tests.kinematics.tendon_robots import placed, random_bends, shipped

@@ -12,8 +12,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Final
 
-from contid.control.engine.events.orders import OrderGiven
-from contid.control.engine.events.robots import FaultLatched
+from contid.control.engine.events.robots import FaultLatched, OrderGiven
 from contid.control.engine.tick_layout import ENABLED, TickRecord
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.supervisor import Mode

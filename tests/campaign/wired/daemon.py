@@ -18,7 +18,7 @@ import psutil
 
 from benchmarks.lab import MEMBERS
 from contid.client import Client, ConnectionLostError, RemoteError
-from contid.control.engine.events.orders import OrderGiven
+from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.events.run import StopBegan
 from contid.remote.protocol.socket_path import is_listening
 from contid.session.read import Session

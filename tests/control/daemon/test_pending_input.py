@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from contid.control.daemon.pending_input import PendingInput
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.orders import MarkReached, OrderRefused
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.robots import MarkReached, OrderRefused
 from contid.control.engine.messages import (
     ClearFault,
     Estop,

@@ -16,7 +16,7 @@ import pytest
 from contid.control.daemon.stretch import ACCURACY, stretch
 from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import TooFastError, Unreachable
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.session.check import check_session
 from contid.session.read import Session
 from contid.trajectory.read import read_trajectory

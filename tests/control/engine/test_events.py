@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
-from contid.control.engine.events.gaps import UnknownEvent
+from contid.control.engine.events.buses import UnknownEvent
 from contid.control.engine.events.json_form import KEYS, KINDS, from_json, to_json
-from contid.control.engine.events.orders import OrderGiven, OrderRefused
+from contid.control.engine.events.robots import OrderGiven, OrderRefused
 from contid.control.engine.tick_layout import RecordLayout
 from contid.session.format.channels import EVENT, schema
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from contid.control.engine.clock import VirtualClock
+from contid.control.engine.cycle import VirtualClock
 from contid.control.engine.messages import Estop, Grip, Hold, Message, Stop
 from contid.control.engine.ports import BusTrackers
 from contid.control.engine.virtual import VirtualProcess

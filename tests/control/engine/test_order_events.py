@@ -9,7 +9,7 @@ import pytest
 from contid.control.engine import messages as msg
 from contid.control.engine.events.buses import BusAnswered
 from contid.control.engine.events.json_form import from_json, to_json
-from contid.control.engine.events.orders import OrderGiven
+from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.order_events import answer_event, answer_of, order_event, order_of
 from contid.control.engine.ports import BusReply
 from contid.control.tick.state import Effect

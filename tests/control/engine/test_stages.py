@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from contid.control.engine import stages
-from contid.control.engine.clock import VirtualClock
-from contid.control.engine.cycle import Timing
+from contid.control.engine.cycle import Timing, VirtualClock
 from contid.control.engine.engine import Engine
 from contid.control.engine.messages import ClearFault, Goto, Resume, Rows, Stop
 from contid.control.engine.ports import BusPort

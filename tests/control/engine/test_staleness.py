@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.events.json_form import to_json
 from contid.control.engine.staleness import StalenessMonitor
 from contid.hal import Sample

@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.events.run import LogWritten
 from contid.control.process.log_queue import CAPACITY, LogQueue, handle_logs
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.events.json_form import to_json
 from contid.control.process.pace import REPORT_INTERVAL_S, START_PERIODS, Pace
 

@@ -15,10 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from contid.control.engine.events.buses import BusAnswered
-from contid.control.engine.events.gaps import EventTooLong
-from contid.control.engine.events.orders import OrderGiven, OrderRefused
-from contid.control.engine.events.robots import ModeChanged
+from contid.control.engine.events.buses import BusAnswered, EventTooLong
+from contid.control.engine.events.robots import ModeChanged, OrderGiven, OrderRefused
 from contid.control.engine.tick_layout import AXIS, HEAD, ROBOT, RecordLayout, RobotLayout
 from contid.control.process import ring
 from contid.control.process.ring_reader import RingReader

@@ -7,8 +7,7 @@ import pytest
 from contid.control.tick.contact.current_contact import WITHIN_S, CurrentContact
 from contid.errors import BadInputError
 from contid.hal import Sample
-from contid.robot_file.load import parse_robot_file
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named, parse_robot_file
 
 RATE_HZ, USUAL_A, CONTACT_A = 200.0, 0.06, 0.1
 

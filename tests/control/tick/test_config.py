@@ -8,8 +8,8 @@ import pytest
 
 from contid.control.tick.config import FeedbackConfig, _loops
 from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.load import load_named
 from contid.robot_file.pneumatic.sense import LoadSensing, ModelErrors, Sense
-from contid.robot_file.shipped import load_named
 from tests.support.robot_configs import config_of
 
 FEEDBACK = FeedbackConfig(gain_per_s=1.0, limit_m=0.01, stale_s=0.1, fade_s=0.5)

@@ -20,8 +20,7 @@ from contid.control.tick.preflight.ticks import Tick, run_ticks
 from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
 from contid.robot_file.base import Quantity
-from contid.robot_file.load import LoadedFile, with_mock
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import LoadedFile, load_named, with_mock
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory

@@ -20,7 +20,7 @@ from contid.control.tick.supervisor import Mode
 from contid.control.tick.tip_feedback import Measurement
 from contid.errors import BadInputError
 from contid.hal import Sample
-from contid.kinematics.tendon.friction import play, play_series
+from contid.kinematics.tendon.capstan import play, play_series
 from contid.robot_file.load import parse_robot_file
 from contid.targets import Target
 

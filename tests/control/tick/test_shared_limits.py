@@ -19,7 +19,7 @@ from contid.control.tick.shared_limits import _ahead, _Bound, _braked, limit_sha
 from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.model import build_model
 from contid.kinematics.rack.finger import RackFingerModel
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.targets import Actuation, Target
 from tests.oracles.arcs import bends
 from tests.support.robot_configs import SLACK, config_of

@@ -19,7 +19,7 @@ from contid.hal import Sample
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.model import build_model
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid.targets import Actuation, Target
 from tests.oracles.arcs import bends, lengths_of
 

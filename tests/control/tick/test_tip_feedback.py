@@ -12,8 +12,7 @@ import pytest
 import yaml
 
 from contid.control.engine import messages as msg
-from contid.control.engine.clock import VirtualClock
-from contid.control.engine.cycle import Timing
+from contid.control.engine.cycle import Timing, VirtualClock
 from contid.control.engine.engine import Engine
 from contid.control.engine.ports import BusPort
 from contid.control.engine.wiring import build_robot_configs, open_buses

@@ -7,7 +7,7 @@ from collections import deque
 
 import pytest
 
-from contid_drivers.due.board_clock import DRIFT, BoardClock
+from contid_drivers.due.session import DRIFT, BoardClock
 
 
 @pytest.mark.parametrize("drift", [0.0, 60e-6, -60e-6])

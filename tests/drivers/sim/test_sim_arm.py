@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contid.control.engine.clock import VirtualClock
+from contid.control.engine.cycle import VirtualClock
 from contid.control.engine.wiring import open_buses
 from contid.errors import BadInputError
 from contid.hal import MeasuresTips
 from contid.kernels import load
 from contid.kinematics.cosserat.model import CosseratModel
-from contid.robot_file.load import parse_robot_file, with_mock
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named, parse_robot_file, with_mock
 from contid_drivers.sim.arm.body import SimulatedBody
 from contid_drivers.sim.arm.statics import STEPS, arm_solver, section_numbers
 from studies.shi import forward

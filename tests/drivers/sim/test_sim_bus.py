@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from contid.control.engine.clock import VirtualClock
+from contid.control.engine.cycle import VirtualClock
 from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Rest
 from contid_drivers.sim import DRIVER

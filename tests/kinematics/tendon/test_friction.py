@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid.kinematics.tendon.friction import play_series
+from contid.kinematics.tendon.capstan import play_series
 
 VALUES = st.floats(-0.02, 0.02)
 WIDTHS = st.floats(0.0, 0.003)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid.remote.protocol.estop_line import is_estop
+from contid.remote.protocol.wire import is_estop
 from tests.support.daemons import armed, daemon, raw
 from tests.support.waiting import until
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.events.run import NoteWritten
 from contid.control.engine.messages import (
     Estop,

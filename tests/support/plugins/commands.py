@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from contid.control.engine.virtual import run_virtual as engine_run_virtual
-from contid.robot_file.load import LoadedFile, with_mock
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import LoadedFile, load_named, with_mock
 from contid.trajectory.read import read_trajectory
 from tests.support.command import contid_in
 from tests.support.fingers import Collector

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from contid.control.engine.clock import RealClock
+from contid.control.engine.cycle import RealClock
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueBusOptions, Role

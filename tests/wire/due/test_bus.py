@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from contid.control.engine.clock import RealClock
+from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus, Rest
 from contid_drivers.due.bus import DueBus

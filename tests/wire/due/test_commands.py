@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from contid.cli.commands.firmware import command as firmware_command
 from contid.cli.commands.home import command as home_command
-from contid.control.engine.clock import RealClock
+from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, load_driver
 from contid.robot_file.load import load_robot_file

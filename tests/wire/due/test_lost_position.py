@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from contid.control.engine.clock import RealClock
+from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Rest
 from contid_drivers.due.bus import DueBus

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from contid.control.engine.clock import RealClock
+from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus
 from contid_drivers.due.bus import DueBus

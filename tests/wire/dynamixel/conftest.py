@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from contid.control.engine.clock import RealClock
+from contid.control.engine.cycle import RealClock
 from contid.hal import AxisOnBus, Sample
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from contid.control.engine.clock import RealClock
+from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Rest
 from contid_drivers.dynamixel import bench_tools

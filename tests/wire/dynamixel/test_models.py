@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from contid.control.engine.clock import RealClock
+from contid.control.engine.cycle import RealClock
 from contid.hal import AxisOnBus, Rest
 from contid_drivers.dynamixel import mapping
 from contid_drivers.dynamixel import registers as reg

@@ -14,7 +14,7 @@ SESSIONS: Final[dict[str, tuple[str, str]]] = {
     "check": (f"{_SUMMARY}:check", "the motion against the rules, from the records alone"),
     "export": (f"{_EXPORT}:export", "as CSV, Parquet, HDF5, for Rerun or Foxglove, or its robot file"),
     "lerobot": (f"{_EXPORT}:lerobot", "recordings as a LeRobot dataset, an episode each"),
-    "merge": ("contid.cli.commands.session.merge:command", "sessions of a fleet run on one clock"),
+    "merge": (f"{_EXPORT}:merge", "sessions of a fleet run on one clock"),
     "repair": (f"{_SUMMARY}:repair", "a truncated recording"),
 }
 

@@ -1,4 +1,4 @@
-"""``contid session export|lerobot``: recordings in the formats of other programs."""
+"""``contid session export|lerobot|merge``: recordings in the formats of other programs, and on one clock."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import click
 
 from contid import entry_points
 from contid.cli.support.added_options import ExportOption, ExtendedCommand
-from contid.cli.support.files import SESSION, NewFile
-from contid.cli.support.progress import counting
+from contid.cli.support.parameters import SESSION, NewFile
+from contid.cli.support.streams import counting
 
 if TYPE_CHECKING:
     from contid.robot_file.load import LoadedFile
@@ -106,7 +106,7 @@ def _note_cut(session: Session) -> None:
 
 def file_to_draw(session: Session, robot: str | None) -> LoadedFile:
     """The robot file for the shapes of a session: the recorded one, or another with the same axes."""
-    from contid.robot_file.shipped import load_named
+    from contid.robot_file.load import load_named
     from contid.session.differences import refuse_other_robots
 
     if robot is None:
@@ -114,3 +114,22 @@ def file_to_draw(session: Session, robot: str | None) -> LoadedFile:
     loaded = load_named(robot)
     refuse_other_robots(session, loaded)
     return loaded
+
+
+@click.command("merge")
+@click.argument("sessions", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
+@click.option(
+    "-o", "--output", required=True, type=NewFile(dir_okay=False), help="New file, for Foxglove and others."
+)
+def merge(sessions: tuple[str, ...], output: str) -> None:
+    """Lay SESSIONS of the nodes of a fleet run on one clock, in one file with channels /NODE/tick and so on.
+
+    The times are those of the machine that conducted the run. A merged file is for looking at: check, export
+    and replay take the originals.
+    """
+    from contid.session.merge import merge_sessions
+
+    report = merge_sessions([Path(path) for path in sessions], Path(output))
+    for name, count in report.messages.items():
+        start_s, bound_ms = report.start_s[name], report.bound_s[name] * 1e3
+        click.echo(f"{name}: {count} messages, from {start_s:.3f} s on (+-{bound_ms:.2f} ms)")

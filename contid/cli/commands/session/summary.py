@@ -10,8 +10,8 @@ from pathlib import Path
 
 import click
 
-from contid.cli.support.files import SESSION, NewFile
-from contid.cli.support.progress import counting
+from contid.cli.support.parameters import SESSION, NewFile
+from contid.cli.support.streams import counting
 
 #: Violations that a check lists.
 MAX_VIOLATIONS = 100

@@ -1,10 +1,12 @@
-"""What happens on a bus: answers, stalls, device faults, old data, and what its wire counted."""
+"""What is late or lost: answers of buses, old data, ticks, and what a reader of the ring did not get."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any
 
-from contid.control.engine.events.base import BusName, RunEvent, Text, TickNumber, run_event
+from contid.control.engine.events import BusName, RunEvent, Text, TickNumber, run_event
 
 
 @run_event("answer")
@@ -60,3 +62,88 @@ class BusReported(RunEvent):
 
     bus: BusName
     counts: Annotated[dict[str, int], "numbers of exchanges, and of answers that were late, silent or broken"]
+
+
+@run_event("skipped")
+class TicksSkipped(RunEvent):
+    """Ticks were skipped because an earlier one took too long."""
+
+    ticks: Annotated[int, "number of ticks"]
+    total: Annotated[int, "ticks skipped so far"]
+    longest_gap_ms: Annotated[float, "longest time between two ticks so far that others were left out of"] = (
+        0.0
+    )
+
+
+@run_event("waited")
+class TicksWaited(RunEvent):
+    """Periods without ticks passed while devices were connected, armed or cleared."""
+
+    ticks: Annotated[int, "number of periods"]
+    total: Annotated[int, "periods waited for so far"]
+    longest_gap_ms: Annotated[float, "longest time between two ticks so far that others were left out of"]
+
+
+@run_event("stalled")
+class ControlStalled(RunEvent):
+    """The control process stands still, or ticks again; the daemon tells it, and no recording has it."""
+
+    silent_s: Annotated[float, "time without a tick so far, in which it could have ticked"]
+    over: Annotated[bool, "it ticks again"]
+
+
+@run_event("stalled")
+class ControlStalled(RunEvent):
+    """The control process stands still, or ticks again; the daemon sends it, and no recording has it."""
+
+    silent_s: Annotated[float, "time without a tick so far, in which it could have ticked"]
+    over: Annotated[bool, "it ticks again"]
+
+
+@run_event("report")
+class PaceReported(RunEvent):
+    """Statistics of the ticks at the end of the run."""
+
+    ticks: Annotated[int, "number of ticks"]
+    late: Annotated[int, "ticks that started late"]
+    skipped: Annotated[int, "ticks that never started"]
+    waited: Annotated[int, "periods that passed while devices were connected, armed or cleared"]
+    lateness: Annotated[dict[str, float], "percentiles [us]"]
+    longest_gap_ms: Annotated[float, "longest time between two ticks that others were left out of"] = 0.0
+
+
+@run_event("recorder")
+class RecorderFailed(RunEvent):
+    """The control process ended without closing the ring."""
+
+    message: Text
+
+
+@run_event("overrun")
+class RecorderOverrun(RunEvent):
+    """The ring was overwritten before the recorder had read it."""
+
+    missed_ticks: Annotated[int, "ticks that are not in the file"]
+    missed_events: Annotated[int, "events that are not in the file"]
+
+
+@run_event("viewer")
+class ViewerPaused(RunEvent):
+    """The ring was overwritten before the viewer had read it; written by the viewer."""
+
+    message: Text
+
+
+@run_event("too_long")
+class EventTooLong(RunEvent):
+    """Replaces an event that does not fit into the ring."""
+
+    kind: Annotated[str, "of the event"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnknownEvent(RunEvent):
+    """An event of another version, or a damaged one."""
+
+    kind: str
+    values: Mapping[str, Any]

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, Final, get_args, get_origin, get_type_hints
 
-from contid.control.engine.events import buses, gaps, orders, pace, robots, run
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.gaps import UnknownEvent
-from contid.control.engine.events.orders import OrderGiven
+from contid.control.engine.events import RunEvent, buses, robots, run
+from contid.control.engine.events.buses import UnknownEvent
+from contid.control.engine.events.robots import OrderGiven
 
 _JSON: Final = {
     str: "string",
@@ -42,7 +41,7 @@ def _keys(kind: type[RunEvent]) -> dict[str, EventKey]:
 #: Every kind of event by the value of ``event`` in its JSON.
 KINDS: Final[Mapping[str, type[RunEvent]]] = {
     each.KIND: each
-    for module in (run, robots, orders, buses, pace, gaps)
+    for module in (run, robots, buses)
     for each in vars(module).values()
     if isinstance(each, type) and issubclass(each, RunEvent) and each.KIND
 }

@@ -1,10 +1,10 @@
-"""What happens to one robot: its mode, faults, contacts and limits, and its closing report."""
+"""What happens to a robot: its mode, faults, contacts, limits and closing report; what becomes of orders."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any
 
-from contid.control.engine.events.base import RobotName, RunEvent, Text, TickNumber, run_event
+from contid.control.engine.events import RobotName, RunEvent, Text, TickNumber, run_event
 
 
 @run_event("state")
@@ -79,3 +79,36 @@ class RobotReported(RunEvent):
 
     robot: RobotName
     report: Annotated[dict[str, Any], "mode, fault, tip errors and limits"]
+
+
+@run_event("order")
+class OrderGiven(RunEvent):
+    """An order reached the engine before a tick; its JSON has the keys of ``order`` itself."""
+
+    tick: TickNumber
+    order: Annotated[dict[str, Any], "which order"]
+
+
+@run_event("refused")
+class OrderRefused(RunEvent):
+    """An order, or a part of one, was not carried out."""
+
+    robot: RobotName = ""
+    message: Text
+
+
+@run_event("mark")
+class MarkReached(RunEvent):
+    """Every order sent before a `contid.control.engine.messages.Mark` was carried out or refused."""
+
+    number: Annotated[int, "of the mark"]
+    tick: TickNumber
+
+
+@run_event("goto")
+class GotoEnded(RunEvent):
+    """A robot reached the target of a goto, or gave up on it."""
+
+    robot: RobotName
+    arrived: Annotated[bool, "the robot holds at the target"]
+    tick: TickNumber

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from contid.control.engine.events.base import RunEvent, Text, TickNumber, run_event
+from contid.control.engine.events import RunEvent, Text, TickNumber, run_event
 
 
 @run_event("started")

@@ -8,9 +8,8 @@ from typing import TypeVar
 
 from contid.errors import ContidError
 from contid.robot_file.edit import Change, edited
-from contid.robot_file.load import load_robot_file, parse_robot_file
+from contid.robot_file.load import load_named, load_robot_file, parse_robot_file
 from contid.robot_file.robot import RobotDescription
-from contid.robot_file.shipped import load_named
 from contid.whole_file import replacing
 
 _Kind = TypeVar("_Kind", bound=RobotDescription)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 import click
 
-from contid.cli.support.files import CHANGED_FILE, FIGURE
+from contid.cli.support.parameters import CHANGED_FILE, FIGURE
 from contid.errors import ContidError
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from contid.cli.support.numbers import POSITIVE
+from contid.cli.support.parameters import POSITIVE
 from contid_fit.commands.calibration import Calibration, calibration
 
 if TYPE_CHECKING:

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import click
 
-from contid.cli.support.files import CHANGED_FILE, SESSION
-from contid.cli.support.numbers import POSITIVE
-from contid.cli.support.progress import counting
+from contid.cli.support.parameters import CHANGED_FILE, POSITIVE, SESSION
+from contid.cli.support.streams import counting
 
 
 @click.command()

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import click
 
-from contid.cli.support.files import SESSION
-from contid.cli.support.numbers import POSITIVE
-from contid.cli.support.progress import counting
+from contid.cli.support.parameters import POSITIVE, SESSION
+from contid.cli.support.streams import counting
 
 
 @click.command()

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, TextIO
 
 import click
 
-from contid.cli.support.files import ROWS_FILE
-from contid.cli.support.numbers import NumberRange
 from contid.cli.support.orders import file_option, json_option
+from contid.cli.support.parameters import ROWS_FILE, NumberRange
 from contid_fleet.commands.common_run import command as run
 from contid_fleet.commands.common_run import replay
 from contid_fleet.commands.feed import command as feed

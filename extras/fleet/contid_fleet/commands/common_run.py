@@ -8,8 +8,8 @@ from pathlib import Path
 
 import click
 
-from contid.cli.support.numbers import NumberRange
 from contid.cli.support.orders import file_option, json_option
+from contid.cli.support.parameters import NumberRange
 
 
 @click.command("run")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
-from contid.cli.support.numbers import NumberRange
 from contid.cli.support.orders import socket_option
+from contid.cli.support.parameters import NumberRange
 
 
 @click.command()

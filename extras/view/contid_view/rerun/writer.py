@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import rerun as rr
 
-from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events import RunEvent
 from contid.control.engine.measured_tip import measured_tip_error_m
 from contid.control.engine.tick_layout import RobotRecord
 from contid.control.tick.config import RobotConfig

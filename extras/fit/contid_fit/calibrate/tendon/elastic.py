@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contid.kinematics.array import Array
-from contid.kinematics.tendon.friction import play_series
+from contid.kinematics.tendon.capstan import play_series
 from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection
 
 #: The dissipation is ``sqrt(|x|^2 + SMOOTH^2)``, so that it has derivatives [rad].

@@ -1,1 +1,0 @@
-"""A simulated finger that meets an object: its servos feel it."""
