@@ -86,14 +86,6 @@ class TicksWaited(RunEvent):
 
 @run_event("stalled")
 class ControlStalled(RunEvent):
-    """The control process stands still, or ticks again; the daemon tells it, and no recording has it."""
-
-    silent_s: Annotated[float, "time without a tick so far, in which it could have ticked"]
-    over: Annotated[bool, "it ticks again"]
-
-
-@run_event("stalled")
-class ControlStalled(RunEvent):
     """The control process stands still, or ticks again; the daemon sends it, and no recording has it."""
 
     silent_s: Annotated[float, "time without a tick so far, in which it could have ticked"]
