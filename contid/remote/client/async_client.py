@@ -93,13 +93,18 @@ class AsyncClient(Procedures):
             lost = error
         except OSError as error:
             lost = self._protocol.lost(f"the connection ended ({error})")
-        self._lost = lost
+        self._end(lost)
+
+    def _end(self, lost: ConnectionLostError | RemoteError) -> None:
+        """Fail every request that waits for its response, and wake whoever waits for a notice."""
+        self._lost = self._lost or lost
         for _, future in self._waiting.values():
             if not future.done():
-                future.set_exception(lost)
+                future.set_exception(self._lost)
         self._noticed.set()
 
     def _resolve(self, request: Request, future: asyncio.Future[Fields]) -> None:
+        """Set the response to a request, or the error of it, if it has come."""
         if future.done():
             return
         try:
@@ -111,10 +116,13 @@ class AsyncClient(Procedures):
                 future.set_result(result)
 
     async def _disconnect(self) -> None:
-        self._lost = self._lost or ConnectionLostError("this client was closed")
+        """Close the connection; tasks that still wait for a response get `ConnectionLostError`."""
+        closed = ConnectionLostError("this client was closed")
+        self._lost = self._lost or closed
         if self._reading is not None:
             self._reading.cancel()
             await asyncio.gather(self._reading, return_exceptions=True)
+            self._end(closed)
         if self._wire is not None:
             await self._wire.close()
 

@@ -99,7 +99,7 @@ class DynamixelBus:
         axis, now = self._by_id[device], self._clock.now()
         if axis.may_have_reset(reading, now):
             self._doubtful[device] = reading
-        elif axis.armed or reading.voltage_low is not None or axis.marked or not self._link.indirect:
+        elif axis.watchdog_units or reading.voltage_low is not None or axis.marked or not self._link.indirect:
             axis.take(reading, now)
             self._readings[device] = reading
 
@@ -124,7 +124,7 @@ class DynamixelBus:
         if not missing and not cyclic.disturbed:
             return
         opened.client.expect_late(axis.device for axis in missing)
-        cyclic.put_last([axis.device for axis in missing if axis.misses > 1])
+        cyclic.put_last([axis.device for axis in missing if axis.dead])
         if cyclic.answers.counts.late:
             self._log_late(cyclic, "and are discarded")
 

@@ -67,7 +67,7 @@ class BusLink:
         port = ServoPort(self.name, path, options.baud, options.usb_latency_ms / 1e3)
         try:
             client = ServoClient(self.name, port, {axis.device: axis.name for axis in self.axes})
-            client.armed = self._armed
+            client.watched = self._watched
             handshake(client, self.axes, options)
             starts = [map_block(client, axis) for axis in self.axes]
             layout = common_layout(starts)
@@ -151,8 +151,8 @@ class BusLink:
         log.warning("%s: Fast Sync Read is not answered; using Sync Read, which is slower", self.name)
         return False
 
-    def _armed(self) -> list[int]:
-        return [axis.device for axis in self.axes if axis.armed]
+    def _watched(self) -> list[int]:
+        return [axis.device for axis in self.axes if axis.watchdog_units]
 
 
 def handshake(client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOptions) -> None:
