@@ -4,8 +4,9 @@ Floats have the fewest digits that read back to the same float64, so nothing is 
 replay. JSON has neither NaN nor infinity, and readers do not agree on ``1e999`` (Python and JavaScript read
 infinity, orjson, RapidJSON, Go and Rust refuse the message): a NaN has no key, and neither has an infinite
 number. The key `INFINITE` lists the paths of the infinite ones, keys joined by slashes, with a minus in front
-of negative ones: ``"infinite": ["robots/left/s1_p1/age_s", "-robots/left/s1_p1/effort"]``. A vector is recorded
-as a whole or not at all: one whose components are not all finite has no key, and all three read back as NaN.
+of negative ones: ``"infinite": ["robots/left/s1_p1/age_s", "-robots/left/s1_p1/effort"]``. A vector is
+recorded as a whole or not at all: one whose components are not all finite has no key, and all three read back
+as NaN.
 """
 
 from __future__ import annotations

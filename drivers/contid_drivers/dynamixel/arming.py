@@ -161,8 +161,8 @@ def start_watchdogs(client: ServoClient, axes: Sequence[Axis], watchdog: int) ->
 def hold_position(client: ServoClient, axis: Axis) -> None:
     """Switch the watchdog off, tripped or not, and set the goal to the present position.
 
-    Torque stays as it is, on or off. Both go out in one write, so that a servo with torque and an old goal does
-    not start towards it.
+    Torque stays as it is, on or off. Both go out in one write, so that a servo with torque and an old goal
+    does not start towards it.
     """
     device, present = axis.device, reg.PRESENT_POSITION
     # A silent servo costs the others on its bus one time-out at most.
