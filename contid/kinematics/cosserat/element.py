@@ -12,7 +12,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.section import Inflated
-from contid.kinematics.cosserat.spatial import cross, exponential, hat
+from contid.kinematics.cosserat.spatial import cross, exp_se3, hat
 
 
 @dataclass(slots=True)
@@ -87,7 +87,7 @@ def step(
             else:
                 base_R, base_p = start.R, start.p
                 du, dv = 0.5 * h * us[-1], 0.5 * h * vs[-1]
-            R, shift = exponential(du, dv)
+            R, shift = exp_se3(du, dv)
             stage = RodState(
                 base_R @ R,
                 base_p + base_R @ shift,
@@ -111,11 +111,11 @@ def step(
         if tangents:
             rates.append(_tangent_rates(inflated, stage, u, v, force, M, f, own))
     k = h / 12.0
-    R1, d1 = exponential(
+    R1, d1 = exp_se3(
         k * (3.0 * us[0] + 2.0 * us[1] + 2.0 * us[2] - us[3]),
         k * (3.0 * vs[0] + 2.0 * vs[1] + 2.0 * vs[2] - vs[3]),
     )
-    R2, d2 = exponential(
+    R2, d2 = exp_se3(
         k * (-us[0] + 2.0 * us[1] + 2.0 * us[2] + 3.0 * us[3]),
         k * (-vs[0] + 2.0 * vs[1] + 2.0 * vs[2] + 3.0 * vs[3]),
     )

@@ -1,6 +1,8 @@
-"""Vectors and screws, for the derivatives that NumPy computes beside the kernel."""
+"""Cross products and rigid motions, for the derivatives that NumPy computes beside the kernel."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,12 +21,29 @@ def cross(a: Array, b: Array) -> Array:
     )
 
 
-def exponential(u: Array, v: Array) -> tuple[Array, Array]:
-    """Rotation and shift of the screw motion ``exp(u, v)``: rotation vector u, translation part v.
+class RigidMotion(NamedTuple):
+    """A motion ``x -> R x + p``.
 
+    Attributes:
+        R: rotation matrix, shape (3, 3).
+        p: shift, shape (3,), in the unit of lengths.
+    """
+
+    R: Array
+    p: Array
+
+
+def exp_se3(u: Array, v: Array) -> RigidMotion:
+    """Exponential of a twist: the motion of a frame with constant strains over a length of 1.
+
+    K. M. Lynch, F. C. Park: "Modern Robotics", Cambridge University Press 2017, sections 3.2.3 and 3.3.3:
     ``R = I + a hat(u) + b hat(u)^2``, ``shift = (I + b hat(u) + c hat(u)^2) v`` with a = sin t / t,
     b = (1 - cos t) / t^2, c = (t - sin t) / t^3, by their series below t = 0.05, where the quotients lose
     digits (the remainder is then below 1e-17).
+
+    Args:
+        u: rotation vector [rad], shape (3,).
+        v: translation part, in the unit of lengths, shape (3,); both in the frame that moves.
     """
     t2 = float(u @ u)
     if t2 < 2.5e-3:
@@ -39,4 +58,4 @@ def exponential(u: Array, v: Array) -> tuple[Array, Array]:
     k = hat(u)
     kk = k @ k
     eye = np.eye(3)
-    return eye + a * k + b * kk, (eye + b * k + c * kk) @ v
+    return RigidMotion(eye + a * k + b * kk, (eye + b * k + c * kk) @ v)

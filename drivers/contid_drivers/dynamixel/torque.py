@@ -1,7 +1,7 @@
 """Torque of the axes of a bus, all or none: on with their watchdogs, off or at rest, and recovery.
 
 The Bus Watchdog of a servo stops it when no instruction comes for its time-out. It is also the witness of a
-reset: a servo that resets forgets its count of turns and its watchdog with it.
+reset: a servo that resets loses its count of turns, and its watchdog is off.
 """
 
 from __future__ import annotations
