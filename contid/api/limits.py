@@ -33,12 +33,12 @@ class AxisRanges:
     """Ranges and rates of the axes of a robot, in the units of the library.
 
     Attributes:
-        names: of the axes, with their unit as in trajectories: ``left_mm``.
-        min, max: of every axis, shape ``(n,)``.
+        names: names of the axes, with their unit as in trajectories: ``left_mm``.
+        min, max: limits of every axis, shape ``(n,)``.
         rest: rest pose, shape ``(n,)``.
         velocity: maximum speed of an axis, per s.
-        acceleration: per s^2.
-        jerk: per s^3.
+        acceleration: greatest acceleration, in the axis unit per s^2.
+        jerk: greatest jerk, in the axis unit per s^3.
     """
 
     names: tuple[str, ...]

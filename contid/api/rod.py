@@ -49,8 +49,8 @@ class RodShape:
 
     Attributes:
         points: positions, shape (n, 3).
-        rotations: from the frame of each cross-section to the base frame, shape (n, 3, 3); the third column
-            is the normal of the cross-section.
+        rotations: rotation matrices from the frame of each cross-section to the base frame, shape (n, 3, 3);
+            the third column is the normal of the cross-section.
         carried: part of the loads, which grow together, that the rod reaches without buckling or a jump; 1.0
             for all of them. Below 1.0 statics does not determine the shape: it is another equilibrium, if
             one was found.
@@ -67,8 +67,8 @@ class ElasticRod:
     It bends, twists, shears and stretches.
 
     Args:
-        length: of the rod.
-        radius: of its cross-section.
+        length: length of the rod.
+        radius: radius of its cross-section.
         modulus_pa: Young's modulus [Pa], in all units.
         poisson: Poisson's ratio.
         density_kg_m3: for its own weight; 0 for none.

@@ -37,10 +37,10 @@ class Arm:
     """A robot whose body is checked.
 
     Attributes:
-        name: in the robot file.
+        name: name in the robot file.
         model: kinematics, with the extra axes.
         frame: its base in the world.
-        radius_m: of its body [m].
+        radius_m: radius of its body [m].
         from_m: where the body begins [m].
         tip_free_m: length at the tip that may touch other robots [m].
         speed: greatest motion of a point of the body per change of each axis [m/m or m/Pa].
@@ -95,7 +95,7 @@ class ClearanceGuard:
 
     Args:
         file: a robot file.
-        clearance: of this file.
+        clearance: clearance of this file.
     """
 
     def __init__(self, file: RobotFile, clearance: Clearance) -> None:

@@ -34,7 +34,7 @@ class Plane:
     """A half space: everything behind a plane.
 
     Attributes:
-        point: on the plane [m].
+        point: a point on the plane [m].
         normal: unit vector that points out of the obstacle.
     """
 
@@ -56,7 +56,7 @@ class Capsule:
     """A cylinder with round ends; a sphere when both ends are one point.
 
     Attributes:
-        start, end: of its axis [m].
+        start, end: ends of its axis [m].
         radius_m: [m].
     """
 

@@ -49,7 +49,7 @@ class MeasuredChannel:
 
     Args:
         session: its head.
-        robots: of the session, by its robot file.
+        robots: robots of the session, by its robot file.
     """
 
     def __init__(self, session: Session, robots: Sequence[MeasuredRobot]) -> None:

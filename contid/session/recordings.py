@@ -78,8 +78,8 @@ class Recordings:
     """The recordings of one run; a `contid.control.daemon.interfaces.RunObserver`.
 
     Args:
-        folder: of the files.
-        options: of the run, for the metadata.
+        folder: path of the files.
+        options: options of the run, for the metadata.
         run: the recording of the whole run, if there is one; it is listed, and ends with the run only.
     """
 

@@ -32,8 +32,8 @@ class Template:
     """A shipped robot file and the places in it that a copy may change.
 
     Attributes:
-        name: of the shipped file.
-        text: of the file.
+        name: name of the shipped file.
+        text: content of the file.
         ports: port of every bus that has one, by bus.
         ids: id of every axis that has one, by ``ROBOT.AXIS`` in file order.
     """
@@ -96,8 +96,8 @@ def write_copy(
 
     Args:
         template: what is copied.
-        path: of the new file.
-        ports: by bus, those that change.
+        path: path of the new file.
+        ports: ports that change, by bus.
         ids: by ``ROBOT.AXIS``, those that change.
 
     Raises:

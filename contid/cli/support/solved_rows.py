@@ -29,7 +29,7 @@ class InverseBlock(NamedTuple):
     Attributes:
         actuation: shape ``(rows, axes)`` [m or Pa].
         residual_m: shape ``(rows,)``.
-        reports: of each row whether it converged, its limits, and iterations.
+        reports: for each row, whether it converged, its limits, and iterations.
     """
 
     actuation: Array
@@ -41,7 +41,7 @@ class InverseRows(RobotRows[InverseBlock]):
     """Actuation for targets; each row starts from the answer of the one before, the first from rest.
 
     Args:
-        name: of the robot.
+        name: name of the robot.
         robot: its description.
         bare: only the columns that `contid fk` and `run` read; a row out of reach ends the conversion.
     """
@@ -123,7 +123,7 @@ class ForwardRows(RobotRows[Table]):
     """Tips of actuations.
 
     Args:
-        name: of the robot.
+        name: name of the robot.
         robot: its description.
         pose: also the direction of the tip and the mid-point.
         frame: also the direction and the x axis of the tip.

@@ -138,7 +138,7 @@ def feasible_share(outside: Array, inside: Array) -> float:
 
     Args:
         outside: excess of each limit at the other point.
-        inside: at the feasible point, none positive.
+        inside: values at the feasible point, none positive.
     """
     share = 1.0
     for there, here in zip(outside, inside, strict=True):

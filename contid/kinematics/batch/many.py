@@ -31,9 +31,9 @@ def forward_many(
 
     Args:
         model: of `build_model`.
-        actuations: in the model's order [m or Pa], shape ``(rows, axes)``.
+        actuations: actuations in the model's order [m or Pa], shape ``(rows, axes)``.
         load_n: known forces on the tip [N], shape ``(rows, 3)`` or ``(3,)``.
-        threads: to divide the rows between; None for every processor this process may use.
+        threads: number of threads to divide the rows between; None for every processor this process may use.
 
     Raises:
         ValueError: a wrong shape or number of threads.
@@ -52,12 +52,12 @@ def inverse_many(
 
     Args:
         model: of `build_model`.
-        targets: in the base frame.
+        targets: targets in the base frame.
         seeds: the last commanded actuation [m or Pa], one for all rows ``(axes,)`` or one per row
             ``(rows, axes)``.
         chained: each row starts from the answer of the row before, the first from ``seeds`` ``(axes,)``; one
             thread then does all rows.
-        threads: to divide the rows between; None for every processor this process may use.
+        threads: number of threads to divide the rows between; None for every processor this process may use.
 
     Raises:
         ValueError: a wrong shape or number of threads, or a target of a kind the model does not take.

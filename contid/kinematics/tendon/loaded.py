@@ -149,11 +149,11 @@ class LoadedTendonModel(TendonModel):
 
         Args:
             goal: rows of the target [m].
-            target: with its load.
-            seed: of the arcs.
+            target: target with its load.
+            seed: a guess of the arcs.
             unknown: the target of the arcs, and the tightness of each section as a stretch [m].
             rod: an equilibrium to start from.
-            rounds: at most.
+            rounds: greatest number of rounds.
         """
         count, n_per_m = len(goal), self.statics.tendon_n_per_m
         slope = np.eye(len(unknown))

@@ -53,13 +53,16 @@ class TendonStatics:
     """Balance of tendons and backbone.
 
     Attributes:
-        geometry: sections and tendons. bending_nm: K, bending stiffness of each section over its length [N
-        m/rad]. tendon_n_per_m: k, stiffness of each tendon [N/m], shape ``(tendons,)``. floor_n: least
-        tension [N]. limit_n: largest tension [N]. slack_free: n, relative tensions that do not bend, shape
-        ``(tendons,)``; mean 1 in each section. rest_n: tau0, tensions of the straight robot at zero pulls
-        [N], shape ``(tendons,)``. demand: tensions per bend before any tightening; they may be negative
-        [N/rad], shape ``(tendons, 2 sections)``. bends_by_pulls: matrix that turns pulls q into bends Theta
-        [rad/m], shape ``(2 sections, tendons)``.
+        geometry: sections and tendons.
+        bending_nm: K, bending stiffness of each section over its length [N m/rad].
+        tendon_n_per_m: k, stiffness of each tendon [N/m], shape ``(tendons,)``.
+        floor_n: least tension [N].
+        limit_n: largest tension [N].
+        slack_free: n, relative tensions that do not bend, shape ``(tendons,)``; mean 1 in each section.
+        rest_n: tau0, tensions of the straight robot at zero pulls [N], shape ``(tendons,)``.
+        demand: tensions per bend before any tightening [N/rad], shape ``(tendons, 2 sections)``; they may be
+            negative.
+        bends_by_pulls: matrix that turns pulls q into bends Theta [rad/m], shape ``(2 sections, tendons)``.
     """
 
     geometry: TendonGeometry

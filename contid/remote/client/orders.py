@@ -30,12 +30,12 @@ class Orders(ABC):
     """A connection to a daemon.
 
     Args:
-        path: of the socket, or an address (``fleet:FLEET/NODE``); None for the only running daemon.
-        name: of this client in the daemon's messages.
+        path: path of the socket, or an address (``fleet:FLEET/NODE``); None for the only running daemon.
+        name: name of this client in the daemon's messages.
         timeout_s: how long to wait for a response.
 
     Attributes:
-        path: of the socket, or the address, once connected.
+        path: path of the socket, or the address, once connected.
         hello: the daemon's greeting: protocol, version, name, number of this client.
     """
 

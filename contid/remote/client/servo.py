@@ -34,7 +34,7 @@ class ServoState:
         step: number of this period, from 0.
         time_s: time since the first period [s].
         robots: newest telemetry by robot: ``state``, ``fault``, ``tip_mm``, ``command``, ``measured``.
-        tick: of that telemetry.
+        tick: tick of that telemetry.
         refused: why the last set-point was refused (its robots hold), "" otherwise.
     """
 

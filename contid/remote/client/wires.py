@@ -34,7 +34,7 @@ class Address(Protocol):
     """Where a daemon is, other than at a socket.
 
     Attributes:
-        name: in messages.
+        name: name in messages.
     """
 
     name: str

@@ -50,7 +50,7 @@ class RemoteError(ContidError):
 
     Attributes:
         code: of `Code`.
-        faults: by robot in FAULT its number, name, cause, reaction and remedy.
+        faults: for each robot in FAULT, its number, name, cause, reaction and remedy.
     """
 
     def __init__(self, code: Code | str, message: str, faults: Mapping[str, Fields] | None = None) -> None:

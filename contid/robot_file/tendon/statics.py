@@ -18,9 +18,11 @@ class Tension(Strict):
 
     Attributes:
         floor_n: least tension; the straight robot is pretensioned to it, and a tendon below it counts as
-        slack. max_n: largest tension; at least twice ``floor_n``. bending_n_mm2: bending stiffness E I of the
-        backbone: one number for all, or one per section. tendon_n_per_mm: axial stiffness of a tendon between
-        its spool and its disc: one number for all, or one per section.
+            slack.
+        max_n: largest tension; at least twice ``floor_n``.
+        bending_n_mm2: bending stiffness E I of the backbone: one number for all, or one per section.
+        tendon_n_per_mm: axial stiffness of a tendon between its spool and its disc: one number for all, or
+            one per section.
     """
 
     floor_n: Positive

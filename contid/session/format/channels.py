@@ -63,7 +63,7 @@ def fields(layout: RecordLayout, device_units: Mapping[str, str], channel: str) 
     """Every value of a channel's messages, in order.
 
     Args:
-        layout: of the records.
+        layout: layout of the records.
         device_units: ``rad`` or ``pa`` by ``ROBOT.AXIS``.
         channel: one of `TICK_CHANNELS`.
     """

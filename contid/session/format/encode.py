@@ -85,7 +85,8 @@ class Encoder:
             self._forms.clear()
         form = _Form([], [])
         for channel_fields in self._fields:
-            present, absent = [], []
+            present: list[Field] = []
+            absent: list[Field] = []
             for field in channel_fields:
                 finite_field = field.required or all(finite[slot] for slot in field.slots)
                 (present if finite_field else absent).append(field)

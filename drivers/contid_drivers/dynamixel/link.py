@@ -43,7 +43,7 @@ class BusLink:
     """The port of one bus, open, closed or lost.
 
     Attributes:
-        counts: of answers since the bus was made.
+        counts: numbers of answers since the bus was made.
         indirect: the cyclic exchange reads mapped bytes.
     """
 

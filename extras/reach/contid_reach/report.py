@@ -32,7 +32,7 @@ class ReachReport:
 
     Attributes:
         areas_cm2, volumes_cm3: by robot, planar and spatial ones.
-        overlaps: by pair, in the unit of its robots (cm^2 or cm^3).
+        overlaps: overlaps by pair, in the unit of its robots (cm^2 or cm^3).
         regions: planar regions in the world [m], for plots.
         volumes: voxels, for plots.
         comparison: lines of the paper's comparison, name -> cm^2.

@@ -139,10 +139,10 @@ def section_constants(
             moment[1] -= chamber_area * NEWTON_PER_BAR_MM2 * x
         pair_moments += [moment_scale * section.bending_gain * part for part in moment]
     modulus = [modulus_scale * b for b in section.modulus_pa]
-    return SectionConstants(
+    return SectionConstants._make((
         section.length_mm, section.link_mm, area, inertia, 2.0 * inertia, push, *pair_moments, *modulus,
         section.modulus_up_to_bar,
-    )  # fmt: skip
+    ))  # fmt: skip
 
 
 def arm_solver(robot: Cosserat) -> Solve:

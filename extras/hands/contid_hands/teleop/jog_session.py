@@ -78,12 +78,12 @@ class JogSession:
     """Jogs one robot.
 
     Attributes:
-        rate_hz: of set-points, unless the tick is slower.
+        rate_hz: rate of set-points, unless the tick is slower.
         robot: the robot.
 
     Args:
-        client: of the daemon.
-        console: of the operator.
+        client: connection to the daemon.
+        console: terminal of the operator.
         options: robot, hold time, speed, space.
 
     Raises:

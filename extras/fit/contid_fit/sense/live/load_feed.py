@@ -31,7 +31,7 @@ class CountedLoad:
     """An estimate that counts.
 
     Attributes:
-        time_s: of its newest measurement.
+        time_s: time of its newest measurement.
         force_n: world frame.
         margin: more of it may be added.
     """
@@ -65,7 +65,7 @@ def certain_share(force_n: Vec3, covariance: Sequence[float]) -> float:
 
     Args:
         force_n: estimated.
-        covariance: of it, row-major [N^2], shape ``(9,)``.
+        covariance: covariance of the load, row-major [N^2], shape ``(9,)``.
     """
     a, b, c, _, d, e, _, _, f = covariance
     squared = squared_distance(force_n, (a, b, c, d, e, f))
@@ -79,8 +79,8 @@ def fed(
 
     Args:
         before: after the previous tick.
-        now_s: of this tick.
-        period_s: of the tick.
+        now_s: time of this tick.
+        period_s: period of the tick.
         estimate: newest that counts; None without one.
         known_n: load of the present target, world frame.
     """

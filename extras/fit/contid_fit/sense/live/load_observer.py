@@ -49,7 +49,7 @@ class LoadFound:
     Attributes:
         time_s: capture of the newest measurement in it, in the time of the tick.
         force_in_base: [N].
-        covariance: of it, row-major [N^2].
+        covariance: covariance of the force, row-major [N^2].
         settled: the average is as long as its time constant.
         held, margin: the arm is stable under 1.25 and 1.5 times this force; False where that was not
             examined.
@@ -68,7 +68,7 @@ class LoadObserver:
 
     Args:
         robot: its description, with a ``sense``.
-        period_s: of the tick.
+        period_s: period of the tick.
 
     Attributes:
         arm: with the error of its model.

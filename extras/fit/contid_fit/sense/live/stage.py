@@ -31,9 +31,9 @@ class LoadSensingStage(TickStage):
     """The force on the tip of one arm.
 
     Args:
-        index: of its robot.
+        index: index of its robot.
         sensing: its description, with a ``sense``.
-        parts: of the engine.
+        parts: parts of the engine.
     """
 
     def __init__(self, index: int, sensing: Cosserat, parts: EngineParts) -> None:
