@@ -148,11 +148,11 @@ class Sim:
     # -- a sink of the engine ----------------------------------------------------------------------------
 
     def write(self, values: list[float]) -> None:
-        """See `contid.control.engine.cycle.Sink`."""
+        """One tick, all values of the layout in order (`contid.control.engine.cycle.Sink`)."""
         self._values = values
 
     def event(self, event: RunEvent) -> None:
-        """See `contid.control.engine.cycle.Sink`."""
+        """One event (`contid.control.engine.cycle.Sink`)."""
         if not isinstance(event, OrderGiven):  # every step emits one
             self.events.append(event)
 

@@ -182,7 +182,7 @@ class TendonModel:
         return tuple(np.clip(pulls, self.lower, self.upper).tolist())
 
     def excess(self, actuation: Actuation) -> Array:
-        """See `PullLimits.excess`."""
+        """By how much limits of travel, tension and bends are exceeded by pulls [m], negative inside."""
         return self._limits.excess(actuation)
 
     @property

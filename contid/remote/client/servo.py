@@ -73,7 +73,7 @@ class ServoReport:
 
 
 async def servo(client: Orders, rate_hz: float, controller: Controller) -> ServoReport:
-    """See `Procedures.servo`."""
+    """Follow the set-points of a controller, called at a fixed rate with the newest telemetry."""
     tick_hz = float((await client.describe())["rate_hz"])
     if not 0.0 < rate_hz <= tick_hz:
         message = f"rate_hz={rate_hz:g}: allowed: above 0, up to the rate of the daemon, {tick_hz:g} Hz"

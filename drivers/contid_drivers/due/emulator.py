@@ -193,7 +193,7 @@ def _follow(control: ControlFile, ended: threading.Event) -> None:
 def emulate(
     name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], control: Path | None = None
 ) -> Iterator[Sequence[str]]:
-    """See `contid.hal.Emulates`: the board of one bus at the port of its options."""
+    """Emulate a bus (`contid.hal.Emulates`): the board of one bus at the port of its options."""
     path = Path(options.port)
     if path.exists() and path.is_char_device() and not path.is_symlink():
         raise DeviceError(name, f"{path} is a real device", "name a path that does not exist yet")

@@ -58,7 +58,7 @@ class BusLink:
         self._lost: DeviceLostError | None = None
 
     def open(self) -> None:
-        """See `contid.hal.Bus.open`."""
+        """Connect, and check that the devices of the robot file answer (`contid.hal.Bus.open`)."""
         if self.reachable is not None:
             return
         self.close()
@@ -94,7 +94,7 @@ class BusLink:
         cyclic.fast = self.probe_fast()
 
     def close(self) -> None:
-        """See `contid.hal.Bus.close`."""
+        """Close the port. Idempotent; never changes torque (`contid.hal.Bus.close`)."""
         if self._opened is not None:
             self._opened.client.port.close()
         self._opened = self._lost = None
