@@ -65,15 +65,15 @@ class LimitBits:
 
     def translated(self, solutions: Solutions) -> NDArray[np.uint64]:
         """``limited_by`` of a batch, whose bits have an order of their own, in the order of `names`."""
-        given = solutions.rows["limited_by"]
-        found = np.zeros(len(given), dtype=np.uint64)
-        limited = np.flatnonzero(given)
+        bits = solutions.rows["limited_by"]
+        translated = np.zeros(len(bits), dtype=np.uint64)
+        limited = np.flatnonzero(bits)
         for k, name in enumerate(solutions.limit_names):
-            here = limited[(given[limited] >> np.uint64(k)) & np.uint64(1) != 0]
-            if len(here):
+            with_this_limit = limited[(bits[limited] >> np.uint64(k)) & np.uint64(1) != 0]
+            if len(with_this_limit):
                 place = self._places.setdefault(name, len(self._places))
-                found[here] |= np.uint64(1 << min(place, BITS - 1))
-        return found
+                translated[with_this_limit] |= np.uint64(1 << min(place, BITS - 1))
+        return translated
 
     def of(self, bits: int) -> tuple[str, ...]:
         """The names of the bits that are set."""

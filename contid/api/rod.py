@@ -167,10 +167,10 @@ class ElasticRod:
                 )
             starts = (0.0, *ends[:-1])
             pieces = tuple(self._section.cut(end - start) for start, end in zip(starts, ends, strict=True))
-            none = np.zeros(3 * len(ends))
+            zeros = np.zeros(3 * len(ends))
             error = ERROR * self._section.length
             self._solvers.clear()
             self._solvers[ends] = RodSolver(
-                RodSetup(Rod(pieces), Loads(), Limits(none, none, none), ELEMENTS, error, 0.0, 1.0, False)
+                RodSetup(Rod(pieces), Loads(), Limits(zeros, zeros, zeros), ELEMENTS, error, 0.0, 1.0, False)
             )
         return self._solvers[ends]

@@ -107,9 +107,9 @@ class LoadedTendonModel(TendonModel):
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone and rigid pieces at equal arc length, base offset first, shape (points, 3) [m]."""
         curve = self.rod.curve(self.equilibrium(actuation, load_n, derivatives=False).strain, _PARTS)
-        along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))))
-        at = np.linspace(0.0, along[-1], points)
-        shape = np.stack([np.interp(at, along, column) for column in curve.T], axis=1)
+        lengths = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))))
+        even_lengths = np.linspace(0.0, lengths[-1], points)
+        shape = np.stack([np.interp(even_lengths, lengths, column) for column in curve.T], axis=1)
         if self._rod_correction is not None:
             shape[-1] += self._rod_correction.at(np.asarray(actuation))
         return shape

@@ -73,21 +73,21 @@ def configure(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> 
     read_own_limit(client, axis)
     for register, value in settings(axis, options):
         try:
-            found = client.read(device, register)
+            present = client.read(device, register)
         except ServoRefusedError:
             if register is reg.STARTUP:  # not in older firmware, and then not active
                 continue
             raise
-        if found == value:
+        if present == value:
             continue
         if register.eeprom and torque:
             raise DeviceError(
                 client.name(device),
-                f"{register.name} is {found}, the robot file requires {value}, and torque is on",
+                f"{register.name} is {present}, the robot file requires {value}, and torque is on",
                 "it can only be changed without torque: support the robot and relax it first",
             )
         under = " under torque" if torque else ""
-        log.info("%s: %s %d -> %d%s", client.name(device), register.name, found, value, under)
+        log.info("%s: %s %d -> %d%s", client.name(device), register.name, present, value, under)
         client.write(device, register, value)
         if register is reg.OPERATING_MODE:
             turns.store(client, axis, axis.turns)
