@@ -7,6 +7,7 @@ are constant, it is exact. The equations are in `statics`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,14 +28,21 @@ class RodState:
     dmu: Array
 
 
-def strains(inflated: Inflated, R: Array, N: Array, M: Array) -> tuple[Array, Array]:
-    """Strains u, v in the body frame under the total force N and moment M (eq. 4 in total-wrench form)."""
+class Strains(NamedTuple):
+    """Strains of a cross-section in the body frame: u, bends and twist [1/mm]; v, shears and stretch."""
+
+    u: Array
+    v: Array
+
+
+def strains(inflated: Inflated, R: Array, N: Array, M: Array) -> Strains:
+    """Strains under the total force N [N] and moment M [N·mm] in the base frame (eq. 4, total wrench)."""
     m, n = R.T @ M, R.T @ N
     u = inflated.curvature + np.array([inflated.bend * m[0], inflated.bend * m[1], inflated.twist * m[2]])
     v = np.array(
         [inflated.shear * n[0], inflated.shear * n[1], 1.0 + inflated.strain + inflated.axial * n[2]],
     )
-    return u, v
+    return Strains(u, v)
 
 
 def turn_rate(inflated: Inflated, e: Array, wrench: Array) -> Array:

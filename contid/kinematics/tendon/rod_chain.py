@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -13,8 +13,15 @@ from contid.kinematics.array import Array
 _TERMS: Final = range(12)
 
 
-def place_elements(strain: Array, lengths_m: Array, rigid_m: Array, base_m: float) -> tuple[Array, Array]:
-    """The start and the ends of the elements [m], ``(elements + 1, 3)``, and the frame of the last end.
+class PlacedElements(NamedTuple):
+    """Start and ends of the elements [m], ``(elements + 1, 3)``; rotation of the last end to the base."""
+
+    points: Array
+    last_frame: Array
+
+
+def place_elements(strain: Array, lengths_m: Array, rigid_m: Array, base_m: float) -> PlacedElements:
+    """Chain the elements of a rod one after the other, from ``base_m`` above the origin along z.
 
     An element turns by ``w = (-v, u, t)`` with bend (u, v) and twist t, and its end lies at
 
@@ -36,7 +43,7 @@ def place_elements(strain: Array, lengths_m: Array, rigid_m: Array, base_m: floa
     for n, (end, turn) in enumerate(zip(ends, turns, strict=True)):
         points[n + 1] = points[n] + frame @ end
         frame = frame @ turn
-    return points, frame
+    return PlacedElements(points, frame)
 
 
 def _series(square: Array, offset: int) -> Array:
