@@ -71,7 +71,7 @@ class ElasticRod:
         radius: radius of its cross-section.
         modulus_pa: Young's modulus [Pa], in all units.
         poisson: Poisson's ratio.
-        density_kg_m3: for its own weight; 0 for none.
+        density_kg_m3: density, for the weight of the rod; 0 for no weight.
         si: m and N·m instead of mm and N·mm.
 
     Raises:

@@ -98,7 +98,7 @@ def write_copy(
         template: what is copied.
         path: path of the new file.
         ports: ports that change, by bus.
-        ids: by ``ROBOT.AXIS``, those that change.
+        ids: ids that change, by ``ROBOT.AXIS``.
 
     Raises:
         BadInputError: the copy would be invalid, as with one id twice; nothing was written.

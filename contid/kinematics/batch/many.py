@@ -30,7 +30,7 @@ def forward_many(
     """Poses of the tip in the base frame, a row of `POSE` per row of actuation.
 
     Args:
-        model: of `build_model`.
+        model: a model that `build_model` made.
         actuations: actuations in the model's order [m or Pa], shape ``(rows, axes)``.
         load_n: known forces on the tip [N], shape ``(rows, 3)`` or ``(3,)``.
         threads: number of threads to divide the rows between; None for every processor this process may use.
@@ -51,7 +51,7 @@ def inverse_many(
     """Actuation for each target, inside every limit.
 
     Args:
-        model: of `build_model`.
+        model: a model that `build_model` made.
         targets: targets in the base frame.
         seeds: the last commanded actuation [m or Pa], one for all rows ``(axes,)`` or one per row
             ``(rows, axes)``.

@@ -49,7 +49,7 @@ class RemoteError(ContidError):
     """The daemon refused a request.
 
     Attributes:
-        code: of `Code`.
+        code: one of the codes of `Code`.
         faults: for each robot in FAULT, its number, name, cause, reaction and remedy.
     """
 

@@ -27,7 +27,7 @@ class SectionGeometry(Strict):
             bar (eq. 20); `contid calibrate modulus` fits them.
         modulus_up_to_bar: x is clamped here (the printed fits rise again beyond, or were not measured).
         bending_gain: scale of the pressure's bending moment; 1 as derived.
-        density_kg_m3: of the silicone; 0 for no weight.
+        density_kg_m3: density of the silicone; 0 for no weight.
         link_mass_g: mass of the rigid part.
     """
 

@@ -38,8 +38,8 @@ class BoardFault(Strict):
     """One fault switch, and its keys in a control file.
 
     Attributes:
-        fault: of one channel, which ``silent`` takes off the board; of the line; or an event.
-        channel: for faults of a channel.
+        fault: fault of one channel, which ``silent`` takes off the board; of the line; or an event.
+        channel: number of the channel, for faults of one.
         on: false ends a fault of a channel or of the line.
         ms: duration of an event; without end if left out.
     """

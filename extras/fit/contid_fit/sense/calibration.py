@@ -83,7 +83,7 @@ class LoadCalibration:
         names: names of the parameters of the family.
         parameters: values of the parameters of the family.
         middle: middle of the range of every axis [m or Pa], shape ``(k,)``.
-        correction: of every axis its offset [m or Pa], its gain, half its loop [m or Pa]; shape ``(3k,)``.
+        correction: for every axis its offset [m or Pa], its gain, half its loop [m or Pa]; shape ``(3k,)``.
         covariance: covariance of correction and parameters together.
         axis_sigma: standard deviation of the remaining error of an axis [m or Pa].
         tip_sigma_m: standard deviation of the tip that no axis and no tracker explains [m].
@@ -133,7 +133,7 @@ def calibrate_without_load(
     """Identify the error of a model from poses without load.
 
     Args:
-        family: of the arm.
+        family: family of error models of the arm.
         actuations: commanded [m or Pa], shape ``(n, k)``; spread over the range.
         sides: side of the hysteresis of every axis, from `contid_fit.sense.play.HysteresisSides`,
             shape ``(n, k)``.

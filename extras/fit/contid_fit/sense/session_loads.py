@@ -62,7 +62,7 @@ def session_calibration(
         name: name of the arm.
         robot: its description.
         noise_m: standard deviation of one measured tip [m].
-        reported: of what the regulators reported, as the tick has it, instead of the commands.
+        reported: True to use what the regulators reported, as the tick does, instead of the commands.
 
     Raises:
         CalibrationError: too few rests with measured tips.

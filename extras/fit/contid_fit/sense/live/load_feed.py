@@ -32,8 +32,8 @@ class CountedLoad:
 
     Attributes:
         time_s: time of its newest measurement.
-        force_n: world frame.
-        margin: more of it may be added.
+        force_n: estimated force on the tip, in the world frame.
+        margin: True when the arm is stable under 1.5 times the estimate; without it ``added_n`` may not grow.
     """
 
     time_s: float
@@ -46,9 +46,9 @@ class FedLoad:
     """State of one robot.
 
     Attributes:
-        added_n: to the load of the targets (x above), world frame.
-        estimate_n: newest that counted, world frame.
-        margin: of it.
+        added_n: force added to the load of the targets (x above), in the world frame.
+        estimate_n: newest estimate that counted, in the world frame.
+        margin: `CountedLoad.margin` of that estimate.
         used_s: its time; -inf before the first.
         faded_from_n: what was added when fading began.
     """

@@ -71,7 +71,7 @@ class LoadObserver:
         period_s: period of the tick.
 
     Attributes:
-        arm: with the error of its model.
+        arm: model of the arm with its identified errors.
         trace: the pressures of the newest ticks.
     """
 
