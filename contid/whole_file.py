@@ -23,8 +23,8 @@ def replacing(path: Path, mode: int | None = None) -> Iterator[BinaryIO]:
     The new file has no name until then, so that nothing is left when this process is killed.
 
     Args:
-        path: of the file.
-        mode: of the new file; None for that of an existing one, else the usual one.
+        path: path of the file.
+        mode: mode of the new file; None for that of an existing one, else the usual one.
 
     Raises:
         ContidError: the file cannot be written; an existing one is unchanged.

@@ -1,6 +1,7 @@
 """Points and vectors of many rows between the world and a base frame, bit for bit as `BaseFrame`.
 
-Planar robots have two columns: z is 0.
+Bit for bit: sums are in the order of `BaseFrame`, so that a row of an array and a single target give the same
+numbers. Planar robots have two columns: z is 0.
 """
 
 from __future__ import annotations
@@ -12,17 +13,25 @@ from contid.kinematics.frames import BaseFrame
 
 
 class PlacedRows:
-    """The base frame of a robot applied to arrays ``(N, d)`` [m]; d is 2 for planar robots, else 3."""
+    """The base frame of a robot applied to arrays.
+
+    Args:
+        frame: pose of the base in the world.
+        dimension: d, the columns of points in the world: 2 for planar robots, else 3.
+
+    Attributes:
+        dimension: the same.
+    """
 
     def __init__(self, frame: BaseFrame, dimension: int) -> None:
-        #: From the base to the world; row by row for sums in the order of `BaseFrame`.
+        #: Rotation matrix from the base to the world, its nine numbers row by row.
         self._r = frame.rotation
         self._matrix = np.array(frame.rotation).reshape(3, 3)
         self._origin = frame.origin_in_world
         self.dimension = dimension
 
     def points_in_base(self, points: Array) -> Array:
-        """Points of the world, ``(N, d)``, in the base frame, ``(N, 3)``."""
+        """Points of the world ``(N, d)`` [m] in the base frame ``(N, 3)`` [m]."""
         x, y, z = self._columns(points)
         ox, oy, oz = self._origin
         return self._to_base(x - ox, y - oy, z - oz)
@@ -32,7 +41,7 @@ class PlacedRows:
         return self._to_base(*self._columns(vectors))
 
     def points_in_world(self, points: Array) -> Array:
-        """Points of the base frame, ``(..., 3)``, in the world, ``(..., d)``."""
+        """Points of the base frame ``(..., 3)`` [m] in the world ``(..., d)`` [m]."""
         world = self._to_world(points)
         for axis, origin in enumerate(self._origin):
             world[..., axis] += origin

@@ -39,8 +39,8 @@ class Robot(DescribedRobots):
         si: m and Pa instead of mm and bar.
 
     Attributes:
-        names: of the robots with actuators.
-        units: of all arrays.
+        names: names of the robots with actuators.
+        units: units of all arrays.
 
     Raises:
         ContidError: no such file or name; the file has mistakes; the kernels are not compiled.
@@ -135,7 +135,7 @@ class Robot(DescribedRobots):
 
         Args:
             tips: columns x, y and, for spatial robots, z.
-            direction: of the body at its tip; its length does not matter. One row is for all tips.
+            direction: direction of the body at its tip; its length does not matter. One row is for all tips.
             rotation: frame of the tip instead of a direction, as `fk` gives it: matrices ``(..., 3, 3)``.
                 With the tip it fixes six numbers; for spatial arms with that many axes or bends.
             mid: position of the end of the first section.
@@ -250,8 +250,8 @@ class Robot(DescribedRobots):
             actuation: columns `axes`; the rest pose when there are no points either.
             points: positions, such as targets.
             values: one per point, for its colour: ``answer.residual``.
-            label: of the bar of colours.
-            axes: to draw into; of a projection in space for spatial robots.
+            label: label of the bar of colours.
+            axes: axes to draw into; of a projection in space for spatial robots.
 
         Raises:
             ArgumentError: wrong shape, or not finite.

@@ -48,8 +48,8 @@ class RodShape:
 
     Attributes:
         points: positions, shape (n, 3).
-        rotations: from the frame of each cross-section to the base frame, shape (n, 3, 3); the third column
-            is the normal of the cross-section.
+        rotations: rotation matrices from the frame of each cross-section to the base frame, shape (n, 3, 3);
+            the third column is the normal of the cross-section.
         carried: part of the loads, which grow together, that the rod reaches without buckling or a jump; 1.0
             for all of them. Below 1.0 statics does not determine the shape: it is another equilibrium, if
             one was found.
@@ -66,11 +66,11 @@ class ElasticRod:
     It bends, twists, shears and stretches.
 
     Args:
-        length: of the rod.
-        radius: of its cross-section.
+        length: length of the rod.
+        radius: radius of its cross-section.
         modulus_pa: Young's modulus [Pa], in all units.
         poisson: Poisson's ratio.
-        density_kg_m3: for its own weight; 0 for none.
+        density_kg_m3: density, for the weight of the rod; 0 for no weight.
         si: m and N·m instead of mm and N·mm.
 
     Raises:
@@ -166,10 +166,10 @@ class ElasticRod:
                 )
             starts = (0.0, *ends[:-1])
             pieces = tuple(self._section.cut(end - start) for start, end in zip(starts, ends, strict=True))
-            none = np.zeros(3 * len(ends))
+            zeros = np.zeros(3 * len(ends))
             error = ERROR * self._section.length
             self._solvers.clear()
             self._solvers[ends] = RodSolver(
-                RodSetup(Rod(pieces), Loads(), Limits(none, none, none), ELEMENTS, error, 0.0, 1.0, False)
+                RodSetup(Rod(pieces), Loads(), Limits(zeros, zeros, zeros), ELEMENTS, error, 0.0, 1.0, False)
             )
         return self._solvers[ends]

@@ -34,9 +34,9 @@ class RowArguments:
     """Converts arguments of one robot; every method raises `ArgumentError` for wrong ones.
 
     Attributes:
-        name: of the robot, for messages.
+        name: name of the robot, for messages.
         robot: its description.
-        units: of the arrays given.
+        units: units of the arrays given.
         placed: its base frame.
         axes: columns of an actuation.
     """

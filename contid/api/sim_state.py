@@ -28,7 +28,7 @@ class SimRobot:
         fault: number of the latched fault, 0 without; `contid fault NUMBER` explains it.
         command: actuation commanded in this tick, extra axes last.
         measured: actuation that the simulated devices reported.
-        tip: of the measured actuation, world frame; columns x, y and for spatial robots z.
+        tip: tip of the measured actuation, world frame; columns x, y and for spatial robots z.
         residual: distance between the target and what the solution reaches; NaN without a target.
         converged: the solution meets the target.
         refused: why the last target was refused; the robot holds. "" otherwise.
@@ -51,7 +51,7 @@ class SimState:
     Attributes:
         tick: its number.
         time_s: virtual time.
-        robots: by name; ``state["left"]`` is short for ``state.robots["left"]``.
+        robots: robots by name; ``state["left"]`` is short for ``state.robots["left"]``.
     """
 
     tick: int

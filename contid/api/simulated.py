@@ -37,15 +37,15 @@ class Sim:
     Args:
         file: a robot file, or the name of a shipped one; its devices are simulated.
         si: m and Pa instead of mm and bar.
-        rate_hz: of the tick; that of the file when left out.
+        rate_hz: rate of the tick; that of the file when left out.
         unreachable: ``refuse``: a robot holds while its target is out of reach; ``nearest``: it goes to
             the nearest point.
         record: a session file to write, as ``contid run --record``; complete after `close`.
 
     Attributes:
-        names: of the robots.
-        rate_hz: of the tick.
-        units: of all arrays.
+        names: names of the robots.
+        rate_hz: rate of the tick.
+        units: units of all arrays.
         state: after the newest tick.
         events: changes of mode, faults and refusals so far.
 
@@ -147,11 +147,11 @@ class Sim:
     # -- a sink of the engine ----------------------------------------------------------------------------
 
     def write(self, values: list[float]) -> None:
-        """See `contid.control.engine.cycle.Sink`."""
+        """One tick, all values of the layout in order (`contid.control.engine.cycle.Sink`)."""
         self._values = values
 
     def event(self, event: RunEvent) -> None:
-        """See `contid.control.engine.cycle.Sink`."""
+        """One event (`contid.control.engine.cycle.Sink`)."""
         if not isinstance(event, OrderGiven):  # every step emits one
             self.events.append(event)
 

@@ -63,7 +63,7 @@ class Workspace:
 
     Attributes:
         size: area of a planar robot [mm^2], volume of a spatial one [mm^3]; in SI m^2 and m^3.
-        uncertainty: of ``size``, in its unit: half the voxels at the boundary; 0 for exact areas.
+        uncertainty: uncertainty of ``size``, in its unit: half the voxels at the boundary; 0 for exact areas.
         points: planar: the outline, parts separated by a row of NaN, shape ``(n, 2)``; spatial: centres of
             the reachable voxels, ``(n, 3)``.
         bounds: minimum and maximum of each coordinate over the points, shape ``(2, d)``.

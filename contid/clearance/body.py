@@ -37,9 +37,9 @@ class Body:
     """A swept curve.
 
     Attributes:
-        points: of the curve at equal arc length, shape ``(n + 1, 3)`` [m].
+        points: points of the curve at equal arc length, shape ``(n + 1, 3)`` [m].
         spacing_m: upper bound of the arc length between neighbours [m].
-        radius_m: of the ball [m].
+        radius_m: radius of the ball [m].
         start_m: arc length of the first point from the base of the robot [m].
         off_m: greatest distance of the curve from the polyline that the points were taken from [m]; 0 for
             points of the curve itself.
@@ -89,7 +89,7 @@ def sampled_body(curve: Callable[[int], Array], radius_m: float) -> Body:
 
     Args:
         curve: number of points to points, shape ``(points, 3)`` [m].
-        radius_m: of the body [m].
+        radius_m: radius of the body [m].
     """
     pieces = MIN_PIECES
     while True:

@@ -100,10 +100,10 @@ class Arm:
     """A robot whose body is checked.
 
     Attributes:
-        name: in the robot file.
+        name: name in the robot file.
         model: kinematics, with the extra axes.
         frame: its base in the world.
-        radius_m: of its body [m].
+        radius_m: radius of its body [m].
         from_m: where the body begins [m].
         tip_free_m: length at the tip that may touch other robots [m].
         speed: greatest motion of a point of the body per change of each axis [m/m or m/Pa].
@@ -158,7 +158,7 @@ class ClearanceGuard:
 
     Args:
         file: a robot file.
-        clearance: of this file.
+        clearance: clearance of this file.
     """
 
     def __init__(self, file: RobotFile, clearance: Clearance) -> None:
@@ -227,13 +227,13 @@ def body_speed(model: Model, own_axes: int) -> tuple[float, ...]:
     greatest = np.zeros(own_axes)
     for k in range(1, SPEED_SAMPLES + 1):
         part = np.array([radical_inverse(k, base) for base in PRIMES[:own_axes]])
-        at = low + (high - low) * (_STEP + (1.0 - 2.0 * _STEP) * part)
-        here = model.shape((*at.tolist(), *rest), _POINTS)
+        actuation = low + (high - low) * (_STEP + (1.0 - 2.0 * _STEP) * part)
+        points = model.shape((*actuation.tolist(), *rest), _POINTS)
         for axis in range(own_axes):
-            moved = at.copy()
+            moved = actuation.copy()
             moved[axis] += _STEP * (high - low)[axis]
-            there = model.shape((*moved.tolist(), *rest), _POINTS)
-            motion = float(np.max(np.linalg.norm(there - here, axis=1)))
+            moved_points = model.shape((*moved.tolist(), *rest), _POINTS)
+            motion = float(np.max(np.linalg.norm(moved_points - points, axis=1)))
             greatest[axis] = max(greatest[axis], motion / (_STEP * float((high - low)[axis])))
     return (*(SPEED_FACTOR * greatest).tolist(), *(0.0 for _ in rest))
 

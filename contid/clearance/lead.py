@@ -18,10 +18,10 @@ def lead_around(model: Model, frame: BaseFrame, name: str, clearance: Clearance)
     """Have a model with redundant axes keep its body away from the obstacles of a file, if it can.
 
     Args:
-        model: of a robot; changed in place.
+        model: model of a robot; changed in place.
         frame: its base in the world.
-        name: of the robot.
-        clearance: of its file.
+        name: name of the robot.
+        clearance: clearance of its file.
     """
     avoid = getattr(model, "avoid", None)
     body = clearance.bodies.get(name)

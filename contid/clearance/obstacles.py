@@ -34,7 +34,7 @@ class Plane:
     """A half space: everything behind a plane.
 
     Attributes:
-        point: on the plane [m].
+        point: a point on the plane [m].
         normal: unit vector that points out of the obstacle.
     """
 
@@ -42,12 +42,12 @@ class Plane:
     normal: Array
 
     def signed_distance(self, points: Array) -> Array:
-        """See `Obstacle`."""
+        """Distance of points ``(n, 3)`` in the world from the surface [m], negative inside; ``(n,)``."""
         return np.asarray((points - self.point) @ self.normal)
 
     @cached_property
     def packed(self) -> Array:
-        """See `Obstacle`."""
+        """The obstacle as the kernel ``clearance`` takes it, shape ``(17,)`` (`Obstacle`)."""
         return np.concatenate([[0.0], self.point, self.normal, _NO_ROTATION, [0.0]])
 
 
@@ -56,7 +56,7 @@ class Capsule:
     """A cylinder with round ends; a sphere when both ends are one point.
 
     Attributes:
-        start, end: of its axis [m].
+        start, end: ends of its axis [m].
         radius_m: [m].
     """
 
@@ -65,7 +65,7 @@ class Capsule:
     radius_m: float
 
     def signed_distance(self, points: Array) -> Array:
-        """See `Obstacle`."""
+        """Distance of points ``(n, 3)`` in the world from the surface [m], negative inside; ``(n,)``."""
         axis, from_start = self.end - self.start, points - self.start
         squared = float(axis @ axis)
         along = np.zeros(len(points)) if squared == 0.0 else np.clip(from_start @ axis / squared, 0.0, 1.0)
@@ -73,7 +73,7 @@ class Capsule:
 
     @cached_property
     def packed(self) -> Array:
-        """See `Obstacle`."""
+        """The obstacle as the kernel ``clearance`` takes it, shape ``(17,)`` (`Obstacle`)."""
         return np.concatenate([[1.0], self.start, self.end - self.start, _NO_ROTATION, [self.radius_m]])
 
 
@@ -92,12 +92,12 @@ class Box:
     half: Array
 
     def signed_distance(self, points: Array) -> Array:
-        """See `Obstacle`."""
+        """Distance of points ``(n, 3)`` in the world from the surface [m], negative inside; ``(n,)``."""
         over = np.abs((points - self.center) @ self.rotation) - self.half
         outside = np.linalg.norm(np.maximum(over, 0.0), axis=1)
         return np.asarray(outside + np.minimum(over.max(axis=1), 0.0))
 
     @cached_property
     def packed(self) -> Array:
-        """See `Obstacle`."""
+        """The obstacle as the kernel ``clearance`` takes it, shape ``(17,)`` (`Obstacle`)."""
         return np.concatenate([[2.0], self.center, self.half, self.rotation.ravel(), [0.0]])

@@ -30,7 +30,8 @@ class SocketRequest:
 
     Attributes:
         verb: its name.
-        rights: by network it needs one of them; empty for a stop, None where it is no request by network.
+        rights: rights, one of which a client by network needs; empty for a stop, None where it is no request
+            by network.
         stops: it stops robots: every client may give it, and it needs no lease.
         watches: also a client that may only watch may ask it.
         leased: it needs the lease. Some requests take a free one at the daemon, which one that waited in a

@@ -30,8 +30,8 @@ class BodyShape:
     """A backbone.
 
     Attributes:
-        points_in_world: at equal arc length from base to tip, shape ``(n, 3)`` [m].
-        length_m: of the backbone [m].
+        points_in_world: points at equal arc length from base to tip, shape ``(n, 3)`` [m].
+        length_m: length of the backbone [m].
         tip_direction_in_world: unit tangent at the tip.
         note: one sentence when the length could not be met.
     """

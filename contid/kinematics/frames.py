@@ -19,8 +19,8 @@ class BaseFrame:
     """A robot's base frame in the world.
 
     Attributes:
-        rotation: row-major 3x3, base to world, mirror included.
-        origin_in_world: of the base frame [m].
+        rotation: R, from the base frame to the world, mirror included; nine numbers, row by row.
+        origin_in_world: o, origin of the base frame in the world [m].
     """
 
     rotation: tuple[float, ...]
@@ -67,7 +67,7 @@ class BaseFrame:
         )
 
     def target_in_base(self, target: Target) -> Target:
-        """A target of the world frame as a model takes it."""
+        """A target in the world frame, with every position, direction and force in the base frame."""
         tip, mid, load, measured = target.tip_m, target.mid_m, target.load_n, target.measured_tip_m
         rotation = target.rotation
         # Written out: this runs for every robot in every tick, and `replace` costs three times as much.

@@ -21,11 +21,11 @@ class RopeDescription(Strict):
 
     Attributes:
         length_mm: between its two ends.
-        mass_g: of that length; gives the force on the tips. Without it that force is not computed.
+        mass_g: mass of that length; gives the force on the tips. Without it that force is not computed.
         ends: ``pinned``: free to turn at the tips; a catenary. ``clamped``: tangent to the directions of the
             two tips.
-        pieces: of its curve: one, or two joined at the middle of the catenary, which a clamped rope with
-            level ends needs.
+        pieces: number of pieces of its curve: one, or two joined at the middle of the catenary, which a
+            clamped rope with level ends needs.
     """
 
     length_mm: Positive
@@ -135,8 +135,8 @@ def check_chain(
     Args:
         document: the robot file.
         at: path of the chain in it.
-        chain: to check.
-        robots: of the file, None for one with mistakes.
+        chain: chain to check.
+        robots: robots of the file, None for one with mistakes.
     """
     movable = [name for name, robot in robots.items() if robot is None or not robot.passive]
     for index, name in ((0, chain.arms[0]), (2, chain.arms[1])):

@@ -213,15 +213,15 @@ def _is_key(document: Document, at: KeyPath, robot: RobotDescription, key: str) 
     def below(place: KeyPath, rest: list[str]) -> bool:
         if not rest:
             return True
-        here = document.get(place)
-        if isinstance(here, list):
-            return rest[0].isdigit() and int(rest[0]) < len(here) and below((*place, int(rest[0])), rest[1:])
-        if not isinstance(here, dict):
+        data = document.get(place)
+        if isinstance(data, list):
+            return rest[0].isdigit() and int(rest[0]) < len(data) and below((*place, int(rest[0])), rest[1:])
+        if not isinstance(data, dict):
             return False
         return any(
             below((*place, ".".join(rest[:count])), rest[count:])
             for count in range(1, len(rest) + 1)
-            if ".".join(rest[:count]) in here
+            if ".".join(rest[:count]) in data
         )
 
     return below(at, steps) or (len(steps) == 1 and key in type(robot).model_fields)

@@ -21,7 +21,7 @@ class BodyDescription(Strict):
     """The body of a robot: its backbone swept by a ball.
 
     Attributes:
-        radius_mm: of the ball: half the width of the arm.
+        radius_mm: radius of the ball: half the width of the arm.
         from_mm: arc length from the base where the body begins, to leave out what its mount touches.
         tip_free_mm: length from the tip that may touch other robots, such as finger tips.
     """
@@ -42,7 +42,7 @@ class PlaneDescription(Strict):
     """A half space, such as a table or a wall.
 
     Attributes:
-        point_mm: on its surface.
+        point_mm: a point on its surface.
         normal: direction out of it, of any length.
     """
 
@@ -63,8 +63,8 @@ class SphereDescription(Strict):
     """A sphere.
 
     Attributes:
-        center_mm: in the world.
-        radius_mm: of the sphere.
+        center_mm: centre in the world.
+        radius_mm: radius of the sphere.
     """
 
     center_mm: Vec3
@@ -76,7 +76,7 @@ class CapsuleDescription(Strict):
 
     Attributes:
         start_mm, end_mm: ends of its axis in the world.
-        radius_mm: of the cylinder and of its ends.
+        radius_mm: radius of the cylinder and of its ends.
     """
 
     start_mm: Vec3
@@ -88,7 +88,7 @@ class BoxDescription(Strict):
     """A box.
 
     Attributes:
-        center_mm: in the world.
+        center_mm: centre in the world.
         size_mm: along its own x, y, z.
         roll_deg, pitch_deg, yaw_deg: its rotation, as of the base of a robot.
     """
@@ -135,7 +135,7 @@ class Clearance(Strict):
 
     Attributes:
         margin_mm: least distance between surfaces.
-        bodies: of the robots that are checked, by their names.
+        bodies: bodies of the robots that are checked, by their names.
         obstacles: convex ones in the world, by names of your choice.
         ignore: pairs of a robot and a robot or obstacle that are not checked.
     """
@@ -153,8 +153,8 @@ def check_clearance(
 
     Args:
         document: the robot file.
-        clearance: to check.
-        robots: of the file, None for one with mistakes.
+        clearance: clearance to check.
+        robots: robots of the file, None for one with mistakes.
     """
     at = ("clearance",)
     movable = [name for name, robot in robots.items() if robot is None or not robot.passive]

@@ -74,8 +74,8 @@ class Cosserat(RobotDescription):
     Attributes:
         model: ``cosserat``.
         geometry: sections and the direction of gravity.
-        limits: of the pressures.
-        solver: of the inverse kinematics.
+        limits: limits of the pressures.
+        solver: solver of the inverse kinematics.
         sense: the force on the tip from a tracker; off when left out.
         load: ``estimated``: the solver gets the force that ``sense.load`` finds, in place of the one that
             targets state; ``known``: what targets state.

@@ -60,10 +60,10 @@ class RobotFile(Strict):
 
     Attributes:
         contid: version of this format.
-        name: of the whole file, one line; goes into recordings.
+        name: name of the whole file, one line; goes into recordings.
         rate_hz: ticks per second of the control loop.
         buses: what axes are wired to, by names of your choice.
-        robots: by names of your choice.
+        robots: robots by names of your choice.
         clearance: distances that trajectories must keep; not checked when left out.
     """
 

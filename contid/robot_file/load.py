@@ -60,7 +60,7 @@ def parse_robot_file(text: str, name: str, recorded: bool = False) -> LoadedFile
 
     Args:
         text: the YAML text.
-        name: of the file in messages.
+        name: name of the file in messages.
         recorded: the text comes from a session file; keys of older revisions are accepted, and
             ``rate_hz`` is not checked against the drivers.
 

@@ -67,13 +67,13 @@ class Document:
 
     def get(self, path: KeyPath) -> Data:
         """The data at ``path``; None when nothing is there."""
-        here = self.data
+        data = self.data
         for step in path:
-            below = step_into(here, step)
+            below = step_into(data, step)
             if not below:
                 return None
-            here = below[0]
-        return here
+            data = below[0]
+        return data
 
     def _located(
         self, path: KeyPath, message: str, tables: tuple[dict[KeyPath, tuple[int, int]], ...]

@@ -29,8 +29,8 @@ class LinkGeometry(Strict):
     The paper uses one w for the width of a link and for the distance of the racks; here these are two keys.
 
     Attributes:
-        length_mm: of one link, along the finger.
-        width_mm: of one link, across the finger in its plane.
+        length_mm: length of one link, along the finger.
+        width_mm: width of one link, across the finger in its plane.
         gap_mm: between neighbouring links when the finger is straight.
     """
 
@@ -121,9 +121,9 @@ class SimulatedObject(PlaneDescription):
     """A flat elastic object without friction; it meets the tip only.
 
     Attributes:
-        point_mm: on its surface, in the world.
+        point_mm: a point on its surface, in the world.
         normal: direction out of it, of any length.
-        stiffness_n_per_mm: of the object.
+        stiffness_n_per_mm: stiffness of the object.
         until_s: when it is taken away, after the bus was first opened; never when left out.
     """
 
@@ -158,7 +158,7 @@ class RackFinger(RobotDescription):
     Attributes:
         model: ``rack_finger``.
         geometry: dimensions.
-        limits: of racks and curvature.
+        limits: limits of racks and curvature.
         correction: measured curvature against commanded; none by default.
         sense: contacts, from the currents of its servos; off when left out.
         sim: object and friction of the simulated finger, for ``--mock`` and ``driver: sim``.

@@ -51,7 +51,7 @@ class TriRack(SectionRobot):
     Attributes:
         model: ``tri_rack``.
         geometry: dimensions.
-        limits: of the racks; as many segments as ``length_mm`` has rows.
+        limits: limits of the racks; as many segments as ``length_mm`` has rows.
     """
 
     model: Literal["tri_rack"]

@@ -59,8 +59,8 @@ class TriTube(SectionRobot):
     Attributes:
         model: ``tri_tube``.
         geometry: dimensions.
-        limits: of the tubes; as many sections as ``length_mm`` has rows.
-        solver: of the inverse kinematics.
+        limits: limits of the tubes; as many sections as ``length_mm`` has rows.
+        solver: solver of the inverse kinematics.
     """
 
     model: Literal["tri_tube"]

@@ -48,8 +48,8 @@ class Violation:
     Attributes:
         tick: number of the tick.
         robot: its name; "" for the whole run.
-        rule: of the table of this module.
-        message: with the figures in SI.
+        rule: name of the rule, one of the table of this module.
+        message: text with the figures in SI.
     """
 
     tick: int

@@ -21,7 +21,7 @@ class ClockNotes:
     Attributes:
         node: name of the session's node.
         conductor: the boot of the conductor's machine, which its clock counts from.
-        notes: by time.
+        notes: notes by time.
         wall_s: time of day less the clock of the conductor, from its first note.
     """
 

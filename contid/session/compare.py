@@ -29,11 +29,11 @@ class Divergence:
     """The first value that differs.
 
     Attributes:
-        time_s: of the tick since the start.
+        time_s: time of the tick since the start.
         source_s: time in the trajectory, NaN without one.
         axis: "" for a value of the whole robot.
         what: name of the value.
-        unit: of both values.
+        unit: unit of both values.
         last_equal: values of the robot in the last tick that was equal.
     """
 

@@ -35,7 +35,7 @@ class Info:
         state: ``clean`` or why not.
         compacted: indexed and compressed.
         began: UTC, ISO 8601.
-        duration_s: from the first tick to the last [s].
+        duration_s: time from the first tick to the last [s].
         ticks: number of recorded ticks.
         rate_hz: ticks per second.
         virtual: recorded in virtual time.
@@ -50,7 +50,7 @@ class Info:
         faults: tick, robot and message of each.
         events: number of each kind.
         listed: important events with their tick.
-        versions: of contid and its libraries, by name.
+        versions: versions of contid and its libraries, by name.
     """
 
     file: str

@@ -49,7 +49,7 @@ class MeasuredChannel:
 
     Args:
         session: its head.
-        robots: of the session, by its robot file.
+        robots: robots of the session, by its robot file.
     """
 
     def __init__(self, session: Session, robots: Sequence[MeasuredRobot]) -> None:
@@ -62,7 +62,7 @@ class MeasuredChannel:
             for robot in robots
         }
         self._empty = [nan] * session.layout.packer().size
-        needed = {place for robot in robots for place in (*robot.values, *robot.load)}
+        needed = {slot for robot in robots for slot in (*robot.device_slots, *robot.load_slots)}
         self._picked: dict[str, list[Field]] = {}
         for channel in _SOURCES:
             every = fields(session.layout, session.device_units, channel)

@@ -32,11 +32,11 @@ class Session:
     """One file. Iteration gives every tick as values by column, in the units of robot files.
 
     Attributes:
-        path: of the file.
+        path: path of the file.
         metadata: texts by group and name, written by `contid.session.format.metadata`.
-        layout: of the records.
+        layout: layout of the records.
         device_units: ``rad`` or ``pa`` by ``ROBOT.AXIS``.
-        rate_hz: of the ticks.
+        rate_hz: rate of the ticks.
         end: how the file ends, after `entries` is exhausted.
     """
 
@@ -44,7 +44,7 @@ class Session:
         """Read the head.
 
         Args:
-            path: of the file.
+            path: path of the file.
             progress: called from time to time with the number of ticks that `entries` has read.
 
         Raises:

@@ -42,8 +42,8 @@ class RecordingObserver:
         """Prepare.
 
         Args:
-            path: of the session; must not exist.
-            options: of the run, for the metadata.
+            path: path of the session; must not exist.
+            options: options of the run, for the metadata.
             host: instead of this machine's name.
             during_run: it begins with the tick after `attach`, not with the first one of the run.
         """

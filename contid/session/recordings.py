@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from contid.control.engine.cycle import Sink
 from contid.control.engine.messages import Message
@@ -74,12 +74,19 @@ class OrderedRecording:
         }
 
 
+class OrderDone(NamedTuple):
+    """The file of a recording, and whether what was ordered is done already or goes on."""
+
+    path: Path
+    done: bool
+
+
 class Recordings:
     """The recordings of one run; a `contid.control.daemon.interfaces.RunObserver`.
 
     Args:
-        folder: of the files.
-        options: of the run, for the metadata.
+        folder: path of the files.
+        options: options of the run, for the metadata.
         run: the recording of the whole run, if there is one; it is listed, and ends with the run only.
     """
 
@@ -96,8 +103,11 @@ class Recordings:
 
     # -- orders --------------------------------------------------------------------------------------------
 
-    async def begin(self, by: str) -> tuple[Path, bool]:
-        """Begin a recording; its file, and whether ticks are written already.
+    async def begin(self, by: str) -> OrderDone:
+        """Begin a recording; done when ticks are written already.
+
+        Args:
+            by: name of the client that orders it.
 
         Raises:
             ContidError: there is one, the run has not begun, or the file cannot be written.
@@ -118,10 +128,13 @@ class Recordings:
                 self._current = None
                 raise error
         log.info("%s: recording, begun by %s", observer.path, by)
-        return observer.path, starting.done()
+        return OrderDone(observer.path, starting.done())
 
-    async def end(self, by: str) -> tuple[Path, bool]:
-        """End the recording; its file, and whether it is complete already.
+    async def end(self, by: str) -> OrderDone:
+        """End the recording; done when the file is complete already.
+
+        Args:
+            by: name of the client that orders it.
 
         Raises:
             ContidError: there is none.
@@ -141,7 +154,7 @@ class Recordings:
         while recording.observer.running and time.monotonic() < deadline_s:
             await asyncio.sleep(POLL_S)
         self.watch()
-        return recording.observer.path, not recording.observer.running
+        return OrderDone(recording.observer.path, not recording.observer.running)
 
     def watch(self) -> None:
         """Report recorders that have ended: those whose end was ordered, and those that failed."""

@@ -80,11 +80,14 @@ class RecordedPort:
         self._recorded = recorded
 
     def lose(self, message: str) -> None:
-        """See `BusPort.lose`."""
+        """Mark the bus as lost; reopening it must not delay the tick (`BusPort.lose`)."""
         self.lost, self.retry_at = message, 0
 
     def start(self, job: BusJob) -> None:
-        """See `BusPort.start`; the commands are compared in the record."""
+        """Begin a job; `take` returns its result.
+
+        See `BusPort.start`; the commands are compared in the record.
+        """
         self.busy, self.exempt = True, job.reopen or bool(job.effects)
 
     def take(self, timeout_s: float) -> BusReply | None:
@@ -102,7 +105,7 @@ class RecordedPort:
         return answer
 
     def close(self, timeout_s: float) -> None:
-        """See `BusPort.close`."""
+        """Close the bus; a worker that hangs in its device is abandoned (a daemon thread)."""
 
     def _samples(self) -> dict[str, Sample]:
         values, faults = self._recorded.values, self._recorded.faults

@@ -48,15 +48,15 @@ def as_text(session: Session, replayed: Replayed, changed: list[Difference], too
 
 def as_json(session: Session, replayed: Replayed, changed: list[Difference], took_s: float) -> dict[str, Any]:
     """The object for ``--json``."""
-    found = replayed.divergence
+    first = replayed.divergence
     divergence: dict[str, Any] | None = None
-    if found is not None:
-        source_s = None if found.source_s != found.source_s else found.source_s
-        divergence = {**asdict(found), "where": found.where, "source_s": source_s}
+    if first is not None:
+        source_s = None if first.source_s != first.source_s else first.source_s
+        divergence = {**asdict(first), "where": first.where, "source_s": source_s}
     return {
         "ticks": replayed.ticks,
         "took_s": took_s,
-        "same": found is None and not replayed.stopped and replayed.ticks > 0,
+        "same": first is None and not replayed.stopped and replayed.ticks > 0,
         "largest": replayed.largest,
         "stopped": replayed.stopped,
         "cut": session.end.cut,

@@ -16,7 +16,7 @@ class ControlFile:
     """Applies the lines appended to a file since it was created.
 
     Args:
-        path: of the file.
+        path: path of the file.
         apply: sets the switch of one decoded line; an error of it refuses the line.
     """
 

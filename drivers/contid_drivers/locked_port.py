@@ -43,7 +43,7 @@ class LockedPort:
 
     Args:
         device: name in messages.
-        path: of the device.
+        path: path of the device.
         baud: rate [bit/s].
 
     Raises:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.compliance import sweep
-from contid.kinematics.cosserat.element import exponential
+from contid.kinematics.cosserat.element import exp_se3
 from contid.kinematics.cosserat.section import Loads, Rod, Section
 from tests.kinematics.cosserat_cases import (
     GOLDEN,
@@ -162,8 +162,8 @@ def test_turning_the_arm_turns_everything(pressures: list[float], angle: float) 
 @settings(max_examples=30, deadline=None)
 def test_screw_motions_compose(angle: float) -> None:
     u, v = angle * np.array([0.6, -0.64, 0.48]), np.array([1.0, 2.0, -0.5])
-    whole_R, whole_p = exponential(u, v)
-    half_R, half_p = exponential(0.5 * u, 0.5 * v)
+    whole_R, whole_p = exp_se3(u, v)
+    half_R, half_p = exp_se3(0.5 * u, 0.5 * v)
     assert np.abs(half_R @ half_R - whole_R).max() < 1e-14
     assert np.abs(half_p + half_R @ half_p - whole_p).max() < 1e-14
 

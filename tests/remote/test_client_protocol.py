@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from contid.remote.client.async_client import AsyncClient
 from contid.remote.client.client_protocol import ClientProtocol, Request
-from contid.remote.protocol.wire import Code, RemoteError, encode
+from contid.remote.protocol.wire import Code, ConnectionLostError, RemoteError, encode
 
 
 def response(request: Request, **result: Any) -> bytes:
@@ -91,3 +94,25 @@ def test_a_stopped_move_raises_its_reason() -> None:
     with pytest.raises(RemoteError, match="another client held") as refused:
         protocol.arrived(2)
     assert refused.value.code == Code.STOPPED
+
+
+def test_a_request_that_waits_ends_with_the_connection(tmp_path: Path) -> None:
+    """Another task closes the client: the waiting one need not wait for its time-out of an hour."""
+
+    async def listen(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.read()
+        writer.close()
+
+    async def close_while_waiting() -> None:
+        silent = await asyncio.start_unix_server(listen, tmp_path / "socket")
+        client = AsyncClient(tmp_path / "socket", timeout_s=3600.0)
+        await client._open(tmp_path / "socket")
+        waiting = asyncio.create_task(client.request("status"))
+        await asyncio.sleep(0.0)
+        await client._disconnect()
+        with pytest.raises(ConnectionLostError, match="this client was closed"):
+            await asyncio.wait_for(waiting, 5.0)
+        silent.close()
+        await silent.wait_closed()
+
+    asyncio.run(close_while_waiting())

@@ -184,6 +184,18 @@ def test_infinite_numbers_are_named() -> None:
     assert "age_s" not in message["robots"]["thumb"]["left"]
 
 
+def test_a_vector_with_one_infinite_component_is_absent_as_a_whole() -> None:
+    values = list(PACKED.unpack(PACKED.pack(*range(SIZE))))
+    x, y, z = next(each.slots for each in FIELDS["target"] if each.path == ("robots", "thumb", "tip_m"))
+    values[y] = math.inf
+    messages = Encoder(LAYOUT, UNITS).encode(values)
+    message = json.loads(messages[TICK_CHANNELS.index("target")])
+    assert "tip_m" not in message["robots"]["thumb"]
+    assert INFINITE not in message
+    decoded = PACKED.unpack(_decoded(messages))
+    assert [math.isnan(decoded[slot]) for slot in (x - 1, x, y, z, z + 1)] == [False, True, True, True, False]
+
+
 def test_the_caches_of_patterns_are_bounded() -> None:
     encoder = Encoder(LAYOUT, UNITS)
     source = next(each.slots[0] for each in FIELDS["tick"] if each.path == ("source_s",))

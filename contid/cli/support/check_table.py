@@ -24,9 +24,12 @@ _KINDS: Final = {
 def print_report(report: FileReport, columns: Mapping[str, Mapping[str, Sequence[str]]]) -> None:
     """Print robots, axes, buses, limits, rate and placeholders.
 
+    A passive robot has no actuators; a chain, two arms joined by a rope, is one: its arms are robots of their
+    own in the file and move it.
+
     Args:
-        report: of the robot file.
-        columns: of trajectories, by robot and kind of target.
+        report: summary of the robot file.
+        columns: column names of trajectories, by robot and kind of target.
     """
     console = Console(highlight=False)
 
@@ -46,7 +49,7 @@ def print_report(report: FileReport, columns: Mapping[str, Mapping[str, Sequence
             if robot["chain"] is not None:
                 for line in _chain(robot["chain"]):
                     echo(f"  {line}")
-                _placeholders(robot, echo)
+            _placeholders(robot, echo)
             continue
         console.print(_axes(robot))
         echo(f"  rates: {_rates(robot)}")
@@ -72,7 +75,7 @@ def _placeholders(robot: RobotReport, echo: Callable[[str], None]) -> None:
 
 
 def _chain(chain: ChainReport) -> Iterator[str]:
-    """Links from base to base, and the clearance of the rope."""
+    """A line for each link from base to base, and one for the bases and the floor below the rope."""
     first, second = (
         f"arm {arm['name']} on its base at ({', '.join(f'{value:g}' for value in arm['base_mm'])}) mm"
         for arm in chain["arms"]

@@ -31,8 +31,8 @@ class Template:
     """A shipped robot file and the places in it that a copy may change.
 
     Attributes:
-        name: of the shipped file.
-        text: of the file.
+        name: name of the shipped file.
+        text: content of the file.
         ports: port of every bus that has one, by bus.
         ids: id of every axis that has one, by ``ROBOT.AXIS`` in file order.
     """
@@ -95,9 +95,9 @@ def write_copy(
 
     Args:
         template: what is copied.
-        path: of the new file.
-        ports: by bus, those that change.
-        ids: by ``ROBOT.AXIS``, those that change.
+        path: path of the new file.
+        ports: ports that change, by bus.
+        ids: ids that change, by ``ROBOT.AXIS``.
 
     Raises:
         BadInputError: the copy would be invalid, as with one id twice; nothing was written.

@@ -40,7 +40,7 @@ def order(verb: str, help: str, **options: bool) -> click.Command:
 
     Args:
         verb: name of the method of `Client`; the command has its name with hyphens.
-        help: of the command.
+        help: help of the command.
         options: passed to the method.
     """
 
@@ -67,10 +67,10 @@ def send(
     """Send a request to a daemon and print the response; a refusal keeps its faults in ``--json`` too.
 
     Args:
-        socket: of the daemon, None for the only one.
+        socket: path of the socket of the daemon, None for the only one.
         as_json: print JSON.
         request: made with a client.
-        persistent: for an order to stop: connect and ask again when the connection is lost on the way.
+        persistent: True for an order to stop: connect and ask again when the connection is lost on the way.
     """
     from contid.client import RemoteError
 

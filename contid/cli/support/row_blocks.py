@@ -31,7 +31,7 @@ class RowBlock(NamedTuple):
     Attributes:
         places: numbers of their lines.
         rows: SI numbers, shape ``(rows, columns)``.
-        mistake: in the line after them.
+        mistake: what is wrong in the line after them.
     """
 
     places: Sequence[int]

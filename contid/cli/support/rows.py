@@ -60,7 +60,7 @@ def convert_rows(
 
     Args:
         loaded: the robot file.
-        path: of the rows.
+        path: path of the rows.
         robots: what is done with the rows of each robot.
         as_json: objects instead of CSV.
 

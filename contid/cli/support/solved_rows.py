@@ -29,7 +29,7 @@ class InverseBlock(NamedTuple):
     Attributes:
         actuation: shape ``(rows, axes)`` [m or Pa].
         residual_m: shape ``(rows,)``.
-        reports: of each row whether it converged, its limits, and iterations.
+        reports: for each row, whether it converged, its limits, and iterations.
     """
 
     actuation: Array
@@ -41,7 +41,7 @@ class InverseRows(RobotRows[InverseBlock]):
     """Actuation for targets; each row starts from the answer of the one before, the first from rest.
 
     Args:
-        name: of the robot.
+        name: name of the robot.
         robot: its description.
         bare: only the columns that `contid fk` and `run` read; a row out of reach ends the conversion.
     """
@@ -54,7 +54,7 @@ class InverseRows(RobotRows[InverseBlock]):
         self._seed = robot.rest[: len(robot.axis_names)]
 
     def names(self, columns: RobotColumns) -> list[str]:
-        """See `RobotRows`."""
+        """Columns of the result, without the robot's name in front (`RobotRows`)."""
         robot = self._robot
         axes = [f"{axis}_{robot.quantity.unit}" for axis in robot.axis_names]
         if not self._bare:
@@ -64,7 +64,7 @@ class InverseRows(RobotRows[InverseBlock]):
         return axes + [f"load.f{axis}_n" for axis in "xyz" if "load" in robot.accepts]
 
     def solve(self, columns: RobotColumns, rows: Array) -> InverseBlock:
-        """See `RobotRows`."""
+        """The arithmetic; in a thread, while the block before is printed (`RobotRows`)."""
         if columns.actuation or columns.x_axis:
             return self._one_by_one(columns, rows)
         placed, mids, directions, loads = self._placed, None, None, None
@@ -98,7 +98,7 @@ class InverseRows(RobotRows[InverseBlock]):
         )
 
     def cells(self, columns: RobotColumns, rows: Array, answers: InverseBlock) -> list[CellBlock]:
-        """See `RobotRows`."""
+        """The columns of the result (`RobotRows`)."""
         robot = self._robot
         values = [_FILE_UNITS.from_si(answers.actuation, robot.quantity)]
         if not self._bare:
@@ -110,7 +110,7 @@ class InverseRows(RobotRows[InverseBlock]):
         return [np.column_stack(values)]
 
     def refused(self, answers: InverseBlock) -> tuple[int, str] | None:
-        """See `RobotRows`; the first bare row out of reach."""
+        """The first row that ends the conversion, and why; the first bare row out of reach (`RobotRows`)."""
         row = next((k for k, (converged, _, _) in enumerate(answers.reports) if not converged), None)
         if not self._bare or row is None:
             return None
@@ -123,7 +123,7 @@ class ForwardRows(RobotRows[Table]):
     """Tips of actuations.
 
     Args:
-        name: of the robot.
+        name: name of the robot.
         robot: its description.
         pose: also the direction of the tip and the mid-point.
         frame: also the direction and the x axis of the tip.
@@ -138,13 +138,13 @@ class ForwardRows(RobotRows[Table]):
         self._frame = frame
 
     def names(self, columns: RobotColumns) -> list[str]:
-        """See `RobotRows`."""
+        """Columns of the result, without the robot's name in front (`RobotRows`)."""
         printed = {"{}_mm": True, "a{}": self._direction, "b{}": self._frame, "mid.{}_mm": self._mid}
         axes = "xyz"[: self._robot.dimension]
         return [name.format(axis) for name, given in printed.items() if given for axis in axes]
 
     def solve(self, columns: RobotColumns, rows: Array) -> Table:
-        """See `RobotRows`."""
+        """The arithmetic; in a thread, while the block before is printed (`RobotRows`)."""
         if not columns.actuation:
             axes = ", ".join(f"{axis}_{self._robot.quantity.unit}" for axis in self._robot.axis_names)
             raise ValueError(f"fk needs the actuation of {self._name}: {axes}")
@@ -152,7 +152,7 @@ class ForwardRows(RobotRows[Table]):
         return forward_many(self._model, rows[:, columns.actuation], load)
 
     def cells(self, columns: RobotColumns, rows: Array, answers: Table) -> list[CellBlock]:
-        """See `RobotRows`."""
+        """The columns of the result (`RobotRows`)."""
         placed, poses = self._placed, answers
         values = [_FILE_UNITS.from_si(placed.points_in_world(poses["tip_m"]))]
         if self._direction:

@@ -32,7 +32,7 @@ def examine(root: Path = Path("/")) -> list[Finding]:
     """All findings about this machine.
 
     Args:
-        root: of the folders of units and rules.
+        root: root of the folders of units and rules.
     """
     return [real_time(), shared_memory(), unit(root), *clients(root), rules(root)]
 

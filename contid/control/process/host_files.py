@@ -32,7 +32,7 @@ class HostFile:
     Attributes:
         purpose: what it is for, the end of a question.
         path: where it goes.
-        text: of the file.
+        text: content of the file.
         then: commands that make the machine read it.
         after: what a person does next; "" for nothing.
     """
@@ -91,7 +91,7 @@ def missing_files(root: Path = Path("/"), service: bool = False) -> list[HostFil
     """The files that are absent, or have another text than those of this version.
 
     Args:
-        root: of the folders.
+        root: root of the folders.
         service: also the unit, for robots that run without a logged-in user.
     """
     files = [

@@ -6,13 +6,22 @@
 //     near the target:       home.hpp
 //     not met:               newton.hpp
 //
-// The damping is scaled by the length ell, a fifth of the arm: with errors in mm against singular values near 1 the
-// literature's lambda^2 = |e|^2/2 stalls.
+// The unknowns are the lengths [m] of the arm, three per section; d is a step of them. The task error e [m] and its
+// derivatives J are those of section_task.hpp. Homing moves along the lengths that meet the target to those nearest
+// to the middle of their ranges. `mu`, 1 at first, is raised where a step fails and lowered where one succeeds; w is
+// the least damping.
+//
+// Damping: T. Sugihara, "Solvability-Unconcerned Inverse Kinematics by the Levenberg-Marquardt Method", IEEE
+// Transactions on Robotics 27(5), 984-991, 2011, doi:10.1109/TRO.2011.2148230. It takes |e|^2 / 2, which has a unit:
+// beside the singular values of J, near 1, its effect depends on the unit of e, and with millimetres it would stall.
+// Here e is divided by the length ell, a fifth of the arm.
 #pragma once
 
 #include "home.hpp"
 
 namespace contid::section_build {
+
+constexpr double kNoStep = 1e-9;  // [m]: the descent ends where a step that fails is no longer
 
 class Descent {
  public:
@@ -82,23 +91,23 @@ class Descent {
     const int n = feasible.size();
     const Tuning& t = tuning;
     Task next;
-    double boost = 1.0;
+    double mu = 1.0;
     for (int iteration = 0; iteration < t.iterations && here.error > enough; ++iteration) {
       ++iterations;
       double d[kMaxLengths], trial[kMaxLengths];
-      const double damping = t.weight + boost * here.error * here.error / (2.0 * t.ell * t.ell);
+      const double damping = t.weight + mu * here.error * here.error / (2.0 * t.ell * t.ell);
       damped_step(feasible, here.J, here.e, here.rows, damping, lengths, {}, d);
       const double step = moved(feasible, lengths, d, trial);
       evaluate(trial, goal, next);
       if (next.error >= here.error) {
-        if (step < 1e-9) break;
-        boost *= 4.0;
+        if (step < kNoStep) break;
+        mu *= 4.0;
         continue;
       }
       const bool slow = next.error > t.slow * here.error;
       std::memcpy(lengths, trial, n * sizeof(double));
       here = next;
-      boost = std::max(0.25 * boost, 1e-6);
+      mu = std::max(0.25 * mu, 1e-6);
       if (slow && here.error > enough) break;
     }
     return here.error;

@@ -69,8 +69,22 @@ def coefficients(q: Array) -> Coefficients:
     return Coefficients(*(np.where(small, series[..., i], value) for i, value in enumerate(closed)))
 
 
-def pose(u: Array, v: Array, L: Array) -> tuple[Array, Array]:
-    """Position ``(..., 3)`` [m] and rotation ``(..., 3, 3)`` of the end of an arc that starts along +z."""
+class ArcEnd(NamedTuple):
+    """Position ``(..., 3)`` [m] and rotation ``(..., 3, 3)`` of an end, in the frame of the start."""
+
+    position: Array
+    rotation: Array
+
+
+class ArcJacobians(NamedTuple):
+    """Columns by u, v and L: of the position and of the spatial angular velocity, both ``(..., 3, 3)``."""
+
+    position: Array
+    angular: Array
+
+
+def pose(u: Array, v: Array, L: Array) -> ArcEnd:
+    """The end of an arc that starts at the origin along +z; u, v [rad] and L [m] have one shape."""
     u, v, L = np.broadcast_arrays(u, v, L)
     c = coefficients(u * u + v * v)
     position = np.stack((L * u * c.B, L * v * c.B, L * c.A), axis=-1)
@@ -81,11 +95,11 @@ def pose(u: Array, v: Array, L: Array) -> tuple[Array, Array]:
     rotation[..., 0, 2], rotation[..., 1, 2] = u * c.A, v * c.A
     rotation[..., 2, 0], rotation[..., 2, 1] = -u * c.A, -v * c.A
     rotation[..., 2, 2] = 1.0 - (u * u + v * v) * c.B
-    return position, rotation
+    return ArcEnd(position, rotation)
 
 
-def jacobians(u: Array, v: Array, L: Array) -> tuple[Array, Array]:
-    """Derivatives by (u, v, L): of the position, and the spatial angular velocity, both ``(..., 3, 3)``.
+def jacobians(u: Array, v: Array, L: Array) -> ArcJacobians:
+    """Derivatives of the end of an arc by u, v [rad] and L [m].
 
     The angular columns are ``Jl(w) dw`` with the left Jacobian ``Jl = I + B [w]x + C [w]x^2``.
     """
@@ -104,4 +118,4 @@ def jacobians(u: Array, v: Array, L: Array) -> tuple[Array, Array]:
     angular[..., 0, 1] = c.C * u * u - 1.0
     angular[..., 1, 1] = c.C * u * v
     angular[..., 2, 1] = c.B * u
-    return linear, angular
+    return ArcJacobians(linear, angular)

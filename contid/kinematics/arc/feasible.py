@@ -138,10 +138,10 @@ def feasible_share(outside: Array, inside: Array) -> float:
 
     Args:
         outside: excess of each limit at the other point.
-        inside: at the feasible point, none positive.
+        inside: values at the feasible point, none positive.
     """
     share = 1.0
-    for there, here in zip(outside, inside, strict=True):
-        if there > 0.0:  # excess is convex, so the chord between the two ends lies above it
-            share = min(share, here / (here - there))
+    for excess_outside, excess_inside in zip(outside, inside, strict=True):
+        if excess_outside > 0.0:  # excess is convex, so the chord between the two ends lies above it
+            share = min(share, excess_inside / (excess_inside - excess_outside))
     return share

@@ -124,7 +124,7 @@ class SectionModel:
 
         Args:
             obstacles: rows of `contid.clearance.obstacles.Obstacle.packed` in the base frame.
-            radius_m: of the body [m].
+            radius_m: radius of the body [m].
             margin_m: least distance of surfaces [m].
             from_m: arc length where the body begins [m].
         """

@@ -77,7 +77,7 @@ class SectionSolution(NamedTuple):
     """Variables inside every limit, and the error that is left.
 
     Attributes:
-        lengths: of every tube or rack, or bends times lengths of sections (`BendSections`) [m].
+        lengths: lengths of every tube or rack, or bends times lengths of sections (`BendSections`) [m].
         residual_m: norm of the task error [m].
         converged: it is within the tolerance.
         binding: bit mask of the limits that bind.
@@ -128,7 +128,7 @@ class Solver(Protocol):
 
         Args:
             obstacles: rows of `contid.clearance.obstacles.Obstacle.packed` in the base frame.
-            radius: of the body [m].
+            radius: radius of the body [m].
             margin: least distance of surfaces [m].
             from_: arc length where the body begins [m].
             zone: where the potential begins, outside the margin [m].

@@ -98,7 +98,7 @@ def tip_compliance(rod: Rod, pressures: Array, base_moment: Array, loads: Loads,
     Args:
         rod: the sections.
         pressures: [bar], shape (3k,).
-        base_moment: of the equilibrium [N·mm], shape (3,).
+        base_moment: base moment of the equilibrium [N·mm], shape (3,).
         loads: weight and a force on the tip; no moments, nothing at joints.
         elements: steps per section.
     """

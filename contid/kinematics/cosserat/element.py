@@ -7,6 +7,7 @@ are constant, it is exact. The equations are in `compliance`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,12 +27,29 @@ def cross(a: Array, b: Array) -> Array:
     )
 
 
-def exponential(u: Array, v: Array) -> tuple[Array, Array]:
-    """Rotation and shift of the screw motion ``exp(u, v)``: rotation vector u, translation part v.
+class RigidMotion(NamedTuple):
+    """A motion ``x -> R x + p``.
 
+    Attributes:
+        R: rotation matrix, shape (3, 3).
+        p: shift, shape (3,), in the unit of lengths.
+    """
+
+    R: Array
+    p: Array
+
+
+def exp_se3(u: Array, v: Array) -> RigidMotion:
+    """Exponential of a twist: the motion of a frame with constant strains over a length of 1.
+
+    K. M. Lynch, F. C. Park: "Modern Robotics", Cambridge University Press 2017, sections 3.2.3 and 3.3.3:
     ``R = I + a hat(u) + b hat(u)^2``, ``shift = (I + b hat(u) + c hat(u)^2) v`` with a = sin t / t,
     b = (1 - cos t) / t^2, c = (t - sin t) / t^3, by their series below t = 0.05, where the quotients lose
     digits (the remainder is then below 1e-17).
+
+    Args:
+        u: rotation vector [rad], shape (3,).
+        v: translation part, in the unit of lengths, shape (3,); both in the frame that moves.
     """
     t2 = float(u @ u)
     if t2 < 2.5e-3:
@@ -46,7 +64,7 @@ def exponential(u: Array, v: Array) -> tuple[Array, Array]:
     k = hat(u)
     kk = k @ k
     eye = np.eye(3)
-    return eye + a * k + b * kk, (eye + b * k + c * kk) @ v
+    return RigidMotion(eye + a * k + b * kk, (eye + b * k + c * kk) @ v)
 
 
 @dataclass(slots=True)
@@ -61,14 +79,21 @@ class RodState:
     dmu: Array
 
 
-def strains(inflated: Inflated, R: Array, N: Array, M: Array) -> tuple[Array, Array]:
-    """Strains u, v in the body frame under the total force N and moment M (eq. 4 in total-wrench form)."""
+class Strains(NamedTuple):
+    """Strains of a cross-section in the body frame: u, bends and twist [1/mm]; v, shears and stretch."""
+
+    u: Array
+    v: Array
+
+
+def strains(inflated: Inflated, R: Array, N: Array, M: Array) -> Strains:
+    """Strains under the total force N [N] and moment M [N·mm] in the base frame (eq. 4, total wrench)."""
     m, n = R.T @ M, R.T @ N
     u = inflated.curvature + np.array([inflated.bend * m[0], inflated.bend * m[1], inflated.twist * m[2]])
     v = np.array(
         [inflated.shear * n[0], inflated.shear * n[1], 1.0 + inflated.strain + inflated.axial * n[2]],
     )
-    return u, v
+    return Strains(u, v)
 
 
 def turn_rate(inflated: Inflated, e: Array, wrench: Array) -> Array:
@@ -121,7 +146,7 @@ def step(
             else:
                 base_R, base_p = start.R, start.p
                 du, dv = 0.5 * h * us[-1], 0.5 * h * vs[-1]
-            R, shift = exponential(du, dv)
+            R, shift = exp_se3(du, dv)
             stage = RodState(
                 base_R @ R,
                 base_p + base_R @ shift,
@@ -145,11 +170,11 @@ def step(
         if tangents:
             rates.append(_tangent_rates(inflated, stage, u, v, force, M, f, own))
     k = h / 12.0
-    R1, d1 = exponential(
+    R1, d1 = exp_se3(
         k * (3.0 * us[0] + 2.0 * us[1] + 2.0 * us[2] - us[3]),
         k * (3.0 * vs[0] + 2.0 * vs[1] + 2.0 * vs[2] - vs[3]),
     )
-    R2, d2 = exponential(
+    R2, d2 = exp_se3(
         k * (-us[0] + 2.0 * us[1] + 2.0 * us[2] + 3.0 * us[3]),
         k * (-vs[0] + 2.0 * vs[1] + 2.0 * vs[2] + 3.0 * vs[3]),
     )

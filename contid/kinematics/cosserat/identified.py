@@ -25,9 +25,9 @@ def scaled_sections(
     """Sections with other moduli and moments.
 
     Args:
-        sections: of a robot file.
-        modulus: per section, the part by which its modulus is greater.
-        moment: per section, the part by which its pressure moment is greater.
+        sections: dimensions of the sections in a robot file.
+        modulus: for each section, the part by which its modulus is greater.
+        moment: for each section, the part by which its pressure moment is greater.
     """
     return tuple(
         section.model_copy(
@@ -45,8 +45,8 @@ def scaled_arm(robot: Cosserat, modulus: Sequence[float], moment: Sequence[float
 
     Args:
         robot: its description.
-        modulus: per section, the part by which its modulus is greater.
-        moment: per section, the part by which its pressure moment is greater.
+        modulus: for each section, the part by which its modulus is greater.
+        moment: for each section, the part by which its pressure moment is greater.
     """
     sections = scaled_sections(robot.geometry.sections, modulus, moment)
     geometry = robot.geometry.model_copy(update={"sections": sections})

@@ -101,7 +101,7 @@ class IdentifiedArm:
 
         Args:
             pressures: measured [bar].
-            sides: of their hysteresis.
+            sides: sides of their hysteresis.
             by_pressure: derivative of the tip [mm/bar], shape ``(3, k)``.
             by_scale: derivative of the tip by the scales [mm], shape ``(3, m)``.
         """

@@ -155,60 +155,68 @@ class CosseratModel:
             raise ValueError("a pneumatic arm takes a tip position or pressures")
         x, y, z = target.tip_m
         mid = target.mid_m
-        found = self.engine.inverse(
+        answer = self.engine.inverse(
             (x * MM_PER_M, y * MM_PER_M, z * MM_PER_M),
             None if mid is None else (mid[0] * MM_PER_M, mid[1] * MM_PER_M, mid[2] * MM_PER_M),
             target.direction,
             target.load_n,
             self.regulators.chambers(seed),
         )
-        if not found.stable:
-            return self._refused(target, seed, found.iterations)
+        if not answer.stable:
+            return self._refused(target, seed, answer.iterations)
         note = ""
         if self.setup.full_rotation and target.direction is not None:
             note = ROLL_NOTE
-        commands, residual_m = self.regulators.commands(found.pressures_bar), mm_to_m(found.residual_mm)
-        if found.met:
-            return Solution(commands, residual_m, True, iterations=found.iterations, note=note)
+        commands, residual_m = self.regulators.commands(answer.pressures_bar), mm_to_m(answer.residual_mm)
+        if answer.met:
+            return Solution(commands, residual_m, True, iterations=answer.iterations, note=note)
         actuation = tuple(
             min(max(p, low), high) for p, low, high in zip(commands, self.lower, self.upper, strict=True)
         )
         limited = self._binding(actuation)
-        remain = f"{found.residual_mm:.4g} mm remain"
-        if found.snap < NO_SNAP:
-            snaps = f"snaps through at {100.0 * found.snap:.3g} % of"
-            part = snaps if found.snap < 1.0 else "is elsewhere after"
+        remain = f"{answer.residual_mm:.4g} mm remain"
+        if answer.snap < NO_SNAP:
+            snaps = f"snaps through at {100.0 * answer.snap:.3g} % of"
+            part = snaps if answer.snap < 1.0 else "is elsewhere after"
             why = (
                 "the target lies on another branch of equilibria: on the straight way there the arm "
                 f"{part} the pressure change; {remain}"
             )
             limited += ("stability",)
-        elif found.blocked:
+        elif answer.blocked:
             why = f"out of reach: {remain}, further the arm loses its stability"
             limited += ("stability",)
-        elif found.optimal:
+        elif answer.optimal:
             why = f"out of reach: {remain} inside the pressure limits"
         else:
-            why = f"the solver stopped {found.residual_mm:.4g} mm from the target"
+            why = f"the solver stopped {answer.residual_mm:.4g} mm from the target"
             limited += ("iterations",)
         note += ("; " if note else "") + why
-        return Solution(actuation, residual_m, False, limited or (REACH,), found.iterations, note)
+        return Solution(actuation, residual_m, False, limited or (REACH,), answer.iterations, note)
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Tip by pressures in equilibrium, shape (3, 3k) [m/Pa]."""
-        p = np.array(self.regulators.chambers(actuation))
-        at = self.engine.forward(p.tolist(), load_n)
-        found = sweep(self.setup.rod, p, np.array(at.base_moment_nmm), self.setup.loads(load_n), at.elements)
-        held = found.tip_by[:, :3] @ np.linalg.solve(found.moment_by[:, :3], found.moment_by[:, 3:])
-        result: Array = (found.tip_by[:, 3:] - held) / (MM_PER_M * BAR) * self.regulators.slopes
+        pressures_bar = np.array(self.regulators.chambers(actuation))
+        equilibrium = self.engine.forward(pressures_bar.tolist(), load_n)
+        derivatives = sweep(
+            self.setup.rod,
+            pressures_bar,
+            np.array(equilibrium.base_moment_nmm),
+            self.setup.loads(load_n),
+            equilibrium.elements,
+        )
+        held = derivatives.tip_by[:, :3] @ np.linalg.solve(
+            derivatives.moment_by[:, :3], derivatives.moment_by[:, 3:]
+        )
+        result: Array = (derivatives.tip_by[:, 3:] - held) / (MM_PER_M * BAR) * self.regulators.slopes
         return result
 
     def compliance(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Tip by a force on it at constant pressures, in equilibrium, shape (3, 3) [m/N]; symmetric."""
-        p = np.array(self.regulators.chambers(actuation))
-        at = self.engine.forward(p.tolist(), load_n)
-        moment, loads = np.array(at.base_moment_nmm), self.setup.loads(load_n)
-        return tip_compliance(self.setup.rod, p, moment, loads, at.elements) / MM_PER_M
+        pressures_bar = np.array(self.regulators.chambers(actuation))
+        equilibrium = self.engine.forward(pressures_bar.tolist(), load_n)
+        moment, loads = np.array(equilibrium.base_moment_nmm), self.setup.loads(load_n)
+        return tip_compliance(self.setup.rod, pressures_bar, moment, loads, equilibrium.elements) / MM_PER_M
 
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone from base to tip at equal arc length of the deformed arm, shape (points, 3) [m]."""

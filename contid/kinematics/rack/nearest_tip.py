@@ -27,11 +27,11 @@ class _Bracket(NamedTuple):
     """A sample nearer to the goal than its neighbours: between these is a local minimum of the distance.
 
     Attributes:
-        distance: of the sample from the goal.
+        distance: distance of the sample from the goal.
         curve: number of the curve.
         at: parameter of the sample.
         low, high: parameters of its neighbours.
-        lower_bound: of the distance between them.
+        lower_bound: a lower bound of the distance between them.
     """
 
     distance: float
@@ -48,7 +48,7 @@ def nearest_on(curves: Sequence[Curve], pieces: Sequence[Sequence[float]], goal:
     Args:
         curves: x and y over a common parameter; ties go to the first.
         pieces: samples of the parameter, in pieces without a corner of any curve.
-        goal: in the frame and unit of the curves; for NaN the answer is the first sample.
+        goal: position sought, in the frame and unit of the curves; for NaN the answer is the first sample.
     """
     brackets = sorted(
         bracket

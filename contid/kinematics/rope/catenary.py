@@ -34,7 +34,7 @@ class Catenary:
 
     Attributes:
         start_m, end_m: ends [m].
-        length_m: of the rope [m].
+        length_m: length of the rope [m].
         a_m: the catenary's parameter, horizontal tension by weight per length [m]; inf for a taut rope.
         slope_start: dz/dx at the start, ``sinh(-x0 / a)``.
         heading: horizontal unit vector from start to end.

@@ -61,7 +61,7 @@ class CapstanLead:
     """The lead of one robot.
 
     Args:
-        statics: of the robot.
+        statics: statics of the robot.
         coefficients: mu of each section.
     """
 
@@ -88,7 +88,7 @@ class CapstanLead:
         """Sense of sliding of every tendon in every section, -1 to 1, after a step of the pulls [m].
 
         Args:
-            before: of the tick before; empty before the first.
+            before: state after the tick before; empty before the first.
             pulls: after the step.
             steps: the step.
         """

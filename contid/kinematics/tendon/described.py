@@ -52,26 +52,39 @@ def statics_of(robot: TendonRobot, geometry: TendonGeometry) -> TendonStatics | 
 def spooled_tendons(
     robot: TendonRobot, to_device: Callable[[Actuation], Actuation]
 ) -> tuple[SpooledTendon, ...]:
-    """The tendons of a robot, section by section; none without ``tension`` in its file.
+    """Describe the tendons of a robot in angles of their shafts, section by section, for emulated devices.
+
+    The transmission is affine, and the angle of a shaft depends on the pull of its own tendon only. So the
+    angles at two sets of pulls, 0 and 1 m, give the gain ``c = d angle / d pull`` [rad/m] of every tendon. The
+    work of a tendon is the same in both: a stiffness k [N/m] on the pull is ``k / c^2`` [N m/rad] on the angle.
 
     Args:
-        robot: its description.
-        to_device: its transmission, pulls [m] and extra axes to angles [rad].
+        robot: description of the robot.
+        to_device: transmission of the robot: pulls [m] and values of extra axes to angles [rad], affine.
+
+    Returns:
+        A tendon for each pull, in the order of the axes; empty without ``tension`` in the robot file.
     """
     geometry = geometry_of(robot)
     statics = statics_of(robot, geometry)
     if statics is None:
         return ()
-    none = (0.0,) * len(robot.all_axis_names)
-    unit = tuple(1.0 for _ in none)
-    here, there = np.array(to_device(none)), np.array(to_device(unit))
-    rad_per_m = (there - here)[: geometry.tendons]
-    bends = geometry.pull_matrix * rad_per_m[:, None]
-    bending = tuple(np.repeat(statics.bending_nm, 2).tolist())
-    backlash = robot.backlash or (0.0,) * geometry.tendons
+    axes = len(robot.all_axis_names)
+    zero_pulls, unit_pulls = (0.0,) * axes, (1.0,) * axes
+    angles_at_zero, angles_at_unit = np.array(to_device(zero_pulls)), np.array(to_device(unit_pulls))
+    rad_per_m = (angles_at_unit - angles_at_zero)[: geometry.tendons]
+    angles_by_bends = geometry.pull_matrix * rad_per_m[:, None]
+    bending_nm = tuple(np.repeat(statics.bending_nm, 2).tolist())  # a section has two bends, equally stiff
+    half_backlash_m = robot.backlash or (0.0,) * geometry.tendons
     return tuple(
-        SpooledTendon(k / gain**2, tuple(row.tolist()), bending, r * abs(gain), robot.capstan or ())
-        for k, gain, row, r in zip(
-            statics.tendon_n_per_m.tolist(), rad_per_m.tolist(), bends, backlash, strict=True
+        SpooledTendon(
+            stiffness_nm=n_per_m / gain**2,
+            bends=tuple(by_bends.tolist()),
+            bending_nm=bending_nm,
+            backlash_rad=half_width_m * abs(gain),
+            capstan=robot.capstan or (),
+        )
+        for n_per_m, gain, by_bends, half_width_m in zip(
+            statics.tendon_n_per_m.tolist(), rad_per_m.tolist(), angles_by_bends, half_backlash_m, strict=True
         )
     )

@@ -9,6 +9,9 @@ The tendon's pull, positive when it shortens, is
 exactly for parallel routing, whatever the curvature does along the section. With ``routing: independent``
 sheaths carry the tendon to its own section and only k = j counts. The two components of a bend times d are
 the Clarke coordinates of Grassmann et al. (2024).
+
+The base frame has its z axis along the straight backbone. The frame of a disc is that of the backbone there,
+and the tip frame that of the last disc.
 """
 
 from __future__ import annotations
@@ -55,11 +58,12 @@ class TendonGeometry:
     """Sections from the base to the tip.
 
     Attributes:
-        sections: from the base on.
-        through: tendons run through the sections before their own and shorten with them too.
-        base_offset_m: from the origin of the base frame to the start of section 1, along z [m].
-        tip_offset_m: from the end of the last rigid piece to the tip, in the tip frame [m].
-        pull_matrix: G, pulls [m] by bends [rad], shape ``(tendons, 2 sections)``.
+        sections: sections in their order from the base on.
+        through: True when tendons run through the sections before their own and shorten with them too; False
+            for ``routing: independent``.
+        base_offset_m: distance of the start of section 1 from the origin of the base frame, along z [m].
+        tip_offset_m: position of the tip in the tip frame, whose origin is the last disc [m].
+        pull_matrix: G, which turns bends into pulls [m/rad], shape ``(tendons, 2 sections)``.
     """
 
     sections: tuple[TendonSection, ...]
@@ -87,7 +91,7 @@ class TendonGeometry:
 
     @cached_property
     def tendon_slices(self) -> tuple[slice, ...]:
-        """The tendons of each section among all."""
+        """For each section, which of all tendons end at its disc."""
         ends = np.cumsum([0, *(len(section.radius_m) for section in self.sections)])
         return tuple(slice(int(low), int(high)) for low, high in pairwise(ends))
 
@@ -113,8 +117,8 @@ class DiscFrames:
 
     Attributes:
         discs_m: end of each section, its rigid piece included [m], shape ``(..., sections, 3)``.
-        rotations: frame of each of them, shape ``(..., sections, 3, 3)``.
-        tip_m: the last disc and the tip offset [m], shape ``(..., 3)``.
+        rotations: matrices from the frame of each disc to the base frame, shape ``(..., sections, 3, 3)``.
+        tip_m: position of the tip [m], shape ``(..., 3)``.
     """
 
     discs_m: Array
@@ -123,7 +127,7 @@ class DiscFrames:
 
 
 def forward(geometry: TendonGeometry, bends: Array | Sequence[float]) -> DiscFrames:
-    """Ends of the sections for bends ``(..., 2 sections)`` [rad]."""
+    """Discs and tip in the base frame for bends ``(..., 2 sections)`` [rad], each section being an arc."""
     bends = np.asarray(bends, dtype=np.float64)
     batch = bends.shape[:-1]
     position = np.broadcast_to(np.array([0.0, 0.0, geometry.base_offset_m]), (*batch, 3))

@@ -106,9 +106,9 @@ class LoadedTendonModel(TendonModel):
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone and rigid pieces at equal arc length, base offset first, shape (points, 3) [m]."""
         curve = self.rod.curve(self.equilibrium(actuation, load_n, derivatives=False).strain, _PARTS)
-        along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))))
-        at = np.linspace(0.0, along[-1], points)
-        shape = np.stack([np.interp(at, along, column) for column in curve.T], axis=1)
+        lengths = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))))
+        even_lengths = np.linspace(0.0, lengths[-1], points)
+        shape = np.stack([np.interp(even_lengths, lengths, column) for column in curve.T], axis=1)
         if self._rod_correction is not None:
             shape[-1] += self._rod_correction.at(np.asarray(actuation))
         return shape
@@ -148,11 +148,11 @@ class LoadedTendonModel(TendonModel):
 
         Args:
             goal: rows of the target [m].
-            target: with its load.
-            seed: of the arcs.
+            target: target with its load.
+            seed: a guess of the arcs.
             unknown: the target of the arcs, and the tightness of each section as a stretch [m].
             rod: an equilibrium to start from.
-            rounds: at most.
+            rounds: greatest number of rounds.
         """
         count, n_per_m = len(goal), self.statics.tendon_n_per_m
         slope = np.eye(len(unknown))

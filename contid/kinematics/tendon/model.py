@@ -158,21 +158,26 @@ class TendonModel:
         shift = correction.at(np.asarray(seed))
         if not np.all(np.isfinite(shift)):
             shift = np.zeros(3)
-        found, change_m, iterations = plain.inverse(target, seed), np.inf, 0
+        plain_solution, change_m, iterations = plain.inverse(target, seed), np.inf, 0
         for _ in range(_ROUNDS):
-            found = plain.inverse(replace(target, tip_m=_moved(target.tip_m, -shift)), seed)
-            iterations += found.iterations
-            there = correction.at(np.asarray(found.actuation))
-            change_m = float(np.linalg.norm(there - shift))
+            plain_solution = plain.inverse(replace(target, tip_m=_moved(target.tip_m, -shift)), seed)
+            iterations += plain_solution.iterations
+            next_shift = correction.at(np.asarray(plain_solution.actuation))
+            change_m = float(np.linalg.norm(next_shift - shift))
             if change_m <= _SETTLED_M or not np.isfinite(change_m):
                 break
-            shift, seed = there, found.actuation
-        residual_m = found.residual_m + change_m
-        if found.converged and residual_m <= _MET_M:
-            return replace(found, residual_m=residual_m, iterations=iterations)
-        limits, note = found.limited_by or (_LENGTH,), nearest_note(residual_m)
+            shift, seed = next_shift, plain_solution.actuation
+        residual_m = plain_solution.residual_m + change_m
+        if plain_solution.converged and residual_m <= _MET_M:
+            return replace(plain_solution, residual_m=residual_m, iterations=iterations)
+        limits, note = plain_solution.limited_by or (_LENGTH,), nearest_note(residual_m)
         return replace(
-            found, residual_m=residual_m, converged=False, limited_by=limits, iterations=iterations, note=note
+            plain_solution,
+            residual_m=residual_m,
+            converged=False,
+            limited_by=limits,
+            iterations=iterations,
+            note=note,
         )
 
     def _pulls(self, bends: Array) -> Actuation:
@@ -181,7 +186,7 @@ class TendonModel:
         return tuple(np.clip(pulls, self.lower, self.upper).tolist())
 
     def excess(self, actuation: Actuation) -> Array:
-        """See `PullLimits.excess`."""
+        """By how much limits of travel, tension and bends are exceeded by pulls [m], negative inside."""
         return self._limits.excess(actuation)
 
     @property

@@ -29,7 +29,7 @@ class TipCorrection:
     """The correction of one robot.
 
     Attributes:
-        features: by pulls, ``(features, tendons)`` [rad/m, then mm/m].
+        features: matrix from pulls to features, ``(features, tendons)`` [rad/m, then mm/m].
         bends: how many of them are bends.
         low, high: their range in the data.
         gain: ``(terms + 1, 3)`` [m]; the last row is the constant.

@@ -178,7 +178,7 @@ class TendonRod:
         """Equilibrium for pulls ``(tendons,)`` [m].
 
         Args:
-            pulls: of the tendons.
+            pulls: pulls of the tendons.
             tip_force_n: force on the tip, in the base frame.
             start: strain to start from ``(elements, 4)``; the straight rod without.
             derivatives: False leaves ``jacobian`` and ``compliance`` at NaN, which is faster.

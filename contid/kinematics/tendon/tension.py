@@ -5,10 +5,11 @@ robot at its pretension tau0) and bends Theta balance where the energy of both i
 
     tau = tau0 + k (q - G Theta),      G^T tau = K Theta      hence      Theta = (G^T k G + K)^-1 G^T k q.
 
-The other way round, bends leave each section one number lambda free: adding ``lambda n``, with ``n`` the
-tensions that do not bend (all equal for even azimuths), tightens its tendons. Lambda is chosen so that the
-smallest tension of the section is the floor: no tendon is slack, none is tighter than necessary. Tensions are
-then piecewise linear and convex in the bends, so a limit of tension is a set of planes.
+The other way round, bends leave each section one number lambda [N] free: adding ``lambda n``, with ``n`` the
+tensions that do not bend, relative to their mean (all 1 for even azimuths), tightens its tendons. Lambda is
+chosen so that the smallest tension of the section is the floor: no tendon is slack, none is tighter than
+necessary. Tensions are then piecewise linear and convex in the bends, so a limit of tension is a set of
+planes.
 """
 
 from __future__ import annotations
@@ -25,18 +26,25 @@ _ROUNDS = 10000
 
 
 def balanced(arms: Array) -> Array | None:
-    """Positive tensions ``(tendons,)``, mean 1, whose moments ``arms^T n`` vanish; None if there are none.
+    """Find tensions of the tendons of a section that do not bend it, relative to their mean.
 
-    Alternating projections onto the null space and onto ``n >= 1/20``: with three tendons the null space has
-    one direction, with evenly placed ones the answer is 1 everywhere.
+    By alternating projections onto the null space of the moments and onto ``n >= 1/20``: with three tendons
+    the null space has one direction, with evenly placed ones the answer is 1 everywhere.
+
+    Args:
+        arms: ``d (cos sigma, sin sigma)`` of each tendon [m], shape ``(tendons, 2)``.
+
+    Returns:
+        Positive tensions n, shape ``(tendons,)``, with mean 1 and ``arms^T n = 0``; None if there are none,
+        because the tendons do not stand around the backbone.
     """
-    across = np.eye(len(arms)) - arms @ np.linalg.pinv(arms)
-    n = across @ np.ones(len(arms))
+    onto_null_space = np.eye(len(arms)) - arms @ np.linalg.pinv(arms)
+    n = onto_null_space @ np.ones(len(arms))
     for _ in range(_ROUNDS):
         mean = float(n.mean())
         if mean > 1e-9 and float(np.min(n)) >= 1e-3 * mean:
             return np.asarray(n / mean, dtype=np.float64)
-        n = across @ np.maximum(n, 0.05)
+        n = onto_null_space @ np.maximum(n, 0.05)
     return None
 
 
@@ -50,10 +58,11 @@ class TendonStatics:
         tendon_n_per_m: k, stiffness of each tendon [N/m], shape ``(tendons,)``.
         floor_n: least tension [N].
         limit_n: largest tension [N].
-        slack_free: n of every tendon, tensions that do not bend; mean 1 in each section.
-        rest_n: tau0, tensions of the straight robot at zero pulls [N].
-        demand: tensions by bends before any tightening [N/rad], shape ``(tendons, 2 sections)``.
-        bends_by_pulls: Theta by q [rad/m], shape ``(2 sections, tendons)``.
+        slack_free: n, relative tensions that do not bend, shape ``(tendons,)``; mean 1 in each section.
+        rest_n: tau0, tensions of the straight robot at zero pulls [N], shape ``(tendons,)``.
+        demand: tensions per bend before any tightening [N/rad], shape ``(tendons, 2 sections)``; they may be
+            negative.
+        bends_by_pulls: matrix that turns pulls q into bends Theta [rad/m], shape ``(2 sections, tendons)``.
     """
 
     geometry: TendonGeometry
@@ -77,10 +86,12 @@ class TendonStatics:
             if n is None:
                 raise ValueError(f"the tendons of section {j + 1} do not stand around the backbone")
             free[rows] = n
-            moments = np.zeros((2, 2 * geometry.count))  # left to the section's own tendons
+            # Moment by bends that the section's own tendons must give. Those that run through to sections
+            # beyond give the moment of the next section, K Theta there: the own ones give the difference.
+            moments = np.zeros((2, 2 * geometry.count))
             for k in range(j, min(j + 2, geometry.count) if geometry.through else j + 1):
-                at = slice(2 * k, 2 * k + 2)
-                moments[:, at] = (1.0 if k == j else -1.0) * np.diag(stiffness[at])
+                bends_of_k = slice(2 * k, 2 * k + 2)
+                moments[:, bends_of_k] = (1.0 if k == j else -1.0) * np.diag(stiffness[bends_of_k])
             demand[rows] = np.linalg.pinv(arms.T) @ moments
         weighted = geometry.pull_matrix.T * self.tendon_n_per_m
         by_pulls = np.linalg.solve(weighted @ geometry.pull_matrix + np.diag(stiffness), weighted)
@@ -89,9 +100,14 @@ class TendonStatics:
         object.__setattr__(self, "rest_n", self.tensions_of_bends(np.zeros(2 * geometry.count)))
 
     def tensions_of_bends(self, bends: Array, tightness: Array | float = 0.0) -> Array:
-        """Least tensions ``(tendons,)`` [N] that hold bends ``(2 sections,)`` [rad] above the floor.
+        """The tensions that hold bends and are nowhere below the floor.
 
-        With a tightness ``(sections,)`` [N] they stand above these by as many times `slack_free`.
+        Args:
+            bends: bends of the sections [rad], shape ``(2 sections,)``.
+            tightness: lambda of each section above the least that the floor needs [N], shape ``(sections,)``.
+
+        Returns:
+            Tensions [N], shape ``(tendons,)``.
         """
         least: Array = self.demand @ bends
         lacks = np.maximum.reduceat((self.floor_n - least) / self.slack_free, self.geometry.first_of)
@@ -114,7 +130,7 @@ class TendonStatics:
         return self.tensions_at(pulls, self.bends(pulls))
 
     def tensions_at(self, pulls: Array, bends: Array) -> Array:
-        """Tensions of pulls [m] whose bends [rad] are known."""
+        """Tensions ``(tendons,)`` [N] of pulls [m] whose bends ``(2 sections,)`` [rad] are known."""
         stretch = pulls - self.geometry.pull_matrix @ bends
         tensions: Array = self.rest_n + self.tendon_n_per_m * stretch
         return tensions

@@ -1,4 +1,8 @@
-"""The client for asyncio programs; see `contid.client`."""
+"""The client for asyncio programs: requests of several tasks on one connection to a daemon.
+
+A daemon obeys one client at a time, the one that holds the lease. Every request of that client renews it; a
+client that is silent for longer than the time of its lease loses it, and the robots hold.
+"""
 
 from __future__ import annotations
 
@@ -32,6 +36,7 @@ class AsyncClient(Procedures):
     _reading: asyncio.Task[None] | None = None
 
     async def _open(self, path: Path) -> None:
+        """Connect to a socket or an address, and begin to read."""
         self._waiting: dict[int, tuple[Request, asyncio.Future[Fields]]] = {}
         self._noticed = asyncio.Event()
         if self._address is not None:
@@ -53,6 +58,7 @@ class AsyncClient(Procedures):
             await asyncio.sleep(CONNECT_PERIOD_S)
 
     async def _exchange(self, request: Request) -> Fields:
+        """Send a request and wait for its result, at most for its own time-out."""
         future: asyncio.Future[Fields] = asyncio.get_running_loop().create_future()
         self._waiting[request.number] = request, future
         try:
@@ -65,11 +71,13 @@ class AsyncClient(Procedures):
             self._waiting.pop(request.number, None)
 
     async def _post(self, request: Request) -> None:
+        """Send a request without waiting; its result is looked up later."""
         if self._lost is not None or self._wire is None:
             raise self._lost or ConnectionLostError("not connected; use `async with`")
         await self._wire.send(request)
 
     async def _wait_notice(self, seconds: float) -> None:
+        """Wait for a notice or the response to rows, at most for this time [s]."""
         if self._lost is not None:
             raise self._lost
         self._noticed.clear()
@@ -78,10 +86,11 @@ class AsyncClient(Procedures):
                 await self._noticed.wait()
 
     async def _sleep(self, seconds: float) -> None:
+        """Wait for this time [s]; other tasks go on."""
         await asyncio.sleep(seconds)
 
     async def _read(self, wire: AsyncSocketWire | AsyncQueuedWire) -> None:
-        """Take in lines until the connection ends."""
+        """Take in lines and hand out results until the connection ends; a task of its own."""
         try:
             while chunk := await wire.receive():
                 if self._protocol.receive(chunk):
@@ -93,13 +102,18 @@ class AsyncClient(Procedures):
             lost = error
         except OSError as error:
             lost = self._protocol.lost(f"the connection ended ({error})")
-        self._lost = lost
+        self._end(lost)
+
+    def _end(self, lost: ConnectionLostError | RemoteError) -> None:
+        """Fail every request that waits for its response, and wake the tasks that wait for a notice."""
+        self._lost = self._lost or lost
         for _, future in self._waiting.values():
             if not future.done():
-                future.set_exception(lost)
+                future.set_exception(self._lost)
         self._noticed.set()
 
     def _resolve(self, request: Request, future: asyncio.Future[Fields]) -> None:
+        """Set the response to a request, or the error of it, if it has come."""
         if future.done():
             return
         try:
@@ -111,10 +125,13 @@ class AsyncClient(Procedures):
                 future.set_result(result)
 
     async def _disconnect(self) -> None:
-        self._lost = self._lost or ConnectionLostError("this client was closed")
+        """Close the connection; tasks that still wait for a response get `ConnectionLostError`."""
+        closed = ConnectionLostError("this client was closed")
+        self._lost = self._lost or closed
         if self._reading is not None:
             self._reading.cancel()
             await asyncio.gather(self._reading, return_exceptions=True)
+            self._end(closed)
         if self._wire is not None:
             await self._wire.close()
 

@@ -16,8 +16,8 @@ class DescribedRobot:
         axes: columns of its axes, in their order.
         minimum, maximum: limits of the axes, in their units.
         tip: columns of its tip.
-        unit: of its model's axes: mm or bar.
-        units: of every axis; extra ones may be in degrees.
+        unit: unit of its model's axes: mm or bar.
+        units: units of every axis; extra ones may be in degrees.
         rates: greatest velocity, acceleration and jerk of its model's axes [unit/s, unit/s^2, unit/s^3].
         axis_rates: the same of every axis.
         estop: what `estop` does with it: relax, vent or another policy.

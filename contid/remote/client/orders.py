@@ -30,8 +30,8 @@ class Orders(ABC):
     """A connection to a daemon.
 
     Args:
-        path: of the socket, or an address (``fleet:FLEET/NODE``); None for the only running daemon.
-        name: of this client in the daemon's messages.
+        path: path of the socket, or an address (``fleet:FLEET/NODE``); None for the only running daemon.
+        name: name of this client in the daemon's messages.
         timeout_s: how long to wait for a response.
 
     Attributes:

@@ -25,7 +25,8 @@ class Procedures(Orders):
 
         Args:
             target: columns as in a trajectory: ``{"x_mm": 40, "y_mm": 75}``, ``{"left.x_mm": ...}``.
-            until_force_n: of fingers: close slowly until the tip exerts this force along its way; hold it.
+            until_force_n: for fingers, force [N]: close slowly until the tip exerts this force along its way;
+                hold it.
             wait: return on arrival; otherwise call `wait` with the returned number, or `release`.
 
         Raises:
@@ -142,7 +143,7 @@ class Procedures(Orders):
 
         Args:
             tip_mm: position in the world frame, ``(x, y, z)``.
-            direction: of the body at its tip, in the world frame; its length does not matter.
+            direction: direction of the body at its tip, in the world frame; its length does not matter.
             robot: its name; may be left out when there is only one.
             age_ms: time since the capture; 0 when neither time is given.
             time_s: time of the capture, by `time.monotonic` on this machine; instead of ``age_ms``.

@@ -1,7 +1,10 @@
 """Rows of a stream or a trajectory, pipelined: sent as far as they are granted, responses come later.
 
-The daemon grants rows as a sum (`granted`), so a client need not have the response to one row before it sends
-the next: over a link with latency as many rows are under way as are granted, instead of one per round trip.
+A row is one set-point of a stream, or one timed row of a trajectory. The daemon takes rows only as far as it
+has room. It states this as a credit: ``granted`` is the number of rows that it accepts so far for the move in
+all, those already sent included, and it only grows. So a client need not have the response to one row before
+it sends the next: over a link with latency as many rows are under way as are granted, instead of one per
+round trip. While it waits it pings, which renews its lease.
 """
 
 from __future__ import annotations
@@ -27,13 +30,13 @@ class RowStream:
     """The rows of one move.
 
     Args:
-        client: connected.
-        move: number of the move.
-        timed: rows have times; they go in batches.
+        client: connected client.
+        move: number of the move, from the response to ``move``.
+        timed: True for rows with times, all of which count; of rows without times the newest counts.
         batch_rows: rows of one request.
 
     Attributes:
-        refused: messages about refused rows.
+        refused: messages about rows that the daemon refused one by one.
     """
 
     def __init__(self, client: Orders, move: int, timed: bool, batch_rows: int) -> None:
@@ -54,7 +57,7 @@ class RowStream:
         """
         try:
             batch: list[list[float]] = []
-            async for row in each(rows):
+            async for row in iterate(rows):
                 batch.append(list(row))
                 if len(batch) >= self._batch_rows:
                     await self._send(batch)
@@ -69,6 +72,7 @@ class RowStream:
                 self._protocol.forget(request)
 
     async def _send(self, rows: list[list[float]]) -> None:
+        """Send one request with rows, once they are granted and `MAX_UNANSWERED` allows it."""
         if self._unanswered:
             await self._client._wait_notice(LOOK_S)
         self._take()
@@ -83,6 +87,7 @@ class RowStream:
         await self._client._post(request)
 
     def _may_send(self, rows: int) -> bool:
+        """Whether this number of further rows is granted."""
         granted = self._protocol.granted.get(self._move, 0)
         return self._sent + rows <= granted and len(self._unanswered) < MAX_UNANSWERED
 
@@ -105,10 +110,10 @@ class RowStream:
             self.refused += result["refused"]
 
 
-async def each(
+async def iterate(
     rows: Iterable[Sequence[float]] | AsyncIterable[Sequence[float]],
 ) -> AsyncIterator[Sequence[float]]:
-    """Rows of either kind of iterable."""
+    """The rows of an iterable of either kind, plain or asynchronous."""
     if isinstance(rows, AsyncIterable):
         async for row in rows:
             yield row

@@ -34,7 +34,7 @@ class ServoState:
         step: number of this period, from 0.
         time_s: time since the first period [s].
         robots: newest telemetry by robot: ``state``, ``fault``, ``tip_mm``, ``command``, ``measured``.
-        tick: of that telemetry.
+        tick: tick of that telemetry.
         refused: why the last set-point was refused (its robots hold), "" otherwise.
     """
 
@@ -73,7 +73,7 @@ class ServoReport:
 
 
 async def servo(client: Orders, rate_hz: float, controller: Controller) -> ServoReport:
-    """See `Procedures.servo`."""
+    """Follow the set-points of a controller, called at a fixed rate with the newest telemetry."""
     tick_hz = float((await client.describe())["rate_hz"])
     if not 0.0 < rate_hz <= tick_hz:
         message = f"rate_hz={rate_hz:g}: allowed: above 0, up to the rate of the daemon, {tick_hz:g} Hz"

@@ -112,13 +112,13 @@ class Client:
     """A connection to a daemon. Not thread-safe: each thread needs its own.
 
     Args:
-        path: of the socket, or an address (``fleet:FLEET/NODE``); None for the only running daemon.
-        name: of this client in the daemon's messages.
+        path: path of the socket, or an address (``fleet:FLEET/NODE``); None for the only running daemon.
+        name: name of this client in the daemon's messages.
         timeout_s: how long to wait for a response.
 
     Attributes:
-        path: of the socket, or the address.
-        name: of this client.
+        path: path of the socket, or the address.
+        name: name of this client.
         hello: the daemon's greeting: protocol, version, name, number of this client.
 
     Raises:

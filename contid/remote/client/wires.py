@@ -34,7 +34,7 @@ class Address(Protocol):
     """Where a daemon is, other than at a socket.
 
     Attributes:
-        name: in messages.
+        name: name in messages.
     """
 
     name: str
@@ -72,7 +72,10 @@ class SocketWire:
         self._socket = connect(path, timeout_s)
 
     def send(self, request: Request) -> None:
-        """See `Wire.send`; waits for room at most as long as for the response."""
+        """Send a request; its response is delivered as a line.
+
+        See `Wire.send`; waits for room at most as long as for the response.
+        """
         self._socket.settimeout(request.timeout_s)
         self._socket.sendall(request.line)
 
@@ -85,7 +88,7 @@ class SocketWire:
             return None
 
     def close(self) -> None:
-        """See `Wire.close`."""
+        """End the connection; idempotent (`Wire.close`)."""
         self._socket.close()
 
 
@@ -97,18 +100,18 @@ class QueuedWire:
         self._wire = address.open(self._lines.put)
 
     def send(self, request: Request) -> None:
-        """See `Wire.send`."""
+        """Send a request; its response is delivered as a line (`Wire.send`)."""
         self._wire.send(request)
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """See `SocketWire.receive`."""
+        """The next bytes, b"" after the end, None when none came in time (`SocketWire.receive`)."""
         try:
             return self._lines.get(timeout=max(timeout_s, 0.001))
         except queue.Empty:
             return None
 
     def close(self) -> None:
-        """See `Wire.close`."""
+        """End the connection; idempotent (`Wire.close`)."""
         self._wire.close()
 
 

@@ -152,7 +152,7 @@ class Endpoint:
     """A listening socket with mode 0600; refuses a second daemon, removes the socket of a killed one.
 
     Args:
-        path: of the socket.
+        path: path of the socket.
         default: the path is the default one: create or check its folder.
         group: name of a group whose members may connect as well; the mode is then 0660.
         watch_group: name of a group whose members may only read and stop. The mode is 0660 with one group and

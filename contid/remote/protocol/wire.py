@@ -54,8 +54,8 @@ class RemoteError(ContidError):
     """The daemon refused a request.
 
     Attributes:
-        code: of `Code`.
-        faults: by robot in FAULT its number, name, cause, reaction and remedy.
+        code: one of the codes of `Code`.
+        faults: for each robot in FAULT, its number, name, cause, reaction and remedy.
     """
 
     def __init__(self, code: Code | str, message: str, faults: Mapping[str, Fields] | None = None) -> None:

@@ -17,9 +17,9 @@ class SectionGeometry(Strict):
     Attributes:
         length_mm: chamber length at rest.
         link_mm: rigid length after the chambers: the connection to the next section, or the rigid tip.
-        radius_mm: of the outside.
-        channel_radius_mm: of the central channel.
-        chamber_radius_mm: of one chamber.
+        radius_mm: radius of the outside.
+        channel_radius_mm: radius of the central channel.
+        chamber_radius_mm: radius of one chamber.
         chamber_placement_mm: distance of the chambers' centres from the axis.
         pair_angle_deg: angle between the two chambers of one pair.
         first_pair_deg: azimuth of the first pair; not in the paper, 0 is +x.
@@ -27,8 +27,8 @@ class SectionGeometry(Strict):
             bar (eq. 20); `contid calibrate modulus` fits them.
         modulus_up_to_bar: x is clamped here (the printed fits rise again beyond, or were not measured).
         bending_gain: scale of the pressure's bending moment; 1 as derived.
-        density_kg_m3: of the silicone; 0 for no weight.
-        link_mass_g: of the rigid part.
+        density_kg_m3: density of the silicone; 0 for no weight.
+        link_mass_g: mass of the rigid part.
     """
 
     length_mm: Size

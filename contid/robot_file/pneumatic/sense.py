@@ -18,11 +18,11 @@ class ModelErrors(Strict):
     loop side``, where side is -1 to 1 with the last motion of the axis, and other moduli and moments.
 
     Attributes:
-        offset_bar: of every axis.
-        gain: of every axis.
+        offset_bar: offset of every axis.
+        gain: gain of every axis.
         loop_bar: half the hysteresis loop of every axis.
-        modulus: of every section, by which part its modulus is greater than ``geometry`` has it.
-        moment: of every section, by which part its pressure moment is greater.
+        modulus: part by which the modulus of every section is greater than ``geometry`` has it.
+        moment: part by which the pressure moment of every section is greater.
         axis_sigma_bar: standard deviation of what remains at an axis.
         tip_sigma_mm: standard deviation of what remains at the tip beside it.
         covariance_factor: rows of a lower triangle L; L times its transpose is the covariance of all numbers

@@ -17,11 +17,11 @@ class SimulatedErrors(Strict):
     """By what a simulated arm differs from the model of this file.
 
     Attributes:
-        modulus_percent: by which the modulus of every section, from the base, is greater.
-        moment_percent: by which the pressure moments are greater.
+        modulus_percent: percentage by which the modulus of every section, from the base, is greater.
+        moment_percent: percentage by which the pressure moments are greater.
         regulator_bar: every regulator is off by a constant error up to this, drawn from ``seed``.
         hysteresis_bar: width of the loop between the pressure of a regulator and what acts.
-        seed: of the errors of the regulators.
+        seed: seed of the errors of the regulators.
     """
 
     modulus_percent: tuple[_Percent, ...] = ()
@@ -37,8 +37,8 @@ class SimulatedTracker(Strict):
     Attributes:
         rate_hz: measurements per second.
         noise_mm: standard deviation of every component.
-        latency_ms: from the capture of a measurement to its arrival.
-        seed: of the noise.
+        latency_ms: time from the capture of a measurement to its arrival.
+        seed: seed of the noise.
         hidden_s: intervals without a measurement, after the bus was first opened.
     """
 
@@ -59,7 +59,7 @@ class SimulatedArm(Strict):
         payload_at_s: when it is put on, after the bus was first opened.
         payload_until_s: when it is taken off; never when left out.
         wall: rigid and without friction, in the world; it stops the tip only.
-        errors: by what the arm differs from the model.
+        errors: how the arm differs from the model.
         tracker: that measures the tip.
     """
 

@@ -26,9 +26,9 @@ class TendonRobot(RobotDescription):
     Attributes:
         model: ``tendon``.
         geometry: dimensions.
-        limits: of pulls and bends.
-        tension: of the tendons; bounds them and adds the stretch of tendons to the pulls.
-        friction: of the tendons; off when left out.
+        limits: limits of pulls and bends.
+        tension: tension of the tendons; bounds them and adds the stretch of tendons to the pulls.
+        friction: friction of the tendons; off when left out.
         rod: statics of the backbone under loads; off when left out.
         residual: correction of the tip from a calibration; off when left out.
     """

@@ -58,11 +58,11 @@ class TendonRobotGeometry(Strict):
     """Dimensions of the robot.
 
     Attributes:
-        sections: from the base on.
+        sections: sections from the base on.
         routing: ``through``: tendons run along the backbone through the sections before their own, and
             shorten with them; ``independent``: sheaths carry them to their own section.
-        base_offset_mm: from the origin of the base frame to the start of the first section, along z.
-        tip_offset_mm: from the end of the last section to the tip that targets mean, in the tip frame.
+        base_offset_mm: distance from the origin of the base frame to the start of the first section, along z.
+        tip_offset_mm: vector from the end of the last section to the tip that targets mean, in the tip frame.
     """
 
     sections: Annotated[

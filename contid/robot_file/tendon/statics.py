@@ -1,4 +1,4 @@
-"""Forces of a tendon robot in its file: tensions, the backbone as a rod, friction, and what a fit left."""
+"""Forces of a tendon robot in its file: tensions, the backbone as a rod, friction, residual of the tip."""
 
 from __future__ import annotations
 
@@ -17,10 +17,12 @@ class Tension(Strict):
     """Tension of the tendons; without it pulls are geometric and tensions are not bounded.
 
     Attributes:
-        floor_n: least tension: pretension of the straight robot, below which a tendon counts as slack.
-        max_n: largest tension.
+        floor_n: least tension; the straight robot is pretensioned to it, and a tendon below it counts as
+            slack.
+        max_n: largest tension; at least twice ``floor_n``.
         bending_n_mm2: bending stiffness E I of the backbone: one number for all, or one per section.
-        tendon_n_per_mm: stiffness of a tendon from spool to disc: one number for all, or one per section.
+        tendon_n_per_mm: axial stiffness of a tendon between its spool and its disc: one number for all, or
+            one per section.
     """
 
     floor_n: Positive
@@ -42,12 +44,12 @@ class TendonRodStatics(Strict):
 
     Attributes:
         weight_n_per_m: weight of the robot along its backbone: one number for all, or one per section.
-        gravity: its direction in the base frame.
+        gravity: direction of gravity in the base frame.
         torsion_n_mm2: torsional stiffness G J: one number for all, or one per section; left out, E I / 1.3,
             a round rod of nitinol or steel.
         stretch_n: stiffness E A of an extensible backbone, such as a spring: one number for all, or one per
             section; left out, it is inextensible.
-        elements: of a section; the error falls with the square of their number.
+        elements: number of elements of a section; the error falls with the square of it.
     """
 
     weight_n_per_m: _PerSection = (0.0,)
@@ -76,15 +78,18 @@ class TendonFriction(Strict):
 
 
 class TendonResidual(Strict):
-    """What the model leaves of measured tips, written by ``contid calibrate tendon``; needs ``tension``.
+    """Correction of the model's tip, written by ``contid calibrate tendon``; needs ``tension``.
 
-    Features are the bends of the sections, x and y of each, then the stretches of the tendons; terms are the
-    features, the products of bends u0 u0, u0 u1, .. and 1. Outside the range of the data it fades to nothing.
+    It is the part of the measured tips that the fitted model does not explain: a sum of terms, each times its
+    gain. Features are the bends of the sections, x and y of each, then the stretches of the tendons; terms
+    are the features, the products of bends u0 u0, u0 u1, .. and 1. Outside the range of the data it fades to
+    nothing.
 
     Attributes:
-        low_rad_mm, high_rad_mm: range of the features in the data, bends in rad, stretches in mm.
-        gain_x_mm, gain_y_mm, gain_z_mm: of the terms, for the three coordinates of the tip in the base frame.
-        bound_mm: no correction is longer.
+        low_rad_mm, high_rad_mm: range of every feature in the data, bends in rad, stretches in mm.
+        gain_x_mm, gain_y_mm, gain_z_mm: gains of the terms for the coordinates of the tip in the base frame,
+            in mm per unit of the term.
+        bound_mm: length to which a longer correction is shortened.
     """
 
     low_rad_mm: tuple[float, ...]

@@ -45,16 +45,16 @@ class Column:
     """A column of a table of ticks.
 
     Attributes:
-        name: with its unit.
-        slot: place in a record.
-        quantity: whose unit the column has, None for a value as it is recorded.
-        whole: values are integers.
+        name: name of the column, with the unit.
+        slot: index of the value among the flat numbers of a record.
+        quantity: quantity to whose unit the value is converted, None for a value as it is recorded.
+        is_integer: True when the values are integers.
     """
 
     name: str
     slot: int
     quantity: Quantity | None = None
-    whole: bool = False
+    is_integer: bool = False
 
 
 class RecordedTicks(Protocol):
@@ -78,25 +78,26 @@ class RecordedTicks(Protocol):
 
 
 def channel_columns(session: RecordedTicks, channel: str) -> list[Column]:
-    """The columns of a channel after `TIMES`."""
+    """The columns of a channel; `TIMES`, which every table has, are not among them."""
     values = fields(session.layout, session.device_units, channel)
     return [column for each in values if each.path != ("tick",) for column in _columns(each)]
 
 
-def _columns(each: Field) -> Iterator[Column]:
-    front = ".".join(each.path[1:-1] if each.path[0] == "robots" else each.path[:-1])
+def _columns(field: Field) -> Iterator[Column]:
+    """The column of a number, or the three of a vector."""
+    front = ".".join(field.path[1:-1] if field.path[0] == "robots" else field.path[:-1])
     front += "." if front else ""
-    key = each.path[-1]
-    if each.kind == "array":
+    key = field.path[-1]
+    if field.kind == "array":
         quantity = Quantity.LENGTH if key.endswith("_m") else None
-        for name, slot in zip(_VECTORS[key], each.slots, strict=True):
+        for name, slot in zip(_VECTORS[key], field.slots, strict=True):
             yield Column(front + name, slot, quantity)
         return
-    if key.endswith("_rad") and len(each.path) == 3:  # an axis; values of devices stay in rad
-        yield Column(front + key.removesuffix("_rad") + "_deg", each.slots[0], Quantity.ANGLE)
+    if key.endswith("_rad") and len(field.path) == 3:  # an axis; values of devices stay in rad
+        yield Column(front + key.removesuffix("_rad") + "_deg", field.slots[0], Quantity.ANGLE)
         return
     for end, new, unit in _UNITS:
         if key.endswith(end):
-            yield Column(front + key.removesuffix(end) + new, each.slots[0], unit)
+            yield Column(front + key.removesuffix(end) + new, field.slots[0], unit)
             return
-    yield Column(front + key, each.slots[0], whole=each.kind in ("integer", "boolean"))
+    yield Column(front + key, field.slots[0], is_integer=field.kind in ("integer", "boolean"))

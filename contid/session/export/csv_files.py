@@ -43,26 +43,30 @@ def export_channels(session: Session, folder: Path) -> list[Path]:
         message = "it is a file; give a folder, or a table FILE.csv" if folder.is_file() else error.strerror
         raise SessionError(f"{folder}: cannot write tables there: {message}") from error
     table = TickTable(session)
-    groups = [each for each in (*TICK_CHANNELS, MEASURED) if each in table.channels]
-    paths = [folder / f"{group}.csv" for group in (*groups, EVENT)]
+    tick_files = [channel for channel in (*TICK_CHANNELS, MEASURED) if channel in table.channels]
+    paths = [folder / f"{channel}.csv" for channel in (*tick_files, EVENT)]
     with ExitStack() as stack:
-        *ticks, events = [_writer(stack.enter_context(_file(path))) for path in paths]
-        places = [[p for p, of in enumerate(table.channels) if of in ("", group)] for group in groups]
-        for writer, group, chosen in zip(ticks, groups, places, strict=True):
-            writer.writerow([table.names[p].removeprefix(f"{group}.") for p in chosen])
+        *tick_writers, events = [_writer(stack.enter_context(_file(path))) for path in paths]
+        # Every file has the times, whose channel is "", and the columns of its own channel.
+        column_indices = [
+            [index for index, of_column in enumerate(table.channels) if of_column in ("", channel)]
+            for channel in tick_files
+        ]
+        for writer, channel, indices in zip(tick_writers, tick_files, column_indices, strict=True):
+            writer.writerow([table.names[index].removeprefix(f"{channel}.") for index in indices])
         events.writerow(["t_s", "unix_s", "event", "tick", "details"])
 
         def write_event(t_s: float, time_ns: int, event: RunEvent) -> None:
-            rest = to_json(event)
-            kind, tick = rest.pop("event"), rest.pop("tick", "")
-            events.writerow([t_s, f"{time_ns // 1000 / 1e6:.6f}", kind, tick, json.dumps(rest)])
+            details = to_json(event)
+            kind, tick = details.pop("event"), details.pop("tick", "")
+            events.writerow([t_s, f"{time_ns // 1000 / 1e6:.6f}", kind, tick, json.dumps(details)])
 
         cells = _cells(table)
         for block in table.blocks(write_event):
             for row in block.tolist():
-                written = cells(row)
-                for writer, chosen in zip(ticks, places, strict=True):
-                    writer.writerow([written[p] for p in chosen])
+                texts = cells(row)
+                for writer, indices in zip(tick_writers, column_indices, strict=True):
+                    writer.writerow([texts[index] for index in indices])
     return paths
 
 
@@ -95,15 +99,15 @@ def _writer(file: TextIO) -> Any:
 
 
 def _cells(table: TickTable) -> Callable[[list[float]], list[str]]:
-    """What turns a row into cells."""
-    unix = TIMES.index("unix_s")
+    """A function that turns a row of the table into the texts of its cells, "" for NaN."""
+    unix_index = TIMES.index("unix_s")
 
     def cells(row: list[float]) -> list[str]:
-        written = [
-            "" if value != value else (str(int(value)) if whole else repr(value))
-            for value, whole in zip(row, table.whole, strict=True)
+        texts = [
+            "" if value != value else (str(int(value)) if is_integer else repr(value))
+            for value, is_integer in zip(row, table.is_integer, strict=True)
         ]
-        written[unix] = f"{row[unix]:.6f}"
-        return written
+        texts[unix_index] = f"{row[unix_index]:.6f}"
+        return texts
 
     return cells

@@ -56,8 +56,8 @@ def read_episode(session: Session, names: dict[str, list[str]], step: int) -> Ep
     """The frames of a session.
 
     Args:
-        session: to read.
-        names: of the elements by feature.
+        session: session to read.
+        names: names of the elements by feature.
         step: every how many-th tick is a frame.
 
     Raises:

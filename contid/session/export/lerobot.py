@@ -34,8 +34,8 @@ def export_lerobot(
     """Write a dataset; a folder that exists is never changed.
 
     Args:
-        sessions: of robots with the same axes and rates.
-        folder: of the dataset.
+        sessions: sessions of robots with the same axes and rates.
+        folder: path of the dataset.
         task: what the robots do, in a sentence; the same for all episodes.
         fps: frames per second, a divisor of the rate; every tick when left out.
 

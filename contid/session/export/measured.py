@@ -1,4 +1,4 @@
-"""What the robots did by their own devices: axes in the units of the file, and the tip by forward kinematics.
+"""Measured axes and tips of the robots of a session, from what their devices reported.
 
 A record has the angles and pressures of the devices; transmission and model of the recorded robot file make
 axes and tips of them, with the commanded load.
@@ -28,7 +28,12 @@ _NO_TIP: Final = (math.nan, math.nan, math.nan)
 
 
 class MeasuredPose(NamedTuple):
-    """Axes [m or Pa], NaN while a device has no value, and the tip in the world [m], None then."""
+    """What a robot did in one tick.
+
+    Attributes:
+        actuation: values of its axes [m or Pa], NaN where the device of an axis has no value.
+        tip_m: tip in the world frame [m]; None while one of the axes is NaN.
+    """
 
     actuation: Actuation
     tip_m: Vec3 | None
@@ -39,14 +44,14 @@ class MeasuredRobot:
     """Measured axes and tip of one robot.
 
     Attributes:
-        config: of the robot.
-        values: places of its devices' values in a record.
-        load: places of the commanded load.
+        config: model, transmission and frame of the robot.
+        device_slots: indices of its devices' values among the flat numbers of a record.
+        load_slots: indices of the three components of the load that was commanded with the target.
     """
 
     config: RobotConfig
-    values: tuple[int, ...]
-    load: tuple[int, ...]
+    device_slots: tuple[int, ...]
+    load_slots: tuple[int, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -56,19 +61,19 @@ class MeasuredRobot:
         return tuple(f"{self.config.name}.{name}" for name in (*axes, *_TIP))
 
     def pose(self, record: Sequence[float]) -> MeasuredPose:
-        """The pose of a record."""
+        """The measured pose in a record, given as its flat numbers."""
         config = self.config
-        actuation = config.transmission.to_actuation(tuple([record[place] for place in self.values]))
+        actuation = config.transmission.to_actuation(tuple([record[slot] for slot in self.device_slots]))
         if not all(map(math.isfinite, actuation)):
             return MeasuredPose(actuation, None)
-        x, y, z = (record[place] for place in self.load)
+        x, y, z = (record[slot] for slot in self.load_slots)
         return MeasuredPose(actuation, tip_in_world(config, actuation, (x, y, z)))
 
     def row(self, record: Sequence[float]) -> tuple[float, ...]:
         """Axes and tip in the world, in the units of `names`; NaN for what is absent."""
         actuation, tip_m = self.pose(record)
         quantities = self.config.quantities
-        axes = tuple([each.from_si(value) for each, value in zip(quantities, actuation, strict=True)])
+        axes = tuple([quantity.from_si(value) for quantity, value in zip(quantities, actuation, strict=True)])
         return (*axes, *(MM_PER_M * value for value in tip_m or _NO_TIP))
 
 
@@ -78,17 +83,18 @@ def measured_robots(session: RecordedTicks) -> list[MeasuredRobot]:
         configs = build_robot_configs(session.robot_file(), session.rate_hz)
     except SessionError:
         return []
-    return [_places(session.layout, config) for config in configs if config.name in session.robots]
+    return [_measured_robot(session.layout, config) for config in configs if config.name in session.robots]
 
 
-def _places(layout: RecordLayout, config: RobotConfig) -> MeasuredRobot:
+def _measured_robot(layout: RecordLayout, config: RobotConfig) -> MeasuredRobot:
+    """A robot and where its values are in the records of a session."""
     index = [robot.name for robot in layout.robots].index(config.name)
-    values = tuple(layout.axis_place(index, axis, "value") for axis in range(len(config.axis_names)))
-    load = layout.robot_place(index, "load_n")
-    return MeasuredRobot(config, values, (load, load + 1, load + 2))
+    device_slots = tuple(layout.axis_place(index, axis, "value") for axis in range(len(config.axis_names)))
+    load_slot = layout.robot_place(index, "load_n")
+    return MeasuredRobot(config, device_slots, (load_slot, load_slot + 1, load_slot + 2))
 
 
 def measured_block(robots: Sequence[MeasuredRobot], records: Sequence[Sequence[float]]) -> Array:
-    """The columns of all robots, a row per record."""
+    """Measured axes and tips of all robots, in the units of their columns, a row per record."""
     rows = [[value for robot in robots for value in robot.row(record)] for record in records]
     return np.array(rows, dtype=np.float64).reshape(len(records), -1)

@@ -32,33 +32,37 @@ class TickTable:
     """All ticks of a session.
 
     Attributes:
-        names: of the columns.
-        whole: for every column, True when its values are integers.
-        channels: the group of every column: a channel, ``measured``, or "" for a time.
+        names: names of the columns: `TIMES`, those of the channels, those of the measured axes and tips.
+        is_integer: for every column, True when its values are integers.
+        channels: for every column, its channel, ``measured``, or "" for a time.
     """
 
     def __init__(self, session: RecordedTicks) -> None:
         self._session = session
         self._columns: list[Column] = []
         self._robots = measured_robots(session)
-        names, whole, channels = [*TIMES], [True, False, False, False], [""] * len(TIMES)
+        names, channels = [*TIMES], [""] * len(TIMES)
+        is_integer = [name == "tick" for name in TIMES]
         for channel in TICK_CHANNELS:
             for column in channel_columns(session, channel):
                 self._columns.append(column)
                 names.append(f"{channel}.{column.name}")
-                whole.append(column.whole)
+                is_integer.append(column.is_integer)
                 channels.append(channel)
         for name in (name for robot in self._robots for name in robot.names):
             names.append(f"{MEASURED}.{name}")
-            whole.append(False)
+            is_integer.append(False)
             channels.append(MEASURED)
-        self.names, self.whole, self.channels = tuple(names), tuple(whole), tuple(channels)
+        self.names, self.is_integer, self.channels = tuple(names), tuple(is_integer), tuple(channels)
 
     def blocks(self, event: Callable[[float, int, RunEvent], None] | None = None) -> Iterator[Array]:
-        """Rows in their order, some thousand at once, shape ``(ticks, len(names))``.
+        """Read the session once, in blocks of some thousand rows.
 
         Args:
-            event: called with every event: its ``t_s``, its time of day [ns], and itself.
+            event: called with every event: its ``t_s``, its time of day since 1970 [ns], and itself.
+
+        Yields:
+            Rows of ticks in their order, in the units of the columns, shape ``(ticks, len(names))``.
         """
         zero_ns = _zero_time_ns(self._session)
 
@@ -74,24 +78,29 @@ class TickTable:
             yield self._converted(block, zero_ns)
 
     def _converted(self, block: Sequence[Entry], zero_ns: int) -> Array:
+        """The rows of some ticks; ``zero_ns`` is the time of day where ``t_s`` begins."""
         records = [entry.values for entry in block if entry.values is not None]
         values = np.array(records)
         out = np.empty((len(block), len(self.names)))
-        out[:, 0] = values[:, TICK]
-        out[:, 1] = np.array([entry.time_ns - zero_ns for entry in block]) / 1e9
-        out[:, 2] = (values[:, TICK] - values[:, SKIPPED]) / self._session.rate_hz
-        out[:, 3] = np.array([entry.time_ns // 1000 for entry in block]) / 1e6
+        times = {
+            "tick": values[:, TICK],
+            "t_s": np.array([entry.time_ns - zero_ns for entry in block]) / 1e9,
+            "robot_s": (values[:, TICK] - values[:, SKIPPED]) / self._session.rate_hz,
+            "unix_s": np.array([entry.time_ns // 1000 for entry in block]) / 1e6,
+        }
+        for place, name in enumerate(TIMES):
+            out[:, place] = times[name]
         for place, column in enumerate(self._columns, len(TIMES)):
-            found = values[:, column.slot]
-            out[:, place] = found if column.quantity is None else column.quantity.from_si(found)
+            recorded = values[:, column.slot]
+            out[:, place] = recorded if column.quantity is None else column.quantity.from_si(recorded)
         out[:, len(TIMES) + len(self._columns) :] = measured_block(self._robots, records)
         return out
 
     def series(self, block: Array) -> dict[str, Any]:
         """A block as arrays by column, integers where its values are."""
         return {
-            name: block[:, place].astype(np.int64) if whole else block[:, place]
-            for place, (name, whole) in enumerate(zip(self.names, self.whole, strict=True))
+            name: block[:, place].astype(np.int64) if is_integer else block[:, place]
+            for place, (name, is_integer) in enumerate(zip(self.names, self.is_integer, strict=True))
         }
 
 

@@ -31,7 +31,7 @@ def export_parquet(session: Session, path: Path) -> None:
     from pyarrow import parquet
 
     table = TickTable(session)
-    kinds = [pa.int64() if whole else pa.float64() for whole in table.whole]
+    kinds = [pa.int64() if is_integer else pa.float64() for is_integer in table.is_integer]
     about = {
         "contid": contid.__version__,
         "session": session.path.name,
@@ -63,8 +63,10 @@ def export_hdf5(session: Session, path: Path) -> None:
         file.attrs["rate_hz"] = session.rate_hz
         file.attrs["robot_file"] = session.robot_text
         columns = [
-            _new(file, channel or TIME, name.removeprefix(f"{channel}."), "int64" if whole else "float64")
-            for name, whole, channel in zip(table.names, table.whole, table.channels, strict=True)
+            _new(
+                file, channel or TIME, name.removeprefix(f"{channel}."), "int64" if is_integer else "float64"
+            )
+            for name, is_integer, channel in zip(table.names, table.is_integer, table.channels, strict=True)
         ]
         events: list[tuple[float, str]] = []
 

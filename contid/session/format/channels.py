@@ -63,7 +63,7 @@ def fields(layout: RecordLayout, device_units: Mapping[str, str], channel: str) 
     """Every value of a channel's messages, in order.
 
     Args:
-        layout: of the records.
+        layout: layout of the records.
         device_units: ``rad`` or ``pa`` by ``ROBOT.AXIS``.
         channel: one of `TICK_CHANNELS`.
     """
@@ -102,7 +102,9 @@ def _event_schema() -> dict[str, Any]:
         meanings: dict[str, list[str]] = {}
         for kind, key in kinds.items():
             meanings.setdefault(key.meaning, []).append(kind)
-        text = "; ".join(f"{', '.join(some)}: {meaning}" for meaning, some in meanings.items())
+        text = "; ".join(
+            f"{', '.join(kinds_with_it)}: {meaning}" for meaning, kinds_with_it in meanings.items()
+        )
         properties[name] = {"type": types[0] if len(types) == 1 else types, "description": text}
     return {"type": "object", "title": f"contid.{EVENT}", "properties": properties, "required": ["event"]}
 
@@ -112,14 +114,14 @@ def schema(layout: RecordLayout, device_units: Mapping[str, str], channel: str) 
     if channel == EVENT:
         return _event_schema()
     root: dict[str, Any] = {"title": f"contid.{channel}", **_object()}
-    for each in fields(layout, device_units, channel):
-        at = root
-        for key in each.path[:-1]:
-            at = _add(at, key, _object(), required=True)
-        about: dict[str, Any] = {"type": each.kind, "description": each.meaning}
-        if each.kind == "array":
+    for field in fields(layout, device_units, channel):
+        parent = root
+        for key in field.path[:-1]:
+            parent = _add(parent, key, _object(), required=True)
+        about: dict[str, Any] = {"type": field.kind, "description": field.meaning}
+        if field.kind == "array":
             about |= {"items": {"type": "number"}, "minItems": 3, "maxItems": 3}
-        _add(at, each.path[-1], about, each.required)
+        _add(parent, field.path[-1], about, field.required)
     meaning = "paths of numbers that are infinite, a minus in front of negative ones; absent without any"
     _add(
         root, INFINITE, {"type": "array", "items": {"type": "string"}, "description": meaning}, required=False

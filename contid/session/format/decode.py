@@ -47,9 +47,9 @@ class Decoder:
         self._size = 0
         for channel in TICK_CHANNELS:
             by_path: dict[tuple[str, ...], list[Field]] = {}
-            for each in fields(layout, device_units, channel):
-                by_path.setdefault(each.path[:-1], []).append(each)
-            self._groups[channel] = [_group(path, some) for path, some in by_path.items()]
+            for field in fields(layout, device_units, channel):
+                by_path.setdefault(field.path[:-1], []).append(field)
+            self._groups[channel] = [_group(path, group_fields) for path, group_fields in by_path.items()]
             for group in self._groups[channel]:
                 order |= {slot: self._size + place for place, slot in enumerate(group.slots)}
                 self._size += len(group.slots)
@@ -97,15 +97,15 @@ class Decoder:
 
 
 def _group(path: tuple[str, ...], some: Sequence[Field]) -> _Group:
-    numbers = [each for each in some if each.kind != "array"]
-    vectors = [each for each in some if each.kind == "array"]
-    slots = tuple(slot for each in (*numbers, *vectors) for slot in each.slots)
-    absent = {each.path[-1]: nan for each in numbers if not each.required}
-    keys = [each.path[-1] for each in numbers]
+    numbers = [field for field in some if field.kind != "array"]
+    vectors = [field for field in some if field.kind == "array"]
+    slots = tuple(slot for field in (*numbers, *vectors) for slot in field.slots)
+    absent = {field.path[-1]: nan for field in numbers if not field.required}
+    keys = [field.path[-1] for field in numbers]
     pick: Callable[[Any], tuple[Any, ...]] | None = None
     if keys:
         pick = itemgetter(*keys) if len(keys) > 1 else lambda part: (part[keys[0]],)
-    return _Group(path, absent, pick, tuple(each.path[-1] for each in vectors), slots)
+    return _Group(path, absent, pick, tuple(field.path[-1] for field in vectors), slots)
 
 
 def _put_infinite(message: dict[str, Any]) -> None:

@@ -3,7 +3,10 @@
 Floats have the fewest digits that read back to the same float64, so nothing is lost between a tick and its
 replay. JSON has neither NaN nor infinity, and readers do not agree on ``1e999`` (Python and JavaScript read
 infinity, orjson, RapidJSON, Go and Rust refuse the message): a NaN has no key, and neither has an infinite
-number, which `INFINITE` names instead.
+number. The key `INFINITE` lists the paths of the infinite ones, keys joined by slashes, with a minus in front
+of negative ones: ``"infinite": ["robots/left/s1_p1/age_s", "-robots/left/s1_p1/effort"]``. A vector is
+recorded as a whole or not at all: one whose components are not all finite has no key, and all three read back
+as NaN.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
 from operator import itemgetter
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from contid.control.engine.tick_layout import RecordLayout
 from contid.session.format.channels import INFINITE, TICK_CHANNELS, Field, fields
@@ -24,17 +27,29 @@ _PATTERNS: Final = 256
 _Pick = Callable[[Sequence[str]], tuple[str, ...]]
 
 
-@dataclass(frozen=True, slots=True)
-class _Form:
-    """The texts of all channels for records with the same values absent.
+class _Template(NamedTuple):
+    """A message with ``%s`` in the place of every number.
 
     Attributes:
-        texts: of each channel, and what picks the numbers for its places.
-        absent: fields of each channel with one number that is not there.
+        text: the message.
+        pick: takes the texts of the whole record, returns those of its places in their order.
     """
 
-    texts: list[tuple[str, _Pick]]
-    absent: list[list[Field]]
+    text: str
+    pick: _Pick
+
+
+@dataclass(frozen=True, slots=True)
+class _Form:
+    """How to write records in which the same values are finite, channel by channel as in `TICK_CHANNELS`.
+
+    Attributes:
+        templates: templates of the messages.
+        absent_numbers: fields with one number, no vector, that have no key because the number is not finite.
+    """
+
+    templates: list[_Template]
+    absent_numbers: list[list[Field]]
 
 
 class Encoder:
@@ -42,9 +57,9 @@ class Encoder:
 
     def __init__(self, layout: RecordLayout, device_units: Mapping[str, str]) -> None:
         self._fields = [list(fields(layout, device_units, channel)) for channel in TICK_CHANNELS]
-        known = [each for some in self._fields for each in some]
-        self._flags = [each.slots[0] for each in known if each.kind == "boolean"]
-        self._integers = [each.slots[0] for each in known if each.kind == "integer"]
+        all_fields = [field for channel_fields in self._fields for field in channel_fields]
+        self._flags = [field.slots[0] for field in all_fields if field.kind == "boolean"]
+        self._integers = [field.slots[0] for field in all_fields if field.kind == "integer"]
         self._forms: dict[bytes, _Form] = {}
 
     def encode(self, values: Sequence[float]) -> list[bytes]:
@@ -56,47 +71,53 @@ class Encoder:
             texts[slot] = "true" if values[slot] else "false"
         for slot in self._integers:
             texts[slot] = str(int(values[slot]))
-        messages = [(text % pick(texts)).encode() for text, pick in form.texts]
+        messages = [(text % pick(texts)).encode() for text, pick in form.templates]
         if inf in values or -inf in values:
-            messages = [_with_infinite(*each, values) for each in zip(messages, form.absent, strict=True)]
+            messages = [
+                _with_infinite(message, absent, values)
+                for message, absent in zip(messages, form.absent_numbers, strict=True)
+            ]
         return messages
 
     def _form(self, finite: bytes) -> _Form:
+        """The form of records whose values are finite where the pattern has 1; kept in a bounded cache."""
         if len(self._forms) >= _PATTERNS:
             self._forms.clear()
         form = _Form([], [])
-        for some in self._fields:
-            there = [each.required or all(finite[slot] for slot in each.slots) for each in some]
-            form.texts.append(_template(some, there))
-            form.absent.append(
-                [each for each, yes in zip(some, there, strict=True) if not yes and each.kind == "number"]
-            )
+        for channel_fields in self._fields:
+            present: list[Field] = []
+            absent: list[Field] = []
+            for field in channel_fields:
+                finite_field = field.required or all(finite[slot] for slot in field.slots)
+                (present if finite_field else absent).append(field)
+            form.templates.append(_template(channel_fields, present))
+            form.absent_numbers.append([field for field in absent if field.kind == "number"])
         self._forms[finite] = form
         return form
 
 
-def _template(some: Sequence[Field], there: Sequence[bool]) -> tuple[str, _Pick]:
-    """A message with ``%s`` in the place of every number, and what picks the numbers."""
+def _template(channel_fields: Sequence[Field], present: Sequence[Field]) -> _Template:
+    """The template of a channel: the objects of all its fields, with the values of those that are present."""
     root: dict[str, Any] = {}
-    for each, yes in zip(some, there, strict=True):
-        at = root
-        for key in each.path[:-1]:
-            at = at.setdefault(key, {})
-        if yes:
-            marks = [f"@{slot}@" for slot in each.slots]
-            at[each.path[-1]] = marks if each.kind == "array" else marks[0]
+    for field in channel_fields:
+        parent = root
+        for key in field.path[:-1]:
+            parent = parent.setdefault(key, {})
+        if field in present:
+            marks = [f"@{slot}@" for slot in field.slots]
+            parent[field.path[-1]] = marks if field.kind == "array" else marks[0]
     text = json.dumps(root, separators=(",", ":")).replace("%", "%%")
     slots = [int(slot) for slot in re.findall(r'"@(\d+)@"', text)]
     pick: _Pick = itemgetter(*slots) if len(slots) > 1 else lambda texts: (texts[slots[0]],)
-    return re.sub(r'"@\d+@"', "%s", text), pick
+    return _Template(re.sub(r'"@\d+@"', "%s", text), pick)
 
 
 def _with_infinite(message: bytes, absent: Sequence[Field], values: Sequence[float]) -> bytes:
-    """The message with the names of numbers that are absent because they are infinite."""
+    """The message with the paths of the numbers that are absent because they are infinite, not NaN."""
     paths = [
-        ("-" if values[each.slots[0]] < 0 else "") + "/".join(each.path)
-        for each in absent
-        if values[each.slots[0]] in (inf, -inf)
+        ("-" if values[field.slots[0]] < 0 else "") + "/".join(field.path)
+        for field in absent
+        if values[field.slots[0]] in (inf, -inf)
     ]
     if not paths:
         return message

@@ -39,9 +39,9 @@ class Entry:
     """One tick or one event.
 
     Attributes:
-        time_ns: time of day since 1970.
-        values: of the record, None for an event.
-        event: None for a tick.
+        time_ns: time of day since 1970 [ns].
+        values: flat numbers of the record (`RecordLayout`) for a tick, None for an event.
+        event: the event, None for a tick.
     """
 
     time_ns: int
@@ -54,10 +54,10 @@ class EndOfFile:
     """How a file ends.
 
     Attributes:
-        clean: with the footer that MCAP demands.
-        chunked: it was compacted.
+        clean: True when it ends with the footer that MCAP demands.
+        chunked: True when it was compacted, which puts its messages into chunks.
         cut: why reading stopped before a footer, "" when it is clean.
-        damage: what is damaged, where that was found out.
+        damage: what is damaged and where, "" unless ``cut`` is `DAMAGED`.
     """
 
     clean: bool = False
@@ -76,14 +76,20 @@ def read_entries(
     """Read a file once; a partial tick is left out.
 
     Args:
-        path: of the file.
-        topics: by number of the channel; ``keep`` may add to it.
-        decoder: for the messages of ticks.
-        keep: called with every record that is no message.
-        progress: called with the number of ticks now and then.
+        path: path of the file.
+        topics: topics by number of the channel; ``keep`` may add to it.
+        decoder: decodes the messages of ticks.
+        keep: called with the opcode and the body of every record that is no message.
+        progress: called with the number of ticks read, every thousand ticks.
+
+    Yields:
+        Ticks and events in the order of the file.
+
+    Returns:
+        How the file ends; damage ends the reading and is no exception.
     """
     first, last = TICK_CHANNELS[0], TICK_CHANNELS[-1]
-    inside, head = MESSAGE_INSIDE, MESSAGE_INSIDE.size
+    header, header_size = MESSAGE_INSIDE, MESSAGE_INSIDE.size
     gathered: list[Any] | None = None
     ticks = 0
     with path.open("rb") as file:
@@ -93,16 +99,16 @@ def read_entries(
                 if opcode != mcap.MESSAGE:
                     keep(opcode, body)
                     continue
-                channel, _, time_ns, _ = inside.unpack_from(body)
+                channel, _, time_ns, _ = header.unpack_from(body)
                 topic = topics.get(channel)
                 if topic == EVENT:
-                    yield Entry(time_ns, None, _event(body[head:]))
+                    yield Entry(time_ns, None, _event(body[header_size:]))
                     continue
                 if topic == first:
                     gathered = []
                 if gathered is None or topic is None:
                     continue
-                decoder.gather(gathered, topic, body[head:])
+                decoder.gather(gathered, topic, body[header_size:])
                 if topic != last:
                     continue
                 values = decoder.record(gathered)
@@ -114,14 +120,13 @@ def read_entries(
             if ticks % _PROGRESS_TICKS == 0:
                 progress(ticks)
         if stream.clean:
-            return EndOfFile(True, stream.chunked)
+            return EndOfFile(clean=True, chunked=stream.chunked)
         if stream.damage:
             return EndOfFile(cut=DAMAGED, damage=stream.damage)
         if _locked(file):
             return EndOfFile(cut=GROWING)
-    return EndOfFile(
-        False, stream.chunked, "it has no end" if gathered is None else "the last tick is not whole"
-    )
+    cut = "it has no end" if gathered is None else "the last tick is not whole"
+    return EndOfFile(chunked=stream.chunked, cut=cut)
 
 
 def _event(data: bytes) -> RunEvent:

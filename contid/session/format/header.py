@@ -20,9 +20,9 @@ class Header:
     """The head of a session.
 
     Attributes:
-        layout: of the records.
+        layout: layout of the records.
         device_units: ``rad`` or ``pa`` by ``ROBOT.AXIS``.
-        metadata: by name, each a mapping of texts; becomes metadata records.
+        metadata: metadata by name, each a mapping of texts; becomes metadata records.
         attachments: name, media type, content.
         wall_ns: time of day since 1970 [ns] at the instant ``monotonic_s``.
         monotonic_s: the same instant on the clock of the ticks [s].
@@ -45,7 +45,7 @@ class Attached:
     """A trajectory that an order brought during the run; one line of JSON from the daemon to the recorder.
 
     Attributes:
-        name: of its attachment and its metadata.
+        name: name of its attachment and its metadata.
         about: its metadata.
         path: file with its rows, for the recorder to take and remove.
     """
@@ -64,11 +64,11 @@ class RecorderJob:
     """What to record.
 
     Attributes:
-        path: of the session.
+        path: path of the session.
         ring: path of the ring.
-        pid: of the ring's writer.
-        header: of the session.
-        during_run: from the next tick on, not from the first one of the run.
+        pid: process id of the ring's writer.
+        header: header of the session.
+        during_run: True: from the next tick on, not from the first one of the run.
     """
 
     path: Path

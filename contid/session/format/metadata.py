@@ -48,7 +48,7 @@ def describe(setup: RunSetup, options: Mapping[str, str], virtual: bool, host: s
     """The head of a session of a run.
 
     Args:
-        setup: of the run.
+        setup: setup of the run.
         options: further options, for the reader.
         virtual: the ticks count virtual time from 0.
         host: instead of this machine's name.

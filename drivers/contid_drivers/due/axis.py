@@ -20,19 +20,27 @@ POSITION_LOST = "position lost: the board restarted; park the axis at power_up_d
 class BoardAxis:
     """State of one axis on the host.
 
+    The board measures motors in counts of the encoder, regulators in Pa.
+
     Attributes:
-        units: the board's per rad or Pa.
-        value, time_s: last valid position [rad] or pressure [Pa] and its time.
-        report: of the newest telemetry that had the channel.
-        enabled: commands are sent.
-        silent: the newest telemetry lacks the channel.
+        name: ``ROBOT.AXIS``.
+        channel: number of its channel on the board.
+        units_per_si: units of the board per unit of the HAL: counts/rad of a motor, 1 Pa/Pa of a regulator.
+        motor: True for a motor, False for a pressure regulator.
+        homes: True when the robot file has ``homing`` for it.
+        has_current: True when the board measures the current of the motor.
+        value, time_s: last valid position [rad] or pressure [Pa], and its time [monotonic s].
+        report: its report in the newest telemetry that had the channel; None before the first.
+        enabled: True while commands are sent to it.
+        silent: True while the newest telemetry lacks the channel.
+        supply_low: True while the 3.3 V supply of the board is too low.
     """
 
     def __init__(self, axis: AxisOnBus) -> None:
         options = axis_options(axis)
         self.name = axis.name
         self.channel = options.number
-        self.units = board_units(options)
+        self.units_per_si = board_units(options)
         self.motor = options.kind is DeviceKind.MOTOR
         self.homes = options.homing is not None
         self.has_current = options.stall_current_ma > 0
@@ -42,6 +50,7 @@ class BoardAxis:
         self.enabled = False
         self.silent = True
         self.supply_low = False
+        #: Newest command [rad or Pa] and its time [s].
         self._commanded = (0.0, -math.inf)
 
     @property
@@ -59,26 +68,34 @@ class BoardAxis:
         return self.report is not None and self.report.state is BoardState.ARMED
 
     def command_velocity(self, value: float, now: float) -> int | None:
-        """Velocity of a stream of commands, by its newest two, in the board's unit per second."""
-        (before, at), self._commanded = self._commanded, (value, now)
-        if not 0.0 < now - at <= STREAM_GAP_S:
+        """Velocity of a stream of commands, by this one and the one before, in the board's units per second.
+
+        None when the two are too far apart in time: then the command is a step.
+        """
+        (last_value, last_s), self._commanded = self._commanded, (value, now)
+        if not 0.0 < now - last_s <= STREAM_GAP_S:
             return None
-        return self.to_board((value - before) / (now - at))
+        return self.to_board((value - last_value) / (now - last_s))
 
     def to_board(self, value: float) -> int:
         """A value [rad or Pa, or per s] in the board's units, rounded and limited."""
-        return max(-DEMAND_LIMIT, min(DEMAND_LIMIT, round(value * self.units)))
+        return max(-DEMAND_LIMIT, min(DEMAND_LIMIT, round(value * self.units_per_si)))
 
     def update(self, report: BoardReport, now: float) -> None:
         """Store the channel's report; the value changes only with a valid sensor."""
         self.report = report
         self.silent = False
         if report.sensor_ok:
-            self.value = report.position / self.units
+            self.value = report.position / self.units_per_si
             self.time_s = now
 
     def sample(self, now: float, fresh: bool) -> Sample:
-        """Sample of this exchange."""
+        """Sample of this exchange.
+
+        Args:
+            now: time of the exchange [monotonic s].
+            fresh: True when telemetry arrived in it.
+        """
         report = self.report
         if self.value is None or report is None:
             return Sample(value=None, time_s=now, valid=False, age_s=math.inf, fault=self.fault)
@@ -86,13 +103,13 @@ class BoardAxis:
         if not self.motor:
             effort = report.duty / DUTY_FULL
         elif self.has_current:
-            effort = report.aux / 1000.0
+            effort = report.aux / 1000.0  # mA to A
         return Sample(
             value=self.value,
             time_s=self.time_s,
             valid=fresh and report.sensor_ok and not self.silent,
             age_s=now - self.time_s,
-            velocity=report.velocity / self.units,
+            velocity=report.velocity / self.units_per_si,
             effort=effort,
             fault=self.fault,
         )

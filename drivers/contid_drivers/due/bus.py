@@ -25,7 +25,7 @@ _TRIES = 3
 
 
 class DueBus:
-    """See `contid.hal.Bus`."""
+    """A Due board and its axes, on one port (`contid.hal.Bus`)."""
 
     def __init__(self, name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], clock: Clock) -> None:
         self.name = name
@@ -45,7 +45,10 @@ class DueBus:
         self.telemetry: Telemetry | None = None
 
     def open(self) -> None:
-        """See `contid.hal.Bus.open`; a board with the same configuration keeps its state."""
+        """Connect, and check that the devices of the robot file answer.
+
+        See `contid.hal.Bus.open`; a board with the same configuration keeps its state.
+        """
         self.close()
         session = DueConnection(self.name, self._options, self._axes_on_bus)
         self._session = session
@@ -62,7 +65,10 @@ class DueBus:
         return self._need_session().hello
 
     def close(self) -> None:
-        """See `contid.hal.Bus.close`; outputs stay under the board's watchdog."""
+        """Close the port. Idempotent; never changes torque.
+
+        See `contid.hal.Bus.close`; outputs stay under the board's watchdog.
+        """
         if self._session is not None:
             self._session.close()
         self._session = None
@@ -72,7 +78,10 @@ class DueBus:
         self._pending_rest.clear()
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
-        """See `contid.hal.Bus.exchange`: one demand out, one telemetry back."""
+        """Send the commands of a tick, and read every axis.
+
+        See `contid.hal.Bus.exchange`: one demand out, one telemetry back.
+        """
         values = self._checked(commands)
         session = self._need_session()
         now = self._clock.now()
@@ -94,7 +103,7 @@ class DueBus:
         return {name: axis.sample(now, fresh) for name, axis in self._by_name.items()}
 
     def answer_counts(self) -> Mapping[str, int]:
-        """See `contid.hal.CountsAnswers`."""
+        """Counts since the bus was built, by what is counted: ``exchanges``, ``late``, ``silent``."""
         counts = {"exchanges": self._exchanges, "silent": self._unanswered}
         if self.telemetry is not None:
             counts["watchdog_trips"] = self.telemetry.trips
@@ -102,7 +111,10 @@ class DueBus:
         return counts
 
     def enable(self, axes: Sequence[str]) -> None:
-        """See `contid.hal.Bus.enable`; starts the board's watchdog."""
+        """Make axes ready to move without moving them: goal := present, torque on, watchdog armed.
+
+        See `contid.hal.Bus.enable`; starts the board's watchdog.
+        """
         chosen = [self._axis(name) for name in axes]
         session = self._need_session()
         body = messages.demand(session.config_crc, session.echo_ms, {})
@@ -126,7 +138,10 @@ class DueBus:
             self._pending_rest.pop(axis.name, None)
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
-        """See `contid.hal.Bus.disable`: motors hold or coast, regulators hold, close or vent."""
+        """Bring axes to a state of rest; does not raise for a lost device.
+
+        See `contid.hal.Bus.disable`: motors hold or coast, regulators hold, close or vent.
+        """
         for name in axes:
             self._axis(name).enabled = False
         session = self._session
@@ -153,7 +168,10 @@ class DueBus:
         return True
 
     def clear_fault(self, axes: Sequence[str]) -> None:
-        """See `contid.hal.Bus.clear_fault`; a lost position stays lost."""
+        """Clear latched device faults without motion; raises `DeviceError` if one persists.
+
+        See `contid.hal.Bus.clear_fault`; a lost position stays lost.
+        """
         self._request_for(
             self._need_session(), Type.CLEAR, "cannot clear", [self._axis(name) for name in axes]
         )

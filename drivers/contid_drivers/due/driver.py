@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class DueDriver:
-    """See `contid.hal.Driver`."""
+    """The driver of Due boards, motors and pressure regulators (`contid.hal.Driver`)."""
 
     bus_options: type[BaseModel] = DueBusOptions
     axis_options: type[BaseModel] = DueAxisOptions
@@ -44,12 +44,18 @@ class DueDriver:
         return f"channel {axis.channel}"
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
-        """See `contid.hal.Driver`; the simulated bus has the same watchdog."""
+        """Options of the ``sim`` bus that replaces this bus under ``--mock``.
+
+        See `contid.hal.Driver`; the simulated bus has the same watchdog.
+        """
         assert isinstance(bus, DueBusOptions)
         return {"watchdog_ms": max(bus.watchdog_ms, 10)}
 
     def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
-        """See `contid.hal.Driver`; limits and safe state are kept."""
+        """Options of the ``sim`` axis that replaces this axis, at least ``{"device": KIND}``.
+
+        See `contid.hal.Driver`; limits and safe state are kept.
+        """
         assert isinstance(axis, DueAxisOptions)
         if axis.kind is DeviceKind.MOTOR:
             return {
@@ -68,14 +74,20 @@ class DueDriver:
         }
 
     def device_rate(self, axis: BaseModel) -> DeviceRate:
-        """See `contid.hal.LimitsRate`: the board's set-point is no faster."""
+        """Limit of the device of an axis with these options.
+
+        See `contid.hal.LimitsRate`: the board's set-point is no faster.
+        """
         assert isinstance(axis, DueAxisOptions)
         if axis.kind is DeviceKind.MOTOR:
             return DeviceRate("velocity_deg_s", axis.velocity_deg_s * DEG)
         return DeviceRate("slew_bar_s", axis.slew_bar_s * BAR)
 
     def refused(self, options: BaseModel, axes: Sequence[tuple[str, BaseModel]]) -> Iterator[RefusedKey]:
-        """See `contid.hal.Restricts`: every open of the programming port resets the board and its counts."""
+        """Everything that is refused; ``axes`` are names and options.
+
+        See `contid.hal.Restricts`: every open of the programming port resets the board and its counts.
+        """
         assert isinstance(options, DueBusOptions)
         lost = [name for name, axis in axes if self.parkable(axis)]
         if options.connection == "programming" and lost:
@@ -102,7 +114,7 @@ class DueDriver:
         return emulate(name, options, axes, control)
 
     def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
-        """See `contid.hal.Diagnoses`."""
+        """Examine without motion; problems are findings, not exceptions (`contid.hal.Diagnoses`)."""
         from contid_drivers.due.service import doctor
 
         assert isinstance(options, DueBusOptions)
@@ -111,27 +123,36 @@ class DueDriver:
     def home(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
     ) -> list[Homed]:
-        """See `contid.hal.Homes`; the board itself searches the end stops."""
+        """Move axes to their reference one after the other; they rest afterwards.
+
+        See `contid.hal.Homes`; the board itself searches the end stops.
+        """
         from contid_drivers.due.service import home
 
         assert isinstance(options, DueBusOptions)
         return home(name, options, axes, only, report)
 
     def scan(self, ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
-        """See `contid.hal.Scans`; a native port has no rate."""
+        """Devices on ``ports`` (empty: every likely one) at ``bauds`` (empty: all until one answers).
+
+        See `contid.hal.Scans`; a native port has no rate.
+        """
         from contid_drivers.due.service import scan
 
         return scan(ports, report)
 
     def parkable(self, axis: BaseModel) -> bool:
-        """See `contid.hal.Parks`: motors without homing."""
+        """True for options of an axis that can be parked; motors without homing (`contid.hal.Parks`)."""
         assert isinstance(axis, DueAxisOptions)
         return axis.kind is DeviceKind.MOTOR and axis.homing is None
 
     def park(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
     ) -> None:
-        """See `contid.hal.Parks`; the board counts from ``power_up_deg`` again."""
+        """Take the present pose of the axes ``only`` as their parked pose; moves nothing.
+
+        See `contid.hal.Parks`; the board counts from ``power_up_deg`` again.
+        """
         from contid_drivers.due.service import park
 
         assert isinstance(options, DueBusOptions)

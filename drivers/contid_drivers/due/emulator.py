@@ -38,8 +38,8 @@ class BoardFault(Strict):
     """One fault switch, and its keys in a control file.
 
     Attributes:
-        fault: of one channel, which ``silent`` takes off the board; of the line; or an event.
-        channel: for faults of a channel.
+        fault: fault of one channel, which ``silent`` takes off the board; of the line; or an event.
+        channel: number of the channel, for faults of one.
         on: false ends a fault of a channel or of the line.
         ms: duration of an event; without end if left out.
     """
@@ -193,7 +193,7 @@ def _follow(control: ControlFile, ended: threading.Event) -> None:
 def emulate(
     name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], control: Path | None = None
 ) -> Iterator[Sequence[str]]:
-    """See `contid.hal.Emulates`: the board of one bus at the port of its options."""
+    """Emulate a bus (`contid.hal.Emulates`): the board of one bus at the port of its options."""
     path = Path(options.port)
     if path.exists() and path.is_char_device() and not path.is_symlink():
         raise DeviceError(name, f"{path} is a real device", "name a path that does not exist yet")

@@ -99,11 +99,11 @@ def build_once(
     """A program in the cache, built anew when its flags or its files changed.
 
     Args:
-        name: of the program.
-        compiler: with its flags.
-        sources: to compile and link.
+        name: name of the program.
+        compiler: compiler with its flags.
+        sources: sources to compile and link.
         included: further files that the program is made of, besides the headers of the core.
-        suffix: of the program.
+        suffix: suffix of the program.
 
     Raises:
         DeviceError: no compiler, the build fails, or the cache cannot be written.

@@ -74,7 +74,7 @@ class DuePort(LockedPort):
 
         Args:
             payload: the request; its third byte is the sequence number.
-            deadline: on `time.monotonic`.
+            deadline: when to give up, by `time.monotonic` [s].
 
         Raises:
             DeviceLostError: the device is gone.

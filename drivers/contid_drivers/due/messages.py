@@ -35,8 +35,8 @@ class Hello:
     """Identity and state of a board.
 
     Attributes:
-        build_id: of the sources it was built from; 0 when it was built by hand.
-        unique_id: of its chip, in hexadecimal.
+        build_id: number of the sources it was built from; 0 when it was built by hand.
+        unique_id: number of its chip, in hexadecimal.
         boot: starts since power-up.
         boot_id: random, another one at every start.
         position_lost: a motor counts from an unknown position.
@@ -162,7 +162,7 @@ def demand(
     """The body of a demand.
 
     Args:
-        config_crc: of the configuration the values are meant for.
+        config_crc: checksum of the configuration the values are meant for.
         echo_ms: the uptime in the newest telemetry.
         values: counts or Pa by channel.
         velocities: counts/s or Pa/s by channel; a channel left out has none.

@@ -98,7 +98,10 @@ def _timing(name: str, options: DueBusOptions, bus: DueBus) -> list[Finding]:
 def home(
     name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
 ) -> list[Homed]:
-    """See `contid.hal.Homes`: the board searches the end stop of one axis after the other."""
+    """Move axes to their reference one after the other; they rest afterwards.
+
+    See `contid.hal.Homes`: the board searches the end stop of one axis after the other.
+    """
     by_name = {axis.name: axis for axis in axes}
     for axis in only:
         if axis_options(by_name[axis]).homing is None:
@@ -118,7 +121,10 @@ def home(
 def park(
     name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
 ) -> None:
-    """See `contid.hal.Parks`: axes without homing stand at their ``power_up_deg``."""
+    """Take the present pose of the axes ``only`` as their parked pose; moves nothing.
+
+    See `contid.hal.Parks`: axes without homing stand at their ``power_up_deg``.
+    """
     by_name = {axis.name: axis for axis in axes}
     for axis in only:
         if axis_options(by_name[axis]).homing is not None:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from contid.errors import DeviceError
+from contid.errors import DeviceError, DeviceLostError
 from contid.hal import Rest
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel import turns
@@ -60,7 +60,7 @@ def _units(axis: Axis, current_ma: float | None) -> int | None:
 
 
 def configure(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> None:
-    """Write the settings that differ.
+    """Write the settings that differ; torque stays as it is, on or off, and so does the position.
 
     Raises:
         DeviceError: an EEPROM setting differs and torque is on.
@@ -73,28 +73,28 @@ def configure(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> 
     read_own_limit(client, axis)
     for register, value in settings(axis, options):
         try:
-            found = client.read(device, register)
+            present = client.read(device, register)
         except ServoRefusedError:
             if register is reg.STARTUP:  # not in older firmware, and then not active
                 continue
             raise
-        if found == value:
+        if present == value:
             continue
         if register.eeprom and torque:
             raise DeviceError(
                 client.name(device),
-                f"{register.name} is {found}, the robot file requires {value}, and torque is on",
+                f"{register.name} is {present}, the robot file requires {value}, and torque is on",
                 "it can only be changed without torque: support the robot and relax it first",
             )
         under = " under torque" if torque else ""
-        log.info("%s: %s %d -> %d%s", client.name(device), register.name, found, value, under)
+        log.info("%s: %s %d -> %d%s", client.name(device), register.name, present, value, under)
         client.write(device, register, value)
         if register is reg.OPERATING_MODE:
             turns.store(client, axis, axis.turns)
     axis.return_delay_s = options.return_delay_us / 1e6
 
 
-def plausible(client: ServoClient, axis: Axis, position: int) -> None:
+def require_inside_travel(client: ServoClient, axis: Axis, position: int) -> None:
     """Refuse a position outside the axis's travel: the first command would be a long motion.
 
     Raises:
@@ -119,7 +119,10 @@ def plausible(client: ServoClient, axis: Axis, position: int) -> None:
 
 
 def arm(client: ServoClient, axis: Axis) -> None:
-    """Goal := present, torque on, read back; `start_watchdogs` follows for all axes at once.
+    """Goal := present, torque on, read back; the servo holds its position, without a watchdog.
+
+    Torque may be on before and is on afterwards. `start_watchdogs`, for all axes at once, must follow; only
+    that sets `Axis.enabled`.
 
     Raises:
         DeviceError: silent, faulty, or a step had no effect.
@@ -131,7 +134,7 @@ def arm(client: ServoClient, axis: Axis) -> None:
             f"hardware error: {reg.describe_hardware_error(bits)}",
             "clear-fault reboots it",
         )
-    plausible(client, axis, client.read(device, reg.PRESENT_POSITION))
+    require_inside_travel(client, axis, client.read(device, reg.PRESENT_POSITION))
     hold_position(client, axis)
     client.write(device, reg.TORQUE_ENABLE, 1)
     if client.read(device, reg.TORQUE_ENABLE) != 1:
@@ -141,7 +144,13 @@ def arm(client: ServoClient, axis: Axis) -> None:
 def start_watchdogs(client: ServoClient, axes: Sequence[Axis], watchdog: int) -> None:
     """Bus Watchdog on in all axes at once: one after the other, the first would trip before the last has it.
 
-    Nothing confirms it; the next exchange reads it back.
+    Their torque is on before. From here on `Axis.enabled` is True: commands are sent. Nothing confirms the
+    watchdogs; the next exchange reads them back.
+
+    Args:
+        client: client of their bus.
+        axes: the servos.
+        watchdog: time-out in units of 20 ms.
     """
     value = reg.BUS_WATCHDOG.encode(watchdog)
     client.port.send(sync_write(reg.BUS_WATCHDOG.address, 1, [(axis.device, value) for axis in axes]))
@@ -150,9 +159,10 @@ def start_watchdogs(client: ServoClient, axes: Sequence[Axis], watchdog: int) ->
 
 
 def hold_position(client: ServoClient, axis: Axis) -> None:
-    """Disarm the watchdog, tripped or not, and set the goal to the present position.
+    """Switch the watchdog off, tripped or not, and set the goal to the present position.
 
-    Both go out in one write, so that a servo with torque and an old goal does not start towards it.
+    Torque stays as it is, on or off. Both go out in one write, so that a servo with torque and an old goal
+    does not start towards it.
     """
     device, present = axis.device, reg.PRESENT_POSITION
     # A silent servo costs the others on its bus one time-out at most.
@@ -164,7 +174,7 @@ def hold_position(client: ServoClient, axis: Axis) -> None:
         stay = sync_write(reg.GOAL_POSITION.address, 4, [(device, reg.GOAL_POSITION.encode(position))])
         client.port.flush()
         client.port.send(release + stay)
-        axis.armed = 0
+        axis.watchdog_units = 0
         if client.read(device, reg.GOAL_POSITION) == position:
             return
     client.write(device, reg.BUS_WATCHDOG, 0)
@@ -175,7 +185,7 @@ def rest(client: ServoClient, axis: Axis, position: int | None) -> None:
     """Apply the pending rest of a servo that answers again; in a tick, so with one try.
 
     Args:
-        client: of its bus.
+        client: client of its bus.
         axis: the servo.
         position: its position in this exchange, None when the exchange did not read it.
 
@@ -197,14 +207,21 @@ def rest(client: ServoClient, axis: Axis, position: int | None) -> None:
 
 
 def torque_off(client: ServoClient, axes: Sequence[Axis]) -> list[str]:
-    """Torque off, then watchdog off, for all axes at once; returns the names that did not confirm.
+    """Torque off, confirmed by a read, then watchdog off.
 
-    Dead servos are not asked: every time-out would freeze the goals of the others on the bus.
+    All axes get the packet, ``TRIES`` times at most. Dead servos are not asked for a confirmation: every
+    time-out would freeze the goals of the others on the bus.
+
+    Returns:
+        The names of the axes that did not confirm; the torque of these may be on.
+
+    Raises:
+        DeviceLostError: the port is gone.
     """
     packet = sync_write(reg.TORQUE_ENABLE.address, 1, [(axis.device, b"\0") for axis in axes])
-    dead = [axis for axis in axes if axis.misses > 1]
+    dead = [axis for axis in axes if axis.dead]
     asked = [axis for axis in axes if axis not in dead]
-    for _ in range(3):
+    for _ in range(TRIES):
         client.port.flush()
         client.port.send(packet)
         asked = [axis for axis in asked if not _reads_zero(client, axis, reg.TORQUE_ENABLE)]
@@ -212,10 +229,26 @@ def torque_off(client: ServoClient, axes: Sequence[Axis]) -> list[str]:
             break
     silent = dead + asked
     for axis in axes:
-        axis.enabled, axis.armed = False, 0
+        axis.enabled = False
+    for axis in axes:
+        axis.watchdog_units = 0
         if axis not in silent:
-            client.write(axis.device, reg.BUS_WATCHDOG, 0)
+            _watchdog_off(client, axis)
     return [axis.name for axis in silent]
+
+
+def _watchdog_off(client: ServoClient, axis: Axis) -> None:
+    """Watchdog off; a failure is only logged: where torque is off, a watchdog that trips moves nothing.
+
+    Raises:
+        DeviceLostError: the port is gone.
+    """
+    try:
+        client.write(axis.device, reg.BUS_WATCHDOG, 0)
+    except DeviceLostError:
+        raise
+    except DeviceError as error:
+        log.error("%s", error)
 
 
 def _reads_zero(client: ServoClient, axis: Axis, register: Register) -> bool:
@@ -228,11 +261,13 @@ def _reads_zero(client: ServoClient, axis: Axis, register: Register) -> bool:
 def recover(client: ServoClient, axis: Axis) -> None:
     """Bring a faulty servo to a state that can be armed, without moving it.
 
+    Torque stays as it is, but a servo with a hardware error is rebooted, and its torque is off then.
+
     Raises:
         DeviceError: it is silent, the fault persists, or its turn count cannot be inferred.
     """
     device = axis.device
-    if axis.misses > 1:
+    if axis.dead:
         # Every time-out of a dead servo would freeze the goals of the others on its bus.
         raise NoAnswerError(client.name(device), "no answer", "check its power")
     if client.read(device, reg.HARDWARE_ERROR):
@@ -251,5 +286,5 @@ def recover(client: ServoClient, axis: Axis) -> None:
     turns.settle(client, axis)
     if client.read(device, reg.BUS_WATCHDOG) != 0:
         hold_position(client, axis)
-    axis.armed, axis.hardware_error, axis.fault, axis.misses = 0, 0, "", 0
+    axis.watchdog_units, axis.hardware_error, axis.fault, axis.misses = 0, 0, "", 0
     axis.reset, axis.pending_rest = False, None

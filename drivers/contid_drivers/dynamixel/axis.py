@@ -38,8 +38,8 @@ class Axis:
         device: id on the bus.
         model: its model in the robot file.
         firmware, return_delay_s: read at `open`.
-        enabled: commands are sent.
-        armed: Bus Watchdog written to it (counts of 20 ms), 0 while not armed.
+        enabled: True from `arm` until a rest or a fault: commands are sent to it.
+        watchdog_units: value last written to its Bus Watchdog, the time-out in units of 20 ms; 0 is off.
         turns: whole turns added to the servo's count; see `turns`.
         turn_known: ``turns`` was determined; cleared by whatever may have changed the servo's count.
         marked: the servo keeps the mark of this turn, so that a reset can be recognised.
@@ -49,8 +49,8 @@ class Axis:
         reset: the servo lost its RAM; nothing it reports is valid until `recover`.
         pending_rest: state of rest that the servo has not confirmed; applied when it answers.
         goal: newest command [rad] since it was armed.
-        following: its following error.
-        tendon: on its spool, if its homing tensions one.
+        following: watch over the difference between goal and position.
+        tendon: watch over the tendon on its spool; idle where homing does not tension one.
         value, time_s: last valid position [rad] and its time.
         tick: Realtime Tick of that reading, None where it was not read.
         effort_share: share of its current limit, see `grip`.
@@ -69,7 +69,7 @@ class Axis:
     firmware: int = 0
     return_delay_s: float = 0.0
     enabled: bool = False
-    armed: int = 0
+    watchdog_units: int = 0
     turns: int = 0
     turn_known: bool = False
     marked: bool = False
@@ -140,9 +140,14 @@ class Axis:
             self.reset, self.turn_known, self.pending_rest = True, False, Rest.HOLD
         self.latch(fault)
 
+    @property
+    def dead(self) -> bool:
+        """It was silent in the two last exchanges: not one lost packet, but a servo without power."""
+        return self.misses > 1
+
     def arm(self, watchdog: int) -> None:
         """Torque and watchdog are on, the goal is the present position."""
-        self.armed, self.enabled, self.pending_rest, self.goal = watchdog, True, None, None
+        self.watchdog_units, self.enabled, self.pending_rest, self.goal = watchdog, True, None, None
         self.following.clear()
         self.tendon.clear()
 
@@ -156,7 +161,7 @@ class Axis:
             return False
         if self.seen is not None and abs(self.to_rad(reading.position) - self.seen) > FAR_RAD:
             return reading.voltage_low != 0
-        if self.armed or reading.voltage_low is not None:
+        if self.watchdog_units or reading.voltage_low is not None:
             return False
         if self.misses or self.tick is None or reading.tick is None:
             return True
@@ -244,12 +249,12 @@ class Axis:
             if self.fault.endswith("cause not read yet"):
                 self.fault = ""
             self.latch(f"hardware error: {message}; torque is off if the shutdown mask includes it")
-        if self.enabled and reading.torque is False and reading.watchdog == self.armed:
+        if self.enabled and reading.torque is False and reading.watchdog == self.watchdog_units:
             self.latch(TORQUE_OFF_FAULT)
-        if not self.armed or reading.watchdog is None or reading.watchdog == self.armed:
+        if not self.watchdog_units or reading.watchdog is None or reading.watchdog == self.watchdog_units:
             return
         if reading.watchdog == reg.WATCHDOG_TRIPPED:
-            waited = self.armed * reg.WATCHDOG_MS_PER_UNIT
+            waited = self.watchdog_units * reg.WATCHDOG_MS_PER_UNIT
             if self.latch(f"Bus Watchdog tripped: no instruction for {waited} ms, it stopped"):
                 self.pending_rest = None
         else:

@@ -30,7 +30,7 @@ STALLS_LOGGED: Final = 20
 
 
 class DynamixelBus:
-    """See `contid.hal.Bus`: one serial port and its servos."""
+    """One serial port and its Dynamixel servos (`contid.hal.Bus`)."""
 
     def __init__(
         self, name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus], clock: Clock
@@ -51,17 +51,17 @@ class DynamixelBus:
         self._stalls = 0  # in a row
 
     def open(self) -> None:
-        """See `contid.hal.Bus.open`."""
+        """Connect, and check that the devices of the robot file answer (`contid.hal.Bus.open`)."""
         self._link.open()
 
     def close(self) -> None:
-        """See `contid.hal.Bus.close`."""
+        """Close the port. Idempotent; never changes torque (`contid.hal.Bus.close`)."""
         self._link.close()
 
     # -- the tick ------------------------------------------------------------------------------------------
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
-        """See `contid.hal.Bus.exchange`."""
+        """Send the commands of a tick, and read every axis (`contid.hal.Bus.exchange`)."""
         opened = self._link.need_open()
         client, cyclic = opened.client, opened.cyclic
         goals = self._goals(commands)
@@ -99,7 +99,7 @@ class DynamixelBus:
         axis, now = self._by_id[device], self._clock.now()
         if axis.may_have_reset(reading, now):
             self._doubtful[device] = reading
-        elif axis.armed or reading.voltage_low is not None or axis.marked or not self._link.indirect:
+        elif axis.watchdog_units or reading.voltage_low is not None or axis.marked or not self._link.indirect:
             axis.take(reading, now)
             self._readings[device] = reading
 
@@ -124,7 +124,7 @@ class DynamixelBus:
         if not missing and not cyclic.disturbed:
             return
         opened.client.expect_late(axis.device for axis in missing)
-        cyclic.put_last([axis.device for axis in missing if axis.misses > 1])
+        cyclic.put_last([axis.device for axis in missing if axis.dead])
         if cyclic.answers.counts.late:
             self._log_late(cyclic, "and are discarded")
 
@@ -208,32 +208,35 @@ class DynamixelBus:
             log.debug("%s: silent again before it was brought to rest", axis.name)
 
     def answer_counts(self) -> Mapping[str, int]:
-        """See `contid.hal.CountsAnswers`."""
+        """Counts since the bus was built, by what is counted: ``exchanges``, ``late``, ``silent``."""
         return dataclasses.asdict(self._link.counts)
 
     # -- effort --------------------------------------------------------------------------------------------
 
     def effort_limits(self) -> Mapping[str, float]:
-        """See `contid.hal.LimitsEffort`."""
+        """Greatest effort [A] of every axis that can be limited, by the robot file."""
         return self._grip.limits()
 
     def limit_effort(self, shares: Mapping[str, float]) -> None:
-        """See `contid.hal.LimitsEffort`."""
+        """Limit axes to a share (0 to 1) of their greatest effort, from the next exchange on."""
         self._named(list(shares))
         self._grip.change(shares)
 
     # -- torque --------------------------------------------------------------------------------------------
 
     def enable(self, axes: Sequence[str]) -> None:
-        """See `contid.hal.Bus.enable`."""
+        """Make axes ready to move without moving them: goal := present, torque on, watchdog armed."""
         torque.enable(self._link, self._named(axes))
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
-        """See `contid.hal.Bus.disable`; servos cannot vent, so ``vent`` relaxes them."""
+        """Bring axes to a state of rest; does not raise for a lost device.
+
+        See `contid.hal.Bus.disable`; servos cannot vent, so ``vent`` relaxes them.
+        """
         torque.disable(self._link, self._named(axes), rest)
 
     def clear_fault(self, axes: Sequence[str]) -> None:
-        """See `contid.hal.Bus.clear_fault`."""
+        """Clear latched device faults without motion; raises `DeviceError` if one persists."""
         torque.clear_fault(self._link, self._named(axes))
 
     def _named(self, axes: Sequence[str]) -> list[Axis]:

@@ -67,7 +67,7 @@ class ServoClient:
         self._unanswered: set[int] = set()
         self._barriers = 0
         #: Servos whose Bus Watchdog is on, and when something last addressed all of them [monotonic s].
-        self.armed: Callable[[], Iterable[int]] = tuple
+        self.watched: Callable[[], Iterable[int]] = tuple
         self.fed_s = 0.0
 
     def expect_late(self, devices: Iterable[int]) -> None:
@@ -186,7 +186,7 @@ class ServoClient:
     def _feed(self, device: int) -> None:
         """Read the other servos whose watchdog is on; ``device`` is addressed next."""
         self.fed_s = time.monotonic()
-        others = [each for each in self.armed() if each != device]
+        others = [each for each in self.watched() if each != device]
         if not others:
             return
         port = self.port

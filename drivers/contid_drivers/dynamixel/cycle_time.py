@@ -71,7 +71,7 @@ class Slack:
     """The slack of one bus, fixed or from the lateness of the answers so far.
 
     Args:
-        slack_ms: of the robot file.
+        slack_ms: slack of the robot file.
     """
 
     def __init__(self, slack_ms: float | Literal["auto"]) -> None:

@@ -35,7 +35,7 @@ _UDEV: Final = "install host/99-contid.rules (see docs/devices/dynamixel.md) and
 
 
 def examine(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus]) -> list[Finding]:
-    """See `contid.hal.Diagnoses.doctor`."""
+    """Examine without motion; problems are findings, not exceptions (`contid.hal.Diagnoses.doctor`)."""
     try:
         path = find_port(name, options.port)
     except DeviceError as error:

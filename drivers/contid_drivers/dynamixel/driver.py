@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class DynamixelDriver:
-    """See `contid.hal.Driver`."""
+    """The driver of Dynamixel servos (`contid.hal.Driver`)."""
 
     bus_options: type[BaseModel] = DynamixelBusOptions
     axis_options: type[BaseModel] = DynamixelAxisOptions
@@ -42,11 +42,17 @@ class DynamixelDriver:
         return f"id {axis.id}"
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
-        """See `contid.hal.Driver`; a simulated bus needs no key of this one."""
+        """Options of the ``sim`` bus that replaces this bus under ``--mock``.
+
+        See `contid.hal.Driver`; a simulated bus needs no key of this one.
+        """
         return {}
 
     def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
-        """See `contid.hal.Driver`; a simulated servo."""
+        """Options of the ``sim`` axis that replaces this axis, at least ``{"device": KIND}``.
+
+        See `contid.hal.Driver`; a simulated servo.
+        """
         return {"device": DeviceKind.SERVO.value}
 
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
@@ -57,7 +63,7 @@ class DynamixelDriver:
         return DynamixelBus(name, options, axes, clock)
 
     def exchange_time(self, options: BaseModel, axes: Sequence[BaseModel]) -> ExchangeTime:
-        """See `contid.hal.Paces`."""
+        """Time of one exchange with every axis of a bus (`contid.hal.Paces`)."""
         from contid_drivers.dynamixel.cycle_time import exchange_time
 
         assert isinstance(options, DynamixelBusOptions)
@@ -66,14 +72,14 @@ class DynamixelDriver:
     def emulator(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], control: Path | None = None
     ) -> AbstractContextManager[Sequence[str]]:
-        """See `contid.hal.Emulates`."""
+        """Emulate the devices of one bus at the port in its options (`contid.hal.Emulates`)."""
         from contid_drivers.dynamixel.emulator.bench import Bench
 
         assert isinstance(options, DynamixelBusOptions)
         return Bench(name, options, axes, control)
 
     def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
-        """See `contid.hal.Diagnoses`."""
+        """Examine without motion; problems are findings, not exceptions (`contid.hal.Diagnoses`)."""
         from contid_drivers.dynamixel.doctor import examine
 
         assert isinstance(options, DynamixelBusOptions)
@@ -82,56 +88,56 @@ class DynamixelDriver:
     def home(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
     ) -> list[Homed]:
-        """See `contid.hal.Homes`."""
+        """Move axes to their reference one after the other; they rest afterwards (`contid.hal.Homes`)."""
         from contid_drivers.dynamixel.homing import home
 
         assert isinstance(options, DynamixelBusOptions)
         return home(name, options, axes, only, report)
 
     def scan(self, ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
-        """See `contid.hal.Scans`."""
+        """Devices on ``ports`` (empty: every likely one) at ``bauds`` (empty: all until one answers)."""
         from contid_drivers.dynamixel.scan import scan
 
         return scan(ports, bauds, report)
 
     def set_id(self, port: str, baud: int, device: int, new: int) -> None:
-        """See `contid.hal.Commissions`."""
+        """Change the id of a device (`contid.hal.Commissions`)."""
         from contid_drivers.dynamixel import commission
 
         commission.set_id(port, baud, device, new)
 
     def set_baud(self, port: str, baud: int, device: int, new: int) -> None:
-        """See `contid.hal.Commissions`."""
+        """Change the baud rate of a device (`contid.hal.Commissions`)."""
         from contid_drivers.dynamixel import commission
 
         commission.set_baud(port, baud, device, new)
 
     def reboot(self, port: str, baud: int, device: int) -> None:
-        """See `contid.hal.Commissions`."""
+        """Restart a device; its torque is off afterwards (`contid.hal.Commissions`)."""
         from contid_drivers.dynamixel import commission
 
         commission.reboot(port, baud, device)
 
     def blink(self, port: str, baud: int, device: int, times: int) -> None:
-        """See `contid.hal.Commissions`."""
+        """Let the LED of a device blink (`contid.hal.Commissions`)."""
         from contid_drivers.dynamixel import bench_tools
 
         bench_tools.blink(port, baud, device, times)
 
     def read_registers(self, port: str, baud: int, device: int, names: Sequence[str]) -> list[RegisterValue]:
-        """See `contid.hal.Commissions`."""
+        """Registers of a device by name; the usual ones without ``names`` (`contid.hal.Commissions`)."""
         from contid_drivers.dynamixel import bench_tools
 
         return bench_tools.read(port, baud, device, names)
 
     def write_register(self, port: str, baud: int, device: int, name: str, value: int) -> int:
-        """See `contid.hal.Commissions`."""
+        """Set a register that moves nothing; returns what it holds afterwards (`contid.hal.Commissions`)."""
         from contid_drivers.dynamixel import bench_tools
 
         return bench_tools.write(port, baud, device, name, value)
 
     def factory_reset(self, port: str, baud: int, device: int) -> None:
-        """See `contid.hal.Commissions`."""
+        """Restore the factory value of every setting but id and baud rate (`contid.hal.Commissions`)."""
         from contid_drivers.dynamixel import bench_tools
 
         bench_tools.reset(port, baud, device)
@@ -144,7 +150,7 @@ class DynamixelDriver:
         ask: Callable[[str], None],
         report: Report,
     ) -> None:
-        """See `contid.hal.Commissions`."""
+        """Give the devices of a bus the ids of the robot file, one device after the other."""
         from contid_drivers.dynamixel.setup import setup
 
         assert isinstance(options, DynamixelBusOptions)

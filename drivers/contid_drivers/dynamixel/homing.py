@@ -36,7 +36,7 @@ PUSHING: Final = 0.8
 def home(
     name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
 ) -> list[Homed]:
-    """See `contid.hal.Homes.home`."""
+    """Move axes to their reference one after the other; they rest afterwards (`contid.hal.Homes.home`)."""
     states = [Axis.of(axis, options) for axis in axes]
     chosen = [axis for axis in states if axis.name in only]
     for axis in chosen:

@@ -43,7 +43,7 @@ class BusLink:
     """The port of one bus, open, closed or lost.
 
     Attributes:
-        counts: of answers since the bus was made.
+        counts: numbers of answers since the bus was made.
         indirect: the cyclic exchange reads mapped bytes.
     """
 
@@ -58,7 +58,7 @@ class BusLink:
         self._lost: DeviceLostError | None = None
 
     def open(self) -> None:
-        """See `contid.hal.Bus.open`."""
+        """Connect, and check that the devices of the robot file answer (`contid.hal.Bus.open`)."""
         if self.reachable is not None:
             return
         self.close()
@@ -67,7 +67,7 @@ class BusLink:
         port = ServoPort(self.name, path, options.baud, options.usb_latency_ms / 1e3)
         try:
             client = ServoClient(self.name, port, {axis.device: axis.name for axis in self.axes})
-            client.armed = self._armed
+            client.watched = self._watched
             handshake(client, self.axes, options)
             starts = [map_block(client, axis) for axis in self.axes]
             layout = common_layout(starts)
@@ -94,7 +94,7 @@ class BusLink:
         cyclic.fast = self.probe_fast()
 
     def close(self) -> None:
-        """See `contid.hal.Bus.close`."""
+        """Close the port. Idempotent; never changes torque (`contid.hal.Bus.close`)."""
         if self._opened is not None:
             self._opened.client.port.close()
         self._opened = self._lost = None
@@ -151,8 +151,8 @@ class BusLink:
         log.warning("%s: Fast Sync Read is not answered; using Sync Read, which is slower", self.name)
         return False
 
-    def _armed(self) -> list[int]:
-        return [axis.device for axis in self.axes if axis.armed]
+    def _watched(self) -> list[int]:
+        return [axis.device for axis in self.axes if axis.watchdog_units]
 
 
 def handshake(client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOptions) -> None:

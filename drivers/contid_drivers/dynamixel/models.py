@@ -45,7 +45,7 @@ class ServoModel:
         current_limit: greatest Current Limit (register 38) [units]; 0 without.
         supply_v: recommended supply.
         supply_min_v, supply_max_v: limits of the supply.
-        gains: of a new servo.
+        gains: gains of a new servo.
     """
 
     name: ModelName

@@ -1,4 +1,8 @@
-"""Torque of the axes of a bus, all or none: on with their watchdogs, off or at rest, and recovery."""
+"""Torque of the axes of a bus, all or none: on with their watchdogs, off or at rest, and recovery.
+
+The Bus Watchdog of a servo stops it when no instruction comes for its time-out. It is also the witness of a
+reset: a servo that resets loses its count of turns, and its watchdog is off.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,20 @@ log = logging.getLogger(__name__)
 
 
 def enable(link: BusLink, axes: Sequence[Axis]) -> None:
-    """See `contid.hal.Bus.enable`."""
+    """Put axes under torque where they stand, or leave all of them as they were (`contid.hal.Bus.enable`).
+
+    1. No axis may have a fault.
+    2. Each servo still has its count of turns, and gets the settings of the robot file that differ.
+    3. Goal := present position, torque on, read back, one servo after the other.
+    4. The watchdogs come on together; with them `Axis.enabled` becomes True.
+    5. One exchange reads the watchdogs back, and the counts of turns are checked again.
+
+    When a step fails, torque that this call switched on goes off, and axes that were held before are held.
+
+    Raises:
+        DeviceError: a fault, a lost count, a setting that needs torque off, or a step without effect.
+        DeviceLostError: the port is gone; nothing can be undone.
+    """
     opened = link.need_open()
     client = opened.client
     chosen = [axis for axis in axes if not axis.enabled]
@@ -43,18 +60,23 @@ def enable(link: BusLink, axes: Sequence[Axis]) -> None:
 
 
 def _start_watchdogs(opened: Opened, chosen: Sequence[Axis], watchdog_ms: int) -> None:
-    """Watchdogs on, read back in one exchange, which also feeds all of them."""
+    """Switch the watchdogs on and read them back in one exchange, which also feeds all of them.
+
+    Raises:
+        DeviceError: a watchdog does not come on, or a servo lost its count of turns meanwhile.
+    """
     client = opened.client
     arming.start_watchdogs(client, chosen, watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
     readings = opened.cyclic.run({}, full=True)
     for axis in chosen:
         reading = readings.get(axis.device)
-        found = None if reading is None else reading.watchdog
-        if found is None:
-            found = client.read(axis.device, reg.BUS_WATCHDOG)
-        if found != axis.armed:
-            raise DeviceError(client.name(axis.device), f"its Bus Watchdog does not come on: {found}")
-        # From here on the watchdog, which a reset clears, stands for the count.
+        watchdog = None if reading is None else reading.watchdog
+        if watchdog is None:
+            watchdog = client.read(axis.device, reg.BUS_WATCHDOG)
+        if watchdog != axis.watchdog_units:
+            raise DeviceError(client.name(axis.device), f"its Bus Watchdog does not come on: {watchdog}")
+        # A reset before this point lost the count of turns and is found here. A later one clears the
+        # watchdog too, which every exchange reads: that is how it is found then.
         turns.require_kept(client, axis)
 
 
@@ -64,12 +86,17 @@ def _back_out(opened: Opened, chosen: Sequence[Axis], started: Sequence[Axis]) -
         arming.torque_off(opened.client, started)
     for axis in chosen:
         axis.enabled = False
-        if axis.armed and axis not in started:
+        if axis.watchdog_units and axis not in started:
             arming.hold_position(opened.client, axis)
 
 
 def disable(link: BusLink, axes: Sequence[Axis], rest: Rest) -> None:
-    """See `contid.hal.Bus.disable`; servos cannot vent, so ``vent`` relaxes them."""
+    """Bring axes to a rest (`contid.hal.Bus.disable`); failures are logged, never raised.
+
+    ``hold`` leaves torque on with the goal at the present position. ``relax`` switches it off, and so does
+    ``vent``, which servos cannot do. A servo that does not confirm keeps the rest as pending
+    (`Axis.pending_rest`) until it answers.
+    """
     opened = link.reachable
     if opened is None:
         return
@@ -89,7 +116,7 @@ def disable(link: BusLink, axes: Sequence[Axis], rest: Rest) -> None:
             except DeviceLostError:
                 raise
             except DeviceError as error:
-                # Its watchdog stays armed and will hold it where it is.
+                # Its watchdog stays on; without further instructions it trips and stops the servo.
                 log.error("%s", error)
     except DeviceLostError as error:
         link.mark_lost(error)
@@ -98,7 +125,12 @@ def disable(link: BusLink, axes: Sequence[Axis], rest: Rest) -> None:
 
 
 def clear_fault(link: BusLink, axes: Sequence[Axis]) -> None:
-    """See `contid.hal.Bus.clear_fault`."""
+    """Clear the faults of axes that have one or are not enabled (`contid.hal.Bus.clear_fault`).
+
+    Raises:
+        DeviceError: an axis is silent, or its cause of the fault persists.
+        DeviceLostError: the port is gone.
+    """
     client = link.need_open().client
     try:
         for axis in axes:

@@ -29,11 +29,17 @@ class SimDriver:
         return ""
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
-        """See `contid.hal.Driver`; a simulated bus replaces itself."""
+        """Options of the ``sim`` bus that replaces this bus under ``--mock``.
+
+        See `contid.hal.Driver`; a simulated bus replaces itself.
+        """
         return bus.model_dump(exclude_unset=True)
 
     def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
-        """See `contid.hal.Driver`; a simulated axis replaces itself."""
+        """Options of the ``sim`` axis that replaces this axis, at least ``{"device": KIND}``.
+
+        See `contid.hal.Driver`; a simulated axis replaces itself.
+        """
         return axis.model_dump(exclude_unset=True)
 
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:

@@ -53,7 +53,10 @@ class SimBus:
     # -- the contract ------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """See `contid.hal.Bus.open`; a silent axis counts as missing."""
+        """Connect, and check that the devices of the robot file answer.
+
+        See `contid.hal.Bus.open`; a silent axis counts as missing.
+        """
         now = self._advance()
         if self._open:
             return
@@ -74,7 +77,7 @@ class SimBus:
         self._note("open", now)
 
     def enable(self, axes: Sequence[str]) -> None:
-        """See `contid.hal.Bus.enable`."""
+        """Make axes ready to move without moving them: goal := present, torque on, watchdog armed."""
         now = self._advance_open()
         for axis in axes:
             device = self._answering(axis)
@@ -87,7 +90,7 @@ class SimBus:
         self._note("enable", now, ", ".join(axes))
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
-        """See `contid.hal.Bus.exchange`."""
+        """Send the commands of a tick, and read every axis (`contid.hal.Bus.exchange`)."""
         for axis, value in commands.items():
             self._device(axis)
             if not math.isfinite(value):
@@ -111,7 +114,7 @@ class SimBus:
         return dict(self._samples)
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
-        """See `contid.hal.Bus.disable`."""
+        """Bring axes to a state of rest; does not raise for a lost device (`contid.hal.Bus.disable`)."""
         for axis in axes:
             self._device(axis)
         self._enabled.difference_update(axes)
@@ -124,7 +127,7 @@ class SimBus:
         self._note("disable", now, ", ".join(axes))
 
     def clear_fault(self, axes: Sequence[str]) -> None:
-        """See `contid.hal.Bus.clear_fault`."""
+        """Clear latched device faults without motion; raises `DeviceError` if one persists."""
         now = self._advance_open()
         for axis in axes:
             device = self._answering(axis)
@@ -137,7 +140,7 @@ class SimBus:
         self._note("clear_fault", now, ", ".join(axes))
 
     def close(self) -> None:
-        """See `contid.hal.Bus.close`."""
+        """Close the port. Idempotent; never changes torque (`contid.hal.Bus.close`)."""
         now = self._advance()
         self._enabled.clear()
         if self._open:
@@ -148,7 +151,7 @@ class SimBus:
     # -- bodies ------------------------------------------------------------------------------------------
 
     def carry(self, robot: str, description: BaseModel) -> None:
-        """See `contid.hal.SimulatesBodies`."""
+        """Simulate the body of a robot whose axes it carries; called before `Bus.open`."""
         if isinstance(description, RackFinger):
             self.fingers.append(FingerBody(robot, description))
             return
@@ -156,7 +159,7 @@ class SimBus:
         self.arms.append(TrackedArm(robot, description))
 
     def measured_tips(self) -> Sequence[TipMeasured]:
-        """See `contid.hal.MeasuresTips`."""
+        """What arrived since the last call, in the order of time; callable from any thread."""
         now = self._clock.now()
         return [tip for arm in self.arms for tip in arm.take_arrived(now)]
 

@@ -49,11 +49,11 @@ class FingerBody:
 
     Args:
         robot: its name.
-        description: with a ``sim``.
+        description: description with a ``sim``.
 
     Attributes:
         axes: names of its axes on the bus.
-        friction_a: of every gear [A].
+        friction_a: friction torque of every gear [A].
         noise_a: standard deviation of a measured current [A].
         push_n: force of the object on the tip [N].
     """

@@ -35,10 +35,10 @@ class BodyPose:
 
     Attributes:
         rotation: body to camera, shape ``(3, 3)``.
-        origin_m: of the body in the camera.
+        origin_m: position of the origin of the body in the camera.
         error_px: root mean square of the corners.
         other: the best pose that is really different, None without.
-        covariance: of rotation vector and origin [rad, m], shape ``(6, 6)``.
+        covariance: covariance of rotation vector and origin [rad, m], shape ``(6, 6)``.
         tags: that were used.
     """
 
@@ -58,7 +58,7 @@ def solve_pose(
     Args:
         places: corners of its tags in its frame by number [m], shape ``(4, 3)``.
         seen: corners by number, where a camera without distortion sees them [px], shape ``(4, 2)``.
-        matrix: of the camera.
+        matrix: matrix of the camera.
         near: rotation that a pose should be near where two are alike, None without.
     """
     tags = tuple(sorted(places.keys() & seen.keys()))

@@ -29,8 +29,8 @@ class TrackReport:
 
     Attributes:
         images: looked at.
-        measured: with a tip.
-        refusals: of the others, by reason without its numbers.
+        measured: number of images with a tip.
+        refusals: numbers of the others, by reason without its numbers.
         work_s: processor time of looking.
     """
 

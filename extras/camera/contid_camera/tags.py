@@ -58,7 +58,7 @@ class TagDetector:
 
     Args:
         camera: that takes the images.
-        ids: of these tags; others are ignored.
+        ids: ids of these tags; others are ignored.
     """
 
     def __init__(self, camera: Camera, ids: Collection[int]) -> None:

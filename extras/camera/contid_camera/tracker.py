@@ -28,9 +28,9 @@ class MeasuredTip:
     """A pose of the tip.
 
     Attributes:
-        time_s: of the capture.
-        tip_m: in the world.
-        direction: of the body there, in the world.
+        time_s: time of the capture.
+        tip_m: tip in the world.
+        direction: direction of the body there, in the world.
         rotation: tip to world, shape ``(3, 3)``.
         error_px: root mean square of the corners.
         tip_sd_m: standard deviation of the tip, without that of the fixed tags.
@@ -90,7 +90,7 @@ class TipTracker:
 
         Args:
             image: grey values, shape ``(height, width)``, bytes.
-            time_s: of its capture; does not go back.
+            time_s: time of its capture; does not go back.
         """
         seen = self._detector.find(image)
         moved = self._average(seen)

@@ -54,9 +54,9 @@ def make_certificate(
     """Write ``NAME.pem`` and ``NAME.key``, signed by a CA; returns the first.
 
     Args:
-        folder: for the files.
+        folder: folder for the files.
         ca: the folder of `make_ca`.
-        name: of the operator or the machine.
+        name: name of the operator or the machine.
         hosts: IP addresses and names of a machine; empty for an operator, who cannot listen.
         days: until it expires.
 

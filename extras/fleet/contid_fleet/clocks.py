@@ -38,7 +38,7 @@ class ClockOffset:
     """The clock of a node against that of this machine.
 
     Attributes:
-        offset_s: of the node's CLOCK_MONOTONIC from the own one.
+        offset_s: offset of the node's CLOCK_MONOTONIC from the own one.
         bound_s: largest error.
     """
 
@@ -61,7 +61,7 @@ class NotedOffset:
     Attributes:
         operator: who conducted.
         conductor: names the boot from which its clock counts.
-        offset_s: of the node's CLOCK_MONOTONIC from that of the conductor.
+        offset_s: offset of the node's CLOCK_MONOTONIC from that of the conductor.
         bound_s: largest error.
         noted_s: when, by the clock of this machine.
     """

@@ -31,7 +31,7 @@ class DaemonLink:
     """A connection. It sends what it is asked to send and nothing by itself: it keeps no lease.
 
     Args:
-        path: of the socket.
+        path: path of the socket.
         noticed: called with each line that is no response, and with its fields (None for telemetry).
         ended: called once when the connection ends by itself.
 

@@ -21,7 +21,7 @@ class CommonStart:
     """The begin of one experiment, by node, on the conductor's clock [s], after the time ordered.
 
     Attributes:
-        late_s: by node.
+        late_s: lateness by node.
         bound_s: largest error of the skew.
     """
 

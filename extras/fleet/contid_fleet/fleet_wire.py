@@ -64,7 +64,7 @@ class FleetWire:
         self._leaving = operator.on_leave(node, lambda: self._end(f"{node}: its bridge or daemon is gone"))
 
     def send(self, request: Request) -> None:
-        """See `contid.remote.client.wires.Wire.send`."""
+        """Send a request; its response is delivered as a line (`contid.remote.client.wires.Wire.send`)."""
         move = request.fields.get("move") or 0
         if request.newest and move not in self._ended_moves:
             if self._stream is None or self._stream.move != move:

@@ -44,7 +44,7 @@ class Order:
     Attributes:
         node: its name; None for every node (``*``).
         origin: who asks.
-        verb: of the socket.
+        verb: verb of the socket.
     """
 
     node: str | None

@@ -47,12 +47,12 @@ class Node:
     """A daemon, as the network sees it.
 
     Args:
-        name: of the node.
-        path: of its socket.
+        name: name of the node.
+        path: path of its socket.
         machine: rights of the operators.
         net: the session on the network.
-        keys: of the fleet.
-        sessions: of operators.
+        keys: keys of the fleet.
+        sessions: sessions of operators.
         feed: that the machine needs, if it does.
 
     Attributes:
@@ -60,7 +60,7 @@ class Node:
         counts: requests by verb and result (``ok``, or the code of the refusal).
         published: frames of telemetry.
         dropped: frames that the daemon dropped, because this process did not read them in time.
-        round_trip_s: of the last question of `status` to the daemon.
+        round_trip_s: time of the last question of `status` to the daemon.
         noted: newest offset of its clock that the conductor of a run noted.
     """
 

@@ -45,7 +45,7 @@ class FleetOperator(AbstractContextManager["FleetOperator"]):
     """A session of an operator. Use it with ``with``.
 
     Attributes:
-        keys: of the fleet.
+        keys: keys of the fleet.
         origin: operator and session.
         net: the session on the network.
 
@@ -115,7 +115,7 @@ class FleetOperator(AbstractContextManager["FleetOperator"]):
 
         Args:
             verb: a stop or a read.
-            fields: of the request.
+            fields: fields of the request.
             nodes: names; empty for every node of the fleet.
             timeout_s: when to go on without those that did not answer.
             expected: nodes that must answer besides those with a token; None for those of the file.

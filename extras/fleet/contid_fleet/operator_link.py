@@ -33,7 +33,7 @@ class OperatorLink:
     """A connection to the daemon of a node for one session; it connects at its first request.
 
     Args:
-        path: of the socket.
+        path: path of the socket.
         origin: whose it is.
         noticed: called with each line of the daemon that is no response; False for telemetry.
 

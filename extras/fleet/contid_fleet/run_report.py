@@ -21,7 +21,7 @@ class NodeStart:
     """How a node began and ended.
 
     Attributes:
-        tick: in which it began; None when that is not known.
+        tick: tick in which it began; None when that is not known.
         late_s: its beginning after the common time, by the clock of this machine.
         bound_s: largest error of its clock offset.
         error: why it did not reach its end, "" if it did.
@@ -39,9 +39,9 @@ class FleetRunReport:
 
     Attributes:
         experiment: its name in the recordings.
-        nodes: by name.
+        nodes: nodes by name.
         tick_s: the longest period of a tick among them.
-        duration_s: of the trajectory.
+        duration_s: duration of the trajectory.
     """
 
     experiment: str

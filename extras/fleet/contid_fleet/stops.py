@@ -17,7 +17,7 @@ class Confirmation:
     """What a node answered to a stop that it obeyed.
 
     Attributes:
-        tick: in which the control process obeyed; None before the run began.
+        tick: tick in which the control process obeyed; None before the run began.
         robots: state by robot.
         silent: axes that did not answer in that tick, by robot: the order may not have reached them.
         refused: message by robot that did not obey.

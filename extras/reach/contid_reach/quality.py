@@ -91,7 +91,7 @@ def quality_map(
     """The map of a measure over the reach of one robot.
 
     Args:
-        name: of the robot, for messages.
+        name: name of the robot, for messages.
         robot: its description.
         measure: what to map.
         axis_sigma: standard deviation of an axis [m or Pa], for the accuracy.

@@ -31,8 +31,8 @@ class ReachReport:
     """Reach of the robots of one file.
 
     Attributes:
-        areas_cm2, volumes_cm3: by robot, planar and spatial ones.
-        overlaps: by pair, in the unit of its robots (cm^2 or cm^3).
+        areas_cm2, volumes_cm3: areas of planar robots and volumes of spatial ones, by name.
+        overlaps: overlaps by pair, in the unit of its robots (cm^2 or cm^3).
         regions: planar regions in the world [m], for plots.
         volumes: voxels, for plots.
         comparison: lines of the paper's comparison, name -> cm^2.

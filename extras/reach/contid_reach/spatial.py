@@ -104,7 +104,7 @@ def reachable_volume(
 
     Args:
         model: kinematics in the base frame.
-        frame: of the base in the world.
+        frame: pose of the base in the world.
         edge_m: edge of a voxel; None gives the widest side ``across`` voxels.
         across: see ``edge_m``.
         samples: random actuations that seed the fill.

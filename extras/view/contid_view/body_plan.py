@@ -41,7 +41,7 @@ class BodyPart:
     Attributes:
         begin, end: stations of its ends, ``section + share``.
         from_mm, to_mm: offsets of its ends in the frames there.
-        radius_mm: of the cylinder.
+        radius_mm: radius of the cylinder.
         shade: 0 for the body, 1 for its second colour, 2 for platforms, discs and links.
     """
 
@@ -58,7 +58,7 @@ def body_plan(robot: RobotDescription, length_mm: float) -> tuple[BodyPart, ...]
 
     Args:
         robot: its description; a model that contid does not have gets a plain tube.
-        length_mm: of its backbone, the scale of what the file has no dimension for.
+        length_mm: length of its backbone, the scale of what the file has no dimension for.
     """
     if isinstance(robot, RackFinger):
         return tuple(_finger(robot))

@@ -80,7 +80,7 @@ class CspProxy:
     """Forwards Rerun's web server and data server, and adds token, bounds and policy.
 
     Attributes:
-        url: with the token, which opens the page.
+        url: address with the token, which opens the page.
     """
 
     def __init__(self, port: int, inner_port: int, data_port: int) -> None:

@@ -1,4 +1,4 @@
-"""Drawing a recorded run; its curves have every tick."""
+"""Draws a recorded run as a whole; its curves have every tick, its shapes some (`Decimator`)."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def draw(
     target: ViewTarget,
     on_drawn: Callable[[RerunSession], None] = lambda session: None,
 ) -> None:
-    """Draw a whole run; a file that exists is replaced.
+    """Draw a whole run; a drawing that exists at the target is replaced.
 
     Args:
         entries: ticks and events in their order.
         loaded: the robot file of the run.
-        layout: of the records.
+        layout: layout of the records.
         target: where to draw.
         on_drawn: called when everything is drawn, before a served page ends.
 

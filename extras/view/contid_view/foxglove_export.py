@@ -45,7 +45,7 @@ def write_foxglove(
         file: a new file, from its beginning.
         entries: ticks and events in their order.
         loaded: the robot file of the run.
-        layout: of the records.
+        layout: layout of the records.
     """
     context = foxglove.Context()
     with foxglove.open_mcap(file, context=context):

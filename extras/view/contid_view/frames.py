@@ -47,7 +47,7 @@ class Decimator:
         """Prepare.
 
         Args:
-            layout: of the records.
+            layout: layout of the records.
             write: takes the frames, oldest first.
             batch: frames per call of ``write``.
             curves: make every record a frame, and draw the last of each interval.

@@ -41,10 +41,10 @@ def measured_shape(config: RobotConfig, record: RobotRecord, length_mm: float | 
     """What the tracker measured at a tick; None without a measurement.
 
     Args:
-        config: of the robot.
+        config: configuration of the robot.
         record: its part of the tick.
-        length_mm: of the backbone from the samples of the actuators; None while they are unknown, the curve
-            is then valid up to some 150 degrees of bending (docs/robots/ph-curves.md).
+        length_mm: length of the backbone from the samples of the actuators; None while they are unknown, the
+            curve is then valid up to some 150 degrees of bending (docs/robots/ph-curves.md).
     """
     tip, direction = record.measured_tip_m, record.measured_direction
     if not all(map(math.isfinite, tip)):

@@ -68,8 +68,8 @@ class RobotScene:
     """One robot.
 
     Attributes:
-        config: of the robot.
-        length_mm: of the backbone at rest or in the middle of its range, the larger of the two.
+        config: configuration of the robot.
+        length_mm: length of the backbone at rest or in the middle of its range, the larger of the two.
         outline: closed line around the reach of a planar finger [mm], None for other robots.
         workspace: points that the robot is likely to reach, (n, 3) [mm]; the camera shows them all.
         groups: axes that share a plot, by the prefix of its entities; extra axes have their own.

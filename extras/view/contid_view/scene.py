@@ -33,10 +33,10 @@ class Scene:
 
     Attributes:
         robots: the driven robots, in the order of the records.
-        bodies: of the same robots.
+        bodies: bodies of the same robots.
         ropes: guards of the closed chains, which compute the shape of their ropes.
         cell_mm: distance between the lines of the floor.
-        obstacles: of the file's ``clearance``, by name.
+        obstacles: obstacles of the file's ``clearance``, by name.
     """
 
     robots: Sequence[RobotScene]

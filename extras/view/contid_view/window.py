@@ -1,4 +1,4 @@
-"""A window of the native viewer, which outlives this process."""
+"""A window of the native Rerun viewer: a process of its own, which stays open when this one ends."""
 
 from __future__ import annotations
 
@@ -14,18 +14,24 @@ from contid_view.view_target import ViewError
 
 #: The program opens its port at once; without graphics or a display it ends up to this much later [s].
 OPENING_S: Final = 3.0
+#: Escape sequences that colour the output of a program.
 _COLOURS: Final = re.compile(r"\x1b\[[0-9;]*m")
 
 
 class Window:
-    """One window."""
+    """One window.
+
+    Args:
+        files: recordings to show; without any it shows what is sent to ``data_url``.
+
+    Attributes:
+        data_url: address at which the window takes data.
+
+    Raises:
+        ViewError: the window does not open.
+    """
 
     def __init__(self, *files: str) -> None:
-        """Open it with files, or with the data sent to `data_url`.
-
-        Raises:
-            ViewError: it does not open.
-        """
         port = free_port()
         self.data_url = f"rerun+http://{LOOPBACK}:{port}/proxy"
         with tempfile.TemporaryFile() as errors:
@@ -47,7 +53,7 @@ class Window:
 
     @property
     def open(self) -> bool:
-        """False once it was closed."""
+        """False once the window was closed."""
         return self._process.poll() is None
 
 

@@ -1,4 +1,4 @@
-"""Whether a servo's position is plausible before it is armed: on both sides of its travel."""
+"""Before a servo is armed its position must be inside its travel; torque off reaches all servos of a bus."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ from typing import cast
 import pytest
 
 from contid.errors import DeviceError
-from contid_drivers.dynamixel.arming import TRAVEL_SLACK_RAD, plausible
+from contid_drivers.dynamixel.arming import TRAVEL_SLACK_RAD, require_inside_travel, torque_off
 from contid_drivers.dynamixel.axis import Axis
-from contid_drivers.dynamixel.client import ServoClient
+from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.models import BY_NAME
 from contid_drivers.dynamixel.options import DynamixelAxisOptions
 from contid_drivers.dynamixel.port import ServoPort
+from contid_drivers.dynamixel.registers import Register
 
 TRAVEL = (math.radians(90.0), math.radians(180.0))
 CLIENT = ServoClient("servos", cast(ServoPort, None), {1: "finger.left"})
 
 
-def axis(travel: tuple[float, float] | None = TRAVEL) -> Axis:
-    options = DynamixelAxisOptions.model_validate({"id": 1})
-    return Axis("finger.left", options, travel, 4, 1, BY_NAME[options.model])
+def axis(travel: tuple[float, float] | None = TRAVEL, device: int = 1, name: str = "finger.left") -> Axis:
+    options = DynamixelAxisOptions.model_validate({"id": device})
+    return Axis(name, options, travel, 4, device, BY_NAME[options.model])
 
 
 @pytest.mark.parametrize(
@@ -33,13 +34,55 @@ def test_a_position_more_than_the_slack_outside_the_travel_is_refused(degrees: f
     servo = axis()
     position = servo.to_ticks(math.radians(degrees))
     if not refused:
-        plausible(CLIENT, servo, position)
+        require_inside_travel(CLIENT, servo, position)
         return
     with pytest.raises(
         DeviceError, match=rf"finger\.left.* stands at {degrees:.0f}\.\d deg, .*90\.0\.\.180\.0 deg"
     ):
-        plausible(CLIENT, servo, position)
+        require_inside_travel(CLIENT, servo, position)
 
 
-def test_without_a_travel_every_position_is_plausible() -> None:
-    plausible(CLIENT, axis(None), 1 << 20)
+def test_without_a_travel_every_position_is_accepted() -> None:
+    require_inside_travel(CLIENT, axis(None), 1 << 20)
+
+
+class QuietPort:
+    """A port whose servos take every packet."""
+
+    def flush(self) -> None:
+        """Nothing to drop."""
+
+    def send(self, packet: bytes) -> float:
+        """Taken at once."""
+        return 0.0
+
+
+class OneDeafServo(ServoClient):
+    """Torque reads as off everywhere; writes to servo 1 have no answer, and servo 3 never answers."""
+
+    def __init__(self) -> None:
+        super().__init__("servos", cast(ServoPort, QuietPort()))
+        self.written: list[int] = []
+
+    def read_block(self, device: int, address: int, size: int, tries: int = 3) -> bytes:
+        """Torque is off."""
+        if device == 3:
+            raise NoAnswerError(self.name(device), "no answer")
+        return b"\0"
+
+    def write(self, device: int, register: Register, value: int) -> None:
+        """Taken by all but the first."""
+        if device == 1:
+            raise NoAnswerError(self.name(device), "no answer")
+        self.written.append(device)
+
+
+def test_a_servo_that_does_not_answer_leaves_none_behind_as_enabled() -> None:
+    """Torque is off in all: none may count as enabled, and the one that did not confirm is named."""
+    axes = [axis(None, device, f"finger.{device}") for device in (1, 2, 3)]
+    for each in axes:
+        each.arm(5)
+    client = OneDeafServo()
+    assert torque_off(client, axes) == ["finger.3"]
+    assert [(each.enabled, each.watchdog_units) for each in axes] == [(False, 0)] * 3
+    assert client.written == [2]

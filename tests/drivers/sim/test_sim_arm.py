@@ -15,7 +15,7 @@ from contid.kernels import load
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.load import load_named, parse_robot_file, with_mock
 from contid_drivers.sim.arm.body import SimulatedBody
-from contid_drivers.sim.arm.statics import STEPS, arm_solver, section_numbers
+from contid_drivers.sim.arm.statics import STEPS, arm_solver, section_constants
 from studies.shi import forward
 from tests.oracles.rod_shooting import shoot
 
@@ -99,7 +99,7 @@ def test_a_push_of_the_wall_is_a_force_on_a_free_tip():
 
 def test_beyond_its_range_the_modulus_stays_and_a_missing_equilibrium_is_reported():
     robot = arm_with()
-    sections = [section_numbers(s, 1.0, 1.0) for s in robot.geometry.sections]
+    sections = [section_constants(s, 1.0, 1.0) for s in robot.geometry.sections]
     ends = [(*row[:17], up_to) for row in sections for up_to in (0.5,)]
     kernel = load("plant").Arm(ends, STEPS)
     clamped = [(*row[:12], 0.0, 0.0, 0.0, 0.0, float(np.polyval(row[12:17], 0.5)), 9.0) for row in sections]
@@ -111,7 +111,7 @@ def test_beyond_its_range_the_modulus_stays_and_a_missing_equilibrium_is_reporte
 
 
 def test_wrong_numbers_of_the_arm_are_refused():
-    row = section_numbers(arm_with().geometry.sections[0], 1.0, 1.0)
+    row = section_constants(arm_with().geometry.sections[0], 1.0, 1.0)
     with pytest.raises(ValueError, match="18 numbers"):
         load("plant").Arm([row[:17]], STEPS)
     arm = load("plant").Arm([row], STEPS)

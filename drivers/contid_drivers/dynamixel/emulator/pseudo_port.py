@@ -22,7 +22,7 @@ class PseudoPort:
         link: its path, None for the pty's own name.
 
     Attributes:
-        descriptor: of the end of the servos, -1 while unplugged.
+        descriptor: descriptor of the end of the servos, -1 while unplugged.
     """
 
     def __init__(self, link: Path | str | None) -> None:

@@ -104,7 +104,10 @@ class FrictionPlant(TendonPlant):
         return self._tensions
 
     def load_ma(self, number: int) -> float:
-        """See `TendonPlant`; from the last balance while that is young."""
+        """Current with which tendon ``number`` turns its servo back; its sign is that of the rotation.
+
+        See `TendonPlant`; from the last balance while that is young.
+        """
         if self.held:
             return super().load_ma(number)
         now_s = time.monotonic()

@@ -1,8 +1,12 @@
-"""Tendons and backbone on the spools of emulated servos: pretension, slack and a snap are seen on the wire.
+"""Tendons and backbone on the spools of emulated servos: their currents show pretension, slack and a snap.
 
 Tendon i has wound ``w_i`` ticks beyond the position where it is just taut on the straight robot. Bends Theta
 and tensions ``T = max(0, k (w - G Theta))`` balance the backbone, ``G^T T = K Theta``: the elastic energy of
-both is least. A slack tendon does not push. Tension is in mA of its servo, all else in units of ticks.
+both is least. A slack tendon does not push.
+
+Units are those of the servos: what a tendon has wound is in ticks of its servo, a tension is the current [mA]
+that the servo needs for it, so k is in mA/tick. Bends are in any unit, such as rad: G is then in ticks/rad,
+and K in mA tick/rad^2.
 """
 
 from __future__ import annotations
@@ -14,20 +18,23 @@ from numpy.typing import NDArray
 
 from contid_drivers.dynamixel.emulator.servo import Servo
 
-# Newton steps of one balance at most; each has another set of taut tendons.
-_STEPS = 30
+#: Newton steps of one balance at most; each has another set of taut tendons.
+_MAX_STEPS = 30
 
 
 class TendonPlant:
-    """Loads the shafts of servos; tendons begin where ``taut_ticks`` are.
+    """Loads the shafts of servos with the tensions of their tendons.
 
     Args:
         servos: one per tendon.
-        winding: 1 or -1 for each: sense of rotation that winds in.
-        taut_ticks: position of each servo at which its tendon is just taut on the straight robot.
-        ma_per_tick: stiffness k of each tendon.
-        pull_matrix: G, ticks by bends, shape ``(tendons, bends)``; without it tendons are on their own.
-        bending: K of each bend [mA tick per unit of bend^2].
+        winding: 1 or -1 for each servo: sense of rotation that winds its tendon in.
+        taut_ticks: position of each servo at which its tendon is just taut on the straight robot [ticks].
+        ma_per_tick: stiffness k of each tendon [mA/tick].
+        pull_matrix: G, ticks per bend, shape ``(tendons, bends)``; without it the robot stays straight.
+        bending: stiffness K of each bend [mA tick per square of a bend].
+
+    Attributes:
+        held: True while a tube holds the robot straight.
     """
 
     def __init__(
@@ -44,13 +51,14 @@ class TendonPlant:
         self._taut = np.array(taut_ticks, dtype=float)
         self._stiffness = np.array(ma_per_tick, dtype=float)
         self._intact_stiffness = self._stiffness.copy()
-        #: A tube holds the robot straight.
         self.held = False
         self._matrix = np.zeros((len(servos), 0)) if pull_matrix is None else np.asarray(pull_matrix)
         self._bending = np.array(bending, dtype=float)
         self._bends = np.zeros(self._matrix.shape[1])
-        self._last = np.zeros(len(self._servos), dtype=bool)  # which tendons were taut
-        self._solved: dict[bytes, NDArray[np.float64]] = {}
+        #: Which tendons were taut in the last balance, where the next one begins.
+        self._last_taut = np.zeros(len(self._servos), dtype=bool)
+        #: Matrix from wound ticks to bends by set of taut tendons.
+        self._bends_by_wound: dict[bytes, NDArray[np.float64]] = {}
         for number, servo in enumerate(self._servos):
             servo.motion.load = lambda number=number: self.load_ma(number)
 
@@ -62,7 +70,7 @@ class TendonPlant:
     def snap(self, number: int, on: bool = True) -> None:
         """Tendon ``number`` breaks, or is tied again."""
         self._stiffness[number] = 0.0 if on else self._intact_stiffness[number]
-        self._solved.clear()
+        self._bends_by_wound.clear()
 
     def tensions_ma(self) -> NDArray[np.float64]:
         """Tension of every tendon, 0 where it is slack [mA]."""
@@ -71,18 +79,18 @@ class TendonPlant:
         if self.held or not self._matrix.shape[1]:
             return np.asarray(self._stiffness * np.maximum(wound, 0.0), dtype=np.float64)
         # Mostly the same tendons are taut as before.
-        bends = self._by_wound(self._last) @ wound
+        bends = self._by_wound(self._last_taut) @ wound
         stretch = wound - self._matrix @ bends
-        if not np.array_equal(self._last, (stretch > 0.0) & (self._stiffness > 0.0)):
+        if not np.array_equal(self._last_taut, (stretch > 0.0) & (self._stiffness > 0.0)):
             bends = self._balanced(wound, self._bends)
             stretch = wound - self._matrix @ bends
-            self._last = (stretch > 0.0) & (self._stiffness > 0.0)
+            self._last_taut = (stretch > 0.0) & (self._stiffness > 0.0)
         self._bends = bends
         return np.asarray(self._stiffness * np.maximum(stretch, 0.0), dtype=np.float64)
 
     def _balanced(self, wound: NDArray[np.float64], bends: NDArray[np.float64]) -> NDArray[np.float64]:
         """Bends of least energy by Newton's method from some bends; each step has a set of taut tendons."""
-        for _ in range(_STEPS):
+        for _ in range(_MAX_STEPS):
             stretch = wound - self._matrix @ bends
             taut = (stretch > 0.0) & (self._stiffness > 0.0)
             step = self._by_wound(taut) @ wound - bends
@@ -90,23 +98,25 @@ class TendonPlant:
             while self._energy(wound, bends + share * step) > energy and share > 1e-6:
                 share *= 0.5
             bends = bends + share * step
-            now = (wound - self._matrix @ bends > 0.0) & (self._stiffness > 0.0)
-            if share == 1.0 and np.array_equal(taut, now):
+            taut_after = (wound - self._matrix @ bends > 0.0) & (self._stiffness > 0.0)
+            if share == 1.0 and np.array_equal(taut, taut_after):
                 break
         return bends
 
     def _energy(self, wound: NDArray[np.float64], bends: NDArray[np.float64]) -> float:
+        """Twice the elastic energy of tendons and backbone [mA tick]."""
         stretch = np.maximum(wound - self._matrix @ bends, 0.0)
         return float(self._stiffness @ stretch**2 + self._bending @ bends**2)
 
     def _by_wound(self, taut: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Bends by what is wound, for a set of taut tendons."""
+        """The matrix that turns what is wound [ticks] into bends, while this set of tendons is taut."""
         key = taut.tobytes()
-        if key not in self._solved:
+        if key not in self._bends_by_wound:
             weighted = self._matrix.T * np.where(taut, self._stiffness, 0.0)
             stiffness = weighted @ self._matrix + np.diag(self._bending)
-            self._solved[key] = np.asarray(np.linalg.solve(stiffness, weighted), dtype=np.float64)
-        return self._solved[key]
+            solved = np.linalg.solve(stiffness, weighted)
+            self._bends_by_wound[key] = np.asarray(solved, dtype=np.float64)
+        return self._bends_by_wound[key]
 
     def load_ma(self, number: int) -> float:
         """Current with which tendon ``number`` turns its servo back; its sign is that of the rotation."""

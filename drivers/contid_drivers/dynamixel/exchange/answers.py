@@ -33,7 +33,7 @@ class AnswerCounts:
     """What went wrong on the wire so far.
 
     Attributes:
-        exchanges: with all servos of the bus.
+        exchanges: number of exchanges with all servos of the bus.
         late: answers that belong to an earlier exchange; discarded.
         silent: answers that did not come.
         broken: answers that came damaged.
@@ -52,7 +52,7 @@ class ServoAnswers:
 
     Args:
         port: where they arrive.
-        ids: of all its servos.
+        ids: ids of all its servos.
         counts: what went wrong, updated.
     """
 
@@ -73,7 +73,7 @@ class ServoAnswers:
         Args:
             devices: asked.
             block: asked for; answers of other lengths belong to earlier exchanges.
-            deadline: of the last answer [monotonic s].
+            deadline: time of the last answer [monotonic s].
             slack_s: wait this much longer if nothing at all arrived.
             each: called once per device that answers.
         """

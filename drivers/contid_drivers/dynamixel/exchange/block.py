@@ -29,8 +29,8 @@ class ServoReading(NamedTuple):
     """A decoded block; None for registers this exchange did not read.
 
     Attributes:
-        current: in units of the model.
-        velocity: in units of 0.229 rpm.
+        current: current in units of the model.
+        velocity: velocity in units of 0.229 rpm.
         position: count of the servo; 4096 per turn.
         alert: the status packet reports a hardware error.
         watchdog: value of Bus Watchdog, in units of 20 ms.

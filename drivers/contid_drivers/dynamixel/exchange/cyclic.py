@@ -123,7 +123,7 @@ class Cyclic:
         """Send ``before``, then goals [ticks by id], and read every servo.
 
         Args:
-            goals: by id; servos without one are only read.
+            goals: goal positions by id; servos without one are only read.
             full: read the full block.
             fast: read with a fast sync read; None as usual.
             before: packets that get no answer.

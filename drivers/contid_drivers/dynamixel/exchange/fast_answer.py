@@ -30,7 +30,7 @@ class FastAnswer:
     """Bytes received since one fast sync read.
 
     Args:
-        ids: of the servos, in the order of the read.
+        ids: ids of the servos, in the order of the read.
         size: bytes read from each.
     """
 

@@ -70,10 +70,10 @@ class SimulatedBody:
         """Where the tip is at rest [m], a time after the bus was opened."""
         pressures = tuple(max(0.0, p + off) for p, off in zip(self._acting, self._offset, strict=True))
         payload = self.payload_n(t_s)
-        found = self._equilibrium(pressures, payload)
-        self.lost = found is None
-        if found is not None:
-            self._tip_mm, self._unknowns = found
+        equilibrium = self._equilibrium(pressures, payload)
+        self.lost = equilibrium is None
+        if equilibrium is not None:
+            self._tip_mm, self._unknowns = equilibrium
             self._reached = (pressures, payload)
         self.push_n = self._unknowns[3]
         return self._in_world(self._tip_mm)
@@ -101,17 +101,17 @@ class SimulatedBody:
 
     def _held_or_free(self, pressures: list[float], force: list[float], guess: Numbers) -> PlantEquilibrium:
         """The equilibrium with the tip off the wall, or on the wall where that pushes it outwards."""
-        none = (0.0, 0.0, 0.0)
+        no_wall = (0.0, 0.0, 0.0)
         if self._sim.wall is None:
-            return self._solve(pressures, force, guess, False, none, 0.0)
+            return self._solve(pressures, force, guess, False, no_wall, 0.0)
         on_wall = guess[3] > 0.0
         for held in (on_wall, not on_wall):
-            found = self._solve(pressures, force, guess, held, self._normal, self._wall_mm)
-            tip, unknowns, met = found
+            equilibrium = self._solve(pressures, force, guess, held, self._normal, self._wall_mm)
+            tip, unknowns, met = equilibrium
             gap = sum(n * x for n, x in zip(self._normal, tip, strict=True)) - self._wall_mm
             if met and (unknowns[3] >= 0.0 if held else gap >= 0.0):
-                return found
-        return found
+                return equilibrium
+        return equilibrium
 
     def _in_world(self, tip_mm: Numbers) -> tuple[float, float, float]:
         x, y, z = (

@@ -70,7 +70,7 @@ class CurvatureFit:
     Attributes:
         a_per_mm, b: the coefficients.
         a_half_width_per_mm, b_half_width: half widths of their 95 % confidence intervals.
-        rms_epsilon: of the residuals.
+        rms_epsilon: root mean square of the residuals.
         arc_length_mm: range of S in the data, in which the line is valid.
         postures: the fitted data.
     """

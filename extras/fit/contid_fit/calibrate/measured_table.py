@@ -14,14 +14,14 @@ from contid.errors import BadInputError, Located
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Columns a table may have; of numbers where nothing else is stated.
+    """Columns a table may have; they hold numbers where nothing else is stated.
 
     Attributes:
         choices: groups of alternatives, exactly one of each group is required; an alternative is one name or
             several joined by commas (``"x_px,y_px"`` or ``"x_mm,y_mm"``).
-        text: required columns of text.
+        text: required columns of text, such as a label; a cell of them may be empty, which is the text "".
         optional: columns that may be missing and whose cells may be empty.
-        optional_text: the same, of text.
+        optional_text: columns of text that may be missing; a row has no text for an empty cell.
     """
 
     choices: Sequence[Sequence[str]]
@@ -32,7 +32,7 @@ class Columns:
     @property
     def names(self) -> list[str]:
         """All columns."""
-        chosen = [column for group in self.choices for each in group for column in each.split(",")]
+        chosen = [column for group in self.choices for names in group for column in names.split(",")]
         return [*self.text, *chosen, *self.optional, *self.optional_text]
 
     @property
@@ -43,13 +43,14 @@ class Columns:
 
 @dataclass(frozen=True, slots=True)
 class MeasuredRow:
-    """One row: its location, and its cells that are not empty.
+    """One row: its location, and its cells.
 
     Attributes:
-        name: of the file in messages.
-        line: of the file, from 1.
+        name: name of the file in messages.
+        line: number of the line in the file, from 1.
         places: number of each column, from 1.
-        numbers, text: cells by column.
+        numbers: numbers by column; empty cells of optional columns are left out.
+        text: texts by column; likewise.
     """
 
     name: str
@@ -73,10 +74,13 @@ def read_measured(
     """Parse a file; comment lines start with ``#``.
 
     Args:
-        lines: the text.
-        name: of the file in messages.
+        lines: lines of the text.
+        name: name of the file in messages.
         columns: allowed columns.
-        check: called for every row whose cells are valid.
+        check: called for every row whose cells are valid; returns what is wrong with it.
+
+    Returns:
+        The rows below the header, at least one.
 
     Raises:
         BadInputError: every invalid row, with line and column.
@@ -110,6 +114,7 @@ def read_measured(
 
 
 def _check_header(header: list[str], name: str, line: int, columns: Columns) -> list[Located]:
+    """What is wrong with a header: unknown, repeated, missing and contradicting columns."""
     names = columns.names
     findings = []
     for place, cell in enumerate(header, start=1):
@@ -121,9 +126,11 @@ def _check_header(header: list[str], name: str, line: int, columns: Columns) -> 
         elif cell in header[: place - 1]:
             findings.append(Located(name, line, place, f"column {cell!r} occurs twice"))
     for group in columns.choices:
-        given = [each for each in group if all(column in header for column in each.split(","))]
-        if len(given) != 1:
-            found = "several" if given else "none"
+        complete = [
+            alternative for alternative in group if all(column in header for column in alternative.split(","))
+        ]
+        if len(complete) != 1:
+            found = "several" if complete else "none"
             findings.append(Located(name, line, 1, f"give {' or '.join(group)}; found {found}"))
     findings += [
         Located(name, line, 1, f"column {column} is missing")

@@ -42,10 +42,11 @@ class ModulusFit:
         grows_to_bar: end of the range where the fitted elongation grows with pressure (inf: none found).
         up_to_bar: where to clamp x: the smaller of the two, with a margin to the second.
         levels, trials, readings: number of different pressures, of trials, and of elongations used.
-        rmse_modulus_pa: of the modulus, over the mean of all trials at each pressure (the paper's figure).
-        rmse_elongation_mm: of the elongation, over all readings.
+        rmse_modulus_pa: error of the modulus, over the mean of all trials at each pressure (the paper's
+            figure).
+        rmse_elongation_mm: error of the elongation, over all readings.
         bending_gain: measured bending angle divided by that of the model; None without bending angles.
-        rmse_bend_deg: of the bending angles with this gain; None without them.
+        rmse_bend_deg: error of the bending angles with this gain; None without them.
         bends: number of bending angles used.
     """
 
@@ -69,7 +70,7 @@ def fit(section: Section, number: int, readings: Sequence[ElongationReading]) ->
 
     Args:
         section: its dimensions; its modulus and gain are not used.
-        number: of the section, from 1; readings of others are ignored.
+        number: number of the section, from 1; readings of others are ignored.
         readings: see `contid_fit.calibrate.elongation_data`.
 
     Raises:

@@ -45,7 +45,7 @@ def write_back(path: Path, robot: str, changes: Sequence[Change], measured: Sequ
     The new text is checked as a robot file before it replaces the old one atomically.
 
     Args:
-        path: of the robot file.
+        path: path of the robot file.
         robot: its name.
         changes: keys are relative to the robot, such as ``correction.b``.
         measured: further keys to remove from the placeholders, such as a list whose parts are all written.

@@ -42,22 +42,22 @@ def command(session_file: str, unloaded: str, robot: str | None, noise_mm: float
         session = Session(Path(session_file), count)
         if name not in session.robots:
             raise click.ClickException(f"{session_file}: no robot {name!r}")
-        found = list(session_loads(session, name, arm, calibration, noise_m))
+        loads_at_rests = list(session_loads(session, name, arm, calibration, noise_m))
     click.echo(
         f"{name}: {calibration.poses} rests without load; the tip of the model was off by "
         f"{calibration.before_m * 1e3:.3g} mm rms, corrected by {calibration.residual_m * 1e3:.3g} mm",
         err=True,
     )
-    for each in found:
+    for load in loads_at_rests:
         if as_json:
-            click.echo(json.dumps(asdict(each)))
+            click.echo(json.dumps(asdict(load)))
             continue
-        force = ", ".join(f"{v:.4f}" for v in each.force_n)
-        half = ", ".join(f"{v:.4f}" for v in each.interval_n)
+        force = ", ".join(f"{v:.4f}" for v in load.force_n)
+        half = ", ".join(f"{v:.4f}" for v in load.interval_n)
         click.echo(
-            f"{each.start_s:.2f} to {each.end_s:.2f} s: "
-            f"{each.mass_g:.2f} g ± {each.mass_interval_g:.2f} g along gravity; "
-            f"force ({force}) N ± ({half}) N" + ("" if each.converged else "; not converged")
+            f"{load.start_s:.2f} to {load.end_s:.2f} s: "
+            f"{load.mass_g:.2f} g ± {load.mass_interval_g:.2f} g along gravity; "
+            f"force ({force}) N ± ({half}) N" + ("" if load.converged else "; not converged")
         )
-    if not found:
+    if not loads_at_rests:
         raise click.ClickException(f"{session_file}: {name} never rests with measured tips")

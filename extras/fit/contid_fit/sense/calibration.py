@@ -55,7 +55,7 @@ class Family:
     Attributes:
         build: the model of parameters, shape ``(m,)``.
         sigma: standard deviation of each before a calibration.
-        names: of the parameters.
+        names: names of the parameters.
     """
 
     build: Callable[[Array], CompliantModel]
@@ -80,11 +80,11 @@ class LoadCalibration:
 
     Attributes:
         model: the one of the family that fits.
-        names: of the parameters of the family.
-        parameters: of the family.
-        middle: of the range of every axis [m or Pa], shape ``(k,)``.
-        correction: of every axis its offset [m or Pa], its gain, half its loop [m or Pa]; shape ``(3k,)``.
-        covariance: of correction and parameters together.
+        names: names of the parameters of the family.
+        parameters: values of the parameters of the family.
+        middle: middle of the range of every axis [m or Pa], shape ``(k,)``.
+        correction: for every axis its offset [m or Pa], its gain, half its loop [m or Pa]; shape ``(3k,)``.
+        covariance: covariance of correction and parameters together.
         axis_sigma: standard deviation of the remaining error of an axis [m or Pa].
         tip_sigma_m: standard deviation of the tip that no axis and no tracker explains [m].
         residual_m: root mean square of what remains at the poses of the calibration [m].
@@ -115,9 +115,9 @@ class LoadCalibration:
 
         Args:
             actuation: commanded [m or Pa].
-            side: of the hysteresis of every axis, -1 to 1.
+            side: side of the hysteresis of every axis, -1 to 1.
             load_n: force on the tip [N].
-            jacobian: of the model at the corrected actuation.
+            jacobian: Jacobian of the model at the corrected actuation.
         """
         corrected = self.corrected(actuation, side)
         by_axes = jacobian @ _design(np.array(actuation), np.array(side), self.middle)
@@ -133,9 +133,9 @@ def calibrate_without_load(
     """Identify the error of a model from poses without load.
 
     Args:
-        family: of the arm.
+        family: family of error models of the arm.
         actuations: commanded [m or Pa], shape ``(n, k)``; spread over the range.
-        sides: of the hysteresis of every axis, from `contid_fit.sense.play.HysteresisSides`,
+        sides: side of the hysteresis of every axis, from `contid_fit.sense.play.HysteresisSides`,
             shape ``(n, k)``.
         tips: measured tips in the base frame, averaged while the arm rests, shape ``(n, 3)`` [m].
         noise_m: standard deviation of such an averaged tip [m].

@@ -37,7 +37,7 @@ class LoadEstimate:
 
     Attributes:
         force_n: x, y, z [N].
-        covariance: of it, shape ``(3, 3)`` [N^2].
+        covariance: covariance of the force, shape ``(3, 3)`` [N^2].
         converged: the iteration ended.
         measurements: that it is from.
     """

@@ -28,10 +28,10 @@ class RestInterval:
     """An interval of constant commands, after it settled.
 
     Attributes:
-        times_s: of the measurements, shape ``(n,)`` [s].
+        times_s: times of the measurements, shape ``(n,)`` [s].
         actuation: commanded [m or Pa].
         side: place of every axis between the branches of its hysteresis loop, -1 to 1.
-        reported: by the devices, averaged [m or Pa]; NaN where they report nothing.
+        reported: averages of what the devices reported [m or Pa]; NaN where they report nothing.
         tips: measured, in the base frame, shape ``(n, 3)`` [m].
     """
 
@@ -49,7 +49,7 @@ def rests(
 
     Args:
         rows: ticks by column, as `contid.Session` gives them.
-        name: of the robot.
+        name: name of the robot.
         robot: its description.
         model: its kinematics.
     """

@@ -24,13 +24,13 @@ class RestLoad:
     """The load while an arm rested.
 
     Attributes:
-        start_s, end_s: of the measurements in the session [s].
-        force_n: in the world [N].
+        start_s, end_s: times of the measurements in the session [s].
+        force_n: force in the world [N].
         interval_n: half width of the 95 % interval of each component [N].
         mass_g: that the component along gravity carries [g].
         mass_interval_g: half width of its 95 % interval [g].
         converged: False where no force explains the tip.
-        measurements: of the tip.
+        measurements: number of measurements of the tip.
     """
 
     start_s: float
@@ -58,11 +58,11 @@ def session_calibration(
     """Calibrate from a session in which the arm rested without load at many pressures.
 
     Args:
-        session: with measured tips.
-        name: of the arm.
+        session: session with measured tips.
+        name: name of the arm.
         robot: its description.
         noise_m: standard deviation of one measured tip [m].
-        reported: of what the regulators reported, as the tick has it, instead of the commands.
+        reported: True to use what the regulators reported, as the tick does, instead of the commands.
 
     Raises:
         CalibrationError: too few rests with measured tips.

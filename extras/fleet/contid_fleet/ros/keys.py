@@ -43,7 +43,7 @@ class RosNode:
     Attributes:
         domain: ROS_DOMAIN_ID.
         session: identifier of the session (ZID), as Zenoh prints it.
-        name: of the node, in the root namespace.
+        name: name of the node, in the root namespace.
     """
 
     domain: int
@@ -60,9 +60,9 @@ class RosTopic:
     """A topic that a node publishes.
 
     Attributes:
-        node: of the publisher.
-        number: of the publisher, from 1.
-        name: with its leading slash.
+        node: name of the node of the publisher.
+        number: number of the publisher, from 1.
+        name: name with its leading slash.
         type_name: ``sensor_msgs/msg/JointState``.
         type_hash: ``RIHS01_`` and 64 digits.
     """

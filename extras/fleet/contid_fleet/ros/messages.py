@@ -85,7 +85,7 @@ class NodeMessages:
         """The messages of one frame of telemetry.
 
         Args:
-            frame: with the fields that telemetry has by default.
+            frame: telemetry with the fields that telemetry has by default.
             time_ns: time of day of its tick.
         """
         transforms = []

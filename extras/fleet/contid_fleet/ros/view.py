@@ -59,7 +59,7 @@ class RosView:
 
     Args:
         operator: who watches.
-        publisher: in ROS 2.
+        publisher: publisher in ROS 2.
         report: gets a message when a node appears, or cannot be shown.
     """
 

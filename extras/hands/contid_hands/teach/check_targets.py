@@ -18,8 +18,8 @@ def check_targets(file: PoseFile, describe: Mapping[str, Any], names: set[str]) 
     """Compare poses with the robots before anything moves; reach and rates are checked by the daemon.
 
     Args:
-        file: of the poses.
-        describe: of the daemon.
+        file: file of the poses.
+        describe: response of ``describe`` of the daemon.
         names: poses to check.
 
     Raises:

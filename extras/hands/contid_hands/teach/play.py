@@ -36,7 +36,7 @@ class Player:
     """Plays the steps of a pose file.
 
     Args:
-        client: of the daemon.
+        client: connection to the daemon.
         file: the poses.
         report: called with a line about each step.
 

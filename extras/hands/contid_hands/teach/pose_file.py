@@ -53,7 +53,7 @@ class SequenceStep(Strict):
         trajectory: CSV to play, relative to the folder of the pose file.
         wait_s: wait after the motion.
         loop: how many times ``steps`` are done.
-        steps: of the loop.
+        steps: steps of the loop.
     """
 
     pose: str | None = None
@@ -91,9 +91,9 @@ class PoseFile:
     """A pose file with the places of its keys.
 
     Attributes:
-        path: of the file.
+        path: path of the file.
         contents: validated.
-        document: for located findings.
+        document: document for located findings.
     """
 
     path: Path

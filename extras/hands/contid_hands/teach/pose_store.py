@@ -37,8 +37,8 @@ def save_pose(path: Path, name: str, target: Mapping[str, float], saved: str, ro
     """Save a pose into a file, which is made when it does not exist.
 
     Args:
-        path: of the pose file.
-        name: of the pose; one of that name is replaced.
+        path: path of the pose file.
+        name: name of the pose; one of that name is replaced.
         target: columns of a trajectory with their values.
         saved: see `provenance`.
         robot_file: its name, written into a new file.

@@ -36,7 +36,7 @@ class RecordedLimits:
     """Limits of the recorded axes, in their units, each of shape (axes,).
 
     Attributes:
-        minimum, maximum: of the position.
+        minimum, maximum: ends of the position.
         rates: greatest velocity, acceleration and jerk, shape (3, axes).
     """
 
@@ -50,7 +50,7 @@ class TaughtMotion:
     """A smoothed motion.
 
     Attributes:
-        times_s: of the rows, from 0.
+        times_s: times of the rows, from 0.
         rows: positions, shape (rows, axes).
         slower: factor by which it is slower than the hand; 1 if it is as fast.
         clipped: samples outside the limits, which were moved to them.
@@ -66,9 +66,9 @@ def taught_motion(times_s: Floats, samples: Floats, limits: RecordedLimits, rows
     """Smooth and resample measured positions.
 
     Args:
-        times_s: of the samples, growing, shape (n,).
+        times_s: times of the samples, growing, shape (n,).
         samples: positions, shape (n, axes).
-        limits: of the axes.
+        limits: limits of the axes.
         rows_hz: rows per second of the result.
 
     Raises:

@@ -29,8 +29,8 @@ class TeachSession:
     """Teaches some robots of a daemon.
 
     Args:
-        client: of the daemon.
-        names: of the robots; none: all.
+        client: connection to the daemon.
+        names: names of the robots; none: all.
         file: the pose file; None: the one beside the robot file.
         rows_hz: rows per second of recorded trajectories.
         report: called with a line for the operator.

@@ -30,7 +30,7 @@ class Teacher:
     Args:
         robots: those that are taught.
         file: the pose file.
-        robot_file: for the provenance.
+        robot_file: text of the robot file, for the provenance.
         rows_hz: rows per second of recorded trajectories.
         report: called with a line for the operator.
 

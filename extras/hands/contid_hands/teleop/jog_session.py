@@ -78,12 +78,12 @@ class JogSession:
     """Jogs one robot.
 
     Attributes:
-        rate_hz: of set-points, unless the tick is slower.
+        rate_hz: rate of set-points, unless the tick is slower.
         robot: the robot.
 
     Args:
-        client: of the daemon.
-        console: of the operator.
+        client: connection to the daemon.
+        console: terminal of the operator.
         options: robot, hold time, speed, space.
 
     Raises:
@@ -178,9 +178,9 @@ class JogSession:
                 self._axes = True
 
     def _change_speed(self, key: str, jogger: Jogger | None) -> None:
-        found = jogger or self._jogger([0.0] * len(self.columns))
-        (found.slower if key == "-" else found.faster)()
-        self._speeds[self._axes] = found.speed
+        changed = jogger or self._jogger([0.0] * len(self.columns))
+        (changed.slower if key == "-" else changed.faster)()
+        self._speeds[self._axes] = changed.speed
 
     def _stop(self) -> None:
         self._order(lambda: self._client.stop(self.robot.robot))
@@ -260,9 +260,9 @@ class JogSession:
         self._read()
         waiting, self._waiting = self._waiting, []
         for key in waiting:
-            found = self._direction(key) if self.columns == columns else None
-            if found is not None:
-                jogger.press(*found, now_s)
+            direction = self._direction(key) if self.columns == columns else None
+            if direction is not None:
+                jogger.press(*direction, now_s)
             else:
                 self._other(key, jogger)
         self._display(state.robots[self.robot.robot], jogger)

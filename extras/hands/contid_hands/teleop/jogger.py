@@ -22,7 +22,7 @@ class Jogger:
     Args:
         start: reference at the beginning, in the units of the columns.
         minimum, maximum: limits of the reference; None where only the robot decides (tips).
-        speed: of the reference [unit/s].
+        speed: speed of the reference [unit/s].
         max_speed: greatest speed that can be chosen.
         hold_s: how long one press moves.
         scales: speed of each column as a multiple of ``speed``, for columns in other units; 1 by default.

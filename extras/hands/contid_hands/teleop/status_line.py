@@ -1,4 +1,4 @@
-"""A last line of the terminal that is written again and again, below lines that stay."""
+"""A line at the bottom of the terminal that is replaced again and again, below a log of lines that stay."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ from typing import Self, TextIO
 
 
 class StatusLine:
-    """Context manager; without a terminal only the lines that stay are written."""
+    """Writes the line; a context manager that clears it at the end.
+
+    Without a terminal only the lines that stay are written.
+
+    Args:
+        out: stream to write to.
+    """
 
     def __init__(self, out: TextIO) -> None:
         self._out = out
@@ -16,11 +22,11 @@ class StatusLine:
         self._terminal = out.isatty()
 
     def log(self, text: str) -> None:
-        """Write lines that stay."""
+        """Write a text of one or more lines that stays."""
         self._write(f"\r\x1b[K{text}\n{self._shown}" if self._shown else f"{text}\n")
 
     def show(self, text: str) -> None:
-        """Replace the last line."""
+        """Replace the line at the bottom, cut to the width of the terminal."""
         if self._terminal:
             width = shutil.get_terminal_size().columns - 1
             self._shown = text if len(text) <= width else f"{text[: width - 1]}…"
@@ -31,7 +37,7 @@ class StatusLine:
         self._out.flush()
 
     def __enter__(self) -> Self:
-        """The line is cleared on leaving."""
+        """Return itself; the line is cleared on leaving."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:

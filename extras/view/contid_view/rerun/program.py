@@ -57,7 +57,7 @@ def start_rerun(
     """Start the program on loopback, without statistics.
 
     Args:
-        arguments: of the program.
+        arguments: arguments of the program.
         outlives: the program outlives this process.
         stderr: takes its error output, which is dropped otherwise.
     """

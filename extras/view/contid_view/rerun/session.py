@@ -67,7 +67,7 @@ class RerunSession:
         Args:
             target: where to draw.
             loaded: the robot file; Rerun stores layouts by its name.
-            rate_hz: of the ticks.
+            rate_hz: rate of the ticks.
             live: the robot is running.
 
         Raises:

@@ -30,8 +30,8 @@ def draw_obstacles(
     """Write every obstacle once.
 
     Args:
-        stream: of the recording.
-        obstacles: by name.
+        stream: stream of the recording.
+        obstacles: obstacles by name.
         workspace: points that the robots are likely to reach, (n, 3) [mm]; planes are drawn beside it.
     """
     for name, obstacle in obstacles.items():

@@ -44,10 +44,10 @@ class Elastic:
 
     Attributes:
         count: number of tendons of each section.
-        radius_m, angle_rad: of each tendon, at the end of its section.
+        radius_m, angle_rad: distance from the backbone and azimuth of each tendon, at the end of its section.
         twist_rad: turn of the tendons of section j in each section k < j; (2, 1), (3, 1), (3, 2) and so on.
         hardening_per_m: h; the tension over stiffness is ``e + h e^2``.
-        offset_m: of each tendon, positive where it is tight at pull 0.
+        offset_m: offset of each tendon, positive where it is tight at pull 0.
         stiffness_m2: K of each section.
         rest_rad: rest bends, ``(2 sections,)``.
         friction_m2: F of each section.
@@ -108,7 +108,7 @@ class BendRows(NamedTuple):
 
     Attributes:
         bends: ``(rows, 2 sections)`` [rad].
-        elongation_m: of the tendons, ``(rows, tendons)``; below 0 they are slack.
+        elongation_m: elongation of the tendons, ``(rows, tendons)``; below 0 they are slack.
         by: derivatives of the bends by the parameters of each kind, ``(rows, 2 sections, parameters)``:
             ``radius_m``, ``angle_rad`` and ``offset_m`` of every tendon, ``rest_rad``, ``twist_rad``, and the
             logarithms ``log_stiffness``, ``log_friction``, ``log_play`` and ``log_hardening``.
@@ -229,7 +229,7 @@ class _Rows:
             before: bends of the row before.
             before_by: their derivatives.
             bends: the minimum.
-            elongation: of the tendons there.
+            elongation: elongation of the tendons there.
             by_width: derivatives of the arrived pulls by the play of their tendon.
         """
         held = np.maximum(elongation, 0.0)

@@ -34,8 +34,8 @@ class TendonFit:
     Attributes:
         model: what was fitted.
         vector: its parameters.
-        half_width: of their 95 % intervals.
-        evaluations: of the model.
+        half_width: half widths of their 95 % intervals.
+        evaluations: number of evaluations of the model.
     """
 
     model: RecordingModel

@@ -22,9 +22,9 @@ class CalibratedTendons:
     """Result of a calibration.
 
     Attributes:
-        geometry: from pulls of one tendon; None without them.
+        geometry: geometry found from pulls of one tendon; None without them.
         both: rows fitted and rows kept out, columns in the order of the axes.
-        stages: from constant curvature on.
+        stages: stages from constant curvature on.
     """
 
     geometry: FoundGeometry | None

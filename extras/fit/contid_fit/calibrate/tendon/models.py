@@ -44,9 +44,9 @@ class Nominal(NamedTuple):
     """What is known of a robot before the fit.
 
     Attributes:
-        length_m: of each section.
-        radius_m: of all tendons.
-        angle_rad: of each tendon, from section 1 on.
+        length_m: length of each section.
+        radius_m: distance from the backbone of all tendons.
+        angle_rad: azimuth of each tendon, from section 1 on.
         tendons: number of tendons of each section.
         base_m: start of section 1 in the frame of the recording.
         through: tendons run through the sections before their own; else sheaths carry them.

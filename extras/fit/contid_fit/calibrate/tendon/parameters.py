@@ -17,7 +17,7 @@ class Group:
 
     Attributes:
         name: such as ``radius_m``; the unit is its ending.
-        labels: of each value, such as ``s1.t2``.
+        labels: label of each value, such as ``s1.t2``.
         expected: value before the data.
         spread: standard deviation of that expectation; ridge penalty of the fit.
     """

@@ -12,30 +12,37 @@ from contid_fit.calibrate.tendon.stages import Stage
 
 
 def plot_stages(path: Path, stages: Sequence[Stage], both: TendonRecording) -> None:
-    """Write the figure; ``both`` are the training rows and those kept out. The suffix sets the format."""
+    """Write the figure.
+
+    Args:
+        path: file to write; its suffix sets the format.
+        stages: stages of the calibration in their order; tips are those of the last one.
+        both: the training rows, then those kept out.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.0, 4.2), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    places = np.arange(len(stages))
+    error_axes, tip_axes = figure.subplots(1, 2)
+    bar_positions = np.arange(len(stages))
     for shift, label, kind in ((-0.18, "fitted", "train"), (0.18, "kept out", "held_out")):
-        found = [getattr(stage, kind) for stage in stages]
-        if any(each is None for each in found):
+        accuracies = [getattr(stage, kind) for stage in stages]
+        if any(accuracy is None for accuracy in accuracies):
             continue
-        values = 1e3 * np.array([each.rmse_m for each in found])
-        ends = 1e3 * np.array([each.rmse_95_m for each in found]).T
-        errors = np.maximum(np.abs(ends - values), 0.0)
-        left.bar(places + shift, values, 0.34, yerr=errors, label=label, error_kw={"lw": 1.0})
-    left.set_xticks(places, [stage.name for stage in stages], rotation=35, ha="right")
-    left.set_ylabel("RMSE of the tip [mm], 95 %")
-    left.legend()
+        rmse_mm = 1e3 * np.array([accuracy.rmse_m for accuracy in accuracies])
+        interval_mm = 1e3 * np.array([accuracy.rmse_95_m for accuracy in accuracies]).T
+        half_widths_mm = np.maximum(np.abs(interval_mm - rmse_mm), 0.0)
+        positions = bar_positions + shift
+        error_axes.bar(positions, rmse_mm, 0.34, yerr=half_widths_mm, label=label, error_kw={"lw": 1.0})
+    error_axes.set_xticks(bar_positions, [stage.name for stage in stages], rotation=35, ha="right")
+    error_axes.set_ylabel("RMSE of the tip [mm], 95 %")
+    error_axes.legend()
     last = stages[-1]
-    split = last.train.rows
-    shown = slice(split, None) if split < len(both) else slice(None)
+    training_rows = last.train.rows
+    shown = slice(training_rows, None) if training_rows < len(both) else slice(None)
     measured, predicted = 1e3 * both.tip_m[shown], 1e3 * last.tip_m[shown]
-    for axis, name in ((0, "x"), (1, "y")):
-        line = right.plot(measured[:, axis], ".", ms=2.5, label=f"{name} measured")[0]
-        right.plot(predicted[:, axis], color=line.get_color(), lw=0.9, label=f"{name} predicted")
-    right.set(xlabel="row kept out" if split < len(both) else "row", ylabel="tip [mm]")
-    right.legend()
+    for column, name in ((0, "x"), (1, "y")):
+        line = tip_axes.plot(measured[:, column], ".", ms=2.5, label=f"{name} measured")[0]
+        tip_axes.plot(predicted[:, column], color=line.get_color(), lw=0.9, label=f"{name} predicted")
+    tip_axes.set(xlabel="row kept out" if training_rows < len(both) else "row", ylabel="tip [mm]")
+    tip_axes.legend()
     figure.savefig(path)

@@ -29,7 +29,7 @@ class TendonRecording:
     """Rows in the order of time; the robot keeps its state from row to row.
 
     Attributes:
-        name: of the data, in messages.
+        name: name of the data, in messages.
         pattern: label of each row, without ``_hold``.
         servos: name of each column of ``pull_m``.
         pull_m: pull of each tendon [m], shape ``(rows, tendons)``.

@@ -37,7 +37,7 @@ class Residual:
         gain: ``(terms + 1, 3)`` [m]; the last row is the constant.
         bound_m: greatest length of a correction.
         bends: how many of the features are bends, which are multiplied with each other.
-        penalty: of the ridge regression, as chosen; infinite for no correction.
+        penalty: penalty of the ridge regression, as chosen; infinite for no correction.
     """
 
     low: Array

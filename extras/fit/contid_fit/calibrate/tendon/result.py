@@ -43,7 +43,7 @@ class FittedNumber:
     """A fitted parameter in the unit of its name, with its 95 % interval.
 
     Attributes:
-        name: of the quantity, with its unit: ``radius_mm``.
+        name: name of the quantity, with its unit: ``radius_mm``.
         label: tendon, section or axis that it belongs to: ``s1.t2``.
         value: the estimate.
         low, high: ends of the interval.
@@ -136,8 +136,8 @@ def friction_changes(stage: Stage, robot: TendonRobot, pull_m: Array, note: str,
     """Play and capstan coefficient, where ``add`` or where the file has ``friction``.
 
     Args:
-        stage: with friction.
-        robot: of the file; the coefficient goes with arcs and ``tension`` only.
+        stage: True for the stage with friction.
+        robot: robot of the file; the coefficient goes with arcs and ``tension`` only.
         pull_m: rows of the fit.
         note: origin.
         add: also into a file that has none.

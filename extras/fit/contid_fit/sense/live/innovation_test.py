@@ -72,11 +72,11 @@ class TipResidual:
 
     Attributes:
         residual_mm: measured tip minus that of the model, shape ``(3,)``.
-        velocity: of the tip since two measurements before [mm/s], shape ``(3,)``.
+        velocity: velocity of the tip since two measurements before [mm/s], shape ``(3,)``.
         by_pressure: derivative of the tip by the pressures [mm/bar], shape ``(3, k)``.
         shared: covariance of the error that this pose adds to all newest residuals, ``(3, 3)`` [mm^2].
         by_force: derivative of the tip by the force on it [mm/N], shape ``(3, 3)``.
-        load_covariance: of the known load, shape ``(3, 3)`` [N^2].
+        load_covariance: covariance of the known load, shape ``(3, 3)`` [N^2].
     """
 
     residual_mm: Array
@@ -92,8 +92,8 @@ class Departure:
     """Residuals that left the pattern.
 
     Attributes:
-        shift_mm: of the newest residual, by the best shape, shape ``(3,)``.
-        covariance: of it, shape ``(3, 3)`` [mm^2].
+        shift_mm: shift of the newest residual, by the best shape, shape ``(3,)``.
+        covariance: covariance of the shift, shape ``(3, 3)`` [mm^2].
         squared_distance: T above.
     """
 

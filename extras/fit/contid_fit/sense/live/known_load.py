@@ -27,12 +27,12 @@ class KnownLoad:
     """The load of one arm.
 
     Attributes:
-        force: in the base frame [N].
-        covariance: of it, shape ``(3, 3)`` [N^2].
+        force: force in the base frame [N].
+        covariance: covariance of the force, shape ``(3, 3)`` [N^2].
 
     Args:
-        force: to begin with [N].
-        covariance: of it [N^2].
+        force: force to begin with [N].
+        covariance: covariance of the force [N^2].
     """
 
     def __init__(self, force: Array, covariance: Array) -> None:

@@ -31,9 +31,9 @@ class CountedLoad:
     """An estimate that counts.
 
     Attributes:
-        time_s: of its newest measurement.
-        force_n: world frame.
-        margin: more of it may be added.
+        time_s: time of its newest measurement.
+        force_n: estimated force on the tip, in the world frame.
+        margin: True when the arm is stable under 1.5 times the estimate; without it ``added_n`` may not grow.
     """
 
     time_s: float
@@ -46,9 +46,9 @@ class FedLoad:
     """State of one robot.
 
     Attributes:
-        added_n: to the load of the targets (x above), world frame.
-        estimate_n: newest that counted, world frame.
-        margin: of it.
+        added_n: force added to the load of the targets (x above), in the world frame.
+        estimate_n: newest estimate that counted, in the world frame.
+        margin: `CountedLoad.margin` of that estimate.
         used_s: its time; -inf before the first.
         faded_from_n: what was added when fading began.
     """
@@ -65,7 +65,7 @@ def certain_share(force_n: Vec3, covariance: Sequence[float]) -> float:
 
     Args:
         force_n: estimated.
-        covariance: of it, row-major [N^2], shape ``(9,)``.
+        covariance: covariance of the load, row-major [N^2], shape ``(9,)``.
     """
     a, b, c, _, d, e, _, _, f = covariance
     squared = squared_distance(force_n, (a, b, c, d, e, f))
@@ -79,8 +79,8 @@ def fed(
 
     Args:
         before: after the previous tick.
-        now_s: of this tick.
-        period_s: of the tick.
+        now_s: time of this tick.
+        period_s: period of the tick.
         estimate: newest that counts; None without one.
         known_n: load of the present target, world frame.
     """

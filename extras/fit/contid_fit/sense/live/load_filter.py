@@ -45,8 +45,8 @@ class LoadFilter:
         expected_n: standard deviation of a component of the force before any measurement.
 
     Attributes:
-        force: in the base frame [N].
-        covariance: of it, shape ``(3, 3)`` [N^2].
+        force: force in the base frame [N].
+        covariance: covariance of the force, shape ``(3, 3)`` [N^2].
         count: measurements in the average.
     """
 

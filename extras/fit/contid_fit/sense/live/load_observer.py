@@ -49,7 +49,7 @@ class LoadFound:
     Attributes:
         time_s: capture of the newest measurement in it, in the time of the tick.
         force_in_base: [N].
-        covariance: of it, row-major [N^2].
+        covariance: covariance of the force, row-major [N^2].
         settled: the average is as long as its time constant.
         held, margin: the arm is stable under 1.25 and 1.5 times this force; False where that was not
             examined.
@@ -68,10 +68,10 @@ class LoadObserver:
 
     Args:
         robot: its description, with a ``sense``.
-        period_s: of the tick.
+        period_s: period of the tick.
 
     Attributes:
-        arm: with the error of its model.
+        arm: model of the arm with its identified errors.
         trace: the pressures of the newest ticks.
     """
 
@@ -150,32 +150,32 @@ class _Estimation:
     def _take(self, measurement: Measurement, pose: PressurePose) -> _Work:
         """Bring a measurement into the estimate."""
         corrected = self.arm.corrected(pose.pressures, pose.sides)
-        here = self.arm.near(corrected, vec3(self._filter.force.tolist()), self._moment)
-        if here is None:
+        equilibrium = self.arm.near(corrected, vec3(self._filter.force.tolist()), self._moment)
+        if equilibrium is None:
             yield
-            here = self._again(corrected)
-            if here is None:
+            equilibrium = self._again(corrected)
+            if equilibrium is None:
                 self._filter.restart(0.5 * self._filter.force)  # back to where the arm is stable
                 yield
                 return
         assert self._model is not None
         model = self._model
         if any(pose.late) or any(pose.side_open):
-            by_pressure = np.array(here.by_pressure_mm_bar).reshape(3, -1)
+            by_pressure = np.array(equilibrium.by_pressure_mm_bar).reshape(3, -1)
             late = by_pressure @ np.array(pose.late)
             model = model + late[:, None] * late
             if any(pose.side_open):
                 model = model + self.arm.sides_mm2(pose.side_open, by_pressure)
         yield
-        tip, self._moment = np.array(here.tip_mm), here.base_moment_nmm
-        seen = MM_PER_M * np.array(self._frame.point_in_base(measurement.tip_in_world))
+        tip_mm, self._moment = np.array(equilibrium.tip_mm), equilibrium.base_moment_nmm
+        measured_mm = MM_PER_M * np.array(self._frame.point_in_base(measurement.tip_in_world))
         jumped = yield from self._filter.add(
-            measurement.time_s, seen - tip, _matrix(here.by_force_mm_n), model
+            measurement.time_s, measured_mm - tip_mm, _matrix(equilibrium.by_force_mm_n), model
         )
         if jumped:
             yield
             # Steps never lead back from an equilibrium of another branch: try the unloaded arm as well.
-            tip = self._unloaded(corrected, tip)
+            tip_mm = self._unloaded(corrected, tip_mm)
         for trial in range(TRIALS):
             tried = self._filter.proposed()
             if tried is None:
@@ -183,15 +183,17 @@ class _Estimation:
             if trial or jumped:
                 yield
             # A force on the tip has a moment about the base that follows from the tip.
-            predicted = _moved(self._moment, tip, tried - self._filter.force)
-            there = self.arm.near(corrected, vec3(tried.tolist()), predicted)
+            predicted = _moved(self._moment, tip_mm, tried - self._filter.force)
+            tried_equilibrium = self.arm.near(corrected, vec3(tried.tolist()), predicted)
             yield
-            if there is None:
+            if tried_equilibrium is None:
                 self._filter.judge(None, _NONE)
-            elif self._filter.judge(np.array(there.tip_mm) - tip, _matrix(there.by_force_mm_n)):
-                tip, self._moment = np.array(there.tip_mm), there.base_moment_nmm
+            elif self._filter.judge(
+                np.array(tried_equilibrium.tip_mm) - tip_mm, _matrix(tried_equilibrium.by_force_mm_n)
+            ):
+                tip_mm, self._moment = np.array(tried_equilibrium.tip_mm), tried_equilibrium.base_moment_nmm
         spread = tuple(self._filter.covariance.ravel().tolist())
-        reached, moment = tip, self._moment
+        reached, moment = tip_mm, self._moment
         force = vec3(self._filter.force.tolist())
         stable: list[bool] = []
         if self._checks_margin:
@@ -200,10 +202,12 @@ class _Estimation:
             if not self._checks_margin or not all(stable):
                 break
             predicted = _moved(moment, reached, (part - last) * self._filter.force)
-            there = self.arm.near(corrected, vec3((part * self._filter.force).tolist()), predicted)
-            stable.append(there is not None)
-            if there is not None:
-                reached, moment = np.array(there.tip_mm), there.base_moment_nmm
+            tried_equilibrium = self.arm.near(
+                corrected, vec3((part * self._filter.force).tolist()), predicted
+            )
+            stable.append(tried_equilibrium is not None)
+            if tried_equilibrium is not None:
+                reached, moment = np.array(tried_equilibrium.tip_mm), tried_equilibrium.base_moment_nmm
         yield
         held, margin = (*stable, False, False)[:2]
         self.found = LoadFound(measurement.time_s, force, spread, self._filter.settled, held, margin)
@@ -212,11 +216,11 @@ class _Estimation:
     def _unloaded(self, corrected: Numbers, tip: Array) -> Array:
         """The tip of the estimate, which is now the unloaded arm where that explains the jump better."""
         moment = self.arm.base_moment(corrected)
-        there = None if moment is None else self.arm.near(corrected, ZERO3, moment)
-        if there is not None and self._filter.judge_unloaded(
-            np.array(there.tip_mm) - tip, _matrix(there.by_force_mm_n)
+        unloaded = None if moment is None else self.arm.near(corrected, ZERO3, moment)
+        if unloaded is not None and self._filter.judge_unloaded(
+            np.array(unloaded.tip_mm) - tip, _matrix(unloaded.by_force_mm_n)
         ):
-            tip, self._moment = np.array(there.tip_mm), there.base_moment_nmm
+            tip, self._moment = np.array(unloaded.tip_mm), unloaded.base_moment_nmm
         return tip
 
     def _again(self, corrected: Numbers) -> NearAnswer | None:
@@ -234,25 +238,27 @@ class _Estimation:
         """The covariance of the model at a pose; it stays as it was where the arm is unstable."""
         arm, force = self.arm, self._filter.force
         corrected, load = arm.corrected(pose.pressures, pose.sides), vec3(force.tolist())
-        here = arm.near(corrected, load, self._moment)
+        equilibrium = arm.near(corrected, load, self._moment)
         yield
-        if here is None:
-            here = self._again(corrected)
+        if equilibrium is None:
+            equilibrium = self._again(corrected)
             yield
-        if here is None:
+        if equilibrium is None:
             self._filter.restart(0.5 * force)
             return
         columns = []
         for scale in range(arm.scales):
-            moved = arm.near(corrected, load, here.base_moment_nmm, scale)
+            moved = arm.near(corrected, load, equilibrium.base_moment_nmm, scale)
             if scale % 2:
                 yield
             if moved is None:
                 return
-            columns.append([(a - b) / SCALE_STEP for a, b in zip(moved.tip_mm, here.tip_mm, strict=True)])
+            columns.append(
+                [(a - b) / SCALE_STEP for a, b in zip(moved.tip_mm, equilibrium.tip_mm, strict=True)]
+            )
         yield
-        by_pressure = np.array(here.by_pressure_mm_bar).reshape(3, -1)
-        self._moment = here.base_moment_nmm
+        by_pressure = np.array(equilibrium.by_pressure_mm_bar).reshape(3, -1)
+        self._moment = equilibrium.base_moment_nmm
         self._model = arm.covariance_mm2(pose.pressures, pose.sides, by_pressure, np.array(columns).T)
         self._model_at = (pose.pressures, force)
         yield

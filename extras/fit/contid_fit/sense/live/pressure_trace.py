@@ -44,7 +44,7 @@ class PressureTrace:
 
     Args:
         half_loop: half the play of every axis [bar].
-        period_s: of the tick.
+        period_s: period of the tick.
     """
 
     def __init__(self, half_loop: Sequence[float], period_s: float) -> None:

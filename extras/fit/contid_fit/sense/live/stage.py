@@ -31,9 +31,9 @@ class LoadSensingStage(TickStage):
     """The force on the tip of one arm.
 
     Args:
-        index: of its robot.
+        index: index of its robot.
         sensing: its description, with a ``sense``.
-        parts: of the engine.
+        parts: parts of the engine.
     """
 
     def __init__(self, index: int, sensing: Cosserat, parts: EngineParts) -> None:
@@ -48,7 +48,10 @@ class LoadSensingStage(TickStage):
         self._shown: LoadFound | None = None
 
     def before(self, targets: Targets, timing: Timing, now_s: float) -> Targets:
-        """See `TickStage.before`: the target gets the estimated load where the solver is to have it."""
+        """Before the ticks of the robots: the targets, changed or not.
+
+        See `TickStage.before`: the target gets the estimated load where the solver is to have it.
+        """
         self._estimate(now_s)
         if self._tip is not None:
             newest = self._parts.robots.measured.get(self._config.name)
@@ -64,7 +67,10 @@ class LoadSensingStage(TickStage):
         return targets if given is None else {**targets, self._config.name: loaded(self._fed, given)}
 
     def goto(self, robot: str, target: Target) -> Target:
-        """See `TickStage.goto`: with the load of this moment."""
+        """A single target that was ordered, changed or not.
+
+        See `TickStage.goto`: with the load of this moment.
+        """
         mine = robot == self._config.name
         return loaded(self._fed, target) if mine and self._fed is not None else target
 

@@ -56,7 +56,7 @@ class TipContactFound:
 
     Attributes:
         time_s: capture of the measurement that showed it, in the time of the tick.
-        direction_in_base: of the force, a unit vector.
+        direction_in_base: direction of the force, a unit vector.
         force_n: its size at that time [N].
         confidence: 1 minus the expected number of such findings without a contact in an hour.
     """
@@ -111,7 +111,7 @@ class TipContact:
         """A contact that the newest measurement shows.
 
         Args:
-            trace: of the pressures, up to this tick.
+            trace: history of the pressures, up to this tick.
             measurement: newest measured tip there is.
             load: newest estimate of the load.
         """

@@ -89,7 +89,7 @@ class InputDevice:
     """Context manager over the descriptor of a device, or of a recorded stream of its events.
 
     Attributes:
-        path: of the device.
+        path: path of the device.
         has: what it has, as of opening.
     """
 

@@ -107,7 +107,7 @@ class BoundInput:
     """An axis of a device with its range: values to shares of the speed.
 
     Attributes:
-        type, code: of its events.
+        type, code: type and code of its events.
         centre, half: middle and half of its range.
         dead_band: share of ``half`` that counts as centred.
         scale: share at full deflection; negative: inverted.

@@ -14,8 +14,11 @@ from contid_hands.teleop.gamepad.pad import ESTOP, Gamepad
 from contid_hands.teleop.jog_session import Console, JogOptions, JogSession, StopPressedError
 from contid_hands.teleop.jogger import Jogger
 
-#: Orders of the mapping that a key has too.
-_KEYS: Final = {"resume": "e", "space": "\t", "faster": "+", "slower": "-"}
+#: Key of `JogSession` that does what an order of the mapping asks for. The order ``space`` switches between
+#: tip and axes, as Tab does; the key "space", the space bar, stops.
+_KEY_OF_ORDER: Final = {"resume": "e", "space": "\t", "faster": "+", "slower": "-"}
+_STOP_KEY: Final = "space"
+#: Refusals are reported no more often than this [s].
 REFUSED_PERIOD_S: Final = 1.0
 
 
@@ -24,9 +27,9 @@ class ReleasedError(ContidError):
 
 
 def apply(jogger: Jogger, pad: Gamepad, inputs: tuple[BoundInput | None, ...], now_s: float) -> None:
-    """Move every column of a jogger by the input at its place."""
-    for column, found in enumerate(inputs):
-        jogger.press(column, pad.share(found, now_s), now_s)
+    """Press every column of a jogger by the deflection of its input; None is no deflection."""
+    for column, bound in enumerate(inputs):
+        jogger.press(column, pad.share(bound, now_s), now_s)
 
 
 class GamepadSession(JogSession):
@@ -35,10 +38,14 @@ class GamepadSession(JogSession):
     Every end of a stream is a hold: the robot brakes within its limits instead of going on to the last
     set-point. The next stream begins with the next press of the dead-man button.
 
+    It overrides methods of `JogSession` and uses its attributes: ``_client``, ``_log``, ``_axes`` (axis
+    space, not tip space), ``_axis`` (first axis that is moved), and ``_waiting`` (keys and orders not yet
+    handled).
+
     Args:
-        client: of the daemon.
-        console: of the operator.
-        options: as those of `JogSession`; a mapping without the tip begins in axis space.
+        client: connection to the daemon.
+        console: terminal of the operator.
+        options: options of `JogSession`; a mapping without the tip begins in axis space.
         pad: the gamepad.
 
     Raises:
@@ -55,7 +62,10 @@ class GamepadSession(JogSession):
         self._refused_s = float("-inf")
 
     def step(self, jogger: Jogger, state: ServoState) -> bool:
-        """One period of a stream.
+        """Carry out what was pressed and the deflections, in one period of a stream.
+
+        Returns:
+            True: the stream goes on. Every end of it is an exception, so that the robot holds at once.
 
         Raises:
             ReleasedError: the dead-man button was released, or the columns change.
@@ -70,12 +80,12 @@ class GamepadSession(JogSession):
         return True
 
     def engaged(self, jogger: Jogger | None) -> bool:
-        """The dead-man button is held."""
+        """True while the dead-man button is held."""
         return self._held
 
     @property
     def note(self) -> str:
-        """Part of the line of state."""
+        """What to press next, for the line of state."""
         name = self._pad.mapping.dead_man_name
         if self._held:
             return f", {name} held"
@@ -83,7 +93,7 @@ class GamepadSession(JogSession):
         return f", press {name}" if centred else f", centre the sticks, then press {name}"
 
     def _inputs(self) -> tuple[BoundInput | None, ...]:
-        """One per column."""
+        """The input of every column that can be moved now, None for a column without one."""
         mapping, count = self._pad.mapping, len(self.columns)
         if not self._axes:
             return mapping.tip[:count]
@@ -91,17 +101,20 @@ class GamepadSession(JogSession):
         return placed + (None,) * (count - len(placed))
 
     def _direction(self, key: str) -> tuple[int, float] | None:
+        """None: no key moves the robot."""
         return None
 
     def _read(self) -> None:
+        """Take in keys, the dead-man button and orders since the last call."""
         super()._read()
         state = self._pad.poll(time.monotonic())
         self._held = state.held
         # A stop comes before whatever else was pressed.
-        self._waiting += [_KEYS.get(order, order) for order in state.orders]
-        self._waiting.sort(key=lambda key: key not in (ESTOP, "space"))
+        self._waiting += [_KEY_OF_ORDER.get(order, order) for order in state.orders]
+        self._waiting.sort(key=lambda key: key not in (ESTOP, _STOP_KEY))
 
     def _other(self, key: str, jogger: Jogger | None) -> None:
+        """Carry out a key, or one of the two orders that no key has: emergency stop, and the next axes."""
         if key == ESTOP:
             self._estops = True
             if jogger is not None:
@@ -114,6 +127,7 @@ class GamepadSession(JogSession):
             super()._other(key, jogger)
 
     def _stop(self) -> None:
+        """Stop the robot; by its ``estop`` when the stop button was pressed, else as the space bar does."""
         if not self._estops:
             super()._stop()
             return
@@ -122,12 +136,13 @@ class GamepadSession(JogSession):
         self._log(f"{self.robot.robot}: STOP ({self.robot.estop}). e resumes")
 
     def refused(self, message: str) -> None:
-        """Report a refused set-point, of a stick that is held outwards once a second."""
+        """Report a refused set-point: of a stick held outwards, refused in every tick, once a second."""
         if (now_s := time.monotonic()) - self._refused_s > REFUSED_PERIOD_S:
             self._refused_s = now_s
             super().refused(message)
 
     def _move(self, frame: Mapping[str, Any]) -> None:
+        """Run one stream until the dead-man button is released."""
         try:
             super()._move(frame)
         except ReleasedError:
