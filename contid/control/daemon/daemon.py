@@ -115,6 +115,10 @@ class Daemon:
         """See `RunControl.newest`."""
         return self._child.reader.newest() if self._child.reader else None
 
+    def record_of(self, tick: int) -> TickRecord | None:
+        """See `RunControl.record_of`."""
+        return self._child.reader.record_of(tick) if self._child.reader else None
+
     def lateness(self, ticks: int) -> list[float]:
         """See `RunControl.lateness`."""
         return self._child.reader.lateness(ticks) if self._child.reader else []

@@ -57,6 +57,9 @@ class RunControl(Protocol):
     def newest(self) -> TickRecord | None:
         """The newest record."""
 
+    def record_of(self, tick: int) -> TickRecord | None:
+        """The record of a tick, or of the first one after it; None before it is written."""
+
     def lateness(self, ticks: int) -> list[float]:
         """How late the newest ticks started [s]."""
 

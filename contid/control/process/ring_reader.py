@@ -10,7 +10,7 @@ from zlib import crc32
 
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.json_form import from_json
-from contid.control.engine.tick_layout import LATENESS, TickRecord
+from contid.control.engine.tick_layout import LATENESS, TICK, TickRecord
 from contid.control.process.ring import (
     CLOSED,
     EVENT_BYTES,
@@ -98,6 +98,16 @@ class RingReader(MappedRing):
             if raw := self._contents(number, self._tick_slot):
                 return self.layout.decode(self._packer.unpack(raw))
         return None
+
+    def record_of(self, tick: int) -> TickRecord | None:
+        """The record of a tick, or of the first one after it; None before. Does not move the position."""
+        found = None
+        for number in range(self.written, max(self.written - self.slots + 1, 0), -1):
+            raw = self._contents(number, self._tick_slot)
+            if raw is None or U64.unpack_from(raw, TICK * U64.size)[0] < tick:
+                break
+            found = raw
+        return None if found is None else self.layout.decode(self._packer.unpack(found))
 
     def lateness(self, ticks: int) -> list[float]:
         """How late the newest ticks started [s], without moving the position."""

@@ -112,7 +112,7 @@ class MotionOrders:
             )
             faults = self._run.view.faults(self._run.control.newest(), tuple(sorted(left)))
             raise RemoteError(Code.FAULT, message, faults)
-        return {"cleared": sorted(faulty), "robots": self._run.states(robots)}
+        return {"cleared": sorted(faulty), "robots": self._run.states(robots, self._run.control.newest())}
 
     async def _move(self, caller: Caller, request: RequestFields) -> Fields:
         target, columns = request.mapping("target"), request.names("columns")

@@ -16,6 +16,7 @@ from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import MarkReached, OrderRefused
 from contid.control.engine.messages import Mark, Message
+from contid.control.engine.tick_layout import TickRecord
 from contid.remote.protocol.wire import Code, RemoteError
 
 CONFIRM_TIMEOUT_S: Final = 3.0
@@ -37,9 +38,11 @@ class OrderResult:
     Attributes:
         tick: before which they were obeyed.
         refused: messages by robot.
+        record: of that tick, once it is `PendingOrders.confirmed`.
     """
 
     tick: int = 0
+    record: TickRecord | None = None
     refused: dict[str, str] = field(default_factory=dict)
 
 
@@ -99,13 +102,10 @@ class PendingOrders:
             message = f"sent, but the control process has not confirmed it within {timeout_s:g} s"
             raise RemoteError(Code.NO_ANSWER, message) from None
         deadline_s = time.monotonic() + RECORD_TIMEOUT_S
-        while not self._recorded(result.tick) and time.monotonic() < deadline_s:
+        while (found := self._control.record_of(result.tick)) is None and time.monotonic() < deadline_s:
             await asyncio.sleep(POLL_S)
+        result.record = found or self._control.newest()
         return result
-
-    def _recorded(self, tick: int) -> bool:
-        newest = self._control.newest()
-        return newest is not None and newest.tick >= tick
 
     def notice(self, event: RunEvent) -> None:
         """Take in an event of the ring."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from contid.control.daemon.interfaces import RunControl
+from contid.control.engine.tick_layout import TickRecord
 from contid.remote.protocol.wire import Code, Fields, RemoteError
 from contid.remote.server.lease import Lease
 from contid.remote.server.moves import Moves
@@ -35,23 +36,28 @@ class ServedRun:
     lease: Lease
     notify: Callable[[int, Mapping[str, Any]], None]
 
-    async def confirmed(self, future: asyncio.Future[OrderResult], robots: tuple[str, ...] | None) -> Fields:
+    async def confirmed(
+        self, future: asyncio.Future[OrderResult], robots: tuple[str, ...] | None, stops: bool = False
+    ) -> Fields:
         """The result of an order: the tick that obeyed it, the states after it, and who refused it.
+
+        Of an order to stop it has the axes that were ``silent`` in that tick.
 
         Raises:
             RemoteError: every robot refused.
         """
         outcome = await self.pending.confirmed(future)
-        result: Fields = {"tick": outcome.tick, "robots": self.states(robots)}
+        result: Fields = {"tick": outcome.tick, "robots": self.states(robots, outcome.record)}
+        if stops and (silent := self.view.silent(robots, outcome.record)):
+            result["silent"] = silent
         if not outcome.refused:
             return result
         if outcome.refused.keys() >= result["robots"].keys() or "" in outcome.refused:
-            faults = self.view.faults(self.control.newest(), robots)
+            faults = self.view.faults(outcome.record, robots)
             raise RemoteError(Code.REFUSED, "; ".join(outcome.refused.values()), faults)
         return {**result, "refused": dict(outcome.refused)}
 
-    def states(self, robots: tuple[str, ...] | None) -> Fields:
-        """State by robot now."""
-        record = self.control.newest()
+    def states(self, robots: tuple[str, ...] | None, record: TickRecord | None) -> Fields:
+        """State by robot in a record."""
         names = robots if robots is not None else tuple(self.view.configs)
         return {name: self.view.mode(name, record).name for name in names}

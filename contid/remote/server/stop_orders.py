@@ -68,9 +68,7 @@ class StopOrders:
     async def _halt(
         self, caller: Caller, robots: tuple[str, ...] | None, order: Hold | Stop | Estop
     ) -> Fields:
-        result = await self._run.confirmed(self._send_stop(caller, order), robots)
-        silent = self._run.view.silent(robots, self._run.control.newest())
-        return {**result, "silent": silent} if silent else result
+        return await self._run.confirmed(self._send_stop(caller, order), robots, stops=True)
 
     def _send_stop(self, caller: Caller, order: Hold | Stop | Estop) -> asyncio.Future[OrderResult]:
         """Send an order to stop at once; then the lease and the streams."""

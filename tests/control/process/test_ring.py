@@ -40,6 +40,24 @@ def values(tick: int) -> list[float]:
     return out
 
 
+def test_the_record_of_a_tick_is_found_among_skipped_and_overwritten_ones(path: Path) -> None:
+    writer, reader = RingWriter(path), RingReader(path)
+    assert reader.record_of(0) is None
+    written = [tick for tick in range(1000) if tick % 7 not in (3, 4)]
+    for tick in written:
+        writer.write(values(tick))
+    for asked in (*range(900, 998), 999):
+        found = reader.record_of(asked)
+        assert found is not None
+        assert found.tick == min(tick for tick in written if tick >= asked)
+    oldest = reader.record_of(5)  # it was overwritten
+    assert oldest is not None
+    assert oldest.tick == written[-reader.slots + 1]
+    assert reader.record_of(1000) is None
+    reader.close()
+    writer.close()
+
+
 @pytest.fixture
 def path() -> Iterator[Path]:
     path = ring.create(LAYOUT, seconds=0.1)
