@@ -121,8 +121,8 @@ class PanelGeometry:
     def _bounds(robot: RobotScene, reach: Array) -> Array:
         """The box of the tips that a robot reaches: its lowest and highest corner, (2, 3) [mm].
 
-        Random tips leave out a straight arm, which is the edge of its reach. So the extremes are looked for:
-        from rest, the ends of all axes together (a straight arm, short and long), and the farthest random tips.
+        Random tips leave out a straight arm, which is the edge of its reach. So the extremes are looked for
+        from rest, from the ends of all axes together (a straight arm), and from the farthest random tips.
         """
         model = robot.config.model
         starts = [robot.config.rest, model.lower, model.upper, *drawn(robot)]

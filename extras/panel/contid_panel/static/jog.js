@@ -12,10 +12,16 @@ export class Jog {
     this.sending = false;
     this.ending = false;
     this.active = null;
-    this.refused = "";
+    this.refusals = new Map(); // by robot, until a row of it is taken or another order is given
     this.sentAt = 0;
     this.newest = this.taken = null;
-    link.ordered = (verb) => { if (!verb.startsWith("jog")) this.newest = this.taken = null; }; // another way begins
+    link.ordered = (verb) => { if (!verb.startsWith("jog")) this.forget(); };
+  }
+
+  /** Another way begins. */
+  forget() {
+    this.newest = this.taken = null;
+    this.refusals.clear();
   }
 
   /** The row that a robot is on its way to by these columns; null when it is not jogged. */
@@ -58,19 +64,22 @@ export class Jog {
         this.sentAt = performance.now();
         const { columns, values } = row.order;
         const { refused } = await this.link.order("jog", { columns, rows: [values] }, row.pressed);
-        if (!refused.length) this.taken = row.order;
-        else if (this.newest === row.order) this.newest = this.taken; // what was refused is ordered no more
-        this.refused = refused.length ? refused[0].replace(/^rows:\d+: /, "") : "";
+        const { robot } = row.order;
+        if (!refused.length) {
+          this.taken = row.order;
+          this.refusals.delete(robot);
+        } else {
+          this.refusals.set(robot, refused[0].replace(/^rows:\d+: /, ""));
+          if (this.newest === row.order) this.newest = this.taken; // what was refused is ordered no more
+        }
       }
       if (this.ending) {
         this.active = null;
         this.ending = false;
         await this.link.order("jog_end");
-        this.refused = "";
       }
     } catch (error) {
       this.active = this.row = this.newest = this.taken = null;
-      this.refused = "";
       // When the lease was lost, the status reports it and this message adds nothing.
       setTimeout(() => { if (this.link.mine) toast(error.message, "error"); }, STATUS_MS);
     } finally {

@@ -178,7 +178,8 @@ export class RobotCard {
     const target = robot.target_mm ?? robot.command_tip_mm;
     this.tip.forEach((slider, i) => slider.show(target?.[i] ?? null, robot.tip_mm?.[i] ?? null, []));
     this.axes.forEach((slider, i) => slider.show(robot.command[i], robot.measured?.[i] ?? null, robot.limits[i] ?? []));
-    setText(this.note, this.jog.active === this.name && this.jog.refused ? `Refused, holds: ${this.jog.refused}` : "");
+    const refusal = this.jog.refusals.get(this.name);
+    setText(this.note, refusal ? `Refused, holds: ${refusal}` : "");
     setHidden(this.clear, robot.state !== "FAULT");
     if (robot.state !== "FAULT") setHidden(this.fault, true);
   }

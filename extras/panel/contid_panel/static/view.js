@@ -195,7 +195,7 @@ export class View {
     renderer.draw(this.plan, [0.55, 0.36, 0.96, 0.9], { lit: 0 });
     for (const robot of this.robots.values()) {
       if (!robot.target) continue;
-      const refused = robot === this.dragged && this.jog.refused;
+      const refused = robot === this.dragged && this.jog.refusals.has(this.draggedName);
       const color = refused ? [0.9, 0.1, 0.1, 0.9] : [0.95, 0.26, 0.36, this.link.mine ? 0.95 : 0.55];
       renderer.draw(this.ball, color, { offset: robot.target, scale: this.size * (robot === this.dragged ? 0.016 : 0.0125), lit: 0.6, over: true });
     }
