@@ -130,8 +130,8 @@ class PanelGeometry:
         tips = [*reach, *(tip for tip, _ in found)]
         for coordinate in range(model.dimension):
             for sign in (-1.0, 1.0):
-                found.sort(key=lambda each, k=coordinate, sign=sign: -sign * float(each[0][k]))
-                tips += [_extreme(robot, at, coordinate, sign) for _, at in found[:EXTREME_STARTS]]
+                farthest = np.argsort([-sign * tip[coordinate] for tip, _ in found])[:EXTREME_STARTS]
+                tips += [_extreme(robot, found[k][1], coordinate, sign) for k in farthest]
         return np.vstack([np.min(tips, axis=0), np.max(tips, axis=0)])
 
     def bodies(self, measured: Mapping[str, Sequence[float] | None]) -> Fields:
