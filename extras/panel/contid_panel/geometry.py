@@ -28,6 +28,10 @@ from contid_view.scene import Scene, build_scene, rope_line
 
 #: Random actuations whose tips show the reach of a spatial arm; always the same ones.
 REACH_TIPS: Final = 500
+#: Steps of the search for an extreme tip, as shares of the range of an axis.
+EXTREME_STEPS: Final = (1.0, 0.5, 0.25, 0.1, 0.1, 0.03)
+#: Actuations from which it begins.
+EXTREME_STARTS: Final = 5
 #: Decimals of coordinates [mm].
 DECIMALS: Final = 2
 
@@ -104,23 +108,31 @@ class PanelGeometry:
             "up": list(robot.up),
             "reach": _line(reach),
             "reach_is_outline": robot.outline is not None,
-            "bounds": _line(np.vstack([reach.min(axis=0), reach.max(axis=0)])),
+            "bounds": _line(self._bounds(robot, reach)),
         }
 
     @staticmethod
     def _reach(robot: RobotScene) -> Array:
         """Tips at random actuations within the limits, (n, 3) [mm]."""
-        random_numbers, model, tips = random.Random(1), robot.config.model, []
-        for _ in range(REACH_TIPS):
-            actuation = tuple(
-                random_numbers.uniform(low, high) for low, high in zip(model.lower, model.upper, strict=True)
-            )
-            try:
-                tip = model.forward(actuation).tip_m
-            except (ValueError, ArithmeticError):  # outside the domain of the model
-                continue
-            tips.append(robot.config.frame.point_in_world(tip))
-        return np.array(tips or [robot.config.frame.origin_in_world]) * MM_PER_M
+        tips = [tip for each in drawn(robot) if (tip := tip_mm(robot, each)) is not None]
+        return np.array(tips or [np.array(robot.config.frame.origin_in_world) * MM_PER_M])
+
+    @staticmethod
+    def _bounds(robot: RobotScene, reach: Array) -> Array:
+        """The box of the tips that a robot reaches: its lowest and highest corner, (2, 3) [mm].
+
+        Random tips leave out a straight arm, which is the edge of its reach. So the extremes are looked for
+        from rest, from the ends of all axes together (a straight arm), and from the farthest random tips.
+        """
+        model = robot.config.model
+        starts = [robot.config.rest, model.lower, model.upper, *drawn(robot)]
+        found = [(tip, each) for each in starts if (tip := tip_mm(robot, each)) is not None]
+        tips = [*reach, *(tip for tip, _ in found)]
+        for coordinate in range(model.dimension):
+            for sign in (-1.0, 1.0):
+                farthest = np.argsort([-sign * tip[coordinate] for tip, _ in found])[:EXTREME_STARTS]
+                tips += [_extreme(robot, found[k][1], coordinate, sign) for k in farthest]
+        return np.vstack([np.min(tips, axis=0), np.max(tips, axis=0)])
 
     def bodies(self, measured: Mapping[str, Sequence[float] | None]) -> Fields:
         """Lines of every robot at measured axes (in the unit of the robot), and the ropes between them."""
@@ -159,6 +171,38 @@ class PanelGeometry:
 def actuation_of(robot: RobotScene, values: Sequence[float]) -> Actuation:
     """Values of the axes in their units, as telemetry has them, in m or Pa."""
     return tuple(value / each.per_si for value, each in zip(values, robot.config.quantities, strict=True))
+
+
+def drawn(robot: RobotScene) -> list[Actuation]:
+    """Random actuations within the limits, always the same ones."""
+    numbers, model = random.Random(1), robot.config.model
+    limits = list(zip(model.lower, model.upper, strict=True))
+    return [tuple(numbers.uniform(*each) for each in limits) for _ in range(REACH_TIPS)]
+
+
+def tip_mm(robot: RobotScene, actuation: Actuation) -> Array | None:
+    """The tip in the world frame [mm]; None outside the domain of the model."""
+    try:
+        tip = robot.config.model.forward(actuation).tip_m
+    except (ValueError, ArithmeticError):
+        return None
+    found: Array = np.array(robot.config.frame.point_in_world(tip)) * MM_PER_M
+    return found if np.isfinite(found).all() else None
+
+
+def _extreme(robot: RobotScene, at: Actuation, coordinate: int, sign: float) -> Array:
+    """The farthest tip along a coordinate of the world that is found by moves of one axis after the other."""
+    model, best = robot.config.model, tip_mm(robot, at)
+    assert best is not None
+    for share in EXTREME_STEPS:
+        for axis, (low, high) in enumerate(zip(model.lower, model.upper, strict=True)):
+            for way in (-share, share):
+                moved = min(max(at[axis] + way * (high - low), low), high)
+                tried = (*at[:axis], moved, *at[axis + 1 :])
+                tip = tip_mm(robot, tried)
+                if tip is not None and sign * (tip[coordinate] - best[coordinate]) > 0.0:
+                    at, best = tried, tip
+    return best
 
 
 def _radius_mm(description: RobotDescription) -> float:

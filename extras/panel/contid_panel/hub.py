@@ -28,7 +28,9 @@ STATUS_PERIOD_S: Final = 0.25
 RECONNECT_PERIOD_S: Final = 0.3
 #: A daemon that stands still is shown as lost after this time.
 RESPONSE_TIMEOUT_S: Final = 3.0
-FIELDS: Final = ("state", "fault", "tip_mm", "target_mm", "error_mm", "command", "measured", "limits")
+FIELDS: Final = (
+    "state", "fault", "tip_mm", "command_tip_mm", "target_mm", "error_mm", "command", "measured", "limits",
+)  # fmt: skip
 _LOST: Final = (ConnectionLostError, NoDaemonError, RemoteError, OSError)
 
 
@@ -166,13 +168,13 @@ class Hub:
 
 
 def encode_message(message: Mapping[str, Any]) -> str:
-    """A message of the panel as JSON, floats with nine significant digits, null for those not finite."""
+    """A message of the panel as JSON, floats with twelve significant digits, null for those not finite."""
     return json.dumps(_rounded(message), separators=(",", ":"), allow_nan=False)
 
 
 def _rounded(value: Any) -> Any:
     if isinstance(value, float):
-        return float(f"{value:.9g}") if value - value == 0.0 else None
+        return float(f"{value:.12g}") if value - value == 0.0 else None
     if isinstance(value, Mapping):
         return {key: _rounded(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -17,7 +17,7 @@ from contid.control.daemon.responsive import responsive
 from contid.errors import ContidError
 from contid_panel.access import LOOPBACK_NAMES, Access, is_loopback
 from contid_panel.app import PanelApp
-from contid_panel.limits import MAX_HEADER, MAX_MESSAGE, PanelHttp
+from contid_panel.limits import MAX_HEADER, MAX_MESSAGE, panel_http
 from contid_panel.priority import before_clients
 
 #: Nice value where it is permitted, when `contid_panel.priority` is not: at 5 a STOP waited for clients
@@ -92,7 +92,7 @@ def serve(settings: PanelSettings, on_ready: Callable[[str], None]) -> None:
     app = PanelApp(settings.socket, access, settings.read_only)
     config = uvicorn.Config(
         app.asgi,
-        http=PanelHttp,
+        http=panel_http(access),
         ws="websockets-sansio",
         ws_max_size=MAX_MESSAGE,
         ws_per_message_deflate=False,

@@ -54,9 +54,15 @@ def test_a_jog_out_of_reach_is_refused_with_a_message(it: OpenPage, running: Run
     assert box is not None
     it.page.mouse.move(box["x"] + 2, box["y"] + box["height"] / 2)
     it.page.mouse.down()
-    it.page.wait_for_function("() => document.querySelector('.refused').textContent.includes('out of reach')")
+    note = it.page.locator(".robot[data-robot=f0] .refused")
+    note.filter(has_text="out of reach").wait_for()
     it.page.mouse.up()
     it.state("f0", "HOLD")
+    it.page.wait_for_timeout(4000)  # the page draws every two seconds at least
+    assert "out of reach" in note.inner_text()  # a hand that is off has not read it yet
+    slider.focus()
+    it.page.keyboard.press("ArrowLeft")
+    it.page.wait_for_function("(note) => !note.textContent", arg=note.element_handle(), timeout=10_000)
 
 
 def test_drag_of_the_target_in_the_view(it: OpenPage, running: Running) -> None:

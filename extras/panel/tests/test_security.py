@@ -7,7 +7,7 @@ import json
 import socket
 import time
 from collections.abc import Iterator
-from contextlib import AsyncExitStack, suppress
+from contextlib import AsyncExitStack, ExitStack, suppress
 from typing import Any
 
 import httpx
@@ -15,7 +15,13 @@ import psutil
 import pytest
 from websockets.exceptions import InvalidStatus
 
-from contid_panel.limits import HEADER_TIMEOUT_S, MAX_CONNECTIONS, MAX_PAGES, MAX_UPLOAD
+from contid_panel.limits import (
+    HEADER_TIMEOUT_S,
+    MAX_CONNECTIONS,
+    MAX_PAGES,
+    MAX_UPLOAD,
+    RESPONSE_TIMEOUT_S,
+)
 from tests.support.daemons import Running, armed_daemon, states
 from tests.support.panels import PanelProcess, page, panel
 from tests.support.waiting import until
@@ -213,6 +219,48 @@ def test_silent_connections_are_closed(served: PanelProcess) -> None:
         at_once += time.monotonic() - began_s < 0.5 * HEADER_TIMEOUT_S
     assert at_once <= 200 - MAX_CONNECTIONS
     assert httpx.get(served.origin + "/").status_code == 200
+
+
+#: What a client without the token does on each of its connections, after a first complete request or none.
+WAITING = {
+    "a second request": b"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\nGET /",
+    "a body": b"POST /api/check HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: 9\r\n\r\n",
+    "a long body": b"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: 9000\r\n\r\nx",
+    "an unread response": b"GET /static/vendor/uplot/uPlot.esm.js HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n"
+    * 40,
+}
+
+
+@pytest.mark.parametrize("behaviour", WAITING)
+def test_connections_without_the_token_lock_nobody_out(served: PanelProcess, behaviour: str) -> None:
+    text = WAITING[behaviour].replace(b"{port}", str(served.port).encode())
+    with ExitStack() as stack:
+        for _ in range(MAX_CONNECTIONS + 4):
+            connection = stack.enter_context(socket.create_connection(("127.0.0.1", served.port)))
+            with suppress(OSError):
+                connection.setblocking(False)
+                connection.send(text)
+        time.sleep(0.5)
+        began_s = time.monotonic()
+        assert httpx.get(served.origin + "/", timeout=5.0).status_code == 200
+        assert served.request("GET", "/api/hello").status_code == 200
+        asyncio.run(_connected(served))
+        assert time.monotonic() - began_s < 5.0  # on a busy machine
+        # And none of them stays.
+        until(
+            lambda: not _connections(served), "they were closed", RESPONSE_TIMEOUT_S + HEADER_TIMEOUT_S + 10.0
+        )
+
+
+async def _connected(served: PanelProcess) -> None:
+    async with page(served) as it:
+        await it.until(lambda page: page.state() == "HOLD")
+
+
+def _connections(served: PanelProcess) -> int:
+    """Connections that a panel keeps."""
+    found = psutil.Process(served.process.pid).net_connections("tcp")
+    return sum(each.status == psutil.CONN_ESTABLISHED for each in found)
 
 
 def test_a_read_only_panel_gives_no_order(running: Running) -> None:

@@ -9,21 +9,39 @@ export class Jog {
   constructor(link) {
     this.link = link;
     this.row = null;
-    this.pressed = 0;
     this.sending = false;
     this.ending = false;
     this.active = null;
-    this.refused = "";
+    this.refusals = new Map(); // by robot, until a row of it is taken or another order is given
     this.sentAt = 0;
+    this.newest = this.taken = null;
+    link.ordered = (verb) => { if (!verb.startsWith("jog")) this.forget(); };
+  }
+
+  /** Another way begins. */
+  forget() {
+    this.newest = this.taken = null;
+    this.refusals.clear();
+  }
+
+  /** The row that a robot is on its way to by these columns; null when it is not jogged. */
+  ordered(robot, columns) {
+    return this.newest?.robot === robot && this.newest.columns === columns ? this.newest.values : null;
+  }
+
+  /** A robot stands still: from now on the way begins where it is. */
+  arrived(robot) {
+    if (this.active === null && this.newest?.robot === robot) this.newest = this.taken = null;
   }
 
   /** Follow a row of a robot; `columns` name its numbers. */
   to(robot, columns, values) {
     if (!this.link.mine) return;
     this.active = robot;
+    if (this.newest?.robot !== robot || this.newest.columns !== columns) this.taken = null;
+    this.newest = { robot, columns, values };
     this.ending = false;
-    this.row = { columns, rows: [values] };
-    this.pressed = this.link.clock.pressed();
+    this.row = { order: this.newest, pressed: this.link.clock.pressed() };
     this.pump();
   }
 
@@ -44,18 +62,24 @@ export class Jog {
         const row = this.row;
         this.row = null;
         this.sentAt = performance.now();
-        const { refused } = await this.link.order("jog", row, this.pressed);
-        this.refused = refused.length ? refused[0].replace(/^rows:\d+: /, "") : "";
+        const { columns, values } = row.order;
+        const { refused } = await this.link.order("jog", { columns, rows: [values] }, row.pressed);
+        const { robot } = row.order;
+        if (!refused.length) {
+          this.taken = row.order;
+          this.refusals.delete(robot);
+        } else {
+          this.refusals.set(robot, refused[0].replace(/^rows:\d+: /, ""));
+          if (this.newest === row.order) this.newest = this.taken; // what was refused is ordered no more
+        }
       }
       if (this.ending) {
         this.active = null;
         this.ending = false;
         await this.link.order("jog_end");
-        this.refused = "";
       }
     } catch (error) {
-      this.active = this.row = null;
-      this.refused = "";
+      this.active = this.row = this.newest = this.taken = null;
       // When the lease was lost, the status reports it and this message adds nothing.
       setTimeout(() => { if (this.link.mine) toast(error.message, "error"); }, STATUS_MS);
     } finally {

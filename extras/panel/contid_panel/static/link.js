@@ -28,6 +28,7 @@ export class Link {
     this.waiting = new Map();
     this.number = 0;
     this.clock = new Clock();
+    this.ordered = () => {}; // told of every order
     document.addEventListener("visibilitychange", () => { if (document.visibilityState !== "visible") this.leave(); });
     window.addEventListener("pagehide", () => this.leave());
     setInterval(() => this.beat(), BEAT_MS);
@@ -78,6 +79,7 @@ export class Link {
         reject(new Refusal({ code: "lost", message: "no connection to the panel" }));
         return;
       }
+      this.ordered(verb);
       const id = ++this.number;
       this.waiting.set(id, { resolve, reject });
       setTimeout(() => {

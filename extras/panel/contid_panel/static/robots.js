@@ -5,31 +5,46 @@ import { attempt, h, setHidden, setText, shown, toast } from "./dom.js";
 import { confirmed } from "./question.js";
 
 const ARMED = new Set(["HOLD", "RUN", "APPROACH"]);
+const MOVING = new Set(["RUN", "APPROACH"]);
 const JOG_END_MS = 350;
 const KEPT_MS = 1000;
+const STEPS = 1000; // of a key, over the range
+/** Steps of the keys of a slider. */
+const KEYS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -STEPS / 10, PageUp: STEPS / 10 };
 const MEANING = {
   OFF: "not commanded, at rest", CONNECTING: "waiting for its devices", READY: "devices answer, not armed",
   ARMING: "torque comes on", APPROACH: "on its way", RUN: "follows its target", HOLD: "holds its position",
   STOPPING: "on its way to rest", FAULT: "stopped by a fault",
 };
 
-/** A slider with its name, its value, and the measured value as a mark. */
+/** A slider with its name, its value, and the measured value as a mark.
+ *
+ * It shows a number and keeps none: a browser rounds and limits what a range input holds. `moved` gets a new number,
+ * `stepped` how far a key goes from where the robot was ordered to.
+ */
 class Slider {
-  constructor(name, minimum, maximum, unit, moved, ended, color = null) {
+  constructor(name, minimum, maximum, unit, { moved, stepped, ended }, color = null) {
     this.minimum = minimum;
     this.maximum = maximum;
     this.decimals = maximum - minimum > 20 ? 1 : 3;
+    this.step = (maximum - minimum) / STEPS;
     this.held = false;
     this.keptUntil = 0;
     this.mark = h("i", { className: "mark" });
     this.value = h("output", {});
     this.input = h("input", {
-      type: "range", min: minimum, max: maximum, step: (maximum - minimum) / 1000, "aria-label": name,
+      type: "range", min: minimum, max: maximum, step: "any", "aria-label": name,
       oninput: () => {
-        this.held = true;
-        moved();
-        clearTimeout(this.timer);
-        this.timer = setTimeout(() => this.release(ended), this.pressed ? 1e6 : JOG_END_MS);
+        this.hold(ended);
+        moved(Number(this.input.value));
+      },
+      onkeydown: (event) => {
+        const steps = KEYS[event.key];
+        if (steps === undefined || event.ctrlKey || event.altKey || event.metaKey) return;
+        event.preventDefault();
+        this.hold(ended);
+        const value = stepped(steps * this.step, this.minimum, this.maximum);
+        if (value !== null) this.input.value = value;
       },
       onpointerdown: () => { this.pressed = true; },
       onpointerup: () => this.release(ended),
@@ -38,6 +53,12 @@ class Slider {
     this.flag = h("span", { className: "flag" });
     this.row = h("label", { className: "slider" }, axisName(name, color),
       h("span", { className: "track" }, this.mark, this.input), this.value, h("span", { className: "unit" }, unit), this.flag);
+  }
+
+  hold(ended) {
+    this.held = true;
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.release(ended), this.pressed ? 1e6 : JOG_END_MS);
   }
 
   release(ended) {
@@ -49,14 +70,18 @@ class Slider {
     ended();
   }
 
-  get number() {
-    return Number(this.input.value);
+  /** The range contains where the robot is. */
+  include(value) {
+    if (value === null || (value >= this.minimum && value <= this.maximum)) return;
+    this.input.min = this.minimum = Math.min(this.minimum, Math.floor(value));
+    this.input.max = this.maximum = Math.max(this.maximum, Math.ceil(value));
   }
 
   show(target, measured, limits) {
-    // Shortly after a hand was on it the slider stays: the next press of a key goes on from there.
+    this.include(target);
+    // Shortly after a hand was on it the slider stays: what it shows must not jump back on the way.
     if (!this.held && target !== null && performance.now() > this.keptUntil) this.input.value = target;
-    setText(this.value, shown(this.held ? this.number : (measured ?? target), this.decimals));
+    setText(this.value, shown(this.held ? Number(this.input.value) : (measured ?? target), this.decimals));
     const share = measured === null ? -1 : (measured - this.minimum) / (this.maximum - this.minimum);
     setHidden(this.mark, share < 0);
     const inside = Math.min(Math.max(share, 0), 1); // the thumb stays within the track, half its width from the ends
@@ -79,13 +104,14 @@ export class RobotCard {
     this.jog = jog;
     this.tipColumns = drawing?.tip_columns ?? [];
     this.axisColumns = drawing?.axis_columns ?? [];
+    this.commands = new Map(); // by columns
     const axes = Object.entries(description.axes);
     this.axes = axes.map(([axis, limit], i) => {
       const unit = Object.keys(limit).find((key) => key.startsWith("min_")).slice(4); // a wrist may be in degrees
-      return new Slider(axis, limit[`min_${unit}`], limit[`max_${unit}`], unit, () => this.jogAxes(), () => jog.end(), COLORS[i % COLORS.length]);
+      return new Slider(axis, limit[`min_${unit}`], limit[`max_${unit}`], unit, this.hand(this.axisColumns, i), COLORS[i % COLORS.length]);
     });
     const [low, high] = drawing?.bounds ?? [[], []];
-    this.tip = this.tipColumns.map((column, i) => new Slider("xyz"[i], Math.floor(low[i]), Math.ceil(high[i]), "mm", () => this.jogTip(), () => jog.end()));
+    this.tip = this.tipColumns.map((column, i) => new Slider("xyz"[i], Math.floor(low[i]), Math.ceil(high[i]), "mm", this.hand(this.tipColumns, i)));
     this.state = h("span", { className: "state" });
     this.meaning = h("span", { className: "meaning" });
     this.fault = h("div", { className: "fault", hidden: true });
@@ -105,12 +131,26 @@ export class RobotCard {
     this.element.dataset.robot = name;
   }
 
-  jogAxes() {
-    this.jog.to(this.name, this.axisColumns, this.axes.map((slider) => slider.number));
+  /** What a hand on the slider of one column does: the robot goes to what was ordered last, with that number replaced. */
+  hand(columns, i) {
+    const to = (value, row) => {
+      if (row === null || row.some((each) => each === null)) return null;
+      this.jog.to(this.name, columns, row.map((each, k) => (k === i ? value : each)));
+      return value;
+    };
+    return {
+      moved: (value) => to(value, this.ordered(columns)),
+      stepped: (step, minimum, maximum) => {
+        const row = this.ordered(columns);
+        return row === null ? null : to(Math.min(Math.max(row[i] + step, minimum), maximum), row);
+      },
+      ended: () => this.jog.end(),
+    };
   }
 
-  jogTip() {
-    this.jog.to(this.name, this.tipColumns, this.tip.map((slider) => slider.number));
+  /** The numbers of columns that were ordered last: of the jog that goes on, else where the robot was commanded to. */
+  ordered(columns) {
+    return this.jog.ordered(this.name, columns) ?? this.commands.get(columns) ?? null;
   }
 
   order(verb) {
@@ -132,10 +172,14 @@ export class RobotCard {
     this.element.dataset.state = robot.state;
     const jogging = this.link.mine && ARMED.has(robot.state);
     for (const slider of [...this.tip, ...this.axes]) if (slider.input.disabled === jogging) slider.input.disabled = !jogging;
-    const target = robot.target_mm ?? robot.tip_mm;
+    this.commands.set(this.tipColumns, robot.command_tip_mm?.slice(0, this.tipColumns.length) ?? null);
+    this.commands.set(this.axisColumns, robot.command);
+    if (!MOVING.has(robot.state)) this.jog.arrived(this.name);
+    const target = robot.target_mm ?? robot.command_tip_mm;
     this.tip.forEach((slider, i) => slider.show(target?.[i] ?? null, robot.tip_mm?.[i] ?? null, []));
     this.axes.forEach((slider, i) => slider.show(robot.command[i], robot.measured?.[i] ?? null, robot.limits[i] ?? []));
-    setText(this.note, this.jog.active === this.name && this.jog.refused ? `Refused, holds: ${this.jog.refused}` : "");
+    const refusal = this.jog.refusals.get(this.name);
+    setText(this.note, refusal ? `Refused, holds: ${refusal}` : "");
     setHidden(this.clear, robot.state !== "FAULT");
     if (robot.state !== "FAULT") setHidden(this.fault, true);
   }

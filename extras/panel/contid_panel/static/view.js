@@ -102,7 +102,8 @@ export class View {
       changed ||= robot.state !== data.state;
       robot.state = data.state;
       robot.tip = data.tip_mm && point(data.tip_mm);
-      if (robot !== this.dragged) robot.target = data.target_mm ? point(data.target_mm) : robot.tip;
+      const command = data.target_mm ?? data.command_tip_mm;
+      if (robot !== this.dragged) robot.target = command ? point(command) : robot.tip;
       if (robot.tip && (!robot.trail.length || Math.hypot(...sub(robot.tip, robot.trail.at(-1))) > this.size * 0.0008)) robot.trail.push(robot.tip);
       else if (robot.trail.length) robot.still = (robot.still ?? 0) + 1;
       if (robot.trail.length > TRAIL_MS / Math.max(this.pace.pause, FRAME_MS) || robot.still > 2) {
@@ -194,7 +195,7 @@ export class View {
     renderer.draw(this.plan, [0.55, 0.36, 0.96, 0.9], { lit: 0 });
     for (const robot of this.robots.values()) {
       if (!robot.target) continue;
-      const refused = robot === this.dragged && this.jog.refused;
+      const refused = robot === this.dragged && this.jog.refusals.has(this.draggedName);
       const color = refused ? [0.9, 0.1, 0.1, 0.9] : [0.95, 0.26, 0.36, this.link.mine ? 0.95 : 0.55];
       renderer.draw(this.ball, color, { offset: robot.target, scale: this.size * (robot === this.dragged ? 0.016 : 0.0125), lit: 0.6, over: true });
     }
@@ -220,7 +221,10 @@ export class View {
       down.set(event.pointerId, [event.offsetX, event.offsetY]);
       before = null;
       const found = down.size === 1 && this.link.mine ? this.near(event.offsetX, event.offsetY) : null;
-      if (found) [this.dragged, this.draggedName] = [found.robot, found.name];
+      if (!found) return;
+      [this.dragged, this.draggedName] = [found.robot, found.name];
+      const at = this.camera.project(found.robot.target, canvas);
+      this.grip = [at[0] - event.offsetX, at[1] - event.offsetY]; // a hand takes the target where it is
     });
     canvas.addEventListener("pointermove", (event) => {
       const old = down.get(event.pointerId);
@@ -230,7 +234,7 @@ export class View {
       }
       const now = [event.offsetX, event.offsetY];
       down.set(event.pointerId, now);
-      if (this.dragged) this.drag(now);
+      if (this.dragged) this.drag([now[0] + this.grip[0], now[1] + this.grip[1]]);
       else if (down.size === 2) {
         const [a, b] = [...down.values()];
         const span = Math.hypot(a[0] - b[0], a[1] - b[1]);
@@ -272,7 +276,8 @@ export class View {
     if (Math.abs(slope) < 1e-3) return;
     const t = dot(sub(robot.target, eye), normal) / slope;
     const [low, high] = robot.bounds;
-    robot.target = add(eye, ray, t).map((v, i) => Math.min(Math.max(v, low[i]), high[i]));
+    const inside = (v, i) => Math.min(Math.max(v, Math.min(low[i], robot.target[i])), Math.max(high[i], robot.target[i]));
+    robot.target = add(eye, ray, t).map(inside);
     this.jog.to(this.draggedName, robot.tip_columns, robot.target.slice(0, robot.tip_columns.length));
   }
 }

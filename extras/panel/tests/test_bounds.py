@@ -1,0 +1,34 @@
+"""The bounds of the sliders of a tip contain rest and every tip that random actuations reach."""
+
+from __future__ import annotations
+
+import random
+
+import numpy as np
+import pytest
+
+from contid.robot_file.shipped import load_named
+from contid_panel.geometry import PanelGeometry, tip_mm
+
+#: Share of the size of the box by which the farthest of many random tips may lie outside.
+SLACK = 0.02
+
+
+@pytest.mark.parametrize(
+    "name", ["hand", "tendon3", "ftdcr_v4", "trirack", "cbha", "stiffflop1", "stiffflop2"]
+)
+def test_bounds_contain_rest_the_ends_of_all_axes_and_random_tips(name: str) -> None:
+    geometry = PanelGeometry(load_named(name), 200.0)
+    described = geometry.describe()["robots"]
+    numbers = random.Random(7)
+    for robot in geometry.scene.robots:
+        low, high = (np.array(each) for each in described[robot.config.name]["bounds"])
+        model = robot.config.model
+        for actuation in (robot.config.rest, model.lower, model.upper):
+            tip = tip_mm(robot, actuation)
+            assert tip is None or (np.all(tip > low - 0.01) and np.all(tip < high + 0.01)), (name, tip)
+        limits = list(zip(model.lower, model.upper, strict=True))
+        drawn = [tuple(numbers.uniform(*each) for each in limits) for _ in range(1000)]
+        tips = np.array([tip for each in drawn if (tip := tip_mm(robot, each)) is not None])
+        outside = np.maximum(low - tips, tips - high).max(axis=0)
+        assert np.all(outside <= SLACK * np.maximum(high - low, 1.0)), (name, outside)
