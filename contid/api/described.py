@@ -41,12 +41,12 @@ class AxisRanges:
     """Ranges and rates of the axes of a robot, in the units of the library.
 
     Attributes:
-        names: of the axes, with their unit as in trajectories: ``left_mm``.
-        min, max: of every axis, shape ``(n,)``.
+        names: names of the axes, with their unit as in trajectories: ``left_mm``.
+        min, max: limits of every axis, shape ``(n,)``.
         rest: rest pose, shape ``(n,)``.
         velocity: maximum speed of an axis, per s.
-        acceleration: per s^2.
-        jerk: per s^3.
+        acceleration: greatest acceleration, in the axis unit per s^2.
+        jerk: greatest jerk, in the axis unit per s^3.
     """
 
     names: tuple[str, ...]
@@ -73,15 +73,15 @@ class LimitBits:
 
     def translated(self, solutions: Solutions) -> NDArray[np.uint64]:
         """``limited_by`` of a batch, whose bits have an order of their own, in the order of `names`."""
-        given = solutions.rows["limited_by"]
-        found = np.zeros(len(given), dtype=np.uint64)
-        limited = np.flatnonzero(given)
+        bits = solutions.rows["limited_by"]
+        translated = np.zeros(len(bits), dtype=np.uint64)
+        limited = np.flatnonzero(bits)
         for k, name in enumerate(solutions.limit_names):
-            here = limited[(given[limited] >> np.uint64(k)) & np.uint64(1) != 0]
-            if len(here):
+            with_this_limit = limited[(bits[limited] >> np.uint64(k)) & np.uint64(1) != 0]
+            if len(with_this_limit):
                 place = self._places.setdefault(name, len(self._places))
-                found[here] |= np.uint64(1 << min(place, BITS - 1))
-        return found
+                translated[with_this_limit] |= np.uint64(1 << min(place, BITS - 1))
+        return translated
 
     def of(self, bits: int) -> tuple[str, ...]:
         """The names of the bits that are set."""

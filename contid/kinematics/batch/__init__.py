@@ -37,10 +37,10 @@ def forward_many(
     """Poses of the tip in the base frame, a row of `POSE` per row of actuation.
 
     Args:
-        model: of `build_model`.
-        actuations: in the model's order [m or Pa], shape ``(rows, axes)``.
+        model: a model that `build_model` made.
+        actuations: actuations in the model's order [m or Pa], shape ``(rows, axes)``.
         load_n: known forces on the tip [N], shape ``(rows, 3)`` or ``(3,)``.
-        threads: to divide the rows between; None for every processor this process may use.
+        threads: number of threads to divide the rows between; None for every processor this process may use.
 
     Raises:
         ValueError: a wrong shape or number of threads.
@@ -58,13 +58,13 @@ def inverse_many(
     """Actuation for each target, inside every limit.
 
     Args:
-        model: of `build_model`.
-        targets: in the base frame.
+        model: a model that `build_model` made.
+        targets: targets in the base frame.
         seeds: the last commanded actuation [m or Pa], one for all rows ``(axes,)`` or one per row
             ``(rows, axes)``.
         chained: each row starts from the answer of the row before, the first from ``seeds`` ``(axes,)``; one
             thread then does all rows.
-        threads: to divide the rows between; None for every processor this process may use.
+        threads: number of threads to divide the rows between; None for every processor this process may use.
 
     Raises:
         ValueError: a wrong shape or number of threads, or a target of a kind the model does not take.

@@ -215,10 +215,10 @@ class Loads:
     """Dead loads in the base frame.
 
     Attributes:
-        tip_force, tip_moment: at the tip [N, N·mm].
-        joint_force, joint_moment: at the end of section i, before its link, by i [N, N·mm].
-        weight: per reference length of section i [N/mm], by i.
-        link_weight: per length of link i [N/mm], by i.
+        tip_force, tip_moment: force and moment at the tip [N, N·mm].
+        joint_force, joint_moment: force and moment at the end of section i, before its link, by i [N, N·mm].
+        weight: weight per reference length of section i [N/mm], by i.
+        link_weight: weight per length of link i [N/mm], by i.
     """
 
     tip_force: Array = field(default_factory=_zeros)

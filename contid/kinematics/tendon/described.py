@@ -55,8 +55,9 @@ def spooled_tendons(
     """Describe the tendons of a robot in angles of their shafts, section by section, for emulated devices.
 
     The transmission is affine, and the angle of a shaft depends on the pull of its own tendon only. So the
-    angles at two sets of pulls, 0 and 1 m, give the gain ``c = d angle / d pull`` [rad/m] of every tendon. The
-    work of a tendon is the same in both: a stiffness k [N/m] on the pull is ``k / c^2`` [N m/rad] on the angle.
+    angles at two sets of pulls, 0 and 1 m, give the gain ``c = d angle / d pull`` [rad/m] of every tendon.
+    The work of a tendon is the same in both: a stiffness k [N/m] on the pull is ``k / c^2`` [N m/rad] on the
+    angle.
 
     Args:
         robot: description of the robot.

@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
@@ -37,14 +37,16 @@ class RodElements:
     """Elements of a rod from the base on; the kernel reads the fields by name.
 
     Attributes:
-        lengths: of the elements [m].
-        stiffness: of each: bend u, v, twist [N m], stretch [N m], 0 without; ``(elements, 4)``.
-        arms: of every tendon in every element [m], NaN where it does not pass; ``(elements, tendons, 2)``.
+        lengths: lengths of the elements [m].
+        stiffness: stiffness of each element: bend u, v, twist [N m], stretch [N m], 0 without; ``(elements,
+            4)``.
+        arms: lever arms of every tendon in every element [m], NaN where it does not pass; ``(elements,
+            tendons, 2)``.
         rigid: length of the rigid piece after each element [m].
         tendon: stiffness of each tendon [N/m].
         rest: tensions of the straight rod at zero pulls [N].
-        weight: of each element [N], in the base frame; ``(elements, 3)``.
-        offset: of the tip, in the frame of the last element [m].
+        weight: weight of each element [N], in the base frame; ``(elements, 3)``.
+        offset: position of the tip, in the frame of the last element [m].
         base_m: length before the first element [m].
         per_section: elements of a section.
         stretches: the backbone is extensible.
@@ -72,8 +74,8 @@ class TendonEquilibrium:
         tip_m: tip of the robot ``(3,)``.
         rotation: frame of the tip ``(3, 3)``.
         ends_m: end of each section, its rigid piece included, ``(sections, 3)``.
-        tensions_n: of the tendons ``(tendons,)`` [N].
-        strain: of every element: bend u, v, twist [rad], stretch; ``(elements, 4)``.
+        tensions_n: tensions of the tendons ``(tendons,)`` [N].
+        strain: strain of every element: bend u, v, twist [rad], stretch; ``(elements, 4)``.
         jacobian: derivative of the tip by the pulls ``(3, tendons)``.
         compliance: derivative of the tip by a force on it [m/N], ``(3, 3)``.
     """
@@ -209,8 +211,15 @@ class TendonRod:
 _TERMS: Final = range(12)
 
 
-def place_elements(strain: Array, lengths_m: Array, rigid_m: Array, base_m: float) -> tuple[Array, Array]:
-    """The start and the ends of the elements [m], ``(elements + 1, 3)``, and the frame of the last end.
+class PlacedElements(NamedTuple):
+    """Start and ends of the elements [m], ``(elements + 1, 3)``; rotation of the last end to the base."""
+
+    points: Array
+    last_frame: Array
+
+
+def place_elements(strain: Array, lengths_m: Array, rigid_m: Array, base_m: float) -> PlacedElements:
+    """Chain the elements of a rod one after the other, from ``base_m`` above the origin along z.
 
     An element turns by ``w = (-v, u, t)`` with bend (u, v) and twist t, and its end lies at
 
@@ -232,7 +241,7 @@ def place_elements(strain: Array, lengths_m: Array, rigid_m: Array, base_m: floa
     for n, (end, turn) in enumerate(zip(ends, turns, strict=True)):
         points[n + 1] = points[n] + frame @ end
         frame = frame @ turn
-    return points, frame
+    return PlacedElements(points, frame)
 
 
 def _series(square: Array, offset: int) -> Array:

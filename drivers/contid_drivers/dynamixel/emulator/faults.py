@@ -65,7 +65,7 @@ class Adapter:
             at: time of its last byte on the wire.
             wire: the answer.
             byte_s: time of one byte on the wire.
-            ends: of the parts that arrive by themselves; none for the whole answer at once.
+            ends: ends of the parts that arrive by themselves; none for the whole answer at once.
         """
         whole = len(wire)
         if self.chunk:

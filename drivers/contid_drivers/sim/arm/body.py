@@ -126,7 +126,7 @@ class TrackedArm:
 
     Args:
         robot: its name.
-        description: with a ``sim``.
+        description: description with a ``sim``.
 
     Attributes:
         axes: names of its axes on the bus.
