@@ -6,7 +6,7 @@
 //
 // Compiled once per kind of section. Tubes and racks have three lengths per section. With CONTID_TENDON the backbone
 // of a section keeps its length, and its two variables are the bends times that length [m]
-// (contid/kinematics/tendon/sections.py).
+// (contid/kinematics/tendon/geometry.py).
 #pragma once
 
 #include "arc.hpp"

@@ -12,7 +12,7 @@ namespace contid {
 
 constexpr int kMostSections = 8, kMostVariables = 3 * kMostSections;
 
-// Parameters of the solver: see Tuning of contid/kinematics/arc/tuning.py.
+// Parameters of the solver: see Tuning of contid/kinematics/arc/solver.py.
 struct Tuning {
   double ell, tolerance, home_tolerance, weight, near;
   int home_steps;

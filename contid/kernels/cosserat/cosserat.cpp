@@ -25,7 +25,7 @@ nb::tuple triple(Vec a) { return nb::make_tuple(a.x, a.y, a.z); }
 constexpr const char* kPressures = "expected three pressures per section";
 constexpr const char* kStations = "stations: an array (n,)";
 
-// What contid.kinematics.cosserat.loads.Loads has for a section; zero where it has nothing.
+// What contid.kinematics.cosserat.section.Loads has for a section; zero where it has nothing.
 Vec entry(nb::handle table, int section) {
   const nb::object found = table.attr("get")(section);
   return found.is_none() ? Vec{0, 0, 0} : vec(found);

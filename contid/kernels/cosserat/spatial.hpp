@@ -1,4 +1,4 @@
-// Vectors, 3x3 matrices and the exponential of a screw; contid/kinematics/cosserat/spatial.py has the formulas. C++17,
+// Vectors, 3x3 matrices and the exponential of a screw; contid/kinematics/cosserat/element.py has the formulas. C++17,
 // no allocation, no exceptions, no dependence on libm where a series will do (the same digits on every machine).
 #pragma once
 

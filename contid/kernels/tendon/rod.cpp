@@ -47,7 +47,7 @@ struct Solver {
 
   explicit Solver(nb::handle setup) : rod(setup_of(setup)) {}
 
-  // Into the arrays of a TendonEquilibrium (contid/kinematics/tendon/rod_elements.py), `jacobian` and `compliance` with
+  // Into the arrays of a TendonEquilibrium (contid/kinematics/tendon/rod.py), `jacobian` and `compliance` with
   // `derivatives` only; the moment left over, below 0 when no equilibrium was found.
   double solve(Given pulls, nb::handle force, Given start, nb::handle into, bool derivatives) {
     const RodSetup& s = rod.setup();
