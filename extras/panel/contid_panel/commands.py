@@ -46,6 +46,7 @@ def command(
     """
     from contid.remote.protocol.socket_path import find, is_listening
     from contid.remote.protocol.wire import NoDaemonError
+    from contid_panel.open_browser import open_browser
     from contid_panel.server import PanelSettings, serve
 
     path = Path(socket) if wait and socket is not None else find(socket)
@@ -71,9 +72,7 @@ def command(
             click.echo(url)
             click.echo("contid: panel: Ctrl-C ends the page", err=True)
         if opens:
-            import webbrowser
-
-            webbrowser.open(url)
+            open_browser(url)
 
     if wait:
         _end_with_stdin()

@@ -62,6 +62,32 @@ def test_stop_by_the_space_bar_wherever_the_focus_is(it: OpenPage, running: Runn
         assert states(client) == {"OFF"}
 
 
+def test_after_a_stop_no_message_says_that_the_robots_hold(it: OpenPage) -> None:
+    """A stop revokes the lease, and torque is off: arms sink."""
+    it.take_control()
+    it.page.evaluate(
+        """() => {
+            window.toasts = [];
+            new MutationObserver((changes) => {
+                for (const { addedNodes } of changes)
+                    window.toasts.push(...[...addedNodes].map((n) => n.textContent));
+            }).observe(document.getElementById('toasts'), { childList: true });
+        }"""
+    )
+    it.page.locator("#stop").click()
+    it.state("f0", "OFF")
+    it.page.wait_for_selector("#lease[data-mine=false]")
+    it.page.wait_for_timeout(2500)
+    assert not [text for text in it.page.evaluate("() => window.toasts") if "hold" in text]
+
+
+def test_a_lease_that_is_taken_is_told_with_the_holder(it: OpenPage, running: Running) -> None:
+    it.take_control()
+    with running.client(name="script") as other:
+        other.acquire(30.0, takeover=True)
+        it.page.locator(".toast").get_by_text("Control was lost: script has it").wait_for(timeout=8000)
+
+
 def test_stop_when_the_socket_of_the_page_is_lost(it: OpenPage, running: Running) -> None:
     it.page.evaluate("() => { const { WebSocket: W } = window; W.prototype.send = () => {}; }")
     it.page.locator("#stop").click()

@@ -172,6 +172,28 @@ async def _message(mailbox: Mailbox, part: str) -> str:
     return text
 
 
+def test_the_command_line_of_a_browser_has_no_token(
+    running: Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And a browser that stays in the foreground does not keep the panel from serving."""
+    browser = tmp_path / "browser"
+    browser.write_text('#!/bin/sh\necho "$@" > "$0.new"\nmv "$0.new" "$0.arguments"\nexec sleep 60\n')
+    browser.chmod(0o755)
+    monkeypatch.setenv("BROWSER", f"{browser} %s")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    arguments = tmp_path / "browser.arguments"
+    with panel(running, "--open") as served:
+        until(arguments.exists, "the browser was started", 20.0)
+        assert httpx.get(served.origin + "/", timeout=5.0).status_code == 200
+        given = arguments.read_text().strip()
+        assert served.token not in given
+        page_file = Path(given.removeprefix("file://"))
+        assert served.url in page_file.read_text()
+        assert page_file.parent.stat().st_mode & 0o077 == 0
+        for process in psutil.Process(served.process.pid).children(recursive=True):
+            process.kill()
+
+
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl for a certificate")
 def test_a_remote_panel_is_served_over_tls_only(running: Running, tmp_path: Path) -> None:
     key, certificate = tmp_path / "key.pem", tmp_path / "certificate.pem"

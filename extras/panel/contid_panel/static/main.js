@@ -58,7 +58,7 @@ const handlers = {
   status: (message) => {
     const { status } = message;
     const mine = page.client !== 0 && status.lease.client === page.client;
-    if (link.mine && !mine && document.visibilityState === "visible") toast("Control was lost; the robots hold.", "error");
+    if (link.mine && !mine && document.visibilityState === "visible") toast(controlLost(status), "error");
     link.mine = mine;
     page.status = status;
     if (performance.now() - page.lastFrame > STALE_MS) showStatus(); // else with the next frame
@@ -94,6 +94,12 @@ function showStatus() {
   poses.update();
   recording.show(status.recordings ?? []);
   machine.show(status);
+}
+
+/** Why this page has the lease no more, and in which states the robots are: after a stop they are without torque. */
+function controlLost({ lease, robots }) {
+  const why = lease.stopped_by ? `${lease.stopped_by} stopped the robots` : lease.holder ? `${lease.holder} has it` : "the lease is free";
+  return `Control was lost: ${why}. ${Object.entries(robots).map(([name, robot]) => `${name} ${robot.state}`).join(", ")}`;
 }
 
 function select(name) {
