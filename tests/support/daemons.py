@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from contid.client import Client
@@ -143,3 +144,36 @@ def states(client: Client) -> set[str]:
 def arrives(client: Client, robot: str, tip_mm: tuple[float, ...]) -> None:
     """A move ends when the command is there; the simulated servo lags behind it."""
     until(lambda: client.status()["robots"][robot]["tip_mm"] == pytest.approx(tip_mm, abs=0.5), "it is there")
+
+
+#: Runs in the control process only, before anything else; its simulated bus is then that of a bad library.
+LIBRARY = """\
+import sys
+if "contid.control.process" in sys.orig_argv:
+    import os
+    from contid_drivers.sim.bus import SimBus
+    exchange, calls = SimBus.exchange, 0
+    def bad(self, commands):
+        global calls
+        calls += 1
+        if calls == 100:
+            {does}
+        return exchange(self, commands)
+    SimBus.exchange = bad
+"""
+
+
+def control_of(running: Running) -> int:
+    """The process id of the control process."""
+    (control,) = [
+        child.pid
+        for child in psutil.Process(running.process.pid).children()
+        if "contid.control.process" in child.cmdline()
+    ]
+    return control
+
+
+def ended(running: Running) -> tuple[int, str, str]:
+    """Exit code of the daemon, the ending in its report, and its messages."""
+    out, messages = running.process.communicate(timeout=30)
+    return running.process.returncode, json.loads(out)["ending"], messages

@@ -277,7 +277,7 @@ class Daemon:
             line.show(self.newest, end_s)
 
     def _stands_still(self, reader: RingReader, now_s: float) -> bool:
-        """Tell when the control process stands still; True when it has been killed for it."""
+        """Report that the control process stands still; True when it has been killed for it."""
         if self._ended:
             return False
         watch = self._silence

@@ -25,7 +25,7 @@ class ReportBuilder:
         self.report = RunReport(ending="the input ended", rate_hz=rate_hz)
         self.started = False
         self._interrupted = False
-        #: The control process has said how its run ended.
+        #: The control process has reported how its run ended.
         self._closed = False
 
     def interrupted(self) -> None:
@@ -65,7 +65,7 @@ class ReportBuilder:
                 self._closed = True
                 report.ending, report.exit_code = event.message, event.exit_code
             case StopBegan(reason="on_host_loss") if not self._interrupted:
-                self.broken("the control process was told to end (SIGTERM), but not by this daemon")
+                self.broken("the control process got a signal to end (SIGTERM), not from this daemon")
             case RobotReported():
                 report.robots[event.robot] = event.report
             case BusReported():

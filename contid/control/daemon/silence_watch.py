@@ -14,10 +14,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-#: Silence that is told: three periods of the tick, and at least this time [s].
-TOLD_S: Final = 0.05
-TOLD_PERIODS: Final = 3.0
-#: Silence after which the control process is killed, and at least twice what is told [s].
+#: Silence that is reported: three periods of the tick, and at least this time [s].
+REPORTED_S: Final = 0.05
+REPORTED_PERIODS: Final = 3.0
+#: Silence after which the control process is killed, and at least twice what is reported [s].
 KILLED_S: Final = 0.5
 #: Most of the time between two looks that counts [s]; the daemon looks more often unless it does not run.
 MOST_S: Final = 0.04
@@ -41,14 +41,14 @@ class SilenceWatch:
     """
 
     def __init__(self, rate_hz: float, activity: Callable[[], Activity]) -> None:
-        """Watch a control process; ``activity`` tells what it does, and is asked only while it is silent."""
+        """Watch a control process; ``activity`` finds what it does, and is called only while it is silent."""
         self.silent_s = self._counted_s = 0.0
-        self._told_s = max(TOLD_S, TOLD_PERIODS / rate_hz)
-        self._killed_s = max(KILLED_S, 2.0 * self._told_s)
+        self._reported_s = max(REPORTED_S, REPORTED_PERIODS / rate_hz)
+        self._killed_s = max(KILLED_S, 2.0 * self._reported_s)
         self._activity = activity
         self._ticks = 0
         self._looked_s = 0.0
-        self._told = False
+        self._reported = False
 
     def look(self, ticks: int, preparing: bool, now_s: float) -> Silence:
         """Look at the number of ticks that are complete.
@@ -61,18 +61,18 @@ class SilenceWatch:
         passed_s, self._looked_s = min(now_s - self._looked_s, MOST_S), now_s
         if ticks != self._ticks or not ticks:
             self._ticks, self._counted_s = ticks, 0.0
-            told, self._told = self._told, False
-            return Silence.OVER if told else Silence.TICKS
+            reported, self._reported = self._reported, False
+            return Silence.OVER if reported else Silence.TICKS
         activity = self._activity()
         if activity is Activity.STOPPED or (activity is Activity.GOES_ON and not preparing):
             self._counted_s += passed_s
             self.silent_s = self._counted_s
         if self._counted_s > self._killed_s:
             return Silence.KILL
-        if self._counted_s > self._told_s and not self._told:
-            self._told = True
+        if self._counted_s > self._reported_s and not self._reported:
+            self._reported = True
             return Silence.BEGAN
-        return Silence.LASTS if self._told else Silence.TICKS
+        return Silence.LASTS if self._reported else Silence.TICKS
 
 
 class Activity(enum.Enum):
@@ -84,7 +84,7 @@ class Activity(enum.Enum):
 
 
 class ProcessActivity:
-    """Asks the kernel what the threads of a process do (proc_pid_stat(5))."""
+    """Reads from the kernel what the threads of a process do (proc_pid_stat(5))."""
 
     def __init__(self, pid: int, proc: Path = Path("/proc")) -> None:
         self._folder = proc / str(pid) / "task"
@@ -100,7 +100,7 @@ class ProcessActivity:
                 ran = self._ran[thread.name] = (thread / "schedstat").read_text().split()[0]
                 states.add(state)
                 waits |= state == "R" and before.get(thread.name) == ran
-        except OSError:  # a thread has ended, or the kernel does not tell
+        except OSError:  # a thread has ended, or the kernel has no such files
             return Activity.GOES_ON
         if "T" in states:
             return Activity.STOPPED

@@ -1,7 +1,7 @@
 """What a driver answered, before anything computes with it: a driver may be anybody's.
 
 An answer that is no mapping costs the bus; a sample that is none costs the robot of its axis, as a fault of
-the device with the words of the answer.
+the device that quotes the answer.
 """
 
 from __future__ import annotations

@@ -104,5 +104,5 @@ def _behind_m(config: RobotConfig, state: RobotState, target: Target | None) -> 
     forward, load_n = config.model.forward, config.frame.vector_in_base(target.load_n)
     try:
         return math.dist(forward(state.command, load_n).tip_m, forward(state.reference, load_n).tip_m)
-    except Exception:  # only a figure of the report; the next tick tells the defect of the model
+    except Exception:  # only a figure of the report; the next tick reports the defect of the model
         return 0.0

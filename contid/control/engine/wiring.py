@@ -77,7 +77,7 @@ def open_buses(loaded: LoadedFile, clock: Clock) -> Mapping[str, Bus]:
     buses = build_buses(loaded, clock)
     try:
         for name, bus in buses.items():
-            with _told(loaded.buses[name]):
+            with _named(loaded.buses[name]):
                 bus.open()
     except BaseException:
         for bus in buses.values():
@@ -88,8 +88,8 @@ def open_buses(loaded: LoadedFile, clock: Clock) -> Mapping[str, Bus]:
 
 
 @contextmanager
-def _told(wiring: BusWiring) -> Iterator[None]:
-    """Tell a defect of the driver of a bus as an error of that bus."""
+def _named(wiring: BusWiring) -> Iterator[None]:
+    """Raise a defect of the driver of a bus as an error that names the bus."""
     try:
         yield
     except ContidError:
@@ -103,7 +103,7 @@ def build_buses(loaded: LoadedFile, clock: Clock) -> dict[str, Bus]:
     """Every bus that carries an axis; accesses no device."""
     buses = {}
     for each in wired_buses(loaded):
-        with _told(each.wiring):
+        with _named(each.wiring):
             name = each.wiring.name
             buses[name] = each.driver.open_bus(name, each.wiring.options, each.axes, clock)
     for name, robot in loaded.driven.items():

@@ -130,7 +130,7 @@ def _stop_without_model(config: RobotConfig, failed: RobotState, now_s: float) -
     try:
         if failed.enabled:
             return _move(config, failed, now_s)
-    except Exception:  # its words are those of the first error
+    except Exception:  # the first error is reported
         failed = replace(failed, motion=None, reference=failed.command)
     return TickResult(failed)
 

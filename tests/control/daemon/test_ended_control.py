@@ -2,52 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 from pathlib import Path
 
-import psutil
 import pytest
 
 from contid.control.daemon.report_builder import ReportBuilder
 from contid.control.engine.events.run import RunFailed, StopBegan
-from tests.support.daemons import Running, armed, daemon
+from tests.support.daemons import LIBRARY, armed, control_of, daemon, ended
 from tests.support.waiting import until
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
-
-#: Runs in the control process only, before anything else; its simulated bus is then that of a bad library.
-LIBRARY = """\
-import sys
-if "contid.control.process" in sys.orig_argv:
-    import os
-    from contid_drivers.sim.bus import SimBus
-    exchange, calls = SimBus.exchange, 0
-    def bad(self, commands):
-        global calls
-        calls += 1
-        if calls == 100:
-            {does}
-        return exchange(self, commands)
-    SimBus.exchange = bad
-"""
-
-
-def control_of(running: Running) -> int:
-    """The process id of the control process."""
-    (control,) = [
-        child.pid
-        for child in psutil.Process(running.process.pid).children()
-        if "contid.control.process" in child.cmdline()
-    ]
-    return control
-
-
-def ended(running: Running) -> tuple[int, str, str]:
-    """Exit code of the daemon, the ending in its report, and its messages."""
-    out, messages = running.process.communicate(timeout=30)
-    return running.process.returncode, json.loads(out)["ending"], messages
 
 
 def test_a_signal_to_the_control_process_is_no_end_of_the_input() -> None:
@@ -56,7 +22,7 @@ def test_a_signal_to_the_control_process_is_no_end_of_the_input() -> None:
         os.kill(control_of(running), signal.SIGTERM)
         code, ending, _ = ended(running)
         assert code == 3
-        assert "the control process was told to end (SIGTERM), but not by this daemon" in ending
+        assert "the control process got a signal to end (SIGTERM), not from this daemon" in ending
 
 
 @pytest.mark.parametrize("status", [0, 7])

@@ -1,4 +1,4 @@
-"""A control process that stands still is told and killed; one that is slow, starved or prepares is not."""
+"""A control process that stands still is reported and killed; a slow, starved or preparing one is not."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from pathlib import Path
 import pytest
 
 from contid.control.daemon.silence_watch import Activity, ProcessActivity, Silence, SilenceWatch
-from tests.control.daemon.test_ended_control import LIBRARY, control_of, ended
-from tests.support.daemons import HERE, armed, daemon, states
+from tests.support.daemons import HERE, LIBRARY, armed, control_of, daemon, ended, states
 from tests.support.waiting import until
 
 LOOK_S = 0.02
@@ -32,7 +31,9 @@ def watch_of(activity: Activity = Activity.GOES_ON, rate_hz: float = 200.0) -> S
 
 
 @pytest.mark.parametrize("activity", [Activity.GOES_ON, Activity.STOPPED])
-def test_silence_is_told_after_fifty_milliseconds_and_ended_after_half_a_second(activity: Activity) -> None:
+def test_silence_is_reported_after_50_ms_and_ended_after_half_a_second(
+    activity: Activity,
+) -> None:
     found = looks(watch_of(activity), [1, 2, 3] + [3] * 40)
     began, killed = found.index(Silence.BEGAN), found.index(Silence.KILL)
     assert set(found[:began]) == {Silence.TICKS}
@@ -40,7 +41,7 @@ def test_silence_is_told_after_fifty_milliseconds_and_ended_after_half_a_second(
     assert 0.5 < LOOK_S * (killed - 2) <= 0.54
 
 
-def test_a_process_that_ticks_again_is_told_and_begins_anew() -> None:
+def test_a_process_that_ticks_again_is_reported_and_begins_anew() -> None:
     watch = watch_of()
     found = looks(watch, [1] + [1] * 20 + [2, 3] + [3] * 20)
     assert [each for each in found if each in (Silence.BEGAN, Silence.OVER)] == [
@@ -78,7 +79,7 @@ def test_time_without_a_processor_does_not_count() -> None:
 
 @pytest.mark.process
 @pytest.mark.realtime
-def test_the_kernel_tells_what_a_process_does() -> None:
+def test_the_kernel_knows_what_a_process_does() -> None:
     spin = "print(flush=True)\nwhile True: pass"
     sleep = "print(flush=True)\nimport time; time.sleep(60)"
     for program, expected in ((spin, Activity.GOES_ON), (sleep, Activity.GOES_ON)):
@@ -130,15 +131,15 @@ def test_a_stall_in_any_state_ends_the_run_with_words(state: str) -> None:
         until(lambda: states(client) == {state}, "it is in that state")
         stop = time.monotonic()
         os.kill(control_of(running), signal.SIGSTOP)
-        until(lambda: other.status()["stalled"], "status tells it")
-        told_s = time.monotonic() - stop
+        until(lambda: other.status()["stalled"], "status has it")
+        reported_s = time.monotonic() - stop
         running.process.wait(30)
         ended_s = time.monotonic() - stop
         code, ending, messages = ended(running)
         assert code == 3
         assert "stood still for 0.5 s and was killed" in ending or "fault" in ending
         assert "warning: the control process stands still" in messages
-        assert told_s < 0.5 < ended_s
+        assert reported_s < 0.5 < ended_s
 
 
 @pytest.mark.process

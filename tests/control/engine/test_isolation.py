@@ -1,4 +1,4 @@
-"""A defect of one robot's model or driver costs that robot only, told with its own words, whatever it is.
+"""A defect of one robot's model or driver costs that robot only, and its message is reported, whatever it is.
 
 The witness of the other robot is its records: the same to the bit as in a run without the defect.
 """
@@ -258,7 +258,7 @@ class NoDriver:
 @pytest.mark.parametrize(
     ("opens", "words"), [(False, "ValueError: baud rate of tea"), (True, "no such port")]
 )
-def test_a_driver_that_fails_to_open_is_told(
+def test_a_driver_that_fails_to_open_is_named(
     monkeypatch: pytest.MonkeyPatch, opens: bool, words: str
 ) -> None:
     monkeypatch.setattr("contid.control.engine.wiring.load_driver", lambda name: NoDriver(opens))
@@ -266,7 +266,7 @@ def test_a_driver_that_fails_to_open_is_told(
         open_buses(load(1), VirtualClock())
 
 
-def test_a_tracker_that_fails_is_told_and_not_read_any_more(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_tracker_that_fails_is_reported_and_not_read_any_more(caplog: pytest.LogCaptureFixture) -> None:
     class Tracker(NoDriver):
         def measured_tips(self) -> Any:
             raise OSError("no camera")

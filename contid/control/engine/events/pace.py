@@ -29,7 +29,7 @@ class TicksWaited(RunEvent):
 
 @run_event("stalled")
 class ControlStalled(RunEvent):
-    """The control process stands still, or ticks again; the daemon tells it, and no recording has it."""
+    """The control process stands still, or ticks again; an event of the daemon, in no recording."""
 
     silent_s: Annotated[float, "time without a tick so far, in which it could have ticked"]
     over: Annotated[bool, "it ticks again"]

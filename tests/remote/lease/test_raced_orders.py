@@ -152,7 +152,7 @@ class VirtualRun:
         raise AssertionError("there is no input")
 
     def note(self, event: NoteWritten) -> None:
-        raise AssertionError("nobody writes a note")
+        raise AssertionError("there are no notes")
 
     def lateness(self, ticks: int) -> list[float]:
         return []
@@ -164,7 +164,7 @@ class VirtualRun:
         """Events go to `turn`."""
 
     def interrupt(self) -> None:
-        raise AssertionError("nobody ends the run")
+        raise AssertionError("the run does not end")
 
 
 class Race:
@@ -198,7 +198,7 @@ class Race:
             robots = zip(self.run.loaded.driven, self.run.records[result["tick"]].robots, strict=True)
             modes = {name: Mode(record.mode).name for name, record in robots}
             if result["robots"] != modes:
-                self.foreign.append(f"{verb}: {result}, the record says {modes}")
+                self.foreign.append(f"{verb}: {result}, the record has {modes}")
         if verb == "acquire" and not fields.get("unless_stopped"):
             self.model.standing.clear()
         if "t_s" in fields.get("columns", ()):  # begun in one step; its rows move nothing yet
@@ -252,7 +252,7 @@ async def race() -> AsyncIterator[Race]:
 
 
 @pytest.mark.parametrize("seed", range(3))
-async def test_nobody_moves_after_the_stop_of_another(race: Race, seed: int) -> None:
+async def test_no_client_moves_after_the_stop_of_another(race: Race, seed: int) -> None:
     rng = random.Random(seed)
     clients = [Client(number) for number in range(1, 6)]
     for _ in range(600):
