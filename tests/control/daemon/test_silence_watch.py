@@ -1,4 +1,4 @@
-"""A control process that stands still is reported and killed; a slow, starved or preparing one is not."""
+"""A control process that stands still is reported and killed; one that is slow or waits is not."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_time_without_a_processor_does_not_count() -> None:
 
 @pytest.mark.process
 @pytest.mark.realtime
-def test_the_kernel_knows_what_a_process_does() -> None:
+def test_what_a_process_does_by_the_kernel() -> None:
     spin = "print(flush=True)\nwhile True: pass"
     sleep = "print(flush=True)\nimport time; time.sleep(60)"
     for program, expected in ((spin, Activity.GOES_ON), (sleep, Activity.GOES_ON)):
