@@ -7,7 +7,7 @@ import random
 import numpy as np
 import pytest
 
-from contid.robot_file.shipped import load_named
+from contid.robot_file.load import load_named
 from contid_panel.geometry import PanelGeometry, tip_mm
 
 #: Share of the size of the box by which the farthest of many random tips may lie outside.

@@ -25,7 +25,7 @@ from tests.support.waiting import until
 #: Leases lapse in real time, and the browser shares the cores.
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
-#: What a coordinate that nobody touched may change by [mm].
+#: What a coordinate that was not touched may change by [mm].
 UNTOUCHED_MM = 1e-6
 PRESSES = 6
 

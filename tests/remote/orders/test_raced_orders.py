@@ -198,7 +198,7 @@ class Race:
             robots = zip(self.run.loaded.driven, self.run.records[result["tick"]].robots, strict=True)
             modes = {name: Mode(record.mode).name for name, record in robots}
             if result["robots"] != modes:
-                self.foreign.append(f"{verb}: {result}, the record says {modes}")
+                self.foreign.append(f"{verb}: {result}, the record has {modes}")
         if verb == "acquire" and not fields.get("unless_stopped"):
             self.model.standing.clear()
         if "t_s" in fields.get("columns", ()):  # begun in one step; its rows move nothing yet
