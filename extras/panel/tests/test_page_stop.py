@@ -62,7 +62,7 @@ def test_stop_by_the_space_bar_wherever_the_focus_is(it: OpenPage, running: Runn
         assert states(client) == {"OFF"}
 
 
-def test_after_a_stop_no_message_says_that_the_robots_hold(it: OpenPage) -> None:
+def test_after_a_stop_no_message_has_that_the_robots_hold(it: OpenPage) -> None:
     """A stop revokes the lease, and torque is off: arms sink."""
     it.take_control()
     it.page.evaluate(
@@ -81,7 +81,7 @@ def test_after_a_stop_no_message_says_that_the_robots_hold(it: OpenPage) -> None
     assert not [text for text in it.page.evaluate("() => window.toasts") if "hold" in text]
 
 
-def test_a_lease_that_is_taken_is_told_with_the_holder(it: OpenPage, running: Running) -> None:
+def test_a_lease_that_is_taken_is_shown_with_the_holder(it: OpenPage, running: Running) -> None:
     it.take_control()
     with running.client(name="script") as other:
         other.acquire(30.0, takeover=True)

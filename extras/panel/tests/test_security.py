@@ -232,7 +232,7 @@ WAITING = {
 
 
 @pytest.mark.parametrize("behaviour", WAITING)
-def test_connections_without_the_token_lock_no_one_out(served: PanelProcess, behaviour: str) -> None:
+def test_connections_without_the_token_lock_out_no_page(served: PanelProcess, behaviour: str) -> None:
     text = WAITING[behaviour].replace(b"{port}", str(served.port).encode())
     with ExitStack() as stack:
         for _ in range(MAX_CONNECTIONS + 4):
