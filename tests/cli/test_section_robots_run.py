@@ -36,6 +36,7 @@ def test_the_papers_paths_run(name, tmp_path):
     assert report["ticks_limited"] == {}
 
 
+@pytest.mark.process
 def test_a_real_run_frees_its_kernels(tmp_path):
     """Its process ends with a frozen collector: what a cycle of references holds, nanobind reports."""
     rows = tmp_path / "rest.csv"

@@ -19,6 +19,8 @@ from contid.units import MM_PER_M
 from tests.oracles.bounded import GRAM_N, TILTED, models
 from tests.oracles.rod_walk import load_scale, walk
 
+pytestmark = pytest.mark.slow
+
 Case = tuple[int, int, tuple[float, ...]]
 
 #: Arm of `models`, mass on the tip [g], pressures [bar].

@@ -19,6 +19,8 @@ from tests.oracles.rod_energy import variation
 from tests.oracles.rod_shooting import ramped_tip
 from tests.oracles.rod_walk import load_scale, walk
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def arm(configs: Path) -> CosseratModel:

@@ -67,6 +67,7 @@ def test_the_target_that_moved_by_8_mm_of_rack():
         )
 
 
+@pytest.mark.slow
 def test_no_neighbour_with_the_same_tip_is_nearer_to_home():
     """SLSQP from the answer and around it finds no lower distance at the same tip within the limits."""
     feasible = feasible_of("trirack2")

@@ -81,6 +81,7 @@ def _refuse(constant: str) -> float:
     raise AssertionError(f"{constant} is no JSON")
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(RECORDS)
 def test_round_trip_is_exact_and_matches_the_schema(values: tuple[float, ...]) -> None:

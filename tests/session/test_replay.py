@@ -179,6 +179,7 @@ def test_a_trajectory_of_an_order(tmp_path: Path) -> None:
     assert session.trajectory(loaded, 3) is None
 
 
+@pytest.mark.process
 def test_the_recorder_attaches_the_trajectory_of_an_order(tmp_path: Path) -> None:
     """Through the observer and the recorder's process, before the order is in the ring."""
     loaded = load(2)

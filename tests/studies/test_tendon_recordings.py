@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
 from click.testing import CliRunner
 
 from studies.tendon_recordings import main
 from tests.calibrate.tendon_recordings import excerpt_lines
 
 
+@pytest.mark.slow
 def test_the_statics_predict_pairs_better_than_every_black_box(tmp_path: Path) -> None:
     """Fitted to single tendons and sections; pairs of sections stand for the file kept out."""
     lines = excerpt_lines()

@@ -16,6 +16,8 @@ from contid_camera.tracker import TipTracker
 from tests.support.camera_render import Lens, Studio, chessboard
 from tests.support.camera_scene import TIP, WORLD, Scene, motion, setup
 
+pytestmark = pytest.mark.slow
+
 TAGS = [*WORLD, *TIP]
 
 

@@ -22,6 +22,7 @@ def section(path: Path) -> configparser.SectionProxy:
     return parser["Service"]
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("unit", [UNIT, ROUTER], ids=["bridge", "router"])
 def test_systemd_reads_it(unit: Path, tmp_path: Path) -> None:
     verify_unit(unit, "lab", tmp_path)

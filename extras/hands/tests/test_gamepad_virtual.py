@@ -97,6 +97,7 @@ def squeeze(recording: Recording, finger: Operated, ticks: int = 2) -> None:
         finger.tick()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("space", ["axes", "tip"])
 def test_random_inputs_stay_within_the_limits_and_nothing_moves_after_the_release(space: str) -> None:
     chooser = random.Random(21)

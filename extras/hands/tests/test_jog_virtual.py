@@ -23,6 +23,7 @@ TOLERANCE = 1e-6
 SHARED_M = 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("space", ["axes", "tip"])
 def test_random_keys_stay_within_the_limits_and_nothing_moves_after_the_release(space: str) -> None:
     chooser, model = random.Random(7), config_of("finger").model

@@ -10,6 +10,8 @@ from contid import Sim
 from tests.session.rewrite import rewritten
 from tests.support.command import contid_in
 
+pytestmark = pytest.mark.process
+
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:

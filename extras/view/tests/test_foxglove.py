@@ -18,6 +18,8 @@ from contid import Robot, Sim
 from contid_view.foxglove_export import quaternion
 from tests.support.command import contid_in
 
+pytestmark = pytest.mark.process
+
 TIP_MM = (60.0, 75.0)
 
 

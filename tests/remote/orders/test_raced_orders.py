@@ -251,6 +251,7 @@ async def race() -> AsyncIterator[Race]:
         found.handler.pending.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 async def test_no_client_moves_after_the_stop_of_another(race: Race, seed: int) -> None:
     rng = random.Random(seed)
