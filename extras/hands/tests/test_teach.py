@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -90,6 +91,7 @@ def test_shafts_are_turned_by_hand_saved_recorded_and_replayed(configs: Path) ->
 
                 start = measured()
                 push(1, 8.0, 100.0)  # under torque it resists
+                time.sleep(0.5)  # the push is over before torque goes off
                 with started(folder, "teach", "--socket", "s", "--yes") as teach:
                     assert "torque is off" in line_with(teach, "finger: torque is off")
                     line_with(teach, "Keys:")
