@@ -11,14 +11,14 @@ from typing import Any, Final
 
 from contid.client import AsyncClient
 from contid.remote.protocol.expiry import FIELD, clock_s
-from contid.remote.protocol.wire import Code, Fields, RemoteError, is_number
+from contid.remote.protocol.wire import STOP_VERBS, Code, Fields, RemoteError, is_number
 
 #: How long after its press an order is valid.
 VALID_S: Final = 1.0
 #: A press that lies further ahead is a mistake of clocks.
 AHEAD_S: Final = 0.25
 #: Orders to stop: they are carried out at once, whatever else waits, and never expire.
-URGENT: Final = frozenset({"estop", "stop", "hold"})
+URGENT: Final = frozenset(STOP_VERBS)
 #: These also only end something.
 LASTING: Final = URGENT | {"release", "jog_end"}
 #: The end of a stream needs none: it began in time, and ends with the lease of a page that falls silent.
