@@ -45,7 +45,7 @@ def replacing(path: Path, mode: int | None = None) -> Iterator[BinaryIO]:
             os.fsync(file.fileno())
             _name(file.fileno(), part)
         part.replace(target)
-        _sync_folder(target.parent)
+        sync_folder(target.parent)
     except BaseException as error:
         if not device:
             part.unlink(missing_ok=True)
@@ -101,7 +101,7 @@ def _name(descriptor: int, part: Path) -> None:
         os.close(folder)
 
 
-def _sync_folder(folder: Path) -> None:
+def sync_folder(folder: Path) -> None:
     """Bring the names of a folder to the disk."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:

@@ -18,7 +18,7 @@ from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import TICK_CHANNELS
 from contid.session.format.entries import DAMAGED, GROWING
 from contid.session.format.indexed_writer import IndexedWriter
-from contid.session.format.mcap_records import RecordStream
+from contid.session.format.record_stream import RecordStream
 from contid.session.measured_channel import MeasuredChannel, ModelFailedError
 from contid.session.write import PRIVATE, exists_error
 from contid.whole_file import replacing
@@ -88,6 +88,8 @@ class _Compactor:
                 if (opcode, number) in copied:
                     continue
                 copied.add((opcode, number))
+            if opcode == mcap.METADATA and mcap.decode(opcode, body).name == mcap.CHECKSUM:
+                continue  # the end of the data has one for the whole file
             if opcode == mcap.CHANNEL:
                 self._topics[number] = mcap.decode(opcode, body).topic
             self._writer.record(opcode, body)
@@ -137,7 +139,7 @@ def repair(source: Path, output: Path | None, progress: Callable[[int], None] = 
     session = Session(source, progress)
     before = summarize(session)
     end = session.end
-    if end.clean and end.chunked and output is None:
+    if end.clean and end.compacted and output is None:
         return f"{source}: nothing to repair"
     if end.cut == GROWING:
         raise SessionError(f"{source}: {GROWING}; nothing to repair before the run has ended")

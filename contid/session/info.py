@@ -123,7 +123,7 @@ def summarize(session: Session) -> Info:
         info.skipped = int(last[SKIPPED])
     info.duration_s = (last_ns - first_ns) / 1e9
     info.events = dict(sorted(kinds.items()))
-    info.compacted = session.end.chunked
+    info.compacted = session.end.compacted
     info.state = _state(session, info.ticks)
     if "repaired" in session.metadata:
         info.state += f", repaired {session.metadata['repaired'].get('when', '')}".rstrip()

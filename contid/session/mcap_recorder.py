@@ -1,9 +1,11 @@
 """The recorder's process: reads the ring, writes every tick at once, outlives the daemon.
 
 Started before the first tick as ``python -m contid.session.mcap_recorder`` with a pickled `RecorderJob` on
-stdin. Its stdout has lines for the daemon: ``ready`` or an error, later further errors. It sleeps until half
-a period after the next deadline, computed from the newest record, with the pidfd of the ring's writer (the
-control process) in the same ``select``: one wake-up per tick, no polling, no work for the control process.
+stdin. Its stdout has lines for the daemon: ``ready`` or an error, later `MISSED` with the number of ticks
+that it missed so far, or further errors. A thread brings what was written to the disk once a second. It
+sleeps until half a period after the next deadline, computed from the newest record, with the pidfd of the
+ring's writer (the control process) in the same ``select``: one wake-up per tick, no polling, no work for
+the control process.
 
 It ends when the ring is finished or the ring's writer has ended, with or without the daemon, or when the
 daemon ends a recording that began during the run: drains the ring, adds the footer, compacts. It ignores
@@ -19,20 +21,26 @@ import pickle
 import select
 import signal
 import sys
+import threading
 import time
+from collections import deque
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 from contid.control.engine.events.buses import RecorderFailed, RecorderOverrun
 from contid.control.engine.tick_layout import DEADLINE
-from contid.control.process.ring_reader import RingReader
+from contid.control.process.ring_reader import DatedEvent, RingReader
 from contid.errors import ContidError
 from contid.session.compact import compact
 from contid.session.format.header import END, NPZ, Attached, RecorderJob
 from contid.session.write import SessionWriter
 
 READY: Final = "ready"
+#: Begin of a line with the number of ticks that are missing in the file, because the disk was too slow.
+MISSED: Final = "missed "
+#: Time between two calls that bring what was written to the disk: at most this much is lost at a power cut.
+SYNC_PERIOD_S: Final = 0.8
 #: Records read from the ring before they are written; limits the memory after a long stall of the disk.
 _MAX_RECORDS: Final = 256
 #: Fraction of a period after a deadline at which its record is read.
@@ -58,6 +66,10 @@ class McapRecorder:
         self._ended = False
         #: Ticks and events missed so far.
         self._missed = (0, 0)
+        #: Events of ticks that are not written yet.
+        self._events: deque[DatedEvent] = deque()
+        self._sync_error: ContidError | None = None
+        self._closing = threading.Event()
         self._inbox = -1
         self._lines = b""
         try:
@@ -72,7 +84,11 @@ class McapRecorder:
             ContidError: the file cannot be written.
         """
         writer_ended = self._pidfd < 0
+        # A thread: a disk that takes seconds for it must not keep the ring from being read.
+        threading.Thread(target=self._sync, daemon=True).start()
         while True:
+            if self._sync_error is not None:
+                raise self._sync_error
             # Read before the ring is drained: what was written until then is read below.
             finished = self._reader.finished
             while self._drain():
@@ -80,6 +96,8 @@ class McapRecorder:
             if finished or writer_ended or self._ended:
                 break
             writer_ended = self._sleep()
+        self._write_events(None)
+        self._closing.set()
         if not finished and not self._ended:
             self._writer.event(RecorderFailed(message="the control process ended unexpectedly"))
         self._writer.finish()
@@ -91,6 +109,7 @@ class McapRecorder:
 
     def close(self) -> None:
         """Close file and ring."""
+        self._closing.set()
         self._writer.close()
         self._reader.close()
         if self._pidfd >= 0:
@@ -102,9 +121,8 @@ class McapRecorder:
         written = reader.written
         if self._inbox >= 0:
             self._take_attached()  # it was sent before its order, hence before the event of the order
-        # The ring has the events of a tick before its record; this order keeps that in the file.
-        for event in reader.events():
-            writer.event(event)
+        # The ring has the events of a tick before its record; the file too.
+        self._events += reader.dated_events()
         count = min(written - self._taken, _MAX_RECORDS)
         raw = reader.raw_ticks(count) if count > 0 else []
         missed = (reader.missed_ticks, reader.missed_events)
@@ -113,14 +131,35 @@ class McapRecorder:
             writer.event(RecorderOverrun(missed_ticks=ticks, missed_events=events))
             self._taken += ticks
             self._missed = missed
+            _answer(f"{MISSED}{missed[0]}")
         for values in raw:
+            self._write_events(self._taken)
             writer.tick(values)
+            self._taken += 1
+        if self._taken >= written:
+            self._write_events(written)
         if raw:
-            self._taken += len(raw)
             self._next_s = raw[-1][DEADLINE] + (1.0 + _DELAY) * self._period_s
         if writer.pending:
             writer.flush()
         return self._taken < written
+
+    def _write_events(self, ticks: int | None) -> None:
+        """Write the events before a tick, at the time of the tick before it.
+
+        Args:
+            ticks: number of ticks before the one that is written next; None for all events.
+        """
+        while self._events and (ticks is None or self._events[0].ticks <= ticks):
+            self._writer.event(self._events.popleft().event)
+
+    def _sync(self) -> None:
+        while not self._closing.wait(SYNC_PERIOD_S):
+            try:
+                self._writer.sync()
+            except ContidError as error:
+                self._sync_error = error
+                return
 
     def _take_attached(self) -> None:
         try:
@@ -163,6 +202,7 @@ def main() -> int:
         _answer(str(error))
         return error.exit_code
     _answer(READY)
+    os.set_blocking(1, False)  # a daemon that stands still must not keep the ring from being read
     gc.collect()
     gc.freeze()
     _set_nice(_PRIORITY)

@@ -25,6 +25,7 @@ from contid.session.format.channels import (
     measured_schema,
 )
 from contid.session.format.mcap_records import MESSAGE_INSIDE
+from contid.session.format.record_stream import RecordStream
 
 if TYPE_CHECKING:
     from contid.session.export.measured import MeasuredRobot
@@ -143,7 +144,7 @@ def _first_topics(path: Path) -> set[str]:
     topics: dict[int, str] = {}
     ticks = 0
     with path.open("rb") as file:
-        for opcode, body in mcap.RecordStream(file):
+        for opcode, body in RecordStream(file):
             if opcode == mcap.CHANNEL:
                 channel = mcap.decode(opcode, body)
                 topics[channel.id] = channel.topic

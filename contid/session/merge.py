@@ -20,6 +20,7 @@ from contid.session.clock_notes import ClockNotes, clock_notes
 from contid.session.format import mcap_records as mcap
 from contid.session.format.indexed_writer import IndexedWriter
 from contid.session.format.mcap_records import MESSAGE_INSIDE
+from contid.session.format.record_stream import RecordStream
 from contid.session.read import Session
 from contid.session.write import PRIVATE, exists_error
 from contid.whole_file import replacing
@@ -157,7 +158,7 @@ def _messages(
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
     newest_ns = 0
-    for opcode, body in mcap.RecordStream(file):
+    for opcode, body in RecordStream(file):
         if opcode == mcap.SCHEMA:
             schema = mcap.decode(opcode, body)
             if schema.id not in schemas:

@@ -20,8 +20,9 @@ from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import CHANNELS, REVISION
 from contid.session.format.decode import Decoder
 from contid.session.format.entries import EndOfFile, Entry, read_entries
-from contid.session.format.mcap_records import DamagedRecordError, RecordStream
+from contid.session.format.mcap_records import DamagedRecordError
 from contid.session.format.metadata import FORMAT, TRAJECTORY, decode_trajectory
+from contid.session.format.record_stream import RecordStream
 from contid.trajectory.timed import Trajectory
 
 if TYPE_CHECKING:

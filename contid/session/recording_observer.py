@@ -26,7 +26,7 @@ from contid.session.format.metadata import (
     encode_trajectory,
     trajectory_metadata,
 )
-from contid.session.mcap_recorder import READY
+from contid.session.mcap_recorder import MISSED, READY
 from contid.session.write import SessionWriter
 
 #: How long the end of a run waits for compaction; a session of 45 minutes of a hand takes a third of it.
@@ -55,8 +55,12 @@ class RecordingObserver:
         self._writer: SessionWriter | None = None
         self._played = 0  # trajectories of orders so far
         self._sent: list[Path] = []  # files of trajectories for the recorder to remove
+        self._lines = b""  # of the recorder, not read to their end
+        self._errors: list[str] = []
         #: The recorder failed: records are missing from the session.
         self.lost = False
+        #: Ticks that are missing because the disk was too slow.
+        self.missed_ticks = 0
 
     def attach(self, setup: RunSetup, pid: int) -> None:
         """Start the recorder's process and wait until it has created its file.
@@ -69,6 +73,7 @@ class RecordingObserver:
             module_command("contid.session.mcap_recorder"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            bufsize=0,
             start_new_session=True,
             env={**os.environ, **ENVIRONMENT},
         )
@@ -85,6 +90,7 @@ class RecordingObserver:
         if answer != READY:
             self._close(5.0)
             raise ContidError(answer or "the recorder did not start")
+        os.set_blocking(process.stdout.fileno(), False)
 
     def follow(self, setup: RunSetup) -> Sink:
         """Record a run in virtual time within this process.
@@ -144,6 +150,23 @@ class RecordingObserver:
         """The recorder's process has not ended."""
         return self._process is not None and self._process.poll() is None
 
+    @property
+    def failed(self) -> bool:
+        """The recorder's process has ended with an error, or was killed, and is not closed yet."""
+        return self._process is not None and self._process.poll() not in (None, 0)
+
+    def watch(self) -> None:
+        """Take in what the recorder has to report: ticks that it missed, and errors."""
+        if self._process is None or self._process.stdout is None:
+            return
+        *lines, self._lines = (self._lines + (self._process.stdout.read() or b"")).split(b"\n")
+        for line in lines:
+            text = line.decode(errors="replace")
+            if text.startswith(MISSED):
+                self.missed_ticks = int(text.removeprefix(MISSED))
+            else:
+                self._errors.append(text)
+
     def end(self) -> None:
         """End the recording before the run ends; the recorder completes the file by itself."""
         if self._process is not None and self._process.stdin is not None:
@@ -171,13 +194,19 @@ class RecordingObserver:
             process.stdin.close()
         try:
             process.wait(timeout_s)
+            self._process = process
+            self.watch()
+            self._process = None
             for path in self._sent:  # a recorder that was killed has not removed them
                 path.unlink(missing_ok=True)
         except subprocess.TimeoutExpired:
             process.stdout.close()
             return (f"{self.path}: complete; it is still being compacted",)
-        self.lost = process.returncode != 0
-        errors = tuple(process.stdout.read().decode().splitlines())
+        self.lost = process.returncode != 0 or self.missed_ticks > 0
+        if self.missed_ticks:
+            missed = f"{self.path}: lacks {self.missed_ticks} ticks; the disk was too slow for more than 8 s"
+            self._errors.append(missed)
+        errors = tuple(self._errors)
         process.stdout.close()
         if process.returncode and not errors:
             return (f"{self.path}: the recorder ended with status {process.returncode}",)

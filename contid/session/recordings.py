@@ -45,6 +45,7 @@ class OrderedRecording:
         began_s: when, by `time.monotonic`.
         starting: the start of the recorder; None when it records the whole run.
         ending: its end was ordered; the recorder completes the file.
+        reported: ticks missed, and whether the recorder has failed, as they were reported last.
     """
 
     observer: RecordingObserver
@@ -52,6 +53,18 @@ class OrderedRecording:
     began_s: float
     starting: asyncio.Task[None] | None = None
     ending: bool = False
+    reported: tuple[int, bool] = (0, False)
+
+    def report_losses(self) -> None:
+        """Log what is newly missing in the file, for terminals, the recording of others and ``status``."""
+        observer = self.observer
+        observer.watch()
+        found = observer.missed_ticks, observer.failed
+        if found[0] > self.reported[0]:
+            log.warning("%s: lacks %d ticks so far; the disk is too slow", observer.path, found[0])
+        if found[1] and not self.reported[1]:
+            log.error("%s: the recorder has failed; nothing more is recorded", observer.path)
+        self.reported = found
 
     @property
     def started(self) -> bool:
@@ -60,7 +73,9 @@ class OrderedRecording:
 
     @property
     def state(self) -> str:
-        """``starting``, ``recording`` or ``ending``."""
+        """``starting``, ``recording``, ``ending`` or ``failed``."""
+        if self.observer.failed:
+            return "failed"
         return "ending" if self.ending else "recording" if self.started else "starting"
 
     def as_fields(self, whole_run: bool) -> dict[str, Any]:
@@ -70,6 +85,7 @@ class OrderedRecording:
             "whole_run": whole_run,
             "by": self.by,
             "seconds": round(time.monotonic() - self.began_s, 1),
+            "missed_ticks": self.observer.missed_ticks,
             "state": self.state,
         }
 
@@ -157,7 +173,10 @@ class Recordings:
         return OrderDone(recording.observer.path, not recording.observer.running)
 
     def watch(self) -> None:
-        """Report recorders that have ended: those whose end was ordered, and those that failed."""
+        """Report recorders that missed ticks, that failed, or that have ended as ordered."""
+        for recording in (self._run, self._current):
+            if recording is not None and recording.started:
+                recording.report_losses()
         for recording in [*self._ending]:
             if not recording.observer.running:
                 self._ending.remove(recording)
@@ -177,7 +196,7 @@ class Recordings:
     def as_fields(self) -> list[dict[str, Any]]:
         """For ``status``: every recording that is under way."""
         found = []
-        if self._run is not None and self._run.observer.running:
+        if self._run is not None and (self._run.observer.running or self._run.observer.failed):
             found.append(self._run.as_fields(whole_run=True))
         ordered = [*self._ending, *([self._current] if self._current is not None else [])]
         return found + [recording.as_fields(whole_run=False) for recording in ordered]

@@ -1,8 +1,10 @@
-"""Recording: unchunked MCAP, every tick in one write to the operating system.
+"""Recording: MCAP with one uncompressed chunk per write, every tick in one write to the operating system.
 
-Written data survive the end of this process; a power cut loses what was not yet on the disk. A clean end adds
-the footer, and `contid.session.compact` compresses the file. Until then the file is locked: it can be read,
-but not repaired. Files of recordings are private, and never overwritten.
+Every chunk has the CRC-32 of its messages, the metadata ``checksum`` that of everything before them, and the
+end of the data that of the whole file: no flipped bit is read as a measurement. Written data survive the
+end of this process; a power cut loses what came after the last `SessionWriter.sync`. A clean end adds the
+footer, and `contid.session.compact` compresses the file. Until then the file is locked: it can be read, but
+not repaired. Files of recordings are private, and never overwritten.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -23,6 +26,7 @@ from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import CHANNELS, EVENT, schema
 from contid.session.format.encode import Encoder
 from contid.session.format.header import Header
+from contid.whole_file import sync_folder
 
 #: Sessions and command logs hold everything a robot did: for their owner only.
 PRIVATE: Final = 0o600
@@ -71,9 +75,15 @@ class SessionWriter:
             raise ContidError(f"{path}: cannot record: {error.strerror}") from error
         with suppress(OSError):  # a file system without locks
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        self._buffer = bytearray(mcap.MAGIC + head_records(header))
+        #: Messages since the last write, and the time of the first of them.
+        self._messages = bytearray()
+        self._messages_ns = self._time_ns
+        self._crc = 0  # of everything written
+        head = mcap.MAGIC + head_records(header)
         try:
-            self.flush()
+            self._append(head + mcap.checksum(zlib.crc32(head)))
+            with suppress(OSError):  # a file system that has no such call for folders
+                sync_folder(path.parent)
         except ContidError:
             self.close()
             path.unlink(missing_ok=True)
@@ -82,14 +92,16 @@ class SessionWriter:
     @property
     def pending(self) -> int:
         """Bytes not yet written."""
-        return len(self._buffer)
+        return len(self._messages)
 
     def tick(self, values: Sequence[float]) -> None:
         """Add a tick: the values of a record in order, integers as integers."""
         tick, time_ns = int(values[TICK]), self._header.time_ns(values[DEADLINE])
+        if not self._messages:
+            self._messages_ns = time_ns
         self._time_ns, self._sequence = time_ns, tick
         for number, data in enumerate(self._encoder.encode(values), 1):
-            self._buffer += mcap.message(number, tick, time_ns, data)
+            self._messages += mcap.message(number, tick, time_ns, data)
 
     def write(self, values: Sequence[float]) -> None:
         """Add a tick of a run in virtual time, with its numbers as a ring would return them."""
@@ -100,40 +112,62 @@ class SessionWriter:
     def event(self, event: RunEvent) -> None:
         """Add an event at the time of the newest tick."""
         data = json.dumps(to_json(event), separators=(",", ":")).encode()
-        self._buffer += mcap.message(_EVENT_ID, self._sequence, self._time_ns, data)
+        self._messages += mcap.message(_EVENT_ID, self._sequence, self._time_ns, data)
 
     def attach(self, name: str, media: str, data: bytes, metadata: Mapping[str, str]) -> None:
-        """Add a file and its metadata."""
-        from mcap.records import Attachment, Metadata
-
-        self._buffer += mcap.encode(
-            Metadata(name=name, metadata=dict(metadata)),
-            Attachment(self._time_ns, self._time_ns, f"{name}.npz", media, data),
-        )
-
-    def flush(self) -> None:
-        """Write the buffer to the file.
+        """Write a file and its metadata.
 
         Raises:
             ContidError: the disk is full or disconnected.
         """
-        view = memoryview(self._buffer)
+        from mcap.records import Attachment, Metadata
+
+        self.flush()
+        data = mcap.encode(
+            Metadata(name=name, metadata=dict(metadata)),
+            Attachment(self._time_ns, self._time_ns, f"{name}.npz", media, data),
+        )
+        self._append(data + mcap.checksum(zlib.crc32(data, self._crc)))
+
+    def flush(self) -> None:
+        """Write what is pending to the file, in one piece.
+
+        Raises:
+            ContidError: the disk is full or disconnected.
+        """
+        if self._messages:
+            chunk = mcap.plain_chunk(self._messages, self._messages_ns, self._time_ns)
+            self._messages.clear()
+            self._append(chunk)
+        self._messages_ns = self._time_ns
+
+    def sync(self) -> None:
+        """Wait until everything written is on the disk; may be called from another thread.
+
+        Raises:
+            ContidError: the disk has failed.
+        """
+        try:
+            os.fdatasync(self._file)
+        except OSError as error:
+            raise ContidError(f"{self.path}: recording stopped: {error.strerror}") from error
+
+    def _append(self, data: bytes) -> None:
+        self._crc = zlib.crc32(data, self._crc)
+        view = memoryview(data)
         try:
             done = 0
             while done < len(view):
                 done += os.write(self._file, view[done:])
         except OSError as error:
             raise ContidError(f"{self.path}: recording stopped: {error.strerror}") from error
-        finally:
-            view.release()
-        self._buffer.clear()
 
     def finish(self) -> None:
         """End the file as MCAP requires, without an index."""
         from mcap.records import DataEnd, Footer
 
-        self._buffer += mcap.encode(DataEnd(0), Footer(0, 0, 0)) + mcap.MAGIC
         self.flush()
+        self._append(mcap.encode(DataEnd(self._crc), Footer(0, 0, 0)) + mcap.MAGIC)
         self.close()
 
     def close(self) -> None:

@@ -12,6 +12,7 @@ import zlib
 from collections.abc import Callable
 
 from contid.session.format import mcap_records as mcap
+from contid.session.format.record_stream import RecordStream
 from contid_drivers.due.frames import FrameReader, seal
 from contid_drivers.dynamixel import packets
 
@@ -38,7 +39,7 @@ def due(data: bytes, dice: random.Random, mutate: Mutate) -> bytes:
 
 def records(data: bytes) -> list[tuple[int, bytes]]:
     """The data section of a session, out of its chunks."""
-    return list(mcap.RecordStream(io.BytesIO(data)))
+    return list(RecordStream(io.BytesIO(data)))
 
 
 def joined(parts: list[tuple[int, bytes]]) -> bytes:

@@ -9,6 +9,7 @@ import pytest
 from contid.control.engine.cycle import OnEnd
 from contid.control.process.setup import RunSetup
 from contid.session.write import SessionWriter
+from tests.session.rewrite import without_checksums
 from tests.session.runs import record_virtual
 from tests.support.fingers import circle, load
 
@@ -41,3 +42,9 @@ def growing(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> Path:
         writer.flush()
     writer.finish()
     return path
+
+
+@pytest.fixture(scope="session")
+def plain(tmp_path_factory: pytest.TempPathFactory, growing: Path) -> Path:
+    """The same session without checksums: damage in it reaches the decoder of the messages."""
+    return without_checksums(growing, tmp_path_factory.mktemp("plain") / "s.mcap")

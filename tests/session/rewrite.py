@@ -1,11 +1,14 @@
-"""A session rewritten by other programs, with the stock library."""
+"""A session rewritten by other programs, with the stock library, and as earlier versions recorded it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
 
+from mcap.data_stream import RecordBuilder
 from mcap.reader import SeekingReader
+from mcap.records import DataEnd, Metadata
+from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 
@@ -38,4 +41,17 @@ def rewritten(
                 known[channel.id], message.log_time, message.data, message.publish_time, message.sequence
             )
         writer.finish()
+    return target
+
+
+def without_checksums(source: Path, target: Path) -> Path:
+    """A session that was not compacted, as contid 0.1 recorded it first: plain messages, no checksums."""
+    with source.open("rb") as old:
+        builder = RecordBuilder()
+        for record in StreamReader(old).records:  # those of chunks too
+            if isinstance(record, Metadata) and record.name == "checksum":
+                continue
+            (DataEnd(0) if isinstance(record, DataEnd) else record).write(builder)
+    magic = source.read_bytes()[:8]
+    target.write_bytes(magic + builder.end() + magic)
     return target

@@ -19,9 +19,11 @@ import pytest
 from contid.errors import ContidError
 from contid.session.compact import repair
 from contid.session.format import mcap_records as mcap
+from contid.session.format import record_stream
 from contid.session.format.channels import CHANNELS, EVENT
 from contid.session.format.entries import DAMAGED
 from contid.session.format.metadata import decode_trajectory, encode_trajectory, trajectory_metadata
+from contid.session.format.record_stream import RecordStream
 from contid.session.info import summarize
 from contid.session.read import Session
 from contid.session.replay import replay
@@ -74,17 +76,17 @@ def test_a_chunk_larger_than_its_declared_size_is_damage(
 ) -> None:
     whole = chunk(name, pack(bytes(ZEROS)), claims)
     with bounded():
-        stream = mcap.RecordStream(session_with(whole, cut))
+        stream = RecordStream(session_with(whole, cut))
         assert list(stream) == []
         assert not stream.clean
 
 
 def test_the_size_limit_holds_for_every_declared_size(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mcap, "MAX_CHUNK_BYTES", 1 << 20)
+    monkeypatch.setattr(record_stream, "MAX_CHUNK_BYTES", 1 << 20)
     whole = chunk(b"zstd", zstd(bytes(ZEROS)), 1 << 20)
     for cut in (False, True):
         with bounded():
-            assert list(mcap.RecordStream(session_with(whole, cut))) == []
+            assert list(RecordStream(session_with(whole, cut))) == []
 
 
 @pytest.mark.parametrize(("name", "pack"), [(b"zstd", zstd), (b"lz4", lz4)])
@@ -94,10 +96,10 @@ def test_many_small_chunks_do_not_expand_without_bound(name: bytes, pack: Callab
     bomb = chunk(name, pack(inside), len(inside), zlib.crc32(inside))
     record = mcap.RECORD.pack(mcap.CHUNK, len(bomb)) + bomb
     times = 300_000 // len(record)
-    stream = mcap.RecordStream(io.BytesIO(mcap.MAGIC + record * times))
+    stream = RecordStream(io.BytesIO(mcap.MAGIC + record * times))
     read = sum(len(body) + mcap.RECORD.size for _, body in stream)
-    assert 0 < read <= mcap.FREE_BYTES + mcap.MAX_EXPANSION * len(record) * times
-    if len(inside) > mcap.MAX_EXPANSION * len(record):  # lz4 packs no better than 255-fold
+    assert 0 < read <= record_stream.FREE_BYTES + record_stream.MAX_EXPANSION * len(record) * times
+    if len(inside) > record_stream.MAX_EXPANSION * len(record):  # lz4 packs no better than 255-fold
         assert read < times * len(inside)
         where = len(mcap.MAGIC) + read // len(inside) * len(record)
         assert stream.damage.startswith(f"at byte {where}: its chunks expand more than")
@@ -108,20 +110,20 @@ def test_many_small_chunks_do_not_expand_without_bound(name: bytes, pack: Callab
 @pytest.mark.parametrize(("name", "pack"), [(b"zstd", zstd), (b"lz4", lz4), (b"", bytes)])
 def test_chunks_of_every_kind_are_read(name: bytes, pack: Callable[[bytes], bytes]) -> None:
     inside = b"".join(mcap.message(1, n, n, bytes(1 << 19)) for n in range(5))
-    stream = mcap.RecordStream(session_with(chunk(name, pack(inside), len(inside), zlib.crc32(inside))))
+    stream = RecordStream(session_with(chunk(name, pack(inside), len(inside), zlib.crc32(inside))))
     assert [opcode for opcode, _ in stream] == [mcap.MESSAGE] * 5
 
 
 def test_a_length_beyond_the_file_allocates_nothing() -> None:
     data = mcap.MAGIC + mcap.RECORD.pack(mcap.MESSAGE, (1 << 32) - 1) + bytes(1000)
     with bounded():
-        assert list(mcap.RecordStream(io.BytesIO(data))) == []
+        assert list(RecordStream(io.BytesIO(data))) == []
 
 
-def _with(growing: Path, folder: Path, body: bytes, before: int = mcap.DATA_END) -> Path:
+def _with(plain: Path, folder: Path, body: bytes, before: int = mcap.DATA_END) -> Path:
     """The session with one more event, of damaged content, before the first record of a kind."""
     path = folder / "more.mcap"
-    data = growing.read_bytes()
+    data = plain.read_bytes()
     at = len(mcap.MAGIC)
     while (head := mcap.RECORD.unpack_from(data, at))[0] != before:
         at += mcap.RECORD.size + head[1]
@@ -141,9 +143,9 @@ def _with(growing: Path, folder: Path, body: bytes, before: int = mcap.DATA_END)
         json.dumps({"event": "end", "tick": 10**400}).encode(),
     ],
 )
-def test_an_invalid_event_ends_the_session(growing: Path, tmp_path: Path, body: bytes) -> None:
-    whole = sum(1 for _ in Session(growing).entries())
-    session = Session(_with(growing, tmp_path, body))
+def test_an_invalid_event_ends_the_session(plain: Path, tmp_path: Path, body: bytes) -> None:
+    whole = sum(1 for _ in Session(plain).entries())
+    session = Session(_with(plain, tmp_path, body))
     assert sum(1 for _ in session.entries()) == whole
     assert session.end.cut == DAMAGED
 
@@ -164,9 +166,9 @@ def test_an_invalid_event_ends_the_session(growing: Path, tmp_path: Path, body: 
     ],
 )
 def test_an_event_without_its_fields_ends_the_replay(
-    growing: Path, tmp_path: Path, event: dict[str, object]
+    plain: Path, tmp_path: Path, event: dict[str, object]
 ) -> None:
-    session = Session(_with(growing, tmp_path, json.dumps(event).encode(), mcap.MESSAGE))
+    session = Session(_with(plain, tmp_path, json.dumps(event).encode(), mcap.MESSAGE))
     result = replay(session, load(2))
     tick = event.get("tick", 0)
     assert result.ticks == tick
@@ -175,16 +177,16 @@ def test_an_event_without_its_fields_ends_the_replay(
 
 @pytest.mark.parametrize("missed", [{}, {"missed_ticks": "x"}])
 def test_an_overrun_without_a_number_is_summarized(
-    growing: Path, tmp_path: Path, missed: dict[str, str]
+    plain: Path, tmp_path: Path, missed: dict[str, str]
 ) -> None:
-    path = _with(growing, tmp_path, json.dumps({"event": "overrun", **missed}).encode())
+    path = _with(plain, tmp_path, json.dumps({"event": "overrun", **missed}).encode())
     assert summarize(Session(path)).events["overrun"] == 1
 
 
 @pytest.mark.parametrize("deadline", ["NaN", "null", "1e99"])
-def test_a_tick_without_a_time_ends_the_session(growing: Path, tmp_path: Path, deadline: str) -> None:
+def test_a_tick_without_a_time_ends_the_session(plain: Path, tmp_path: Path, deadline: str) -> None:
     """Found by the fuzzer: the summary ended with a ValueError."""
-    data = growing.read_bytes()
+    data = plain.read_bytes()
     found = re.compile(rb'"tick":50,.*?"deadline_s":([^,}]+)').search(data)
     assert found
     path = tmp_path / "s.mcap"
@@ -193,18 +195,20 @@ def test_a_tick_without_a_time_ends_the_session(growing: Path, tmp_path: Path, d
     assert state.startswith("damaged inside after 50 ticks (a record without valid content: tick 50")
 
 
-def test_damage_inside_is_repaired_in_a_copy_only(growing: Path, recorded: Path, tmp_path: Path) -> None:
+def test_damage_inside_is_repaired_in_a_copy_only(
+    growing: Path, plain: Path, recorded: Path, tmp_path: Path
+) -> None:
     """The ticks behind the damage stay in the original."""
     path, copy = tmp_path / "s.mcap", tmp_path / "copy.mcap"
-    for source in (growing, recorded):
+    for source in (growing, plain, recorded):
         data = bytearray(source.read_bytes())
-        at = data.index(b'"tick":50,') if source is growing else len(data) // 2  # in a message, in a chunk
+        at = data.index(b'"tick":50,') if source is not recorded else len(data) // 2
         data[at] ^= 1
         path.write_bytes(data)
         ticks = sum(1 for _ in Session(path).ticks())
-        assert ticks == (50 if source is growing else 0)
+        assert ticks == (50 if source is not recorded else 0)
         state = summarize(Session(path)).state
-        where = "a record without valid content" if source is growing else "at byte "
+        where = "a record without valid content" if source is plain else "at byte "
         assert state.startswith(f"damaged inside after {ticks} ticks ({where}")
         assert state.endswith("); what follows is not read")
         with pytest.raises(ContidError, match="give --output"):
@@ -215,9 +219,9 @@ def test_damage_inside_is_repaired_in_a_copy_only(growing: Path, recorded: Path,
         copy.unlink()
 
 
-def test_an_unknown_mode_is_printed_as_a_number(growing: Path, tmp_path: Path) -> None:
+def test_an_unknown_mode_is_printed_as_a_number(plain: Path, tmp_path: Path) -> None:
     path = tmp_path / "s.mcap"
-    path.write_bytes(growing.read_bytes().replace(b'"mode":0,', b'"mode":9,'))
+    path.write_bytes(plain.read_bytes().replace(b'"mode":0,', b'"mode":9,'))
     assert [robot["mode"] for robot in summarize(Session(path)).robots.values()] == ["9", "9"]
     assert replay(Session(path), load(2)).divergence is not None
 

@@ -119,14 +119,15 @@ def test_truncated_anywhere_it_is_read_repaired_and_replayed(
 
 
 def _tick_ends(path: Path) -> list[int]:
-    """End of the last message of every tick in an unchunked file."""
-    from contid.session.format.mcap_records import MAGIC, MESSAGE, RECORD
+    """End of the last message of every tick in a file that was not compacted."""
+    from contid.session.format.mcap_records import CHUNK, CHUNK_HEAD, MAGIC, MESSAGE, RECORD
 
     data, at, ends = path.read_bytes(), len(MAGIC), []
     last = TICK_CHANNELS.index("sample") + 1
     while at + RECORD.size <= len(data) - len(MAGIC):
         opcode, length = RECORD.unpack_from(data, at)
-        at += RECORD.size + length
+        # The messages of a chunk stand behind its head, the length of its empty compression and their own.
+        at += RECORD.size + (CHUNK_HEAD.size + 4 + 8 if opcode == CHUNK else length)
         if opcode == MESSAGE and data[at - length] == last:
             ends.append(at)
     return ends

@@ -1,14 +1,24 @@
-"""A recording that was asked for and is lost ends a run in real time with exit code 1."""
+"""A recording that was asked for and is lost is in ``status``, and ends a run with exit code 1."""
 
 from __future__ import annotations
 
+import os
 import resource
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from contid.control.engine.cycle import OnEnd
+from contid.control.engine.wiring import record_layout
+from contid.control.process import ring
+from contid.control.process.ring_writer import RingWriter
+from contid.control.process.setup import RunSetup
+from contid.session.recording_observer import RecordingObserver
+from tests.support.daemons import daemon
+from tests.support.fingers import load
 from tests.support.waiting import until
 
 pytestmark = pytest.mark.process
@@ -52,3 +62,47 @@ def test_a_lost_recording_sets_the_exit_code_of_the_run(full: bool, tmp_path: Pa
     assert process.returncode == (1 if full else 0), stdout + stderr
     assert ("recording is incomplete (exit code 1)" in stdout) == full
     assert ("File too large" in stdout) == full
+
+
+@pytest.mark.realtime
+def test_a_recorder_that_failed_is_in_the_status(tmp_path: Path) -> None:
+    with daemon(1, "--record", str(tmp_path / "a.mcap")) as running, running.client() as client:
+        (listed,) = client.status()["recordings"]
+        assert (listed["state"], listed["missed_ticks"]) == ("recording", 0)
+        os.kill(_recorder(running.process.pid), signal.SIGKILL)
+        until(lambda: client.status()["recordings"][0]["state"] == "failed", "the failure is listed")
+        until(
+            lambda: any(
+                "nothing more is recorded" in each["message"] for each in client.status()["warnings"]
+            ),
+            "the failure is a warning",
+        )
+
+
+@pytest.mark.realtime
+def test_ticks_that_a_slow_disk_lost_are_reported_while_it_runs(tmp_path: Path) -> None:
+    """The recorder is stopped for longer than its ring lasts, as by a disk that does not answer."""
+    loaded = load(2)
+    shared = ring.create(record_layout(loaded, 200.0), seconds=0.0)
+    recording = RecordingObserver(tmp_path / "s.mcap", {})
+    recording.attach(RunSetup(loaded, 200.0, shared, None, OnEnd.HOLD, attended=True), os.getpid())
+    recorder = _recorder(os.getpid())
+    os.kill(recorder, signal.SIGSTOP)
+    writer = RingWriter(shared)
+    size = writer.layout.packer().size // 8
+    for tick in range(1000):
+        writer.write([tick, 0, tick / 200.0, *([0] * (size - 3))])
+    os.kill(recorder, signal.SIGCONT)
+
+    def missed() -> int:
+        recording.watch()
+        return recording.missed_ticks
+
+    until(lambda: missed() > 0, "the report")
+    assert missed() == 1000 - (256 - 1)
+    writer.finish()
+    missing = f"{recording.path}: lacks 745 ticks; the disk was too slow for more than 8 s"
+    assert [*recording.detach()] == [missing]
+    assert recording.lost
+    writer.close()
+    shared.unlink()

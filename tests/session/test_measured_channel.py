@@ -16,6 +16,7 @@ from contid.control.engine.wiring import build_robot_configs
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.session.compact import compact, repair
 from contid.session.format.channels import MEASURED, TICK_CHANNELS
+from contid.session.format.record_stream import RecordStream
 from contid.session.read import Session
 from contid.session.replay import replay
 from tests.session.runs import loaded_arm
@@ -73,7 +74,7 @@ def ticks_raw(path: Path) -> list[set[str]]:
     from contid.session.format import mcap_records as mcap
 
     with path.open("rb") as file:
-        bodies = [body for opcode, body in mcap.RecordStream(file) if opcode == mcap.CHANNEL]
+        bodies = [body for opcode, body in RecordStream(file) if opcode == mcap.CHANNEL]
     return [{mcap.decode(mcap.CHANNEL, body).topic for body in bodies}]
 
 

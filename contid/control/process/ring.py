@@ -28,7 +28,7 @@ from contid.control.engine.tick_layout import RecordLayout
 from contid.control.process.shared_files import folder
 from contid.errors import ContidError
 
-MAGIC: Final = b"contidR6"
+MAGIC: Final = b"contidR7"
 HEAD: Final = struct.Struct("=8sQQQQQ")  # magic, bytes of JSON, tick slots, bytes per tick, event slots
 HEAD_BYTES: Final = 128
 #: Places of the closed flag, of the two sequence numbers and of the flag of a request to devices that is
@@ -44,7 +44,8 @@ SECONDS: Final = 8.0
 U64: Final = struct.Struct("=Q")
 F64: Final = struct.Struct("=d")
 STAMP: Final = struct.Struct("=QI")  # sequence number, CRC-32 of contents and number
-PART: Final = struct.Struct("=IHH")  # bytes of this part of an event, parts before it, parts after it
+#: Ticks published before an event; bytes of this part of it, parts before it, parts after it.
+PART: Final = struct.Struct("=QIHH")
 #: Times that a slot is read before a wrong CRC counts.
 TRIES: Final = 4
 

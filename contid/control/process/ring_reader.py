@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 from zlib import crc32
 
 from contid.control.engine.events import RunEvent
@@ -32,6 +33,13 @@ class _Cursor:
 
     next: int = 0
     missed: int = 0
+
+
+class DatedEvent(NamedTuple):
+    """An event and the number of ticks that were published before it."""
+
+    ticks: int
+    event: RunEvent
 
 
 class RingReader(MappedRing):
@@ -118,10 +126,14 @@ class RingReader(MappedRing):
 
     def events(self) -> list[RunEvent]:
         """Unread events, oldest first; an event with overwritten parts is dropped."""
-        out: list[RunEvent] = []
+        return [dated.event for dated in self.dated_events()]
+
+    def dated_events(self) -> list[DatedEvent]:
+        """As `events`, each with the number of ticks that were published before it."""
+        out: list[DatedEvent] = []
         missed = self._event.missed
         while raw := self._next(self._event, EVENTS, self.event_slots, self._event_slot):
-            _, before, after = PART.unpack_from(raw)
+            ticks, _, before, after = PART.unpack_from(raw)
             if before == 0 or self._event.missed != missed:
                 self._parts.clear()
                 missed = self._event.missed
@@ -129,7 +141,7 @@ class RingReader(MappedRing):
                 continue  # rest of an event whose first part was overwritten
             self._parts.append(raw[PART.size :])
             if after == 0:
-                out.append(from_json(json.loads(b"".join(self._parts))))
+                out.append(DatedEvent(ticks, from_json(json.loads(b"".join(self._parts)))))
         return out
 
     def _tick_slot(self, number: int) -> bytes:
@@ -138,7 +150,7 @@ class RingReader(MappedRing):
 
     def _event_slot(self, number: int) -> bytes:
         at = self._events_at + number % self.event_slots * EVENT_BYTES
-        length = PART.unpack_from(self._map, at + STAMP.size)[0]
+        length = PART.unpack_from(self._map, at + STAMP.size)[1]
         return self._map[at : at + min(STAMP.size + PART.size + length, EVENT_BYTES)]
 
     def _contents(self, stamp: int, slot: Callable[[int], bytes]) -> bytes | None:

@@ -52,7 +52,8 @@ class RingWriter(MappedRing):
             part = body[start : start + room]
             at = self._events_at + self._events % self.event_slots * EVENT_BYTES
             self._events += 1
-            self._fill(at, self._events, PART.pack(len(part), index, len(parts) - 1 - index) + part)
+            head = PART.pack(self._ticks, len(part), index, len(parts) - 1 - index)
+            self._fill(at, self._events, head + part)
             self._numbers[EVENTS] = self._events
 
     def _fill(self, at: int, number: int, contents: bytes) -> None:

@@ -19,7 +19,8 @@ from contid.control.engine.events.json_form import from_json
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import EVENT, RENAMED_EVENT_KEYS, TICK_CHANNELS
 from contid.session.format.decode import MAX_COUNT, Decoder
-from contid.session.format.mcap_records import MESSAGE_INSIDE, DamagedRecordError, RecordStream
+from contid.session.format.mcap_records import MESSAGE_INSIDE, DamagedRecordError
+from contid.session.format.record_stream import RecordStream
 
 #: `EndOfFile.cut` of a file that has no end yet.
 GROWING: Final = "still being recorded"
@@ -55,13 +56,13 @@ class EndOfFile:
 
     Attributes:
         clean: True when it ends with the footer that MCAP demands.
-        chunked: True when it was compacted, which puts its messages into chunks.
+        compacted: True when it was compacted, which compresses and indexes its messages.
         cut: why reading stopped before a footer, "" when it is clean.
         damage: what is damaged and where, "" unless ``cut`` is `DAMAGED`.
     """
 
     clean: bool = False
-    chunked: bool = False
+    compacted: bool = False
     cut: str = ""
     damage: str = ""
 
@@ -119,14 +120,14 @@ def read_entries(
             ticks += 1
             if ticks % _PROGRESS_TICKS == 0:
                 progress(ticks)
-        if stream.clean:
-            return EndOfFile(clean=True, chunked=stream.chunked)
         if stream.damage:
             return EndOfFile(cut=DAMAGED, damage=stream.damage)
+        if stream.clean:
+            return EndOfFile(clean=True, compacted=stream.compacted)
         if _locked(file):
             return EndOfFile(cut=GROWING)
     cut = "it has no end" if gathered is None else "the last tick is not whole"
-    return EndOfFile(chunked=stream.chunked, cut=cut)
+    return EndOfFile(compacted=stream.compacted, cut=cut)
 
 
 def _event(data: bytes) -> RunEvent:

@@ -25,6 +25,7 @@ class IndexedWriter:
 
     def __init__(self, out: BinaryIO) -> None:
         self._out = out
+        self._crc = 0  # of everything before the end of the data
         #: Messages of the present chunk, their size, and time and place of each by channel.
         self._parts: list[bytes] = []
         self._size = self._time_ns = 0
@@ -32,7 +33,7 @@ class IndexedWriter:
         #: Number of messages by channel; records of the summary by opcode.
         self._counts: dict[int, int] = defaultdict(int)
         self._summary: dict[int, list[Any]] = defaultdict(list)
-        out.write(mcap.MAGIC)
+        self._write(mcap.MAGIC)
 
     def add(self, record: Any) -> None:
         """Write a record of the ``mcap`` package that is not a message."""
@@ -45,7 +46,7 @@ class IndexedWriter:
         from mcap.opcode import Opcode
 
         place = {"offset": self._out.tell(), "length": RECORD.size + len(body)}
-        self._out.write(RECORD.pack(opcode, len(body)) + body)
+        self._write(RECORD.pack(opcode, len(body)) + body)
         if opcode in (mcap.SCHEMA, mcap.CHANNEL):
             self._summary[opcode].append(mcap.decode(opcode, body))
         elif opcode == mcap.METADATA:
@@ -74,7 +75,7 @@ class IndexedWriter:
         from mcap.opcode import Opcode
 
         self._end_chunk()
-        self._out.write(mcap.encode(records.DataEnd(0)))
+        self._out.write(mcap.encode(records.DataEnd(self._crc)))
         summary, chunks = self._summary, self._summary[Opcode.CHUNK_INDEX]
         statistics = records.Statistics(
             attachment_count=len(summary[Opcode.ATTACHMENT_INDEX]),
@@ -101,6 +102,11 @@ class IndexedWriter:
         crc = zlib.crc32(head, zlib.crc32(body))
         self._out.write(body + mcap.encode(records.Footer(start, offsets_at, crc)) + mcap.MAGIC)
 
+    def _write(self, data: bytes) -> None:
+        """Write a part of the data section."""
+        self._crc = zlib.crc32(data, self._crc)
+        self._out.write(data)
+
     def _end_chunk(self) -> None:
         """Write the collected messages as one chunk and its index."""
         if not self._parts:
@@ -114,14 +120,14 @@ class IndexedWriter:
         times = [time_ns for pairs in self._index.values() for time_ns, _ in pairs]
         start_ns, end_ns = min(times), max(times)
         at = self._out.tell()
-        self._out.write(
+        self._write(
             mcap.encode(records.Chunk("zstd", compressed, end_ns, start_ns, zlib.crc32(body), len(body)))
         )
         index_at = self._out.tell()
         offsets = {}
         for channel, pairs in self._index.items():
             offsets[channel] = self._out.tell()
-            self._out.write(mcap.encode(records.MessageIndex(channel, pairs)))
+            self._write(mcap.encode(records.MessageIndex(channel, pairs)))
             self._counts[channel] += len(pairs)
         index = records.ChunkIndex(
             chunk_length=index_at - at,

@@ -20,8 +20,9 @@ export class RecordingCard {
     this.button.disabled = false;
     setHidden(this.none, recordings.length > 0);
     this.list.replaceChildren(...recordings.map((each) => {
-      const what = each.state !== "recording" ? `is ${each.state}` : `${shown(each.seconds, 0)} s${each.whole_run ? ", the whole run" : `, begun by ${each.by}`}`;
-      return h("li", { className: each.state === "recording" ? "live" : "", title: each.file }, h("b", {}, base(each.file)), ` ${what}`);
+      const missing = each.missed_ticks > 0 ? `; ${each.missed_ticks} ticks are missing, the disk is too slow` : "";
+      const what = each.state === "failed" ? "has failed: nothing more is recorded" : each.state !== "recording" ? `is ${each.state}` : `${shown(each.seconds, 0)} s${each.whole_run ? ", the whole run" : `, begun by ${each.by}`}`;
+      return h("li", { className: each.state === "recording" ? "live" : "", title: each.file }, h("b", {}, base(each.file)), ` ${what}${missing}`);
     }));
   }
 
