@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from contid.remote.protocol.expiry import FIELD, LASTING, clock_s
 from contid.remote.protocol.wire import (
     PROTOCOL,
     STOP_VERBS,
@@ -69,7 +70,14 @@ class ClientProtocol:
         timeout_s: how long to wait for a response.
     """
 
-    def __init__(self, timeout_s: float = RESPONSE_TIMEOUT_S) -> None:
+    def __init__(self, timeout_s: float = RESPONSE_TIMEOUT_S, valid_s: float | None = None) -> None:
+        """Begin.
+
+        Args:
+            timeout_s: how long to wait for a response.
+            valid_s: how long after it is made a request may be carried out; None for ever: the daemon is on
+                another machine, whose clock is not ours.
+        """
         self.frames: deque[Fields] = deque(maxlen=MAX_WAITING)
         self.credits: dict[int, int] = {}
         self.granted: dict[int, int] = {}
@@ -79,6 +87,7 @@ class ClientProtocol:
         self.foreign = ""
         self.requested_s = 0.0
         self.timeout_s = timeout_s
+        self._valid_s = valid_s
         self._number = 0
         self._open: dict[int, Request] = {}
         self._responses: dict[int, Fields] = {}
@@ -95,6 +104,8 @@ class ClientProtocol:
         self._number += 1
         self.requested_s = time.monotonic()
         given = {key: value for key, value in fields.items() if value is not None}
+        if self._valid_s is not None and verb not in LASTING and FIELD not in given:
+            given[FIELD] = clock_s() + self._valid_s
         timeout_s = max(self.timeout_s, VERB_TIMEOUT_S.get(verb, 0.0))
         line = encode({"id": self._number, "verb": verb, **given})
         request = self._open[self._number] = Request(self._number, verb, line, timeout_s, given, newest)

@@ -33,6 +33,8 @@ class Orders(ABC):
         path: path of the socket, or an address (``fleet:FLEET/NODE``); None for the only running daemon.
         name: name of this client in the daemon's messages.
         timeout_s: how long to wait for a response.
+        valid_s: how long after they are given orders may be carried out, where the daemon is on this machine;
+            None for ``timeout_s``: what has failed for its caller moves nothing later.
 
     Attributes:
         path: of the socket, or the address, once connected.
@@ -48,11 +50,15 @@ class Orders(ABC):
         *,
         name: str | None = None,
         timeout_s: float = RESPONSE_TIMEOUT_S,
+        valid_s: float | None = None,
     ) -> None:
         self._address = address_of(path)
         self._given = None if path is None else str(path)
         self.name = name or f"{Path(sys.argv[0]).name or 'python'}[{os.getpid()}]"
-        self._protocol = ClientProtocol(timeout_s)
+        here = self._address is None
+        self._protocol = ClientProtocol(
+            timeout_s, (timeout_s if valid_s is None else valid_s) if here else None
+        )
 
     # -- I/O ---------------------------------------------------------------------------------------------
 

@@ -115,6 +115,8 @@ class Client:
         path: path of the socket, or an address (``fleet:FLEET/NODE``); None for the only running daemon.
         name: name of this client in the daemon's messages.
         timeout_s: how long to wait for a response.
+        valid_s: how long after they are given orders may be carried out, where the daemon is on this machine;
+            None for ``timeout_s``: what has failed for its caller moves nothing later.
 
     Attributes:
         path: path of the socket, or the address.
@@ -131,8 +133,9 @@ class Client:
         *,
         name: str | None = None,
         timeout_s: float = RESPONSE_TIMEOUT_S,
+        valid_s: float | None = None,
     ) -> None:
-        self._procedures = BlockingProcedures(path, name=name, timeout_s=timeout_s)
+        self._procedures = BlockingProcedures(path, name=name, timeout_s=timeout_s, valid_s=valid_s)
         completed(self._procedures.connect())
         self.path = self._procedures.path
         self.name = self._procedures.name

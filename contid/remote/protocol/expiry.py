@@ -7,12 +7,15 @@ that goes on while the machine sleeps. Orders to stop never expire.
 from __future__ import annotations
 
 import time
+from typing import Final
 
 from contid.control.orders import REQUESTS
-from contid.remote.protocol.wire import Code, Fields, RemoteError, is_number
+from contid.remote.protocol.wire import STOP_VERBS, Code, Fields, RemoteError, is_number
 
 #: The field of a request.
 FIELD = "valid_until_s"
+#: Requests that never expire: they only end something.
+LASTING: Final = frozenset({*STOP_VERBS, "end", "release"})
 
 
 def clock_s() -> float:

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from contid.remote.client.client_protocol import CHUNK
 from contid.remote.protocol.connect import connect
+from contid.remote.protocol.expiry import FIELD, LASTING, clock_s
 from contid.remote.protocol.wire import (
     PROTOCOL,
     Code,
@@ -23,6 +24,8 @@ from contid.remote.protocol.wire import (
 
 CONNECT_TIMEOUT_S: Final = 1.0
 CONNECT_PERIOD_S: Final = 0.005
+#: How long a daemon may take to begin with a request [s]; shorter than an operator waits for its answer.
+VALID_S: Final = 4.0
 #: How telemetry begins; such a line is passed on without being parsed.
 TELEMETRY: Final = b'{"event":"telemetry"'
 
@@ -98,7 +101,9 @@ class DaemonLink:
         future: asyncio.Future[Fields] = asyncio.get_running_loop().create_future()
         self._waiting[number] = future
         try:
-            self._writer.write(encode({"id": number, "verb": verb, **fields}))
+            # The clock of the sender is not ours: what waits longer than its sender does is not carried out.
+            valid = {} if verb in LASTING else {FIELD: clock_s() + VALID_S}
+            self._writer.write(encode({"id": number, "verb": verb, **fields, **valid}))
             response = await future
         finally:
             self._waiting.pop(number, None)

@@ -10,6 +10,7 @@ from contextvars import ContextVar
 from typing import Any, Final
 
 from contid.client import AsyncClient
+from contid.remote.protocol import expiry as protocol_expiry
 from contid.remote.protocol.expiry import FIELD, clock_s
 from contid.remote.protocol.wire import STOP_VERBS, Code, Fields, RemoteError, is_number
 
@@ -21,8 +22,6 @@ AHEAD_S: Final = 0.25
 URGENT: Final = frozenset(STOP_VERBS)
 #: These also only end something.
 LASTING: Final = URGENT | {"release", "jog_end"}
-#: The end of a stream needs none: it began in time, and ends with the lease of a page that falls silent.
-_UNLIMITED_REQUESTS: Final = frozenset({"end", "release"})
 
 #: Until when the order is valid that the present task carries out [s]; None: for ever.
 valid_until_s: ContextVar[float | None] = ContextVar("valid_until_s", default=None)
@@ -34,7 +33,7 @@ class ExpiringClient(AsyncClient):
     async def request(self, verb: str, /, **fields: Any) -> Fields:
         """See `AsyncClient.request`; the daemon refuses it when it comes too late."""
         until_s = valid_until_s.get()
-        if until_s is None or verb in _UNLIMITED_REQUESTS:
+        if until_s is None or verb in protocol_expiry.LASTING:
             return await super().request(verb, **fields)
         return await super().request(verb, **fields, **{FIELD: until_s})
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Final
 
 import click
 
 from contid.cli.support.orders import socket_option
 from contid.cli.support.parameters import NumberRange
+
+#: How long after a press it may still move the robot [s].
+VALID_S: Final = 1.0
 
 
 @click.command()
@@ -63,7 +67,7 @@ def command(
     if gamepad is None:
         if mapping is not None:
             raise click.BadParameter("maps a gamepad; give --gamepad too", param_hint="--mapping")
-        with Client(socket, name="contid jog") as client, line, Keyboard() as keyboard:
+        with Client(socket, name="contid jog", valid_s=VALID_S) as client, line, Keyboard() as keyboard:
             session = JogSession(client, Console(keyboard, line.log, line.show), options)
             line.log(HELP)
             session.run(takeover)
@@ -75,7 +79,7 @@ def command(
 
     with choose_device(gamepad) as device:
         pad = Gamepad(device, read_mapping(mapping or default_mapping(device.has.kind), device.has))
-        with Client(socket, name="contid jog") as client, line, Keyboard() as keyboard:
+        with Client(socket, name="contid jog", valid_s=VALID_S) as client, line, Keyboard() as keyboard:
             session = GamepadSession(client, Console(keyboard, line.log, line.show), options, pad)
             line.log(f"{device.has.name} ({device.path}): {pad.mapping.help}")
             session.run(takeover)
