@@ -49,6 +49,11 @@ class Divergence:
     last_equal: Mapping[str, Any]
 
     @property
+    def goes_on(self) -> bool:
+        """What follows can still be compared: another number, not another state, fault or limit."""
+        return bool(self.unit)
+
+    @property
     def where(self) -> str:
         """``robot.axis``."""
         return f"{self.robot}.{self.axis}" if self.axis else self.robot
@@ -70,6 +75,8 @@ class Comparison:
 
     Attributes:
         largest: largest difference of a command so far [m or Pa].
+        worst: where it is, None while every command is equal.
+        different: ticks that differ by more than the tolerance.
     """
 
     def __init__(self, layout: RecordLayout, device_units: Mapping[str, str], tolerance: float) -> None:
@@ -82,16 +89,25 @@ class Comparison:
         self._pack = struct.Struct(f"{len(slots)}d").pack
         self._previous: Sequence[float] | None = None
         self.largest = 0.0
+        self.worst: Divergence | None = None
+        self.different = 0
 
     def check(self, recorded: Sequence[float], replayed: Sequence[float]) -> Divergence | None:
         """The first difference of a tick, None if it is equal."""
         then, now = self._pick(recorded), self._pick(replayed)
+        first = None
         if self._pack(*then) != self._pack(*now):
             for value, old, new in zip(self._values, then, now, strict=True):
-                if not self._same(value, old, new):
-                    return self._divergence(value, old, new, recorded)
-        self._previous = recorded
-        return None
+                if value.what == "command" and abs(old - new) > self.largest:
+                    self.largest = abs(old - new)
+                    self.worst = self._divergence(value, old, new, recorded)
+                if first is None and not self._same(value, old, new):
+                    first = self._divergence(value, old, new, recorded)
+        if first is None:
+            self._previous = recorded
+        else:
+            self.different += 1
+        return first
 
     def _same(self, value: _Value, old: float, new: float) -> bool:
         if old == new:
@@ -101,10 +117,7 @@ class Comparison:
             return old != old and new != new
         if value.what != "command":
             return False
-        difference = abs(old - new)
-        self.largest = max(self.largest, difference)
-        per_si = _PER_SI[value.unit]
-        return difference * per_si <= self._tolerance
+        return abs(old - new) * _PER_SI[value.unit] <= self._tolerance
 
     def _divergence(self, value: _Value, old: float, new: float, recorded: Sequence[float]) -> Divergence:
         tick = int(recorded[TICK])

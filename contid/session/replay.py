@@ -47,12 +47,16 @@ class Replayed:
         ticks: number of compared ticks.
         divergence: the first one, None if every command was equal.
         largest: largest difference of a command [m or Pa].
+        worst: where the largest difference of a command is, None if every command was equal.
+        different: number of ticks that differ.
         stopped: why not every recorded tick was compared, "" if all were.
     """
 
     ticks: int
     divergence: Divergence | None
     largest: float
+    worst: Divergence | None = None
+    different: int = 0
     stopped: str = ""
 
 
@@ -148,7 +152,9 @@ class _Sink:
 
 
 def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Replayed:
-    """Run a session again, up to its first divergence.
+    """Run a session again, up to its end or to another state, fault or limit of a robot.
+
+    Another number, as by another processor or C library, is counted, and the replay goes on behind it.
 
     Args:
         session: the recording.
@@ -186,6 +192,11 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
         engine.connect()
     else:
         engine.arm()
+    first: Divergence | None = None
+
+    def result(stopped: str = "") -> Replayed:
+        return Replayed(count, first, comparison.largest, comparison.worst, comparison.different, stopped)
+
     last, last_skipped, count, played = -1, 0, 0, 0
     for entry in session.entries():
         if entry.event is not None:
@@ -202,7 +213,7 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
             message = f"ticks {last + 1} to {tick - 1} are not in the recording"
             if tick <= last:
                 message = f"tick {tick} comes after tick {last}: more than one run is in the file"
-            return Replayed(count, None, comparison.largest, message)
+            return result(message)
         recorded.values, recorded.stalls = values, set()
         for event in by_tick.pop(tick, ()):
             try:
@@ -212,13 +223,14 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
                     trajectory = session.trajectory(loaded, played)
                 _apply(event, trajectory, recorded, engine, tick)
             except ContidError as error:
-                return Replayed(count, None, comparison.largest, str(error))
+                return result(str(error))
         engine.cycle(Timing(tick, skipped, values[DEADLINE], values[LATENESS]))
         divergence = comparison.check(values, sink.values)
-        if divergence is not None:
-            return Replayed(count, divergence, comparison.largest)
+        first = first or divergence
+        if divergence is not None and not divergence.goes_on:
+            return result()
         last, last_skipped, count = tick, skipped, count + 1
-    return Replayed(count, None, comparison.largest)
+    return result()
 
 
 def _apply(

@@ -33,6 +33,12 @@ def as_text(session: Session, replayed: Replayed, changed: list[Difference], too
     lines += [f"version: {each}" for each in changed_versions(session)]
     if replayed.divergence is not None:
         lines += _divergence(replayed.divergence)
+        if (worst := replayed.worst) is not None:
+            size = _difference(worst).strip(" ()") or f"{worst.replayed - worst.recorded:.3g} {worst.unit}"
+            where = f"{worst.where}, tick {worst.tick}"
+            lines.append(
+                f"ticks that differ: {replayed.different}; largest difference of a command: {size} ({where})"
+            )
     elif replayed.ticks == 0:
         lines.append("nothing to compare: no tick was recorded")
     elif replayed.largest > 0.0:
@@ -58,6 +64,7 @@ def as_json(session: Session, replayed: Replayed, changed: list[Difference], too
         "took_s": took_s,
         "same": first is None and not replayed.stopped and replayed.ticks > 0,
         "largest": replayed.largest,
+        "different": replayed.different,
         "stopped": replayed.stopped,
         "cut": session.end.cut,
         "robot_file": [str(each) for each in changed],

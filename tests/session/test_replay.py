@@ -64,6 +64,22 @@ def test_orders_are_applied_at_their_ticks(tmp_path: Path) -> None:
     _same(path)
 
 
+def test_it_goes_on_behind_another_number_and_names_the_largest_difference(recorded: Path) -> None:
+    """Another processor or C library changes last bits; here a rack that is a nanometre wider does."""
+    session = Session(recorded)
+    wider = session.robot_text.replace("rack_spacing_mm: 13", "rack_spacing_mm: 13.000001")
+    assert wider != session.robot_text
+    result = replay(session, parse_robot_file(wider, "wider.yaml"))
+    assert result.stopped == ""
+    assert result.ticks == sum(1 for _ in session.ticks())
+    assert result.divergence is not None
+    assert result.worst is not None
+    assert 0 < result.different <= result.ticks
+    assert result.divergence.tick <= result.worst.tick
+    # A nanometre of the spacing moves no rack by more than a few.
+    assert 0.0 < result.largest == abs(result.worst.replayed - result.worst.recorded) < 1e-8
+
+
 def test_rows_of_a_live_stream(tmp_path: Path) -> None:
     loaded = load(2)
     tips = [Target(tip_m=(0.05 + 0.004 * math.sin(n / 20), 0.075, 0.0)) for n in range(300)]
