@@ -25,6 +25,8 @@ Data: TypeAlias = "str | int | float | bool | list[Data] | dict[str, Data] | Non
 
 #: Far beyond any robot file; they bound time and memory for a wrong one.
 MAX_CHARACTERS: Final = 1_000_000
+#: A character of UTF-8 takes at most four bytes.
+_MAX_BYTES: Final = 4 * MAX_CHARACTERS
 MAX_DEPTH: Final = 32
 MAX_VALUES: Final = 50_000
 MAX_INVISIBLE: Final = 100
@@ -91,13 +93,17 @@ def read_text(path: Path) -> str:
     """The text of a file, with lines that end in a line feed.
 
     Raises:
-        BadInputError: not UTF-8, with the place.
+        BadInputError: not UTF-8, with the place; longer than any robot file.
         ContidError: the file cannot be read.
     """
     try:
-        raw = path.read_bytes()
+        with path.open("rb") as file:
+            raw = file.read(_MAX_BYTES + 1)  # devices and pipes have no end
     except OSError as error:
         raise ContidError(f"{path}: cannot read it: {error.strerror}") from error
+    if len(raw) > _MAX_BYTES:
+        message = f"more than {_MAX_BYTES} bytes; a robot file has at most {MAX_CHARACTERS} characters"
+        raise BadInputError([Located(str(path), 1, 1, message)])
     try:
         return raw.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:

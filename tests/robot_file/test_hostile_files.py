@@ -6,6 +6,7 @@ import pytest
 
 from contid.errors import MAX_FINDINGS, BadInputError, Located
 from contid.robot_file.load import configs_folder, parse_robot_file
+from tests.support.command import contid
 
 MANY = 20_000
 
@@ -70,3 +71,12 @@ def test_a_key_with_a_mark_is_refused_and_shown_escaped() -> None:
     found = findings('contid: 1\n"ro\\u202ebots": {"\\u001b[2J": 3}\n')
     assert [each.line for each in found[:2]] == [2, 2]
     assert all(each.message.isprintable() for each in found)
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("command", [["check"], ["run", "--virtual"]])
+def test_a_file_without_an_end_is_refused(command: list[str]) -> None:
+    """It was read until the memory was gone."""
+    done = contid(*command, "/dev/zero")
+    assert done.returncode == 2
+    assert "/dev/zero:1:1: more than 4000000 bytes" in done.stderr

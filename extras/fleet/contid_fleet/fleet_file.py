@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 from contid.errors import BadInputError, ContidError, first_findings
 from contid.robot_file.base import Strict
 from contid.robot_file.findings import explain
-from contid.robot_file.positions import read_document
+from contid.robot_file.positions import read_document, read_text
 from contid_fleet.access_rules import access_rules
 from contid_fleet.certificates import MACHINE, check_validity
 from contid_fleet.endpoints import check_endpoint, protocol
@@ -90,12 +90,7 @@ class FleetFile(Strict):
         Raises:
             ContidError: with every mistake and its place.
         """
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-            raise ContidError(f"{path}: cannot read it: {reason}") from error
-        document = read_document(text, str(path))
+        document = read_document(read_text(path), str(path))
         try:
             loaded = cls.model_validate_json(json.dumps(document.data), strict=True)
         except ValidationError as error:
