@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from contid.clearance.body import Body, sampled_body
-from contid.clearance.guard import between_bodies, to_obstacle
+from contid.clearance.distances import between_bodies, to_obstacle
 from contid.clearance.obstacles import Box
 from tests.clearance.arcs import random_chain
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contid.clearance.body import sampled_body
-from contid.clearance.guard import to_obstacle
+from contid.clearance.distances import to_obstacle
 from contid.clearance.obstacles import Box, Capsule, Obstacle
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import build_solver

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -43,6 +43,7 @@ class Body:
         start_m: arc length of the first point from the base of the robot [m].
         off_m: greatest distance of the curve from the polyline that the points were taken from [m]; 0 for
             points of the curve itself.
+        piece_off_m: greatest distance of the curve between neighbours from their chord, where known [m].
     """
 
     points: Array
@@ -50,6 +51,7 @@ class Body:
     radius_m: float
     start_m: float = 0.0
     off_m: float = 0.0
+    piece_off_m: float | None = None
 
     @property
     def pieces(self) -> int:
@@ -72,10 +74,27 @@ class Body:
         before = np.minimum(at.astype(int), self.pieces - 1)
         share = (at - before)[:, None]
         points = (1.0 - share) * self.points[before] + share * self.points[before + 1]
-        steps = np.arange(self.pieces)
-        off_m = self.off_m + float(np.max(self.allowance(steps, steps + 1)))
+        off_m = self.off_m + self.off_pieces_m()
         spacing_m = (end - begin) / pieces * self.spacing_m
         return Body(points, spacing_m, self.radius_m, self.start_m + begin * self.spacing_m, off_m)
+
+    def divided(self, spacing_m: float) -> Body:
+        """The same body with points at most a distance apart along it [m]; they are on its polyline."""
+        times = max(math.ceil(self.spacing_m / spacing_m), 1)
+        if times == 1:
+            return self
+        share = np.arange(times)[None, :, None] / times
+        between = (1.0 - share) * self.points[:-1, None] + share * self.points[1:, None]
+        points = np.vstack([between.reshape(-1, 3), self.points[-1:]])
+        off_m = self.off_m + self.off_pieces_m()
+        return Body(points, self.spacing_m / times, self.radius_m, self.start_m, off_m)
+
+    def off_pieces_m(self) -> float:
+        """Greatest distance of the curve from the chords between neighbours [m]."""
+        if self.piece_off_m is not None:
+            return self.piece_off_m
+        steps = np.arange(self.pieces)
+        return float(np.max(self.allowance(steps, steps + 1)))
 
     def allowance(self, first: Indices, last: Indices) -> Array:
         """Greatest distance of the curve between samples ``first`` and ``last`` from their chord [m]."""
@@ -98,9 +117,9 @@ def sampled_body(curve: Callable[[int], Array], radius_m: float) -> Body:
         fine, coarse = _polyline(points), _polyline(points[::2])
         length = max(fine, (4.0 * fine - coarse) / 3.0)
         body = Body(points, length / pieces * (1.0 + _LENGTH_ROUNDING), radius_m)
-        steps = np.arange(pieces)
-        if pieces >= MAX_PIECES or np.max(body.allowance(steps, steps + 1)) <= ALLOWANCE_M:
-            return body
+        off_m = body.off_pieces_m()
+        if pieces >= MAX_PIECES or off_m <= ALLOWANCE_M:
+            return replace(body, piece_off_m=off_m)
         pieces *= 2
 
 

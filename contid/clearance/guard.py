@@ -1,156 +1,74 @@
 """The bodies, obstacles and pairs of a robot file, and the distances of one configuration.
 
-The kernel ``contid/kernels/clearance`` bounds the distance between two bodies, and between a body and an
-obstacle, by branch and bound. The result holds for the curves between the samples, not only for the samples.
+A pair is two robots, a robot and an obstacle, or a robot with itself. It keeps `ClearanceGuard.margin_m`,
+except two tips that may touch: those may be `ClearanceGuard.tip_depth_m` in each other. What a pair has left
+above that is its spare distance.
 """
 
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 import numpy as np
 
-from contid.clearance.body import Body, sampled_body
+from contid.clearance.arm import Arm, ArmParts, body_speed
+from contid.clearance.body import Body
+from contid.clearance.crossing import crossed_m
+from contid.clearance.distances import Distance, between_bodies, to_itself, to_obstacle
 from contid.clearance.obstacles import Box, Capsule, Obstacle, Plane
-from contid.kernels import load
-from contid.kinematics.body_shape import in_world
 from contid.kinematics.extra_axes import build_whole_model
 from contid.kinematics.frames import BaseFrame
-from contid.kinematics.model import Model
 from contid.robot_file.clearance import Clearance, ObstacleDescription
 from contid.robot_file.document import RobotFile
 from contid.targets import ZERO3, Actuation, Vec3
 from contid.units import MM_PER_M, m_to_mm
 
-
-@dataclass(frozen=True, slots=True)
-class Distance:
-    """A distance between surfaces: ``lower_m <= truth <= upper_m``, negative for a penetration.
-
-    Attributes:
-        lower_m, upper_m: bounds [m].
-        at_m: arc length from the base of the first body where it is nearest [m].
-    """
-
-    lower_m: float
-    upper_m: float
-    at_m: float
-
-
-def between_bodies(a: Body, b: Body, enough_m: float = math.inf) -> Distance:
-    """Distance between the surfaces of two bodies [m].
-
-    Args:
-        a: a body.
-        b: another body.
-        enough_m: stop halving as soon as the distance is certainly at least this.
-    """
-    radii, off_m = a.radius_m + b.radius_m, a.off_m + b.off_m
-    enough = enough_m + radii + off_m
-    found = load("clearance").between(a.points, a.spacing_m, b.points, b.spacing_m, enough)
-    at_m = a.start_m + found.at * a.spacing_m
-    return Distance(found.lower - radii - off_m, found.upper - radii + off_m, at_m)
-
-
-def to_obstacle(body: Body, obstacle: Obstacle, enough_m: float = math.inf) -> Distance:
-    """Distance between the surfaces of a body and of a convex obstacle [m].
-
-    Args:
-        body: the body.
-        obstacle: a convex set.
-        enough_m: stop halving as soon as the distance is certainly at least this.
-    """
-    radius_m, off_m = body.radius_m, body.off_m
-    enough = enough_m + radius_m + off_m
-    found = load("clearance").to_obstacle(body.points, body.spacing_m, obstacle.packed, enough)
-    at_m = body.start_m + found.at * body.spacing_m
-    return Distance(found.lower - radius_m - off_m, found.upper - radius_m + off_m, at_m)
-
-
-#: One base per coordinate.
-PRIMES: Final = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89)
-
-
-def radical_inverse(index: int, base: int) -> float:
-    """Van der Corput's sequence in [0, 1): digits of the index mirrored at the point (Halton 1960)."""
-    value, scale = 0.0, 1.0 / base
-    while index:
-        index, digit = divmod(index, base)
-        value += digit * scale
-        scale /= base
-    return value
-
-
 #: Actuation and known force on the tip in the world [N], by robot.
 Configuration: TypeAlias = Mapping[str, tuple[Actuation, Vec3]]
-
-#: The greatest speed of a body is searched among this many actuations, and multiplied by the factor.
-SPEED_SAMPLES: Final = 24
-SPEED_FACTOR: Final = 1.5
-_STEP: Final = 1e-3
-_POINTS: Final = 17
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Arm:
-    """A robot whose body is checked.
-
-    Attributes:
-        name: name in the robot file.
-        model: kinematics, with the extra axes.
-        frame: its base in the world.
-        radius_m: radius of its body [m].
-        from_m: where the body begins [m].
-        tip_free_m: length at the tip that may touch other robots [m].
-        speed: greatest motion of a point of the body per change of each axis [m/m or m/Pa].
-    """
-
-    name: str
-    model: Model
-    frame: BaseFrame
-    radius_m: float
-    from_m: float
-    tip_free_m: float
-    speed: tuple[float, ...]
-
-    def bodies(self, actuation: Actuation, load_n: Vec3) -> tuple[Body, Body]:
-        """The body against obstacles, and the one against other robots."""
-        load = self.frame.vector_in_base(load_n)
-
-        def curve(count: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-            return in_world(self.frame, self.model.shape(actuation, count, load))
-
-        whole = sampled_body(curve, self.radius_m)
-        length = whole.pieces * whole.spacing_m
-        rooted = whole.part(self.from_m, length) if self.from_m > 0.0 else whole
-        if self.tip_free_m == 0.0:
-            return rooted, rooted
-        return rooted, whole.part(self.from_m, max(length - self.tip_free_m, self.from_m))
-
-    def motion_m(self, before: Actuation, after: Actuation) -> float:
-        """Bound of the motion of every point of the body between two actuations [m]."""
-        return sum(k * abs(b - a) for k, a, b in zip(self.speed, before, after, strict=True))
+#: Name of a robot, and name of another robot or of an obstacle, or its own.
+Pair: TypeAlias = tuple[str, str]
+#: Distances of pairs that are sampled are computed up to the margin and this [m].
+LOOK_AHEAD_M: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Nearest:
-    """The distance of one pair: of a robot, and of another or an obstacle."""
+    """The distance of one pair: of a robot, and of another, itself or an obstacle.
+
+    Attributes:
+        robot: name of the robot.
+        other: the other name of the pair.
+        distance: between the parts that have the least to spare.
+        least_m: distance that these parts keep [m]; negative for tips that may be pressed into each other.
+    """
 
     robot: str
     other: str
     distance: Distance
+    least_m: float
+
+    @property
+    def spare_m(self) -> float:
+        """Distance left, certainly; negative when the pair is too near [m]."""
+        return self.distance.lower_m - self.least_m
 
     def __str__(self) -> str:
-        """The encounter as a sentence without its full stop."""
+        """The encounter and the key that forbids it, as a sentence without its full stop."""
         found = self.distance
         where = f"{self.robot} at {m_to_mm(found.at_m):.0f} mm of its length"
+        other = "itself" if self.other == self.robot else self.other
+        if self.least_m < 0.0:
+            how = (
+                f"{where}, a tip, reaches {m_to_mm(max(-found.lower_m, 0.0)):.2f} mm into the tip of {other}"
+            )
+            return f"{how}; clearance.tip_depth_mm is {m_to_mm(-self.least_m):g}"
+        margin = f"; clearance.margin_mm is {m_to_mm(self.least_m):g}"
         if found.upper_m <= 0.0:
-            return f"{where} runs into {self.other}"
-        return f"{where} comes within {m_to_mm(max(found.lower_m, 0.0)):.2f} mm of {self.other}"
+            return f"{where} runs into {other}{margin}"
+        return f"{where} comes within {m_to_mm(max(found.lower_m, 0.0)):.2f} mm of {other}{margin}"
 
 
 class ClearanceGuard:
@@ -163,11 +81,18 @@ class ClearanceGuard:
 
     def __init__(self, file: RobotFile, clearance: Clearance) -> None:
         self.margin_m: float = clearance.margin_mm / MM_PER_M
+        self.tip_depth_m: float = clearance.tip_depth_mm / MM_PER_M
         self.arms: dict[str, Arm] = {name: _arm(file, clearance, name) for name in clearance.bodies}
         self.obstacles: dict[str, Obstacle] = obstacles_of(clearance)
         ignored = {frozenset(pair) for pair in clearance.ignore}
-        every = [*itertools.combinations(self.arms, 2), *itertools.product(self.arms, self.obstacles)]
-        self.pairs: tuple[tuple[str, str], ...] = tuple(p for p in every if frozenset(p) not in ignored)
+        arms = [*itertools.combinations(self.arms, 2)]
+        every = [*arms, *itertools.product(self.arms, self.obstacles)]
+        self.pairs: tuple[Pair, ...] = tuple(p for p in every if frozenset(p) not in ignored)
+        #: Pairs with a tip that may touch, and a body with itself: near for as long as something is held.
+        #: `Walk` computes their distances at points of a motion, without a bound between these.
+        tips = [p for p in arms if any(self.arms[name].tip_free_m > 0.0 for name in p)]
+        near = [*tips, *((name, name) for name in self.arms)]
+        self.sampled: tuple[Pair, ...] = tuple(p for p in near if frozenset(p) not in ignored)
         robots = file.robots
         self.rest: dict[str, Actuation] = {
             name: (*robots[name].rest, *arm.model.lower[len(robots[name].axis_names) :])
@@ -175,10 +100,11 @@ class ClearanceGuard:
         }
 
     def at_rest(self) -> list[Nearest]:
-        """The distances with every robot at its rest pose, nearest first."""
+        """The distances with every robot at its rest pose, the one with the least to spare first."""
         rest = {name: (actuation, ZERO3) for name, actuation in self.rest.items()}
         found = Shapes(self, rest)
-        return sorted((found.nearest(pair) for pair in self.pairs), key=lambda n: n.distance.lower_m)
+        every = [*map(found.nearest, self.pairs), *map(found.sampled, self.sampled)]
+        return sorted(every, key=lambda each: each.spare_m)
 
 
 class Shapes:
@@ -187,20 +113,64 @@ class Shapes:
     def __init__(self, guard: ClearanceGuard, configuration: Configuration) -> None:
         self._guard = guard
         self._configuration = configuration
-        self._bodies: dict[str, tuple[Body, Body]] = {}
+        self._parts: dict[str, ArmParts] = {}
 
-    def nearest(self, pair: tuple[str, str], enough_m: float = np.inf) -> Nearest:
-        """The distance of a pair; only a bound where that is ``enough_m`` at least."""
+    def nearest(self, pair: Pair, enough_m: float = np.inf) -> Nearest:
+        """The distance of a pair, of two robots without their tips that may touch.
+
+        Only a bound where it has ``enough_m`` to spare at least.
+        """
         robot, other = pair
-        whole, part = self._body(robot)
+        margin_m = self._guard.margin_m
+        enough_m += margin_m
         if other in self._guard.obstacles:
-            return Nearest(robot, other, to_obstacle(whole, self._guard.obstacles[other], enough_m))
-        return Nearest(robot, other, between_bodies(part, self._body(other)[1], enough_m))
+            found = to_obstacle(self._of(robot).whole, self._guard.obstacles[other], enough_m)
+        else:
+            found = between_bodies(self._of(robot).shaft, self._of(other).shaft, enough_m)
+        return Nearest(robot, other, found, margin_m)
 
-    def _body(self, name: str) -> tuple[Body, Body]:
-        if name not in self._bodies:
-            self._bodies[name] = self._guard.arms[name].bodies(*self._configuration[name])
-        return self._bodies[name]
+    def sampled(self, pair: Pair) -> Nearest:
+        """The distance of the tips of two robots from all of the other, or of a robot from itself."""
+        robot, other = pair
+        margin_m = self._guard.margin_m
+        enough_m = margin_m + LOOK_AHEAD_M
+        parts, others = self._of(robot), self._of(other)
+        if robot == other:
+            itself = to_itself(parts.whole, margin_m, enough_m)
+            return Nearest(robot, other, itself or Distance(np.inf, np.inf, 0.0), margin_m)
+        free = [self._guard.arms[name].tip_free_m > 0.0 for name in pair]
+        found = []
+        if free[0]:
+            found.append(Nearest(robot, other, between_bodies(parts.tip, others.shaft, enough_m), margin_m))
+        if free[1]:
+            found.append(Nearest(robot, other, between_bodies(parts.shaft, others.tip, enough_m), margin_m))
+        if all(free):
+            found.append(self._tips(robot, parts.tip, other, others.tip))
+        return min(found, key=lambda each: each.spare_m)
+
+    def _tips(self, robot: str, tip: Body, other: str, other_tip: Body) -> Nearest:
+        """The distance of two tips that may touch; in a plane they may not cross either."""
+        arms = (self._guard.arms[robot], self._guard.arms[other])
+        width_m, depth_m = arms[0].tip_radius_m + arms[1].tip_radius_m, self._guard.tip_depth_m
+        plane = all(arm.model.dimension == 2 for arm in arms)
+        if not plane:
+            # Half of the radii at most: so the centre lines stay apart, however thin the tips are.
+            depth_m = min(depth_m, 0.5 * width_m)
+        tip, other_tip = (
+            replace(tip, radius_m=arms[0].tip_radius_m),
+            replace(other_tip, radius_m=arms[1].tip_radius_m),
+        )
+        found = between_bodies(tip, other_tip)
+        if plane and found.lower_m + width_m <= 0.0:
+            across_m = crossed_m(tip, other_tip)
+            if across_m > 0.0:
+                found = Distance(-across_m - width_m, min(found.upper_m, -width_m), found.at_m)
+        return Nearest(robot, other, found, -depth_m)
+
+    def _of(self, name: str) -> ArmParts:
+        if name not in self._parts:
+            self._parts[name] = self._guard.arms[name].parts(*self._configuration[name])
+        return self._parts[name]
 
 
 def _arm(file: RobotFile, clearance: Clearance, name: str) -> Arm:
@@ -213,29 +183,9 @@ def _arm(file: RobotFile, clearance: Clearance, name: str) -> Arm:
         radius_m=body.radius_mm / MM_PER_M,
         from_m=body.from_mm / MM_PER_M,
         tip_free_m=body.tip_free_mm / MM_PER_M,
+        tip_radius_m=(body.radius_mm if body.tip_radius_mm is None else body.tip_radius_mm) / MM_PER_M,
         speed=body_speed(model, len(robot.axis_names)),
     )
-
-
-def body_speed(model: Model, own_axes: int) -> tuple[float, ...]:
-    """Greatest motion of a point of the body per change of each axis, 0 for extra axes.
-
-    Differences at `SPEED_SAMPLES` actuations, times `SPEED_FACTOR`: an estimate, not a proof.
-    """
-    low, high = np.array(model.lower[:own_axes]), np.array(model.upper[:own_axes])
-    rest = model.lower[own_axes:]
-    greatest = np.zeros(own_axes)
-    for k in range(1, SPEED_SAMPLES + 1):
-        part = np.array([radical_inverse(k, base) for base in PRIMES[:own_axes]])
-        actuation = low + (high - low) * (_STEP + (1.0 - 2.0 * _STEP) * part)
-        points = model.shape((*actuation.tolist(), *rest), _POINTS)
-        for axis in range(own_axes):
-            moved = actuation.copy()
-            moved[axis] += _STEP * (high - low)[axis]
-            moved_points = model.shape((*moved.tolist(), *rest), _POINTS)
-            motion = float(np.max(np.linalg.norm(moved_points - points, axis=1)))
-            greatest[axis] = max(greatest[axis], motion / (_STEP * float((high - low)[axis])))
-    return (*(SPEED_FACTOR * greatest).tolist(), *(0.0 for _ in rest))
 
 
 def obstacles_of(clearance: Clearance) -> dict[str, Obstacle]:

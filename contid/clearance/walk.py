@@ -5,31 +5,29 @@ apart is therefore at least d - motion apart, and is not computed again before t
 Between two computed configurations, d1 and d2 apart with a motion m between them, the distance is at least
 (d1 + d2 - m)/2; where that is not enough, the motion is halved, down to `RESOLUTION_M`.
 
+Tips that may touch and a body with itself are sampled along a motion instead, and at the end of a stop: they
+are near for as long as something is held, and what has crossed stays so.
+
 A robot in motion also needs room to stop: `Walk.stops` follows the stops of all robots from where they are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Final, TypeAlias
+import math
+from collections.abc import Mapping, Sequence
+from typing import Final
 
-from contid.clearance.guard import ClearanceGuard, Configuration, Nearest, Shapes
-from contid.targets import Actuation, Vec3
+from contid.clearance.guard import LOOK_AHEAD_M, ClearanceGuard, Configuration, Nearest, Pair, Shapes
+from contid.targets import Actuation, Vec3, vec3
 from contid.trajectory.straight_stop import StraightStop
-from contid.units import m_to_mm
 
 #: A motion shorter than twice this is not halved; in it a pair may be this much nearer than the margin [m].
 RESOLUTION_M: Final = 5e-5
-#: Distances are computed up to the margin and this; a pair farther apart needs no exact value [m].
-LOOK_AHEAD_M: Final = 0.05
-
-
 #: The motion of a pair that stops is halved at most this often. A pair that is not shown to be far enough
 #: apart by then counts as too near.
 MAX_HALVINGS: Final = 32
-
-#: Name of a robot, and name of another robot or of an obstacle.
-Pair: TypeAlias = tuple[str, str]
+#: Pairs that are sampled are computed at points of a motion that are at most this far apart by the bound [m].
+SAMPLED_M: Final = 1e-2
 
 
 class Walk:
@@ -56,12 +54,16 @@ class Walk:
     def place(self, configuration: Configuration) -> list[Nearest]:
         """Set the configuration of every robot without a check; returns the distances there."""
         self._now = dict(configuration)
-        shapes = Shapes(self._guard, self._now)
+        self._shapes = shapes = Shapes(self._guard, self._now)
         nearest = {pair: self._nearest(shapes, pair) for pair in self._guard.pairs}
-        #: Lower bound of the present distance of each pair, and the distance it must keep [m].
-        self._bounds = {pair: each.distance.lower_m for pair, each in nearest.items()}
-        self._floors = {pair: min(self._guard.margin_m, bound) for pair, bound in self._bounds.items()}
-        return list(nearest.values())
+        #: Lower bound of what each pair has to spare at present, and what it must keep of that [m].
+        self._bounds = {pair: each.spare_m for pair, each in nearest.items()}
+        self._floors = {pair: min(0.0, bound) for pair, bound in self._bounds.items()}
+        near = {pair: shapes.sampled(pair) for pair in self._guard.sampled}
+        #: The same of the pairs that are sampled.
+        self._near_bounds = {pair: each.spare_m for pair, each in near.items()}
+        self._near_floors = {pair: min(0.0, bound) for pair, bound in self._near_bounds.items()}
+        return [*nearest.values(), *near.values()]
 
     def copy(self) -> Walk:
         """A walk from the same configuration."""
@@ -77,24 +79,48 @@ class Walk:
         after = self._now | {name: each for name, each in goal.items() if name in self._guard.arms}
         motion = {name: self._motion(name, self._now[name], after[name]) for name in after}
         if not any(motion.values()):
-            self._now = after
+            self._now, self._shapes = after, Shapes(self._guard, after)
             return ""
         bounds: dict[tuple[str, str], float] = {}
-        begin, end = Shapes(self._guard, self._now), Shapes(self._guard, after)
+        begin, end = self._shapes, Shapes(self._guard, after)
         for pair in self._guard.pairs:
             moved = sum(motion.get(name, 0.0) for name in pair)
             bounds[pair] = self._bounds[pair] - moved
             if moved == 0.0 or bounds[pair] >= self._floors[pair]:
                 continue
             found = self._between(pair, self._now, begin, after, end, moved)
-            if found.distance.lower_m < self._floors[pair] - RESOLUTION_M:
+            if found.spare_m < self._floors[pair] - RESOLUTION_M:
                 self.refused = pair
-                return self._message(found)
-            bounds[pair] = found.distance.lower_m
-        self._now, self._bounds = after, bounds
-        margin = self._guard.margin_m
-        self._floors = {pair: min(margin, max(self._floors[pair], bounds[pair])) for pair in bounds}
+                return str(found)
+            bounds[pair] = found.spare_m
+        near, found_near = self._sampled(after, end, motion)
+        if found_near is not None:
+            self.refused = found_near.robot, found_near.other
+            return str(found_near)
+        self._now, self._shapes, self._bounds, self._near_bounds = after, end, bounds, near
+        self._floors = {pair: min(0.0, max(self._floors[pair], bounds[pair])) for pair in bounds}
+        self._near_floors = {pair: min(0.0, max(self._near_floors[pair], near[pair])) for pair in near}
         return ""
+
+    def _sampled(
+        self, after: Configuration, end: Shapes, motion: Mapping[str, float]
+    ) -> tuple[dict[Pair, float], Nearest | None]:
+        """New bounds of the pairs that are sampled, and the one that comes too near."""
+        bounds: dict[Pair, float] = {}
+        for pair in self._guard.sampled:
+            moved = sum(motion.get(name, 0.0) for name in pair)
+            bounds[pair] = self._near_bounds[pair] - moved
+            if moved == 0.0 or bounds[pair] >= self._near_floors[pair]:
+                continue
+            # A crossing stays until the tips are drawn back: between near points none is missed.
+            parts = max(math.ceil(moved / SAMPLED_M), 1)
+            for k in range(1, parts + 1):
+                shapes = end if k == parts else Shapes(self._guard, _between(self._now, after, k / parts))
+                found = shapes.sampled(pair)
+                if found.spare_m < self._near_floors[pair] - RESOLUTION_M:
+                    return bounds, found
+                bounds[pair] = found.spare_m
+        return bounds, None
 
     def stops(self, stops: Mapping[str, StraightStop], tolerance_m: float = 0.0) -> str:
         """Why robots that begin to stop now would come too near, or ""; the configuration stays.
@@ -107,21 +133,31 @@ class Walk:
             name: sum(k * d for k, d in zip(self._guard.arms[name].speed, stop.distances, strict=True))
             for name, stop in stops.items()
         }
-        times: dict[float, Shapes] = {}
+        times = {0.0: self._shapes}
         for pair in self._guard.pairs:
             way_m = sum(stop_ways_m.get(name, 0.0) for name in pair)
             floor_m = self._floors[pair] - tolerance_m
             if way_m == 0.0 or self._bounds[pair] - way_m >= floor_m:
                 continue
             here = self._ahead(times, 0.0, stops).nearest(pair, floor_m + way_m)
-            self._bounds[pair] = max(self._bounds[pair], here.distance.lower_m)
-            if here.distance.lower_m - way_m >= floor_m:
+            self._bounds[pair] = max(self._bounds[pair], here.spare_m)
+            if here.spare_m - way_m >= floor_m:
                 continue
             own = {name: stops[name] for name in pair if name in stops}
             found = self._stopping(pair, own, times, stops, floor_m)
             if found is not None:
                 self.refused = pair
-                return f"before it can stop, {self._message(found)}"
+                return f"before it can stop, {found}"
+        for pair in self._guard.sampled:
+            way_m = sum(stop_ways_m.get(name, 0.0) for name in pair)
+            floor_m = self._near_floors[pair] - tolerance_m
+            if way_m == 0.0 or self._near_bounds[pair] - way_m >= floor_m:
+                continue
+            end_s = max(stops[name].duration_s for name in pair if name in stops)
+            near = self._ahead(times, end_s, stops).sampled(pair)
+            if near.spare_m < floor_m:
+                self.refused = pair
+                return f"before it can stop, {near}"
         return ""
 
     def _stopping(
@@ -143,15 +179,16 @@ class Walk:
             begin_s, end_s = parts.pop()
             begin = self._ahead(times, begin_s, stops).nearest(pair, enough_m)
             end = self._ahead(times, end_s, stops).nearest(pair, enough_m)
-            if end.distance.lower_m < floor_m:
+            if end.spare_m < floor_m:
                 return end
             moved = sum(
-                self._guard.arms[name].motion_m(stop.at(begin_s).position, stop.at(end_s).position)
-                for name, stop in own.items()
+                self._guard.arms[name].motion_m(own[name].at(begin_s).position, own[name].at(end_s).position)
+                for name in pair
+                if name in own
             )
             if moved <= 2.0 * RESOLUTION_M:
                 continue
-            if 0.5 * (begin.distance.lower_m + end.distance.lower_m - moved) >= floor_m - RESOLUTION_M:
+            if 0.5 * (begin.spare_m + end.spare_m - moved) >= floor_m - RESOLUTION_M:
                 continue
             halvings += 1
             if halvings > MAX_HALVINGS:
@@ -179,33 +216,37 @@ class Walk:
         """The distance at ``after``, or where on the way there the pair is too near."""
         floor = self._floors[pair]
         last = self._nearest(end, pair)
-        if last.distance.lower_m < floor or moved <= 2.0 * RESOLUTION_M:
+        if last.spare_m < floor or moved <= 2.0 * RESOLUTION_M:
             return last
         first = self._nearest(begin, pair)
-        if 0.5 * (first.distance.lower_m + last.distance.lower_m - moved) >= floor - RESOLUTION_M:
+        if 0.5 * (first.spare_m + last.spare_m - moved) >= floor - RESOLUTION_M:
             return last
-        middle = {name: _halfway(before[name], after[name]) for name in before}
+        middle = _between(before, after, 0.5)
         between = Shapes(self._guard, middle)
         arms = [name for name in pair if name in self._guard.arms]
         first_half = sum(self._motion(name, before[name], middle[name]) for name in arms)
         second_half = sum(self._motion(name, middle[name], after[name]) for name in arms)
         found = self._between(pair, before, begin, middle, between, first_half)
-        if found.distance.lower_m < floor - RESOLUTION_M:
+        if found.spare_m < floor - RESOLUTION_M:
             return found
         return self._between(pair, middle, between, after, end, second_half)
 
     def _nearest(self, shapes: Shapes, pair: tuple[str, str]) -> Nearest:
-        return shapes.nearest(pair, self._guard.margin_m + LOOK_AHEAD_M)
+        return shapes.nearest(pair, LOOK_AHEAD_M)
 
     def _motion(self, name: str, before: tuple[Actuation, Vec3], after: tuple[Actuation, Vec3]) -> float:
         # A change of the known load (``[1]``) is a step of the target: only its end is computed.
         changed = 2.0 * RESOLUTION_M if before[1] != after[1] else 0.0
         return max(self._guard.arms[name].motion_m(before[0], after[0]), changed)
 
-    def _message(self, nearest: Nearest) -> str:
-        return f"{nearest}; clearance.margin_mm is {m_to_mm(self._guard.margin_m):g}"
 
+def _between(before: Configuration, after: Configuration, share: float) -> Configuration:
+    """The configuration at a part of a straight way."""
 
-def _halfway(a: tuple[Actuation, Vec3], b: tuple[Actuation, Vec3]) -> tuple[Actuation, Vec3]:
-    load = (0.5 * (a[1][0] + b[1][0]), 0.5 * (a[1][1] + b[1][1]), 0.5 * (a[1][2] + b[1][2]))
-    return tuple([0.5 * (x + y) for x, y in zip(a[0], b[0], strict=True)]), load
+    def mixed(a: Sequence[float], b: Sequence[float]) -> list[float]:
+        return [(1.0 - share) * x + share * y for x, y in zip(a, b, strict=True)]
+
+    return {
+        name: (tuple(mixed(a, after[name][0])), vec3(mixed(load, after[name][1])))
+        for name, (a, load) in before.items()
+    }

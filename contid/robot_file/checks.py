@@ -14,6 +14,7 @@ from contid.errors import Located
 from contid.hal import DeviceKind, DeviceRate
 from contid.robot_file.base import AxisDescription, Quantity, StopPolicy
 from contid.robot_file.findings import allowed_names
+from contid.robot_file.gravity import check_down
 from contid.robot_file.positions import Document, KeyPath
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.unit_checks import check_device_rates, check_units
@@ -60,6 +61,7 @@ def check_robot(
         return
     yield from _check_plane(document, at, robot)
     yield from check_units(document, at, robot)
+    yield from check_down(document, at, robot)
     limited = {
         name: (axis.description, axis.rate)
         for name, axis in wired.items()

@@ -23,12 +23,15 @@ class BodyDescription(Strict):
     Attributes:
         radius_mm: radius of the ball: half the width of the arm.
         from_mm: arc length from the base where the body begins, to leave out what its mount touches.
-        tip_free_mm: length from the tip that may touch other robots, such as finger tips.
+        tip_free_mm: length from the tip that may touch the tips of other robots, such as finger tips.
+        tip_radius_mm: radius of that length against other tips; left out, ``radius_mm``. 0: the tip that
+            targets mean is on the face that touches, so two tips may be commanded to one point.
     """
 
     radius_mm: Size
     from_mm: NonNegative = 0.0
     tip_free_mm: NonNegative = 0.0
+    tip_radius_mm: NonNegative | None = None
 
 
 class PlaneInBase(NamedTuple):
@@ -134,13 +137,16 @@ class Clearance(Strict):
     """Distances that a trajectory must keep, between bodies of robots and to obstacles.
 
     Attributes:
-        margin_mm: least distance between surfaces.
+        margin_mm: least distance between surfaces, also of a body that is bent back on itself.
+        tip_depth_mm: depth by which two tips that may touch may be in each other; outside a plane at most
+            half of the sum of their radii.
         bodies: bodies of the robots that are checked, by their names.
         obstacles: convex ones in the world, by names of your choice.
-        ignore: pairs of a robot and a robot or obstacle that are not checked.
+        ignore: pairs of a robot and a robot, itself or an obstacle that are not checked.
     """
 
     margin_mm: Annotated[float, Field(ge=0.5)] = 2.0
+    tip_depth_mm: NonNegative = 0.5
     bodies: dict[str, BodyDescription] = Field(min_length=1)
     obstacles: dict[str, ObstacleDescription] = Field(default_factory=dict)
     ignore: tuple[tuple[str, str], ...] = ()

@@ -73,7 +73,7 @@ class Cosserat(RobotDescription):
 
     Attributes:
         model: ``cosserat``.
-        geometry: sections and the direction of gravity.
+        geometry: sections from base to tip.
         limits: limits of the pressures.
         solver: solver of the inverse kinematics.
         sense: the force on the tip from a tracker; off when left out.
@@ -97,6 +97,18 @@ class Cosserat(RobotDescription):
     def axis_names(self) -> tuple[str, ...]:
         """``s1.p1`` .. ``s1.p3``, ``s2.p1`` ..: section, then chamber pair."""
         return tuple(f"s{i + 1}.p{k + 1}" for i in range(len(self.geometry.sections)) for k in range(3))
+
+    @property
+    def has_weight(self) -> bool:
+        """True where a density or the mass of a link is known."""
+        return any(each.density_kg_m3 > 0.0 or each.link_mass_g > 0.0 for each in self.geometry.sections)
+
+    @property
+    def depends_on_down(self) -> bool:
+        """True with weight, with a simulated payload, or with loads that are weighed."""
+        return (
+            self.has_weight or self.sense is not None or (self.sim is not None and self.sim.payload_g > 0.0)
+        )
 
     @property
     def accepts(self) -> frozenset[str]:

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from contid.errors import MAX_FINDINGS, BadInputError, Located, first_findings
+from contid.robot_file.gravity import remedy_for_gravity, with_down
 from contid.robot_file.positions import Data, Document, KeyPath, step_into
 
 Schema: TypeAlias = dict[str, Any]
@@ -95,6 +96,8 @@ def _finding(
         names += also if len(inside) == 1 else ()
         if (now := RENAMED_KEYS.get(name)) in names:
             return document.at_key(path, f"key {name!r} was renamed; write {now!r}")
+        if (remedy := remedy_for_gravity(document.get(path[:2]), path[2:])) is not None:
+            return document.at_key(path, remedy)
         return document.at_key(path, f"unknown key {name!r}; {allowed_names(names, name)}")
     if kind == "missing" and isinstance(path[-1], int):
         return document.at_value(path[:-1], f"{name} is missing")
@@ -209,7 +212,7 @@ RENAMED_KEYS: Final = {"dead_man": "on_watchdog", "safe_state": "on_watchdog"}
 
 
 def with_renamed_keys(data: Any) -> Any:
-    """The data of a robot file with today's keys, also where ``placeholder`` lists them."""
+    """The data of a recorded robot file with today's keys, also where ``placeholder`` lists them."""
     robots = data.get("robots") if isinstance(data, dict) else None
     if not isinstance(robots, dict):
         return data
@@ -219,7 +222,7 @@ def with_renamed_keys(data: Any) -> Any:
 def _robot(robot: Any) -> Any:
     if not isinstance(robot, dict):
         return robot
-    renamed = dict(robot)
+    renamed = dict(with_down(robot))
     if isinstance(axes := robot.get("axes"), dict):
         renamed["axes"] = {name: _axis(axis) for name, axis in axes.items()}
     if isinstance(listed := robot.get("placeholder"), list):
@@ -233,4 +236,6 @@ def _axis(axis: Any) -> Any:
 
 def _dotted(key: str) -> str:
     parent, dot, last = key.rpartition(".")
+    if key in ("geometry.gravity", "rod.gravity"):
+        return "down"
     return f"{parent}{dot}{RENAMED_KEYS.get(last, last)}" if parent.startswith("axes.") else key

@@ -18,6 +18,7 @@ from contid.robot_file.checks import WiredAxis, check_name, check_robot
 from contid.robot_file.clearance import check_clearance
 from contid.robot_file.document import MAX_RATE_HZ, AnyRobot, BusDescription, BusWiring, RobotFile
 from contid.robot_file.findings import allowed_names, explain, shown
+from contid.robot_file.gravity import check_one_world
 from contid.robot_file.model_plugins import ModelPluginError, load_plugin, plugin_names
 from contid.robot_file.positions import Data, Document, KeyPath, step_into
 from contid.robot_file.robot import RobotDescription
@@ -79,6 +80,8 @@ class Loader:
         for name, robot in described.items():
             if isinstance(robot, Chain):
                 self.findings += check_chain(self.document, ("robots", name), robot, described)
+        if not self.recorded:
+            self.findings += check_one_world(self.document, described)
         if whole is not None and whole.clearance is not None:
             self.findings += check_clearance(self.document, whole.clearance, described)
         return complete

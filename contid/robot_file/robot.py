@@ -12,6 +12,7 @@ from pydantic import Field
 from contid.robot_file.base import (
     AxisDescription,
     BasePose,
+    Direction,
     Interval,
     Quantity,
     Rates,
@@ -19,7 +20,7 @@ from contid.robot_file.base import (
     Strict,
     TipFeedback,
 )
-from contid.targets import Actuation
+from contid.targets import Actuation, Vec3
 
 
 class RobotDescription(Strict):
@@ -28,6 +29,8 @@ class RobotDescription(Strict):
     Attributes:
         model: its kinematics; decides the further keys.
         base: pose of the base frame in the world.
+        down: direction in which weight acts in the world, the same for every robot of a file. The weight of
+            the robot itself follows it through ``base``: one that hangs from a ceiling has ``roll_deg: 180``.
         axes: one entry per axis of the model.
         rates: velocity, acceleration and jerk of the actuators.
         stop: policy for every reason to stop.
@@ -48,6 +51,7 @@ class RobotDescription(Strict):
 
     model: str
     base: BasePose = BasePose()
+    down: Direction = (0.0, 0.0, -1.0)
     axes: dict[str, AxisDescription] = Field(default_factory=dict)
     rates: Rates
     stop: Stops = Stops()
@@ -63,6 +67,33 @@ class RobotDescription(Strict):
     @abstractmethod
     def axis_names(self) -> tuple[str, ...]:
         """Names of the model's axes in its order; trajectory columns add the unit."""
+
+    @property
+    def down_unit(self) -> Vec3:
+        """``down`` as a unit vector of the world."""
+        x, y, z = self.down
+        length = math.hypot(x, y, z)
+        return (x / length, y / length, z / length)
+
+    @property
+    def down_in_base(self) -> Vec3:
+        """``down`` as a unit vector of the base frame."""
+        (x, y, z), r = self.down_unit, self.base.rotation
+        return (
+            r[0] * x + r[3] * y + r[6] * z,
+            r[1] * x + r[4] * y + r[7] * z,
+            r[2] * x + r[5] * y + r[8] * z,
+        )
+
+    @property
+    def has_weight(self) -> bool:
+        """True when the weight of the robot itself is part of its model."""
+        return False
+
+    @property
+    def depends_on_down(self) -> bool:
+        """True when the file holds values that are right for one direction of the weight only."""
+        return False
 
     @property
     def extra_axis_names(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from typing import TypedDict
 from contid.hal import load_driver
 from contid.robot_file.chain import Chain
 from contid.robot_file.document import BusWiring
+from contid.robot_file.gravity import weight_line
 from contid.robot_file.load import LoadedFile
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tick_rate import exchange_time, highest_rate_hz, rate_finding
@@ -54,6 +55,7 @@ class RobotReport(TypedDict):
     passive: bool
     accepts: list[str]
     base_mm: list[float]
+    weight: str
     velocity: float | None
     acceleration: float | None
     jerk: float | None
@@ -126,6 +128,7 @@ def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotRepor
         "passive": robot.passive,
         "accepts": sorted(robot.accepts),
         "base_mm": _base_mm(robot),
+        "weight": weight_line(robot),
         "velocity": getattr(robot.rates, f"velocity_{unit}_s"),
         "acceleration": getattr(robot.rates, f"acceleration_{unit}_s2"),
         "jerk": getattr(robot.rates, f"jerk_{unit}_s3"),

@@ -170,12 +170,13 @@ def apart(seen: Seen) -> Iterator[str]:
             names = [name for name in pair if name in guard.arms]
             if not all(name in at for name in names):
                 continue
-            found = shapes.nearest(pair, guard.margin_m).distance
+            nearest = shapes.nearest(pair, 0.0)
+            found = nearest.distance
             # A robot without power may be moved by hand; it is followed only beyond noise.
             if not all(driven[name] and before.get(name, False) for name in names):
                 floors[pair] = -math.inf
-            if found.upper_m < floors[pair] - NEARER_M:
+            if found.upper_m - nearest.least_m < floors[pair] - NEARER_M:
                 yield f"{pair[0]} and {pair[1]} {found.upper_m * 1e3:.3f} mm apart at {place}"
                 return
-            floors[pair] = min(guard.margin_m, max(floors[pair], found.lower_m))
+            floors[pair] = min(0.0, max(floors[pair], nearest.spare_m))
         before = driven

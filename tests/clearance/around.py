@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contid.clearance.body import sampled_body
-from contid.clearance.guard import to_obstacle
+from contid.clearance.distances import to_obstacle
 from contid.clearance.obstacles import Box, Capsule, Obstacle, Plane
 from contid.kinematics.arc import arc
 from contid.kinematics.arc.feasible import Feasible

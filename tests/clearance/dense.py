@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from contid.clearance.body import sampled_body
-from contid.clearance.guard import between_bodies
+from contid.clearance.distances import between_bodies
 
 MARGIN_M = 1e-3
 FINE, DENSE = 1024, 401

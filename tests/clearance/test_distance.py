@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from contid.clearance.body import Body, sampled_body
-from contid.clearance.guard import Shapes, between_bodies, to_obstacle
+from contid.clearance.distances import between_bodies, to_obstacle
+from contid.clearance.guard import Shapes
 from contid.clearance.obstacles import Box, Capsule, Plane
 from contid.control.engine.wiring import clearance_guard
 from contid.kernels import load

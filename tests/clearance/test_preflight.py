@@ -49,7 +49,7 @@ def test_the_shipped_hand_runs_its_circle_and_refuses_crossed_fingers():
     refused = contid("check", "hand", "-", stdin=crossed)
     assert refused.returncode == 2
     assert "stdin:3:1: on the way to this row, before it can stop, left at" in refused.stderr
-    assert "mm of right; clearance.margin_mm is 2" in refused.stderr
+    assert "into the tip of right; clearance.tip_depth_mm is 0.5" in refused.stderr
 
 
 def test_a_wall_is_refused_at_its_row_with_the_distance():
@@ -112,7 +112,7 @@ def test_a_move_of_the_simulated_hand_holds_at_a_refusal():
         state = sim.step(
             {"left.x_mm": 68.0, "left.y_mm": 70.0, "right.x_mm": 32.0, "right.y_mm": 70.0}, ticks=100
         )
-        assert "right; clearance.margin_mm is 2" in state["left"].refused
+        assert "the tip of right; clearance.tip_depth_mm is 0.5" in state["left"].refused
         assert state["left"].mode == "HOLD"
 
 
@@ -149,7 +149,11 @@ def test_nearest_points_are_refused_together_with_clearance():
 
 def test_a_pair_that_is_ignored_is_not_checked():
     text = FINGER.replace("OBSTACLE", WALL).replace("margin_mm: 1", "margin_mm: 1\n  ignore: [[f, wall]]")
-    assert guard_of(parse_robot_file(text, "a")).pairs == ()
+    guard = guard_of(parse_robot_file(text, "a"))
+    assert guard.pairs == ()
+    assert guard.sampled == (("f", "f"),)
+    text = text.replace("[[f, wall]]", "[[f, wall], [f, f]]")
+    assert guard_of(parse_robot_file(text, "a")).sampled == ()
 
 
 def test_bodies_of_every_shipped_robot_bound_their_backbones():

@@ -68,4 +68,4 @@ def _changed(session: Session) -> LoadedFile:
     old, new = MUTATIONS[session.path.stem]
     text = session.metadata["robot_file"]["text"]
     assert old in text
-    return with_mock(parse_robot_file(text.replace(old, new, 1), "changed.yaml"))
+    return with_mock(parse_robot_file(text.replace(old, new, 1), "changed.yaml", recorded=True))

@@ -156,7 +156,7 @@ def test_own_weight_and_gravity(configs: Path) -> None:
     light = build_model(describe(configs, "stiffflop2")).forward(p)
     hung = build_model(describe(configs, "stiffflop2", geometry=geometry)).forward(p)
     assert hung.tip_m[2] > light.tip_m[2]
-    lying = build_model(describe(configs, "stiffflop2", geometry={**geometry, "gravity": [2.0, 0.0, 0.0]}))
+    lying = build_model(describe(configs, "stiffflop2", geometry=geometry, down=[2.0, 0.0, 0.0]))
     assert lying.forward(p).tip_m[0] > light.tip_m[0] + 1e-3
     reached = lying.forward(p)
     solution = lying.inverse(Target(tip_m=reached.tip_m, mid_m=reached.mid_m), SEED)

@@ -96,8 +96,9 @@ def models() -> list[CosseratModel]:
     (robot,) = load_named("stiffflop2").file.robots.values()
     assert isinstance(robot, Cosserat)
     sections = [s.model_copy(update={"density_kg_m3": DENSITY}) for s in robot.geometry.sections]
-    geometry = robot.geometry.model_copy(update={"sections": sections, "gravity": TILTED})
-    return [CosseratModel(robot), CosseratModel(robot.model_copy(update={"geometry": geometry}))]
+    geometry = robot.geometry.model_copy(update={"sections": sections})
+    heavy = robot.model_copy(update={"geometry": geometry, "down": TILTED})
+    return [CosseratModel(robot), CosseratModel(heavy)]
 
 
 def cases(count: int, grams: float, seed: int = 16, ticks: bool = False) -> list[Case]:

@@ -44,8 +44,9 @@ def arms() -> list[CosseratModel]:
         (robot,) = load_named(name).file.robots.values()
         assert isinstance(robot, Cosserat)
         sections = [s.model_copy(update={"density_kg_m3": DENSITY}) for s in robot.geometry.sections]
-        geometry = robot.geometry.model_copy(update={"sections": sections, "gravity": TILTED})
-        found += [CosseratModel(robot), CosseratModel(robot.model_copy(update={"geometry": geometry}))]
+        geometry = robot.geometry.model_copy(update={"sections": sections})
+        heavy = robot.model_copy(update={"geometry": geometry, "down": TILTED})
+        found += [CosseratModel(robot), CosseratModel(heavy)]
     return found
 
 

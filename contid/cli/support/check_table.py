@@ -53,6 +53,8 @@ def print_report(report: FileReport, columns: Mapping[str, Mapping[str, Sequence
             continue
         console.print(_axes(robot))
         echo(f"  rates: {_rates(robot)}")
+        if robot["weight"]:
+            echo(f"  gravity: {robot['weight']}")
         echo("  trajectory columns:")
         for kind, names in columns[robot["name"]].items():
             echo(f"    {_KINDS.get(kind, kind)}: {', '.join(names)}")

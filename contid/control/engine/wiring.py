@@ -161,10 +161,9 @@ def clearance_guard(loaded: LoadedFile) -> ClearanceGuard | None:
     if clearance is None:
         return None
     guard = ClearanceGuard(loaded.file, clearance)
-    close = [each for each in guard.at_rest() if each.distance.lower_m < guard.margin_m]
-    if close:
-        margin = f"clearance.margin_mm is {clearance.margin_mm:g}"
-        raise ContidError(f"{loaded.path}: at the rest pose, {close[0]}; {margin}")
+    nearest = guard.at_rest()
+    if nearest and nearest[0].spare_m < 0.0:
+        raise ContidError(f"{loaded.path}: at the rest pose, {nearest[0]}")
     return guard
 
 

@@ -141,8 +141,9 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "fix the fault reported by that arm; then clear-fault and resume, both of them",
     ),
     Fault.TOO_NEAR: FaultPage(
-        "the next command, or the stop that would follow it, brings a body nearer to another robot or to an "
-        "obstacle than clearance.margin_mm",
+        "the next command, or the stop that would follow it, brings a body nearer to another robot, to "
+        "itself or to an obstacle than clearance.margin_mm, or two tips deeper into each other than "
+        "clearance.tip_depth_mm",
         "it stopped before that in the shortest way and holds, whatever its stop.on_fault policy; so did the "
         "other robot if it moved",
         "clear-fault, then `contid move` away; a checked trajectory ends here where tip feedback moves it, "

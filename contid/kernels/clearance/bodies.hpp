@@ -75,16 +75,18 @@ struct Pair {
   bool leaf() const { return a1 - a0 == 1 && b1 - b0 == 1; }
 };
 
-// The distance of two curves; halving stops as soon as it is certainly `enough`.
-inline Bounds between(const Curve& a, const Curve& b, double enough) {
+// The distance of two curves; halving stops as soon as it is certainly `enough`. Of one curve to itself, `gap` is the
+// number of pieces that its two points are apart at least; pairs of pieces are counted in as soon as a part of them is.
+inline Bounds between(const Curve& a, const Curve& b, double enough, int gap = std::numeric_limits<int>::min() / 2) {
   constexpr double rounding = 1e-12;
   thread_local std::vector<Pair> level, next;
   Bounds found{0.0, std::numeric_limits<double>::infinity(), 0, 0};
   const auto add = [&](int a0, int a1, int b0, int b1) {
+    if (b1 - a0 < gap) return;
     double aa, bb;
     const double apart = segments(a.at(a0), a.at(a1), b.at(b0), b.at(b1), aa, bb);
     const double slack = a.allowance(a1 - a0, aa) + b.allowance(b1 - b0, bb);
-    found.upper = std::min(found.upper, apart + slack);
+    if (b0 - a1 >= gap) found.upper = std::min(found.upper, apart + slack);
     // The bound only falls: what is beyond it already is dropped now.
     if (apart - slack <= found.upper + rounding) next.push_back({a0, a1, b0, b1, apart - slack});
   };

@@ -28,6 +28,12 @@ nb::object between(Points a, double a_spacing, Points b, double b_spacing, doubl
   return result(contid::between(curve(a, a_spacing), curve(b, b_spacing), enough));
 }
 
+nb::object itself(Points points, double spacing, int gap, double enough) {
+  const contid::Curve body = curve(points, spacing);
+  if (!(gap >= 1 && gap <= body.pieces)) throw nb::value_error("gap: at least 1 piece, at most all of them");
+  return result(contid::between(body, body, enough, gap));
+}
+
 nb::object to_obstacle(Points points, double spacing, Numbers obstacle, double enough) {
   if (obstacle.shape(0) != 17) throw nb::value_error("obstacle: 17 numbers");
   return result(contid::to_obstacle(curve(points, spacing), contid::Obstacle(obstacle.data()), enough));
@@ -39,6 +45,7 @@ NB_MODULE(KERNEL_MODULE, module) {
   module.doc() = "Bounds of the distance between bodies, and from bodies to obstacles.";
   module.def("between", &between, nb::arg("a"), nb::arg("a_spacing"), nb::arg("b"), nb::arg("b_spacing"),
              nb::arg("enough"));
+  module.def("itself", &itself, nb::arg("points"), nb::arg("spacing"), nb::arg("gap"), nb::arg("enough"));
   module.def("to_obstacle", &to_obstacle, nb::arg("points"), nb::arg("spacing"), nb::arg("obstacle"),
              nb::arg("enough"));
 }

@@ -49,7 +49,7 @@ def build_setup(robot: Cosserat) -> RodSetup:
     """Everything an engine needs, from a robot description; pressures are those in the chambers."""
     sections = identified_sections(robot)
     rod = Rod(tuple(build_section(section) for section in sections))
-    down = np.array(robot.geometry.gravity_unit)
+    down = np.array(robot.down_in_base)
     weight, link_weight = {}, {}
     for i, (described, section) in enumerate(zip(sections, rod.sections, strict=True)):
         if described.density_kg_m3 > 0.0:

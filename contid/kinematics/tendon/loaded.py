@@ -242,8 +242,7 @@ def rod_of(robot: TendonRobot, geometry: TendonGeometry, statics: TendonStatics)
     stretch = [math.inf] * geometry.count
     if robot.rod.stretch_n is not None:
         stretch = list(robot.per_section(robot.rod.stretch_n))
-    down = np.array(robot.rod.gravity) / math.hypot(*robot.rod.gravity)
-    weight = np.outer(robot.per_section(robot.rod.weight_n_per_m), down)
+    weight = np.outer(robot.per_section(robot.rod.weight_n_per_m), robot.down_in_base)
     return TendonRod(
         geometry, bending, torsion, stretch, statics.tendon_n_per_m, statics.rest_n, weight,
         elements=robot.rod.elements,

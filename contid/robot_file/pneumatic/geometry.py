@@ -1,14 +1,12 @@
-"""The ``geometry`` of a pneumatic arm: its sections from base to tip, and the direction of gravity."""
+"""The ``geometry`` of a pneumatic arm: its sections from base to tip."""
 
 from __future__ import annotations
 
-import math
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from contid.robot_file.base import Azimuth, Direction, NonNegative, Positive, Size, Strict
-from contid.targets import Vec3
+from contid.robot_file.base import Azimuth, NonNegative, Positive, Size, Strict
 
 
 class SectionGeometry(Strict):
@@ -69,20 +67,10 @@ class SectionGeometry(Strict):
 
 
 class CosseratGeometry(Strict):
-    """Sections from base to tip, and the direction of gravity.
+    """Sections from base to tip.
 
     Attributes:
         sections: one entry per section, from the base; each has three pressures.
-        gravity: direction of gravity in the base frame. The arm grows along +z, so by default its tip hangs
-            down. It applies to the arm's own weight; the load on the tip is a force of the trajectory.
     """
 
     sections: Annotated[tuple[SectionGeometry, ...], Field(min_length=1, max_length=8)]
-    gravity: Direction = (0.0, 0.0, 1.0)
-
-    @property
-    def gravity_unit(self) -> Vec3:
-        """The direction of gravity as a unit vector."""
-        x, y, z = self.gravity
-        length = math.hypot(x, y, z)
-        return (x / length, y / length, z / length)

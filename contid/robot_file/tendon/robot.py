@@ -116,6 +116,16 @@ class TendonRobot(RobotDescription):
         )
 
     @property
+    def has_weight(self) -> bool:
+        """True where ``rod.weight_n_per_m`` is not 0."""
+        return self.rod is not None and any(self.rod.weight_n_per_m)
+
+    @property
+    def depends_on_down(self) -> bool:
+        """True where a residual was fitted beside a weight."""
+        return self.has_weight and self.residual is not None
+
+    @property
     def accepts(self) -> frozenset[str]:
         """A tip; from three sections on also a direction, its whole frame or a mid-point."""
         more = {"direction", "mid"} if self.sections > 2 else set()

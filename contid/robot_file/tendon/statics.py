@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from contid.robot_file.base import Direction, NonNegative, Positive, Strict
+from contid.robot_file.base import NonNegative, Positive, Strict
 from contid.robot_file.tendon.sections import MAX_TENDON_SECTIONS, MAX_TENDONS
 
 _PerSection = Annotated[tuple[NonNegative, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)]
@@ -43,8 +43,8 @@ class TendonRodStatics(Strict):
     Left out, sections are arcs, which is exact without loads, and 30 times faster.
 
     Attributes:
-        weight_n_per_m: weight of the robot along its backbone: one number for all, or one per section.
-        gravity: direction of gravity in the base frame.
+        weight_n_per_m: weight of the robot along its backbone: one number for all, or one per section;
+            it acts along ``down`` of the world.
         torsion_n_mm2: torsional stiffness G J: one number for all, or one per section; left out, E I / 1.3,
             a round rod of nitinol or steel.
         stretch_n: stiffness E A of an extensible backbone, such as a spring: one number for all, or one per
@@ -53,7 +53,6 @@ class TendonRodStatics(Strict):
     """
 
     weight_n_per_m: _PerSection = (0.0,)
-    gravity: Direction = (0.0, 0.0, -1.0)
     torsion_n_mm2: _PerSectionPositive | None = None
     stretch_n: _PerSectionPositive | None = None
     elements: Annotated[int, Field(ge=2, le=32)] = 6

@@ -17,7 +17,6 @@ from contid.control.tick.config import RobotConfig
 from contid.kinematics.array import Array
 from contid.kinematics.rack.finger import RackFingerModel
 from contid.kinematics.tendon.model import TendonModel
-from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon.robot import TendonRobot
@@ -73,7 +72,7 @@ class RobotScene:
         outline: closed line around the reach of a planar finger [mm], None for other robots.
         workspace: points that the robot is likely to reach, (n, 3) [mm]; the camera shows them all.
         groups: axes that share a plot, by the prefix of its entities; extra axes have their own.
-        up: up direction of the camera in the world frame; opposite to the gravity of the model.
+        up: up direction of the camera in the world frame; opposite to ``down`` of the file.
     """
 
     def __init__(self, config: RobotConfig, robot: RobotDescription) -> None:
@@ -89,7 +88,8 @@ class RobotScene:
             self.groups["angle_"] = slice(turning, count)
         self._spacing_m = 0.0
         self.outline: Array | None = None
-        self.up: Vec3 = (0.0, 0.0, 1.0)
+        x, y, z = robot.down_unit
+        self.up: Vec3 = (0.0 - x, 0.0 - y, 0.0 - z)
         halfway = tuple(0.5 * (a + b) for a, b in zip(config.model.lower, config.model.upper, strict=True))
         lines = [config.model.shape(actuation, POINTS) for actuation in (config.rest, halfway)]
         self.length_mm = max(map(_length, lines)) * MM_PER_M
@@ -100,9 +100,6 @@ class RobotScene:
         else:
             self.workspace = self._world(_swayed(np.vstack(lines)))
         self._tendons = TendonModel(robot) if isinstance(robot, TendonRobot) else None
-        if isinstance(robot, Cosserat):
-            x, y, z = config.frame.vector_in_world(robot.geometry.gravity_unit)
-            self.up = (-x, -y, -z)
 
     @property
     def planar(self) -> bool:

@@ -29,7 +29,7 @@ class SimulatedBody:
         assert robot.sim is not None
         self._sim = robot.sim
         self._solve = arm_solver(robot)
-        self._gravity = robot.geometry.gravity_unit
+        self._down = robot.down_in_base
         base = robot.base
         self._origin, self._rotation = base.position_m, base.rotation
         rng = random.Random(f"{robot.sim.errors.seed}:regulators")
@@ -63,7 +63,7 @@ class SimulatedBody:
         sim = self._sim
         on = sim.payload_at_s <= t_s and (sim.payload_until_s is None or t_s < sim.payload_until_s)
         weight = sim.payload_g * 1e-3 * STANDARD_GRAVITY if on else 0.0
-        x, y, z = self._gravity
+        x, y, z = self._down
         return (weight * x, weight * y, weight * z)
 
     def tip_in_world_m(self, t_s: float) -> tuple[float, float, float]:

@@ -95,7 +95,7 @@ def session_loads(
         rotation = np.array(frame.rotation).reshape(3, 3)
         spread = rotation @ found.covariance @ rotation.T
         half = (NORMAL_95 * np.sqrt(np.diag(spread))).tolist()
-        along, interval = found.along(robot.geometry.gravity)
+        along, interval = found.along(robot.down_in_base)
         yield RestLoad(
             float(each.times_s[0]),
             float(each.times_s[-1]),
