@@ -60,6 +60,9 @@ def next_command(
         target_in_base: what the reference answers; None for a motion of the axes.
         straight: the axes go on a straight line to the reference (`contid.control.tick.way`).
     """
+    if reference == last and not any(last_steps) and not any(reference_steps):
+        # They stand where they have to be: every limit held when the last command was made.
+        return last, (0,) * len(last), straight and target_in_base is not None
     if target_in_base is None:
         command, flags = limit(config.limits, last, last_steps, reference, reference_steps)
         straight = False
