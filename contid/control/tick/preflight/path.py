@@ -19,7 +19,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.next_command import next_command, tip_tolerance_m
 from contid.control.tick.preflight.clearance import ClearancePreflight
 from contid.control.tick.preflight.jumps import Disturbed, jump_of
-from contid.control.tick.preflight.reasons import PathFinding, explain, jump, too_fast, undecided
+from contid.control.tick.preflight.reasons import NEAR_M, PathFinding, explain, jump, too_fast, undecided
 from contid.control.tick.preflight.ticks import EVERY, SAMPLES, Tick, run_ticks
 from contid.control.tick.soft_start import ease_ticks
 from contid.targets import Actuation, Target
@@ -27,9 +27,6 @@ from contid.trajectory.timed import Trajectory
 
 #: An extra axis may be behind its reference by its greatest speed times this [s].
 LAG_S: Final = 0.02
-#: A target this far beyond the reach still counts as met: the curve between two rows on the boundary of the
-#: reach bulges out of it by micrometres [m].
-NEAR_M: Final = 1e-5
 #: Share of the allowed change of a step between two samples from which an axis may turn a corner there: a
 #: corner shows in two changes.
 _CORNER: Final = 0.5

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 from contid.control.tick.config import RobotConfig
 from contid.targets import Solution, Target
 from contid.units import m_to_mm
+
+#: A target this far beyond the reach still counts as met: the curve between two rows on the boundary of the
+#: reach bulges out of it by micrometres [m].
+NEAR_M: Final = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +77,7 @@ def undecided(config: RobotConfig, target: Target) -> PathFinding:
 
 
 #: Remedy for answers that are not continuous.
-_AROUND = "lead the path around it, or state a direction"
+_AROUND: Final = "lead the path around it, or state a direction"
 
 
 def slower(slowdown: float) -> str:
@@ -88,11 +93,29 @@ def rounded_up(factor: float) -> str:
 
 def explain(config: RobotConfig, target: Target, solution: Solution) -> str:
     """Which columns of which robot, which limit, and by how much."""
+    beyond = _beyond(config, target)
+    if beyond and solution.residual_m <= NEAR_M:
+        return f"{config.name}: {'; '.join(beyond)}"
     where = "actuation" if target.actuation is not None else "tip"
     limits = f" (limited by {', '.join(solution.limited_by)})" if solution.limited_by else ""
     note = f"; {solution.note}" if solution.note else ""
     miss = "" if target.actuation is not None else f" by {m_to_mm(solution.residual_m):.6g} mm"
     return f"{config.name}: {where} {shown(config, target)} is out of reach{miss}{limits}{note}"
+
+
+def _beyond(config: RobotConfig, target: Target) -> list[str]:
+    """The extra axes that a target sends beyond their limits, with how far."""
+    found = []
+    for k in range(len(config.axes) - config.extra_axes, len(config.axes)):
+        name, limits, quantity = config.axis_names[k], config.limits[k], config.quantities[k]
+        value = target.extra.get(name)
+        if value is None or limits.lower <= value <= limits.upper:
+            continue
+        end = limits.upper if value > limits.upper else limits.lower
+        at, by, limit = (quantity.from_si(each) for each in (value, abs(value - end), end))
+        unit = quantity.unit
+        found.append(f"{name} {at:.6g} {unit} is {by:.6g} {unit} beyond its limit of {limit:.6g} {unit}")
+    return found
 
 
 def shown(config: RobotConfig, target: Target) -> str:
