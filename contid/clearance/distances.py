@@ -77,10 +77,10 @@ def to_itself(body: Body, margin_m: float, enough_m: float = math.inf) -> Distan
         enough_m: stop halving as soon as the distance is certainly at least this.
     """
     gap_m = SELF_TURNS * math.pi * (body.radius_m + 0.5 * margin_m)
+    if body.pieces * body.spacing_m <= gap_m:
+        return None
     fine = body.divided(gap_m / _SELF_PIECES)
     gap = math.floor(gap_m / fine.spacing_m)
-    if gap >= fine.pieces:
-        return None
     wide_m = 2.0 * (fine.radius_m + fine.off_m)
     found = load("clearance").itself(fine.points, fine.spacing_m, gap, enough_m + wide_m)
     at_m = fine.start_m + found.at * fine.spacing_m

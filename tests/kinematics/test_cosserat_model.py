@@ -197,6 +197,7 @@ def test_description_refuses_impossible_sections(configs: Path) -> None:
         ({"chamber_placement_mm": 3.0}, "central channel"),
         ({"modulus_up_to_bar": 4.0, "modulus_pa": (0, 0, 0, -40000, 76130)}, "must be positive"),
         ({"link_mass_g": 1.0}, "link_mm"),
+        ({"pair_angle_deg": 0.0}, "overlap.*at least 28.4.*single chambers"),
     ):
         sections = [{**geometry["sections"][0], **change}]
         with pytest.raises(ValueError, match=message):

@@ -42,6 +42,11 @@ def command(driver: str, robot_file: str, faults: Path | None) -> None:
     # thread starts, so that every thread inherits it and the signal waits for `sigwait`.
     ends = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
     signal.pthread_sigmask(signal.SIG_BLOCK, ends)
+    # A further signal goes to a thread of a library that was started before, as numpy's are: there its
+    # default action would end the process with the links in place.
+    early: list[int] = []
+    for number in ends:
+        signal.signal(number, lambda received, _frame: early.append(received))
     _request_real_time()
     with ExitStack() as stack:
         for bus in chosen:
@@ -50,7 +55,10 @@ def command(driver: str, robot_file: str, faults: Path | None) -> None:
             for line in stack.enter_context(context):
                 click.echo(line)
         click.echo("ready; Ctrl-C ends it", err=True)
-        signal.sigwait(ends)
+        if not early:
+            signal.sigwait(ends)
+    for number in ends:  # the end of the interpreter restores the default action of others
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _request_real_time() -> None:

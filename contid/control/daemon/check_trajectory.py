@@ -11,13 +11,14 @@ from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.control.daemon.fastest import FastestPath, fastest
 from contid.control.daemon.inputs import Stream, read_file, read_stdin
 from contid.control.daemon.stretch import with_remedy
-from contid.control.daemon.terminal import check_progress
+from contid.control.daemon.terminal import check_progress, print_message
 from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import TooFastError, Unreachable
 from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile, load_named
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
+from contid.trajectory.turns import whole_turns
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +80,10 @@ def _check(loaded: LoadedFile, source: Trajectory, name: str) -> None:
     """Check a trajectory as a run does, at the rate of the file."""
     preflight = build_preflight(loaded, loaded.file.rate_hz, Unreachable.REFUSE)
     assert preflight is not None, "refusing always checks"
-    preflight.trajectory(source, "stdin" if name == "-" else name, check_progress(len(source)))
+    name = "stdin" if name == "-" else name
+    preflight.trajectory(source, name, check_progress(len(source)))
+    for note in whole_turns(source, name):
+        print_message(note)
 
 
 def _read(robot_file: str, trajectory: str, text: TextIO | None = None) -> tuple[LoadedFile, Trajectory]:

@@ -23,6 +23,7 @@ from contid.robot_file.document import MAX_RATE_HZ
 from contid.robot_file.load import LoadedFile, load_named, with_mock
 from contid.robot_file.tick_rate import rate_too_high, watchdog_too_short
 from contid.trajectory.timed import Trajectory
+from contid.trajectory.turns import whole_turns
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,6 +132,8 @@ def _checked(
 ) -> Trajectory:
     """The trajectory that will be followed: the one that was read, or with ``stretch`` a slower one."""
     show = check_progress(len(source))
+    for note in whole_turns(source, request.trajectory or "stdin"):
+        print_message(note)
 
     def progress(done: int, total: int) -> None:
         reader.check()

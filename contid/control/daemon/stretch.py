@@ -40,12 +40,13 @@ def stretch(
         cancelled: raises when the search has to end.
 
     Raises:
-        TooFastError: no slowdown helps: an axis would have to jump.
+        BadInputError: no slowdown helps: an axis would have to jump.
     """
+    name = refused.findings[0].file
 
     def followed(factor: float) -> bool:
         cancelled()
-        return preflight.follows(trajectory.stretched(factor))
+        return preflight.follows(trajectory.stretched(factor), name)
 
     too_fast, enough = 1.0, refused.slowdown * (1.0 + 1e-6)
     while not followed(enough):

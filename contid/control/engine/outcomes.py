@@ -14,7 +14,7 @@ from contid.control.engine.sources import Timed
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.contact.squeeze_way import SqueezeEnd, SqueezeReport
-from contid.control.tick.preflight.path import NEAR_M
+from contid.control.tick.preflight.reasons import NEAR_M
 from contid.control.tick.robot_tick import TickResult
 from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.supervisor import Mode

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from pydantic import Field, model_validator
@@ -19,7 +20,7 @@ class SectionGeometry(Strict):
         channel_radius_mm: radius of the central channel.
         chamber_radius_mm: radius of one chamber.
         chamber_placement_mm: distance of the chambers' centres from the axis.
-        pair_angle_deg: angle between the two chambers of one pair.
+        pair_angle_deg: angle between the two chambers of one pair, which do not overlap.
         first_pair_deg: azimuth of the first pair; not in the paper, 0 is +x.
         modulus_pa: b1..b5 of ``E = b1 x^4 + b2 x^3 + b3 x^2 + b4 x + b5``, E in Pa, x the average pressure in
             bar (eq. 20); `contid calibrate modulus` fits them.
@@ -50,6 +51,14 @@ class SectionGeometry(Strict):
         if self.chamber_placement_mm - self.chamber_radius_mm < self.channel_radius_mm:
             raise ValueError(
                 "the chambers cut into the central channel: placement - chamber radius < channel"
+            )
+        apart_mm = 2.0 * self.chamber_placement_mm * math.sin(math.radians(self.pair_angle_deg) / 2.0)
+        if apart_mm < 2.0 * self.chamber_radius_mm * (1.0 - 1e-9):
+            least = math.degrees(2.0 * math.asin(self.chamber_radius_mm / self.chamber_placement_mm))
+            raise ValueError(
+                f"pair_angle_deg {self.pair_angle_deg:g}: the two chambers of a pair overlap, {apart_mm:.3g} "
+                f"mm apart; allowed: at least {math.ceil(10.0 * least) / 10.0:g}. Three single chambers are "
+                "no case of this model: a pair in one place would count twice and bend too far"
             )
         if self.link_mass_g > 0.0 and self.link_mm == 0.0:
             raise ValueError("link_mass_g needs a link_mm to act on")

@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from contid.errors import BadInputError, ContidError
+from contid.robot_file.load import find_robot_file
 from contid_hands.teach.pose_file import parse_pose_file, read_pose_file
 from contid_hands.teach.pose_store import default_pose_file, save_pose
 
@@ -112,6 +113,16 @@ def test_a_new_file_is_made_and_a_wrong_one_is_left_alone(tmp_path: Path) -> Non
         save_pose(tmp_path / "other.yaml", "two words", {"x_mm": 1.0}, "now", "finger.yaml")
     with pytest.raises(ContidError, match=r"cannot write it: No such file"):
         save_pose(tmp_path / "missing" / "p.yaml", "a", {"x_mm": 1.0}, "now", "finger.yaml")
+
+
+def test_poses_of_a_shipped_robot_are_kept_in_the_present_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = default_pose_file(find_robot_file("hand"))
+    assert path.resolve() == tmp_path / "hand.poses.yaml"
+    save_pose(path, "a", {"left.x_mm": 1.0}, "now", "hand.yaml")
+    assert (tmp_path / "hand.poses.yaml").exists()
 
 
 def test_the_file_of_a_robot_file(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.next_command import tip_tolerance_m
 from contid.control.tick.preflight.path import _Follower
 from contid.control.tick.preflight.rows import Preflight
-from contid.control.tick.preflight.ticks import Tick, run_ticks
+from contid.control.tick.preflight.ticks import SAMPLES, Tick, run_ticks
 from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
 from contid.robot_file.base import Quantity
@@ -129,14 +129,14 @@ def test_a_trajectory_of_three_centuries_is_checked_at_once() -> None:
     loaded = load(1)
     trajectory = trajectory_of(loaded, AXES, (0.0, 50.0, 50.0), (1e10, 60.0, 50.0))
     assert refused(loaded, trajectory) == []
-    assert len(list(run_ticks(trajectory, RATE, 0, 0, no_corners))) < 1000
+    assert len(list(run_ticks(trajectory, RATE, 0, 0, no_corners, SAMPLES))) < 1000
 
 
 @pytest.mark.parametrize("ease", [(0, 0), (40, 20)])
 def test_ticks_of_short_intervals_are_all_there(ease: tuple[int, int]) -> None:
     loaded = load(1)
     trajectory = trajectory_of(loaded, AXES, *((0.9 * k, 50.0 + k, 50.0) for k in range(11)))
-    ticks = list(run_ticks(trajectory, RATE, *ease, no_corners))
+    ticks = list(run_ticks(trajectory, RATE, *ease, no_corners, SAMPLES))
     assert [each.ticks for each in ticks] == [1] * len(ticks)
     assert len(ticks) == 9 * RATE + 1 + sum(ease) / 2
     for each in ticks:
@@ -151,7 +151,7 @@ def test_single_ticks_next_to_a_corner_and_samples_elsewhere(place: int) -> None
     def corners(samples: Sequence[Tick]) -> set[int]:
         return {k for k, each in enumerate(samples) if each.number - each.ticks < place <= each.number}
 
-    ticks = list(run_ticks(trajectory, RATE, 0, 0, corners))
+    ticks = list(run_ticks(trajectory, RATE, 0, 0, corners, SAMPLES))
     assert len(ticks) < 1000
     for before, each in itertools.pairwise(ticks):
         assert each.number - before.number == each.ticks
@@ -162,9 +162,9 @@ def test_single_ticks_next_to_a_corner_and_samples_elsewhere(place: int) -> None
 def test_where_every_interval_has_a_corner_no_tick_is_left_out(row_s: float) -> None:
     loaded = load(1)
     trajectory = trajectory_of(loaded, AXES, *((row_s * k, 50.0 + k, 50.0) for k in range(4)))
-    sampled = list(run_ticks(trajectory, RATE, 0, 0, no_corners))
+    sampled = list(run_ticks(trajectory, RATE, 0, 0, no_corners, SAMPLES))
     assert max(each.ticks for each in sampled) == row_s * RATE // 200
-    every = list(run_ticks(trajectory, RATE, 0, 0, lambda samples: set(range(len(samples)))))
+    every = list(run_ticks(trajectory, RATE, 0, 0, lambda samples: set(range(len(samples))), SAMPLES))
     assert [each.ticks for each in every] == [1] * len(every)
     assert [each.number for each in every] == list(range(round(3 * row_s * RATE) + 1))
 
@@ -236,5 +236,6 @@ def test_a_slower_path_is_checked_from_where_the_arm_stands() -> None:
     still = trajectory_of(loaded, header, (0.0, *row), (0.2, *row))
     there = Preflight([config], seeds={config.name: stands})
     there.trajectory(still, "t.csv")
-    assert there.follows(still.stretched(2.0))
-    assert not Preflight([config]).follows(still)
+    assert there.follows(still.stretched(2.0), "t.csv")
+    with pytest.raises(BadInputError, match="would have to jump"):
+        Preflight([config]).follows(still, "t.csv")

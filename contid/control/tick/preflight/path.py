@@ -12,44 +12,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.next_command import next_command, tip_tolerance_m
 from contid.control.tick.preflight.clearance import ClearancePreflight
-from contid.control.tick.preflight.ticks import Tick, run_ticks
+from contid.control.tick.preflight.jumps import Disturbed, jump_of
+from contid.control.tick.preflight.reasons import NEAR_M, PathFinding, explain, jump, too_fast, undecided
+from contid.control.tick.preflight.ticks import EVERY, SAMPLES, Tick, run_ticks
 from contid.control.tick.soft_start import ease_ticks
-from contid.targets import Actuation, Solution, Target
+from contid.targets import Actuation, Target
 from contid.trajectory.timed import Trajectory
-from contid.units import m_to_mm
 
 #: An extra axis may be behind its reference by its greatest speed times this [s].
 LAG_S: Final = 0.02
-#: A target this far beyond the reach still counts as met: the curve between two rows on the boundary of the
-#: reach bulges out of it by micrometres [m].
-NEAR_M: Final = 1e-5
 #: Share of the allowed change of a step between two samples from which an axis may turn a corner there: a
 #: corner shows in two changes.
 _CORNER: Final = 0.5
 _ROUNDING: Final = 1.0 + 1e-6
-
-
-@dataclass(frozen=True, slots=True)
-class PathFinding:
-    """Why a robot cannot follow the way to a row.
-
-    Attributes:
-        message: the reason, as printed.
-        slowdown: at least how many times slower this part of the path has to be; 0 when it is out of reach.
-        residual_m: of a target out of reach, else 0 [m].
-        row: index of the row.
-    """
-
-    message: str
-    slowdown: float = 0.0
-    residual_m: float = 0.0
-    row: int = 0
 
 
 def path_findings(
@@ -88,7 +69,8 @@ def path_findings(
         each_robots = [f.corners([at[f.name] for at in targets], ticks) for f in followers]
         return set[int]().union(*each_robots)
 
-    path = run_ticks(trajectory, 1.0 / configs[0].period_s, lead, tail, corners)
+    samples = EVERY if any(_redundant(config) for config in configs) else SAMPLES
+    path = run_ticks(trajectory, 1.0 / configs[0].period_s, lead, tail, corners, samples)
     for count, tick in enumerate(path):
         row = tick.row
         if progress is not None and count % 1000 == 0:
@@ -111,9 +93,15 @@ def path_findings(
     yield from refused.values()
 
 
+def _redundant(config: RobotConfig) -> bool:
+    """True with more axes than coordinates of the tip, or with tendons, whose tensions are chosen."""
+    own = len(config.axes) - config.extra_axes
+    return own > config.model.dimension or config.taut is not None
+
+
 def _severity(found: PathFinding) -> tuple[float, float]:
-    """Order of the findings on the way to one row: out of reach by most, else too fast by most."""
-    return found.residual_m, found.slowdown
+    """Order of the findings on the way to one row: out of reach by most, a jump, too fast by most."""
+    return found.residual_m, found.slowdown or math.inf
 
 
 class _Follower:
@@ -122,7 +110,9 @@ class _Follower:
     def __init__(self, config: RobotConfig, first: Target, seed: Actuation) -> None:
         self.name = config.name
         self._config = config
-        self._goal = config.model.inverse(config.frame.target_in_base(first), seed).actuation
+        self._target = config.frame.target_in_base(first)
+        self._goal = config.model.inverse(self._target, seed).actuation
+        self._disturbed = Disturbed(config, self._goal) if _redundant(config) else None
         #: The actuation reached, and the change of each axis in the tick that reached it [m or Pa].
         self.command = self._goal
         self.steps = self._pace = (0.0,) * len(self._goal)
@@ -166,6 +156,7 @@ class _Follower:
             (max(step, abs(new)), max(sharp, abs(change)))
             for (step, sharp), new, change in zip(self._peaks, pace, changes, strict=True)
         ]
+        before, self._target = (self._target, self._goal), in_base
         self._goal, self._pace = goal, pace
         if ticks == 1:
             command, flags, _ = next_command(config, self.command, self.steps, goal, pace, in_base)
@@ -178,10 +169,18 @@ class _Follower:
         self.command = command
         worst = max(range(len(behind)), key=behind.__getitem__)
         found = None
+        parts = self._disturbed is not None and self._disturbed.parts(in_base, goal)
         if not solution.converged and (solution.residual_m > NEAR_M or target.extra):
             found = PathFinding(explain(config, target, solution), residual_m=solution.residual_m)
         elif behind[worst] > _ROUNDING:
-            found = self._too_fast(worst)
+            jumps = jump_of(config, before[0], in_base, (before[1], goal)) if ticks == 1 else None
+            found = (
+                too_fast(config, worst, *self._peaks[worst])
+                if jumps is None
+                else jump(config, jumps, goal[jumps] - before[1][jumps], target)
+            )
+        elif parts:
+            found = undecided(config, target)
         if found or ticks > 1:
             self.command, self.steps = goal, pace
         if found or not any(flags):
@@ -202,58 +201,3 @@ class _Follower:
         behind[:own] = [0.0] * own
         behind[furthest] = off_m / tip_tolerance_m(config.quantity)
         return behind
-
-    def _too_fast(self, axis: int) -> PathFinding:
-        """Speed and acceleration that an axis needs; of the two, the one that asks for the greater slowdown.
-
-        A path played s times slower needs s times less speed and s^2 times less acceleration.
-        """
-        config = self._config
-        step, change = self._peaks[axis]
-        unit, per_si = config.quantities[axis].unit, config.quantities[axis].per_si
-        velocity_limit, acceleration_limit = config.velocity[axis], config.acceleration[axis]
-        speed, acceleration = step / config.period_s, change / config.period_s**2
-        by_speed, by_acceleration = speed / velocity_limit, math.sqrt(acceleration / acceleration_limit)
-        needs = [
-            (by_speed, f"{speed * per_si:.4g} {unit}/s, limit {velocity_limit * per_si:.4g}"),
-            (
-                by_acceleration,
-                f"{acceleration * per_si:.4g} {unit}/s2, limit {acceleration_limit * per_si:.4g}",
-            ),
-        ]
-        slowdown = max(1.0, by_speed, by_acceleration)
-        over = " and ".join(text for share, text in needs if share > 1.0)
-        # The axis may also be within its rates, but brake before the end of its travel, or still be behind
-        # from earlier rows.
-        if not over:
-            over = f"falls behind at {' and '.join(text for _, text in needs)}"
-        else:
-            over = f"needs {over}"
-        return PathFinding(f"{config.axes[axis]} {over}: {slower(slowdown)}", slowdown=slowdown)
-
-
-def slower(slowdown: float) -> str:
-    """What to do about a path that is too fast by a factor; 1 stands for an unknown factor."""
-    return f"slow down at least {rounded_up(slowdown)} times" if slowdown > 1.0 else "slow down"
-
-
-def rounded_up(factor: float) -> str:
-    """A factor with two digits, never below it."""
-    digits = 10.0 ** (1 - math.floor(math.log10(factor)))
-    return f"{math.ceil(factor * digits * (1.0 - 1e-9)) / digits:g}"
-
-
-def explain(config: RobotConfig, target: Target, solution: Solution) -> str:
-    """Which columns of which robot, which limit, and by how much."""
-    where = "actuation" if target.actuation is not None else "tip"
-    limits = f" (limited by {', '.join(solution.limited_by)})" if solution.limited_by else ""
-    note = f"; {solution.note}" if solution.note else ""
-    miss = "" if target.actuation is not None else f" by {m_to_mm(solution.residual_m):.6g} mm"
-    return f"{config.name}: {where} {_shown(config, target)} is out of reach{miss}{limits}{note}"
-
-
-def _shown(config: RobotConfig, target: Target) -> str:
-    if target.actuation is not None:
-        unit = config.quantity.unit
-        return "(" + ", ".join(f"{v * config.quantity.per_si:.6g}" for v in target.actuation) + f") {unit}"
-    return "(" + ", ".join(f"{m_to_mm(v):.6g}" for v in target.tip_m or ()) + ") mm"

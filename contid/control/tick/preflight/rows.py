@@ -11,7 +11,8 @@ from typing import Final
 from contid.clearance.guard import ClearanceGuard
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.preflight.clearance import ClearancePreflight
-from contid.control.tick.preflight.path import PathFinding, explain, path_findings, slower
+from contid.control.tick.preflight.path import path_findings
+from contid.control.tick.preflight.reasons import PathFinding, explain, slower
 from contid.errors import BadInputError, Located
 from contid.kinematics.rope.chain import ChainGuard, Tip
 from contid.targets import ZERO3, Actuation, Target
@@ -200,12 +201,19 @@ class Preflight:
             )
         return trajectory.accepted()
 
-    def follows(self, trajectory: Trajectory) -> bool:
+    def follows(self, trajectory: Trajectory, name: str) -> bool:
         """True when the rates of the robots allow the curve, whose rows were checked before.
 
         It returns at the first place that they do not allow.
+
+        Raises:
+            BadInputError: what is in the way there does not depend on the speed.
         """
-        return not any(path_findings(trajectory, self._moved(trajectory), self._start))
+        for found in path_findings(trajectory, self._moved(trajectory), self._start):
+            if not found.slowdown:
+                raise BadInputError([Located(name, trajectory.lines[found.row], 1, found.message)])
+            return False
+        return True
 
     def _moved(self, trajectory: Trajectory) -> list[RobotConfig]:
         """The robots that a trajectory moves."""

@@ -3,6 +3,10 @@
 In the middle of a long interval the curve is one slow cubic, and `SAMPLES` of it stand for all ticks. The
 answers of a model need not be as smooth: where a limit such as a bend radius begins to bind, axes change
 their speed at once. Intervals between samples in which that may be are divided, down to single ticks.
+
+Of a robot with more axes than coordinates of its tip every tick is computed, up to `EVERY` of an interval:
+which of its answers a target has follows from the ticks before, and where the bends of least effort vanish,
+answers turn within less than a sample.
 """
 
 from __future__ import annotations
@@ -20,6 +24,8 @@ from contid.trajectory.timed import Trajectory
 #: many.
 EDGE_S: Final = 0.5
 SAMPLES: Final = 200
+#: The same for robots with more axes than coordinates of the tip.
+EVERY: Final = 100_000
 #: An interval with a corner is divided into this many parts, and a short one into single ticks.
 PARTS: Final = 8
 SINGLE: Final = 32  # ticks that are short
@@ -47,7 +53,7 @@ Corners = Callable[[Sequence[Tick]], Collection[int]]
 
 
 def run_ticks(
-    trajectory: Trajectory, rate_hz: float, lead: int, tail: int, corners: Corners
+    trajectory: Trajectory, rate_hz: float, lead: int, tail: int, corners: Corners, samples: int
 ) -> Iterator[Tick]:
     """The ticks of a run that are computed.
 
@@ -57,6 +63,7 @@ def run_ticks(
         lead: ticks that the soft start needs (`contid.control.tick.soft_start`).
         tail: ticks that the soft end needs.
         corners: called when the tick before its first sample has been computed.
+        samples: ticks of an interval that are computed, where it has more.
     """
     length = (trajectory.end_s - trajectory.start_s) * rate_hz
     lead, tail = fitted(lead, length), fitted(tail, length)
@@ -67,9 +74,9 @@ def run_ticks(
         return Tick(number, ticks, time_s, min(trajectory.row_at(time_s) + 1, last))
 
     over = length + 0.5 * (lead + tail)
-    samples = _sampled(trajectory, rate_hz, over, range(lead, math.ceil(over - tail)), at)
+    chosen = _sampled(trajectory, rate_hz, over, range(lead, math.ceil(over - tail)), samples, at)
     block: list[Tick] = []
-    for tick in samples:
+    for tick in chosen:
         if tick.ticks > 1:
             block.append(tick)
             continue
@@ -81,7 +88,12 @@ def run_ticks(
 
 
 def _sampled(
-    trajectory: Trajectory, rate_hz: float, over: float, even: range, at: Callable[[int, int], Tick]
+    trajectory: Trajectory,
+    rate_hz: float,
+    over: float,
+    even: range,
+    samples: int,
+    at: Callable[[int, int], Tick],
 ) -> Iterator[Tick]:
     """Without regard to corners.
 
@@ -90,6 +102,7 @@ def _sampled(
         rate_hz: of the tick.
         over: ticks of the run.
         even: numbers of the ticks at full pace.
+        samples: ticks of an interval that are computed, where it has more.
         at: the tick of a number, and of ticks since the one before.
     """
     edge = math.ceil(EDGE_S * rate_hz)
@@ -102,7 +115,7 @@ def _sampled(
             before = (tick.time_s - trajectory.time_of_row(tick.row - 1)) * rate_hz
             ahead = (trajectory.time_of_row(tick.row) - tick.time_s) * rate_hz
             if before >= edge and ahead > 2 * edge:
-                step = max(1, min(int(ahead) - edge, int((before + ahead) / SAMPLES)))
+                step = max(1, min(int(ahead) - edge, int((before + ahead) / samples)))
         n += step
     yield Tick(n, step, trajectory.end_s, len(trajectory) - 1)
 

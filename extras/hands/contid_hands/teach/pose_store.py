@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from contid import __version__
 from contid.errors import ContidError
+from contid.robot_file.load import configs_folder
 from contid.whole_file import replacing
 from contid_hands.teach.pose_file import NAME_PATTERN, parse_pose_file, read_pose_file
 
@@ -20,9 +21,14 @@ DECIMALS: Final = 6
 
 
 def default_pose_file(robot_file: Path) -> Path:
-    """The pose file of a robot file: ``NAME.poses.yaml`` in its folder, or an existing ``poses.yaml``."""
-    own = robot_file.with_name(f"{robot_file.stem}.poses.yaml")
-    common = robot_file.with_name("poses.yaml")
+    """The pose file of a robot file: ``NAME.poses.yaml`` in its folder, or an existing ``poses.yaml``.
+
+    Of a file that ships with contid in the present folder: the package is not written into.
+    """
+    folder = robot_file.parent
+    if folder.resolve() == configs_folder().resolve():
+        folder = Path()
+    own, common = folder / f"{robot_file.stem}.poses.yaml", folder / "poses.yaml"
     return common if common.exists() and not own.exists() else own
 
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contid.control.engine.wiring import build_preflight, build_robot_configs
-from contid.control.tick.preflight.path import rounded_up, slower
+from contid.control.tick.preflight.reasons import rounded_up, slower
 from contid.control.tick.preflight.rows import MAX_LISTED, Preflight, TooFastError, Unreachable
 from contid.errors import BadInputError
 from contid.targets import Target
