@@ -1,0 +1,122 @@
+"""The clock of a live stream: when each row was meant, learnt from when rows arrived, and where to play.
+
+Row n of a producer with a period T is meant at ``t0 + n T`` and arrives later, by a part that varies. Both
+numbers are learnt by least squares over all rows, from `WINDOW_S` on with fading memory (an alpha-beta filter
+whose gains are those of a growing least-squares fit: E. Brookner, "Tracking and Kalman Filtering Made Easy",
+1998, section 1.2.10). Rows are played `LAG` periods and the greatest lateness of the last seconds after that,
+so the rows that a curve needs have arrived. The phase, which counts rows, follows with a third-order filter:
+what the clock learns never shows as a step of velocity or acceleration.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+#: Rows further apart are targets of their own; they have no clock [s].
+SPARSE_S: Final = 0.25
+#: How many periods a row is played after it was meant: the curve needs two rows more.
+LAG: Final = 2.0
+#: Memory of the period [s], and of the greatest lateness.
+WINDOW_S: Final = 1.0
+FORGET_S: Final = 3.0
+#: Rows before a period is trusted.
+FIRST: Final = 3
+#: A row that is off by this many periods, and by this time [s], belongs to another clock.
+OFF_PERIODS: Final = 3.0
+OFF_S: Final = 0.03
+#: Rate of the filter of the phase [1/s], and the greatest error that it takes up [rows].
+FOLLOW_PER_S: Final = 8.0
+GREATEST_ERROR: Final = 4.0
+
+
+class RowClock:
+    """Learns a clock row by row, and plays it tick by tick.
+
+    Attributes:
+        newest: number of the newest row.
+        period_s: learnt period, 0 while it is not known.
+        late_s: greatest lateness of the last seconds.
+        phase: which row is played, between two rows a fraction.
+    """
+
+    def __init__(self) -> None:
+        self.newest = -1
+        self.period_s = 0.0
+        self.late_s = 0.0
+        self.phase = -LAG
+        self._rate = self._bend = 0.0  # of the phase [1/s, 1/s^2]
+        self._seen = 0
+        self._meant_s = self._arrived_s = 0.0  # of the newest row
+        self._first_s = 0.0  # arrival of the first row that was seen
+        self._learnt_s = 0.0  # period while it is not trusted
+
+    @property
+    def delay_s(self) -> float:
+        """How long after it was meant a row is played; 0 without a clock."""
+        return LAG * self.period_s + self.late_s if self.period_s else 0.0
+
+    def expected(self, now_s: float) -> float:
+        """By how many rows a row that arrives now comes after the newest."""
+        return (now_s - self._meant_s) / self.period_s if self.period_s else 1.0
+
+    def arrived(self, now_s: float, rows: int = 1) -> None:
+        """A row arrived.
+
+        Args:
+            now_s: when.
+            rows: how many rows after the newest; more than 1 after rows that were lost.
+        """
+        gap_s = now_s - self._arrived_s
+        if self._seen == 0 or gap_s > SPARSE_S:
+            self._restart(now_s, 0.0)
+        else:
+            self._learn(now_s, rows)
+        self._arrived_s = now_s
+
+    def _learn(self, now_s: float, rows: int) -> None:
+        period_s = self.period_s or self._learnt_s
+        self.newest += rows
+        self._seen += 1
+        ahead_s = self._meant_s + rows * period_s
+        off_s = now_s - ahead_s
+        if self.period_s and abs(off_s) > max(OFF_PERIODS * period_s, OFF_S) + self.late_s:
+            self._restart(now_s, self.period_s)
+            return
+        k = min(float(self._seen), max(8.0, WINDOW_S / period_s) if period_s > 0.0 else float(self._seen))
+        self._meant_s = ahead_s + 2.0 * (2.0 * k - 1.0) / (k * (k + 1.0)) * off_s
+        self._learnt_s = period_s = period_s + 6.0 / (k * (k + 1.0)) * off_s / rows
+        if self.period_s or (self._seen >= FIRST and period_s > 1e-4):
+            first = not self.period_s
+            self.period_s = max(period_s, 1e-4)
+            if first:
+                self.phase, self._rate, self._bend = self._aim(now_s), 1.0 / self.period_s, 0.0
+        self.late_s = max(self.late_s * (1.0 - min(1.0, period_s / FORGET_S)), now_s - self._meant_s)
+
+    def _restart(self, now_s: float, period_s: float) -> None:
+        """Begin to learn anew, with the row that arrived; the phase goes on."""
+        self.newest = max(self.newest + 1, int(self.phase) + 3)
+        self._seen = 1
+        self._meant_s = self._first_s = now_s
+        self._learnt_s = period_s
+        self.period_s = period_s
+        self.late_s = 0.0 if not period_s else self.late_s
+
+    def _aim(self, now_s: float) -> float:
+        """Which row is to be played now."""
+        return self.newest + (now_s - self._meant_s - self.late_s) / self.period_s - LAG
+
+    def play(self, now_s: float, period_s: float) -> float:
+        """The phase at a tick, one ``period_s`` after the last."""
+        if not self.period_s:
+            return self.phase
+        error = self._aim(now_s) - self.phase
+        if abs(error) > GREATEST_ERROR + SPARSE_S / self.period_s:
+            self.phase, self._rate, self._bend = self.phase + error, 1.0 / self.period_s, 0.0
+            return self.phase
+        error = min(max(error, -GREATEST_ERROR), GREATEST_ERROR)
+        w = FOLLOW_PER_S
+        jolt = w * (w * (w * error + 3.0 * (1.0 / self.period_s - self._rate)) - 3.0 * self._bend)
+        self._bend += jolt * period_s
+        self._rate += self._bend * period_s
+        self.phase += self._rate * period_s
+        return self.phase
