@@ -27,7 +27,7 @@ _JERKS: Final = (1.0 - 1e-6, 1.0 - 1e-4, 1.0 - 1e-2)
 _NONE: Final = 1e-9
 
 
-class AxisState(NamedTuple):
+class MovingAxes(NamedTuple):
     """Position [m or Pa], velocity [1/s] and acceleration [1/s^2] of every axis."""
 
     position: Actuation
@@ -62,13 +62,13 @@ def frame_velocity(pace: Sequence[float], rates: AxisRates) -> Actuation:
 
 
 def pursued(
-    state: AxisState,
+    state: MovingAxes,
     goal: Actuation,
     frame: Actuation,
     rates: AxisRates,
     time_s: float,
     together: bool = True,
-) -> AxisState | None:
+) -> MovingAxes | None:
     """The state after ``time_s`` on the way to a goal; None where ruckig finds no motion.
 
     Args:
@@ -93,8 +93,8 @@ def pursued(
     return None if found is None else _at(found, time_s, goal, frame, rates)
 
 
-def stopping(state: AxisState, rates: AxisRates, times: int) -> list[AxisState]:
-    """States at equal times of the shortest stop together, the last at rest; empty where ruckig finds none."""
+def stopping(state: MovingAxes, rates: AxisRates, times: int) -> list[MovingAxes]:
+    """States at equal times of the shortest stop together, the last at rest; none where ruckig finds none."""
     import ruckig
 
     still = (0.0,) * len(state.position)
@@ -106,7 +106,7 @@ def stopping(state: AxisState, rates: AxisRates, times: int) -> list[AxisState]:
     return [way for way in ways if way is not None]
 
 
-def braked(state: AxisState, rates: AxisRates, time_s: float) -> AxisState | None:
+def braked(state: MovingAxes, rates: AxisRates, time_s: float) -> MovingAxes | None:
     """The state after ``time_s`` of that stop."""
     import ruckig
 
@@ -117,7 +117,7 @@ def braked(state: AxisState, rates: AxisRates, time_s: float) -> AxisState | Non
 
 
 def _planned(
-    gaps: Sequence[float], state: AxisState, frame: Actuation, rates: AxisRates, interface: Any, kind: Any
+    gaps: Sequence[float], state: MovingAxes, frame: Actuation, rates: AxisRates, interface: Any, kind: Any
 ) -> Any:
     """The motion of ruckig from a state to rest in a frame, None where it finds none."""
     import ruckig
@@ -145,13 +145,13 @@ def _planned(
 
 def _at(
     motion: Any, time_s: float, origin: Actuation, frame: Actuation, rates: AxisRates
-) -> AxisState | None:
+) -> MovingAxes | None:
     """The state of a motion at a time; None for one that is not finite."""
     position, velocity, acceleration = motion.at_time(time_s)[:3]
     if not all(map(math.isfinite, (*position, *velocity, *acceleration))):
         return None
     scale = rates.velocity
-    return AxisState(
+    return MovingAxes(
         tuple([there + e * unit for there, e, unit in zip(origin, position, scale, strict=True)]),
         tuple([v + e * unit for v, e, unit in zip(frame, velocity, scale, strict=True)]),
         tuple([a * unit for a, unit in zip(acceleration, scale, strict=True)]),

@@ -22,14 +22,16 @@ from contid.control.tick.limits import ACCELERATION
 from contid.control.tick.state import GuardState, RobotState
 from contid.targets import Actuation
 from contid.trajectory.approach import optimal
-from contid.trajectory.pursuit import AxisRates, AxisState, braked, frame_velocity, pursued, stopping
+from contid.trajectory.pursuit import AxisRates, MovingAxes, braked, frame_velocity, pursued, stopping
 
 #: A bound counts as kept up to this share of it: rounding.
 _SLACK: Final = 1.0 + 1e-6
-#: Greatest slope of a shared limit along one axis (`contid.control.tick.shared_limits`).
-_FAR: Final = 2.0
-#: Excess of a shared limit that is rounding [m].
-_ROUNDING_M: Final = 1e-9
+#: Greatest slope of a shared limit along one axis, and excess of one that is rounding [m]
+#: (`contid.control.tick.shared_limits`).
+_STEEPEST: Final = 2.0
+_ROUNDING_M: Final = 1e-12
+#: Share of the velocity below which an axis counts as moving with it, for how far a stop can lead.
+_SLOW: Final = 0.05
 #: States of a stop that are compared with the limits that axes share.
 _LOOKED_AT: Final = 4
 
@@ -67,7 +69,9 @@ def guarded(config: RobotConfig, state: RobotState, answer: Actuation) -> Guarde
     if unguarded or _on(config, state, changes, answer, before.paces):
         return Guarded(answer, after)
     motion = _pursuing(config, state, before, changes, answer)
-    flags = tuple([ACCELERATION if new != there else 0 for new, there in zip(motion.position, answer, strict=True)])
+    flags = tuple(
+        [ACCELERATION if new != there else 0 for new, there in zip(motion.position, answer, strict=True)]
+    )
     after = GuardState(state.since_s, state.increments, paces, motion)
     return Guarded(motion.position, after, flags)
 
@@ -79,7 +83,11 @@ def _on(
     h = config.period_s
     for index, there in enumerate(answer):
         limits = config.limits[index]
-        top, change, jolt = limits.step * _SLACK, limits.change * _SLACK, config.jerk[index] * h * h * h * _SLACK
+        top, change, jolt = (
+            limits.step * _SLACK,
+            limits.change * _SLACK,
+            config.jerk[index] * h * h * h * _SLACK,
+        )
         last = state.command[index]
         step = there - last
         c1 = step - state.increments[index]
@@ -102,26 +110,30 @@ def _on(
     steps = tuple([there - last for there, last in zip(answer, state.command, strict=True)])
     bends = [new - old for new, old in zip(steps, state.increments, strict=True)]
     speeds = tuple([(s + 0.5 * c) / h for s, c in zip(steps, bends, strict=True)])
-    return _stops_inside(config, AxisState(answer, speeds, tuple([c / (h * h) for c in bends])))
+    there = MovingAxes(answer, speeds, tuple([c / (h * h) for c in bends]))
+    return _stops_inside(config, there, state.command)
 
 
-def _stops_inside(config: RobotConfig, state: AxisState) -> bool:
-    """True when axes that share limits can stop together inside them, or none of them gets nearer to them."""
+def _stops_inside(config: RobotConfig, state: MovingAxes, last: Actuation) -> bool:
+    """True when axes that share limits can stop together inside them.
+
+    Args:
+        config: of the robot.
+        state: of the axes.
+        last: command before; where it exceeds a limit, the axes may go on to do so as much.
+    """
     shared = config.shared
     if shared is None:
         return True
     own = len(state.position) - config.extra_axes
     most = max(shared.excess(state.position[:own]))
-    if -most > _FAR * sum(
-        [
-            abs(v) * (abs(v) / a + a / j) + abs(bend) * (a / j) ** 2
-            for v, bend, a, j in zip(
-                state.velocity[:own], state.acceleration, config.acceleration, config.jerk, strict=False
-            )
-        ]
-    ):
+    rates = zip(state.velocity[:own], config.velocity, config.acceleration, config.jerk, strict=False)
+    reach = [max(abs(v), _SLOW * top) * (abs(v) / a + 2.0 * a / j) for v, top, a, j in rates]
+    if -most > _STEEPEST * sum(reach):
         return True
-    allowed = max(most, _ROUNDING_M)
+    allowed = max(*shared.excess(last[:own]), 0.0) + _ROUNDING_M
+    if most > allowed:
+        return False
     ways = stopping(state, AxisRates(config.velocity, config.acceleration, config.jerk), _LOOKED_AT)
     return all(max(shared.excess(way.position[:own])) <= allowed for way in ways)
 
@@ -164,19 +176,21 @@ def _stop_length(speed: float, bend: float, change: float, jolt: float) -> float
 
 def _from_cruise(speed: float, change: float, jolt: float) -> float:
     """Way of a stop from a speed without acceleration."""
-    ticks = speed / change + change / jolt if speed * jolt >= change * change else 2.0 * math.sqrt(speed / jolt)
+    ticks = (
+        speed / change + change / jolt if speed * jolt >= change * change else 2.0 * math.sqrt(speed / jolt)
+    )
     return 0.5 * speed * ticks
 
 
 def _pursuing(
     config: RobotConfig, state: RobotState, before: GuardState, changes: Actuation, answer: Actuation
-) -> AxisState:
+) -> MovingAxes:
     """The state of the axes after this tick on the shortest way to an answer that goes on."""
     h = config.period_s
     rates = AxisRates(config.velocity, config.acceleration, config.jerk)
     now = before.motion
     if now is None or now.position != state.command:
-        now = AxisState(
+        now = MovingAxes(
             state.command,
             tuple([(s + 0.5 * c) / h for s, c in zip(state.increments, changes, strict=True)]),
             tuple([c / (h * h) for c in changes]),
@@ -185,21 +199,21 @@ def _pursuing(
     frame = frame_velocity(pace, rates)
     for together in (True, False):
         after = pursued(now, answer, frame, rates, h, together)
-        if after is not None and _stays_viable(config, after):
+        if after is not None and _stays_viable(config, after, state.command):
             return after
     return braked(now, rates, h) or _coasting(config, now)
 
 
-def _stays_viable(config: RobotConfig, after: AxisState) -> bool:
+def _stays_viable(config: RobotConfig, after: MovingAxes, last: Actuation) -> bool:
+    """True for a state of the axes from which they can stop inside every limit."""
     h = config.period_s
     axes = enumerate(zip(*after, strict=True))
-    return all(_viable(config, index, at, v * h, a * h * h) for index, (at, v, a) in axes) and _stops_inside(
-        config, after
-    )
+    each = all(_viable(config, index, at, v * h, a * h * h) for index, (at, v, a) in axes)
+    return each and _stops_inside(config, after, last)
 
 
-def _coasting(config: RobotConfig, now: AxisState) -> AxisState:
-    """The state after a tick in which accelerations go to zero; for states that ruckig finds no motion from."""
+def _coasting(config: RobotConfig, now: MovingAxes) -> MovingAxes:
+    """The state after a tick in which accelerations go to zero, where ruckig finds no motion."""
     h = config.period_s
     position, velocity, acceleration = [], [], []
     for at, v, a, most in zip(*now, config.jerk, strict=True):
@@ -207,4 +221,4 @@ def _coasting(config: RobotConfig, now: AxisState) -> AxisState:
         position.append(at + v * h + a * h * h / 2.0 + jerk * h**3 / 6.0)
         velocity.append(v + a * h + jerk * h * h / 2.0)
         acceleration.append(a + jerk * h)
-    return AxisState(tuple(position), tuple(velocity), tuple(acceleration))
+    return MovingAxes(tuple(position), tuple(velocity), tuple(acceleration))

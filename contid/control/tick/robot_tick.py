@@ -192,9 +192,7 @@ def _squeezed(
     return replace(result, state=after, squeezed=report)
 
 
-def _follow(
-    config: RobotConfig, state: RobotState, now_s: float, target: Target, live: bool
-) -> TickResult:
+def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target, live: bool) -> TickResult:
     """RUN: solve the model for the target, then limit."""
     in_base = config.frame.target_in_base(target)
     if config.feedback is not None:
@@ -267,9 +265,7 @@ def _arrived(config: RobotConfig, state: RobotState, now_s: float) -> RobotState
     return replace(moved(config, state, Event.HOLD, now_s), goto=None, recovering=False)
 
 
-def _guarded(
-    config: RobotConfig, state: RobotState, answer: Actuation, target_in_base: Target
-) -> TickResult:
+def _guarded(config: RobotConfig, state: RobotState, answer: Actuation, target_in_base: Target) -> TickResult:
     """As `_limited` for an answer to a live target, with the jerk of the axes limited as well."""
     guard = guarded(config, state, answer)
     if not guard.flags:

@@ -16,7 +16,7 @@ from contid.hal import Rest
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
 from contid.trajectory.approach import Approach
-from contid.trajectory.pursuit import AxisState
+from contid.trajectory.pursuit import MovingAxes
 from contid.trajectory.standstill import JerkLimitedStop
 from contid.trajectory.straight_stop import StraightStop
 
@@ -39,7 +39,7 @@ class Effect(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class GuardState:
-    """What `contid.control.tick.jerk_guard` knows of the ticks before.
+    """What `contid.control.tick.jerk_guard` keeps of the ticks before.
 
     Attributes:
         joined_s: when the robot began to follow.
@@ -51,7 +51,7 @@ class GuardState:
     joined_s: float
     steps: Actuation
     paces: Actuation
-    motion: AxisState | None
+    motion: MovingAxes | None
 
 
 class OrderRefusedError(ContidError):

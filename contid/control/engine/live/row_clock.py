@@ -18,7 +18,9 @@ SPARSE_S: Final = 0.25
 LAG: Final = 2.0
 #: Memory of the period [s], and of the greatest lateness.
 WINDOW_S: Final = 1.0
-FORGET_S: Final = 3.0
+FORGET_S: Final = 8.0
+#: What a row may be late besides, as a part of a tick.
+MARGIN: Final = 0.1
 #: Rows before a period is trusted.
 FIRST: Final = 3
 #: A row that is off by this many periods, and by this time [s], belongs to another clock.
@@ -39,7 +41,10 @@ class RowClock:
         phase: which row is played, between two rows a fraction.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, tick_s: float) -> None:
+        """``tick_s``: period of the ticks, at which rows arrive."""
+        self._tick_s = tick_s
+        self._margin_s = MARGIN * tick_s
         self.newest = -1
         self.period_s = 0.0
         self.late_s = 0.0
@@ -53,7 +58,7 @@ class RowClock:
     @property
     def delay_s(self) -> float:
         """How long after it was meant a row is played; 0 without a clock."""
-        return LAG * self.period_s + self.late_s if self.period_s else 0.0
+        return LAG * self.period_s + self.late_s + self._margin_s if self.period_s else 0.0
 
     def expected(self, now_s: float) -> float:
         """By how many rows a row that arrives now comes after the newest."""
@@ -89,7 +94,7 @@ class RowClock:
             first = not self.period_s
             self.period_s = max(period_s, 1e-4)
             if first:
-                self.phase, self._rate, self._bend = self._aim(now_s), 1.0 / self.period_s, 0.0
+                self.phase, self._rate, self._bend = self._due(now_s), 1.0 / self.period_s, 0.0
         self.late_s = max(self.late_s * (1.0 - min(1.0, period_s / FORGET_S)), now_s - self._meant_s)
 
     def _restart(self, now_s: float, period_s: float) -> None:
@@ -101,22 +106,22 @@ class RowClock:
         self.period_s = period_s
         self.late_s = 0.0 if not period_s else self.late_s
 
-    def _aim(self, now_s: float) -> float:
+    def _due(self, now_s: float) -> float:
         """Which row is to be played now."""
-        return self.newest + (now_s - self._meant_s - self.late_s) / self.period_s - LAG
+        return self.newest + (now_s - self._meant_s - self.late_s - self._margin_s) / self.period_s - LAG
 
-    def play(self, now_s: float, period_s: float) -> float:
-        """The phase at a tick, one ``period_s`` after the last."""
+    def play(self, now_s: float) -> float:
+        """The phase at a tick."""
         if not self.period_s:
             return self.phase
-        error = self._aim(now_s) - self.phase
+        error = self._due(now_s) - self.phase
         if abs(error) > GREATEST_ERROR + SPARSE_S / self.period_s:
             self.phase, self._rate, self._bend = self.phase + error, 1.0 / self.period_s, 0.0
             return self.phase
         error = min(max(error, -GREATEST_ERROR), GREATEST_ERROR)
         w = FOLLOW_PER_S
         jolt = w * (w * (w * error + 3.0 * (1.0 / self.period_s - self._rate)) - 3.0 * self._bend)
-        self._bend += jolt * period_s
-        self._rate += self._bend * period_s
-        self.phase += self._rate * period_s
+        self._bend += jolt * self._tick_s
+        self._rate += self._bend * self._tick_s
+        self.phase += self._rate * self._tick_s
         return self.phase

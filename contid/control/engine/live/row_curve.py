@@ -20,7 +20,7 @@ from typing import Final, TypeAlias
 Vector: TypeAlias = tuple[float, ...]
 
 #: Rows that are expected before the last one counts as repeated.
-EXPECTED: Final = 1
+EXPECTED: Final = 2
 #: Rows kept behind the phase.
 _KEPT: Final = 2
 
@@ -84,8 +84,9 @@ class RowCurve:
         if number < self._first:
             return self._oldest
         row = self._last
-        if number <= self.newest + EXPECTED and not self.ended:
-            row = tuple([b + (b - a) for a, b in zip(self._before, self._last, strict=True)])
+        on = number - self.newest
+        if on <= EXPECTED and not self.ended:
+            row = tuple([b + on * (b - a) for a, b in zip(self._before, self._last, strict=True)])
         self._rows[number] = row
         return row
 

@@ -22,6 +22,8 @@ from contid.targets import Target
 
 #: Share of the limits that a curve from rest may need; more is a jump.
 _SHARE: Final = 0.9
+#: Square of the distance from where a row was expected that is clearly less than another.
+_CLEARLY: Final = 0.25
 #: Rows that can be lost in a row.
 _LOST: Final = 5
 
@@ -31,7 +33,7 @@ class TargetFollower:
 
     def __init__(self, config: RobotConfig) -> None:
         self._config = config
-        self._clock = RowClock()
+        self._clock = RowClock(config.period_s)
         self._curve: RowCurve | None = None
         self._row: Target | None = None
         self._given: Target | None = None
@@ -89,7 +91,7 @@ class TargetFollower:
         if row is None or curve is None:
             self._given = None
             return row
-        phase = self._clock.play(now_s, self._config.period_s)
+        phase = self._clock.play(now_s)
         if self._line is not None:
             since_s = now_s - self._line_s
             follows = state.mode is Mode.RUN and state.follow
@@ -129,7 +131,11 @@ class TargetFollower:
         )
 
     def _rows_on(self, curve: RowCurve, vector: Vector, now_s: float) -> int:
-        """How many rows after the newest one this is: it is late, and goes on as if rows were missing."""
+        """How many rows after the newest one this is, where rows may have been lost.
+
+        A row that comes later than half a period is either late, or those before it were lost. It is the one
+        that goes on from the last two rows better; where both do, as on a slow path, its time counts.
+        """
         late = min(int(self._clock.expected(now_s) + 0.5), _LOST)
         if late < 2:
             return 1
@@ -139,4 +145,4 @@ class TargetFollower:
             for k in range(1, late + 1)
         ]
         best = off.index(min(off))
-        return best + 1 if off[best] < 0.25 * off[0] else 1
+        return 1 if off[0] < _CLEARLY * off[late - 1] else best + 1 if off[best] < _CLEARLY * off[0] else late

@@ -70,5 +70,3 @@ def is_number(vector: Vector) -> bool:
 def _frame(rows: Vector) -> tuple[float, ...] | None:
     """The frame next to nine numbers: its z axis is that of them, its x axis across it."""
     return frame_of_axes((rows[2], rows[5], rows[8]), (rows[0], rows[3], rows[6]))
-
-

@@ -1,8 +1,8 @@
 """The straight line of a tip from rest to a row that jumped: one jerk-limited motion of its share.
 
 The tip goes along the line, its direction along the great circle, a mid-point along its own line, all by the
-same share s of the way. The axes are functions of s, from the model's answers to `POINTS` targets on the line;
-with their greatest derivatives q', q'', q''' the bounds
+same share s of the way. The axes are functions of s, from the model's answers to `POINTS` targets on it; with
+their greatest derivatives q', q'', q''' the bounds
 
     |q'| v <= V        |q''| v^2 + |q'| a <= A        |q'''| v^3 + 3 |q''| v a + |q'| j <= J
 
@@ -12,6 +12,7 @@ hold for the shares of `V`, `A` and `J` that the constants below give to each pa
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Final
 
 from contid.control.tick.config import RobotConfig
@@ -21,7 +22,7 @@ from contid.trajectory.approach import Approach
 
 #: Targets on the line for which the model is asked, the ends included.
 POINTS: Final = 9
-#: Shares of the limits: of the velocity, and of what the curvature of the axes takes of acceleration and jerk.
+#: Shares of the limits: of the velocity, and of what the curvature of the axes takes of the others.
 _SPEED: Final = 0.97
 _CURVED: Final = 0.25
 _TWISTED: Final = 0.1
@@ -50,13 +51,16 @@ class TipLine:
 
 def point(start: Target, end: Target, share: float) -> Target:
     """The target at a share of the line; loads and extra axes change along it."""
-    assert start.tip_m is not None and end.tip_m is not None
+    assert start.tip_m is not None
+    assert end.tip_m is not None
     direction, mid_m = end.direction, end.mid_m
     if start.direction is not None and direction is not None:
         direction = turned(start.direction, direction, share)
     if start.mid_m is not None and mid_m is not None:
         mid_m = between(start.mid_m, mid_m, share)
-    extra = {name: start.extra[name] + share * (value - start.extra[name]) for name, value in end.extra.items()}
+    extra = {
+        name: start.extra[name] + share * (value - start.extra[name]) for name, value in end.extra.items()
+    }
     return replace(
         end, tip_m=between(start.tip_m, end.tip_m, share), direction=direction, mid_m=mid_m,
         load_n=between(start.load_n, end.load_n, share), extra=extra,
@@ -113,5 +117,5 @@ def _greatest(answers: list[Actuation], order: int, n: float) -> list[float]:
     """Greatest difference quotient of an order of every axis, by the share."""
     rows = answers
     for _ in range(order):
-        rows = [tuple([n * (b - a) for a, b in zip(*pair, strict=True)]) for pair in zip(rows, rows[1:], strict=False)]
+        rows = [tuple([n * (b - a) for a, b in zip(*pair, strict=True)]) for pair in pairwise(rows)]
     return [max(abs(value) for value in column) for column in zip(*rows, strict=True)]
