@@ -95,25 +95,27 @@ def pursued(
 
 def stopping(state: MovingAxes, rates: AxisRates, times: int) -> list[MovingAxes]:
     """States at equal times of the shortest stop together, the last at rest; none where ruckig finds none."""
-    import ruckig
-
-    still = (0.0,) * len(state.position)
-    interface, kind = ruckig.ControlInterface.Velocity, ruckig.Synchronization.Time
-    found = _planned(still, state, still, rates, interface, kind)
+    found = _stop(state, rates, together=True)
     if found is None:
         return []
+    still = (0.0,) * len(state.position)
     ways = [_at(found, found.duration * (k + 1) / times, state.position, still, rates) for k in range(times)]
     return [way for way in ways if way is not None]
 
 
-def braked(state: MovingAxes, rates: AxisRates, time_s: float) -> MovingAxes | None:
-    """The state after ``time_s`` of that stop."""
+def braked(state: MovingAxes, rates: AxisRates, time_s: float, together: bool) -> MovingAxes | None:
+    """The state after ``time_s`` of the shortest stop, ``together`` or of every axis by itself."""
+    found = _stop(state, rates, together)
+    still = (0.0,) * len(state.position)
+    return None if found is None else _at(found, time_s, state.position, still, rates)
+
+
+def _stop(state: MovingAxes, rates: AxisRates, together: bool) -> Any:
     import ruckig
 
+    kind = ruckig.Synchronization.Time if together else ruckig.Synchronization.No
     still = (0.0,) * len(state.position)
-    interface, kind = ruckig.ControlInterface.Velocity, ruckig.Synchronization.Time
-    found = _planned(still, state, still, rates, interface, kind)
-    return None if found is None else _at(found, time_s, state.position, still, rates)
+    return _planned(still, state, still, rates, ruckig.ControlInterface.Velocity, kind)
 
 
 def _planned(

@@ -135,7 +135,18 @@ def _stops_inside(config: RobotConfig, state: MovingAxes, last: Actuation) -> bo
     if most > allowed:
         return False
     ways = stopping(state, AxisRates(config.velocity, config.acceleration, config.jerk), _LOOKED_AT)
-    return all(max(shared.excess(way.position[:own])) <= allowed for way in ways)
+    return all(
+        max(shared.excess(way.position[:own])) <= allowed and _within(config, way.position, last)
+        for way in ways
+    )
+
+
+def _within(config: RobotConfig, position: Actuation, last: Actuation) -> bool:
+    """True when every axis is inside its limits of position, or no further outside than it was."""
+    return all(
+        min(each.lower, was) - _ROUNDING_M <= at <= max(each.upper, was) + _ROUNDING_M
+        for each, at, was in zip(config.limits, position, last, strict=True)
+    )
 
 
 def _viable(config: RobotConfig, index: int, at: float, speed: float, bend: float) -> bool:
@@ -197,11 +208,18 @@ def _pursuing(
         )
     pace = [(new - old) / h for new, old in zip(answer, state.reference, strict=True)]
     frame = frame_velocity(pace, rates)
-    for together in (True, False):
-        after = pursued(now, answer, frame, rates, h, together)
+    ways = (
+        lambda: pursued(now, answer, frame, rates, h),
+        lambda: pursued(now, answer, frame, rates, h, together=False),
+        lambda: braked(now, rates, h, together=True),
+        lambda: braked(now, rates, h, together=False),
+    )
+    after = None
+    for way in ways:
+        after = way()
         if after is not None and _stays_viable(config, after, state.command):
             return after
-    return braked(now, rates, h) or _coasting(config, now)
+    return after or _coasting(config, now)
 
 
 def _stays_viable(config: RobotConfig, after: MovingAxes, last: Actuation) -> bool:
