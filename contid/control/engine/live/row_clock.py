@@ -26,6 +26,8 @@ FIRST: Final = 3
 #: A row that is off by this many periods, and by this time [s], belongs to another clock.
 OFF_PERIODS: Final = 3.0
 OFF_S: Final = 0.03
+#: Ticks after which a row does not belong to those that arrived together at first.
+QUEUED_TICKS: Final = 1.5
 #: Rate of the filter of the phase [1/s], and the greatest error that it takes up [rows].
 FOLLOW_PER_S: Final = 8.0
 GREATEST_ERROR: Final = 4.0
@@ -51,8 +53,9 @@ class RowClock:
         self.phase = -LAG
         self._rate = self._bend = 0.0  # of the phase [1/s, 1/s^2]
         self._seen = 0
+        self._gaps_s = (0.0, 0.0)  # of the newest rows
+        self._queued = False  # all rows since the first arrived in its tick
         self._meant_s = self._arrived_s = 0.0  # of the newest row
-        self._first_s = 0.0  # arrival of the first row that was seen
         self._learnt_s = 0.0  # period while it is not trusted
 
     @property
@@ -74,9 +77,24 @@ class RowClock:
         gap_s = now_s - self._arrived_s
         if self._seen == 0 or gap_s > SPARSE_S:
             self._restart(now_s, 0.0)
+            self._queued = True
+        elif self._queued and self._seen > 1 and gap_s > QUEUED_TICKS * self._tick_s:
+            # The first rows had waited for the run to begin, and arrived at once.
+            self._restart(now_s, 0.0)
+            self._queued = False
+        elif self.period_s and self._changed(gap_s):
+            self._restart(now_s, gap_s)
+            self.late_s = 0.0
         else:
+            self._queued = self._queued and gap_s == 0.0
             self._learn(now_s, rows)
         self._arrived_s = now_s
+        self._gaps_s = (self._gaps_s[1], gap_s)
+
+    def _changed(self, gap_s: float) -> bool:
+        """True when three gaps in a row agree on another period."""
+        agreed = max(abs(gap_s - other_s) for other_s in self._gaps_s) <= self._tick_s
+        return agreed and abs(gap_s - self.period_s) > self.period_s / 3.0 + self._tick_s
 
     def _learn(self, now_s: float, rows: int) -> None:
         period_s = self.period_s or self._learnt_s
@@ -101,7 +119,7 @@ class RowClock:
         """Begin to learn anew, with the row that arrived; the phase goes on."""
         self.newest = max(self.newest + 1, int(self.phase) + 3)
         self._seen = 1
-        self._meant_s = self._first_s = now_s
+        self._meant_s = now_s
         self._learnt_s = period_s
         self.period_s = period_s
         self.late_s = 0.0 if not period_s else self.late_s
