@@ -8,7 +8,7 @@ from typing import Final
 
 from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.cycle import OnEnd, Sink
-from contid.control.engine.events.run import SourceEnded, StopBegan
+from contid.control.engine.events.run import SourceEnded, StopBegan, StreamDelayed
 from contid.control.engine.messages import RobotNames
 from contid.control.engine.robots import Robots, stopping
 from contid.control.engine.sources import Live, Source, Timed
@@ -21,6 +21,9 @@ from contid.targets import Target
 from contid.trajectory.timed import Trajectory
 
 _NOTHING: Final[Mapping[str, Target | None]] = {}
+#: Ticks between two looks at the delay of a live stream, and the part by which it changes in an event.
+STATED_TICKS: Final = 50
+STATED_SHARE: Final = 0.1
 
 
 class TargetSelector:
@@ -56,6 +59,7 @@ class TargetSelector:
         self._rate_hz = rate_hz
         self._sink = sink
         self._on_end = on_end
+        self._stated_s = 0.0  # delay of a live stream in its newest event
 
     def targets(self, step: int, now_s: float) -> Mapping[str, Target | None]:
         """Targets of a step by robot; keeps the measured tips of a trajectory."""
@@ -67,6 +71,12 @@ class TargetSelector:
         targets = source.targets(step)
         self._note(targets, now_s)
         return targets
+
+    def _state_delay(self, source: Live, tick: int) -> None:
+        """Emit the delay of a stream where it changed by more than a part."""
+        if abs(source.delay_s - self._stated_s) > STATED_SHARE * max(source.delay_s, self._stated_s):
+            self._stated_s = source.delay_s
+            self._sink.event(StreamDelayed(tick=tick, delay_ms=round(1e3 * source.delay_s, 1)))
 
     def rows(self, targets: Mapping[str, Target | None], now_s: float) -> None:
         """A row of a live stream arrived."""
@@ -116,6 +126,8 @@ class TargetSelector:
             self._rest_faulted()
             return
         robots, source = self._robots, self.source
+        if isinstance(source, Live) and tick % STATED_TICKS == 0:
+            self._state_delay(source, tick)
         alive = any(state.mode is not Mode.FAULT for state in robots.states)
         if source is not None:
             source.watch(step, self._states())

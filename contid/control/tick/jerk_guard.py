@@ -110,8 +110,8 @@ def _on(
     steps = tuple([there - last for there, last in zip(answer, state.command, strict=True)])
     bends = [new - old for new, old in zip(steps, state.increments, strict=True)]
     speeds = tuple([(s + 0.5 * c) / h for s, c in zip(steps, bends, strict=True)])
-    there = MovingAxes(answer, speeds, tuple([c / (h * h) for c in bends]))
-    return _stops_inside(config, there, state.command)
+    on_it = MovingAxes(answer, speeds, tuple([c / (h * h) for c in bends]))
+    return _stops_inside(config, on_it, state.command)
 
 
 def _stops_inside(config: RobotConfig, state: MovingAxes, last: Actuation) -> bool:
@@ -208,17 +208,15 @@ def _pursuing(
         )
     pace = [(new - old) / h for new, old in zip(answer, state.reference, strict=True)]
     frame = frame_velocity(pace, rates)
-    ways = (
-        lambda: pursued(now, answer, frame, rates, h),
-        lambda: pursued(now, answer, frame, rates, h, together=False),
-        lambda: braked(now, rates, h, together=True),
-        lambda: braked(now, rates, h, together=False),
-    )
-    after = None
-    for way in ways:
-        after = way()
-        if after is not None and _stays_viable(config, after, state.command):
-            return after
+    after: MovingAxes | None = None
+    for braking in (False, True):
+        for together in (True, False):
+            if braking:
+                after = braked(now, rates, h, together)
+            else:
+                after = pursued(now, answer, frame, rates, h, together)
+            if after is not None and _stays_viable(config, after, state.command):
+                return after
     return after or _coasting(config, now)
 
 

@@ -25,12 +25,13 @@ MARGIN: Final = 0.1
 FIRST: Final = 3
 #: A row that is off by this many periods, and by this time [s], belongs to another clock.
 OFF_PERIODS: Final = 3.0
-OFF_S: Final = 0.03
+OFF_S: Final = 0.1
 #: Ticks after which a row does not belong to those that arrived together at first.
 QUEUED_TICKS: Final = 1.5
-#: Rate of the filter of the phase [1/s], and the greatest error that it takes up [rows].
+#: Rate of the filter of the phase [1/s], and the greatest error that it takes up [rows, s].
 FOLLOW_PER_S: Final = 8.0
 GREATEST_ERROR: Final = 4.0
+GREATEST_S: Final = 0.05
 
 
 class RowClock:
@@ -93,8 +94,9 @@ class RowClock:
 
     def _changed(self, gap_s: float) -> bool:
         """True when three gaps in a row agree on another period."""
-        agreed = max(abs(gap_s - other_s) for other_s in self._gaps_s) <= self._tick_s
-        return agreed and abs(gap_s - self.period_s) > self.period_s / 3.0 + self._tick_s
+        gaps_s = (*self._gaps_s, gap_s)
+        other = min(abs(each - self.period_s) for each in gaps_s) > self.period_s / 3.0 + self._tick_s
+        return other and max(gaps_s) - min(gaps_s) <= self._tick_s * (1.0 + 1e-6)
 
     def _learn(self, now_s: float, rows: int) -> None:
         period_s = self.period_s or self._learnt_s
@@ -133,10 +135,11 @@ class RowClock:
         if not self.period_s:
             return self.phase
         error = self._due(now_s) - self.phase
-        if abs(error) > GREATEST_ERROR + SPARSE_S / self.period_s:
+        if abs(error) > GREATEST_ERROR + SPARSE_S / self.period_s:  # it follows another clock
             self.phase, self._rate, self._bend = self.phase + error, 1.0 / self.period_s, 0.0
             return self.phase
-        error = min(max(error, -GREATEST_ERROR), GREATEST_ERROR)
+        most = max(GREATEST_ERROR, GREATEST_S / self.period_s)
+        error = min(max(error, -most), most)
         w = FOLLOW_PER_S
         jolt = w * (w * (w * error + 3.0 * (1.0 / self.period_s - self._rate)) - 3.0 * self._bend)
         self._bend += jolt * self._tick_s

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Final
 
 from contid.control.engine.live.row_clock import RowClock
-from contid.control.engine.live.row_curve import RowCurve, Vector
+from contid.control.engine.live.row_curve import EXPECTED_S, RowCurve, Vector
 from contid.control.engine.live.target_vector import kind_of, target_of, vector_of
 from contid.control.engine.live.tip_line import TipLine, tip_line
 from contid.control.tick.config import RobotConfig
@@ -77,6 +77,7 @@ class TargetFollower:
             self._jump(vector, now_s, state)
         else:
             curve.add(clock.newest, vector)
+            curve.expected = max(1, int(EXPECTED_S / clock.period_s))
             self._jumped = False
 
     def end(self) -> None:
