@@ -4,8 +4,8 @@ At the phase ``i + u`` the curve is the mean of the rows i-1 .. i+2 with the wei
 continuous to the acceleration, stays between the rows, and ends at rest on a row that is repeated. It leaves
 rows by a sixth of their second difference: on a circle by ``T^2 a / 6``.
 
-A row that is missing when the curve gets to it is the one expected after the last two, for a short time; then
-the last row counts as repeated, so the curve comes to rest on it. A row that was used stays as it was.
+A row that is missing when the curve gets to it is the one expected after the last two: beyond the last row
+the curve is a straight line. A row that was used stays as it was.
 
 Source: C. de Boor, "A Practical Guide to Splines", Springer 2001, chapter IX.
 """
@@ -19,10 +19,8 @@ from typing import Final, TypeAlias
 #: Coordinates of a target (`contid.control.engine.live.target_vector`).
 Vector: TypeAlias = tuple[float, ...]
 
-#: How long rows are expected before the last one counts as repeated [s]; it is one row at least.
-EXPECTED_S: Final = 0.05
-#: Rows kept behind the phase.
-_KEPT: Final = 2
+#: Rows kept behind the phase, which may come back to the last row.
+_KEPT: Final = 100
 
 
 class RowCurve:
@@ -30,8 +28,6 @@ class RowCurve:
 
     Attributes:
         newest: number of the newest row.
-        expected: how many rows after it are expected.
-        ended: no row is.
     """
 
     def __init__(self, number: int, row: Vector) -> None:
@@ -40,8 +36,6 @@ class RowCurve:
         self._first = number
         self._oldest = row
         self._last, self._before = row, row
-        self.expected = 1
-        self.ended = False
 
     @property
     def last(self) -> Vector:
@@ -86,10 +80,8 @@ class RowCurve:
             return row
         if number < self._first:
             return self._oldest
-        row = self._last
         on = number - self.newest
-        if on <= self.expected and not self.ended:
-            row = tuple([b + on * (b - a) for a, b in zip(self._before, self._last, strict=True)])
+        row = tuple([b + on * (b - a) for a, b in zip(self._before, self._last, strict=True)])
         self._rows[number] = row
         return row
 

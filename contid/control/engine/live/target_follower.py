@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Final
 
 from contid.control.engine.live.row_clock import RowClock
-from contid.control.engine.live.row_curve import EXPECTED_S, RowCurve, Vector
+from contid.control.engine.live.row_curve import RowCurve, Vector
 from contid.control.engine.live.target_vector import kind_of, target_of, vector_of
 from contid.control.engine.live.tip_line import TipLine, tip_line
 from contid.control.tick.config import RobotConfig
@@ -20,6 +20,14 @@ from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
 from contid.targets import Target
 
+#: How long rows are expected before the stream counts as stopped [s]; it is one row at least.
+EXPECTED_S: Final = 0.05
+#: Share of the limits of acceleration and jerk that a stop on the last row uses.
+_STOP_SHARE: Final = 0.5
+#: Axes slower than this share of their limit stop as if they were as fast.
+_SLOW: Final = 0.02
+#: Coordinates that differ by less are the same.
+_SAME: Final = 1e-9
 #: Share of the limits that a curve from rest may need; more is a jump.
 _SHARE: Final = 0.9
 #: Square of the distance from where a row was expected that is clearly less than another.
@@ -41,6 +49,7 @@ class TargetFollower:
         self._line_s = 0.0
         self._jumped = False
         self._ended = False
+        self._rates = (0.0, 0.0)  # of the phase on its way to rest
 
     @property
     def delay_s(self) -> float:
@@ -77,14 +86,11 @@ class TargetFollower:
             self._jump(vector, now_s, state)
         else:
             curve.add(clock.newest, vector)
-            curve.expected = max(1, int(EXPECTED_S / clock.period_s))
             self._jumped = False
 
     def end(self) -> None:
         """No further row will come."""
         self._ended = True
-        if self._curve is not None:
-            self._curve.ended = True
 
     def target(self, now_s: float, state: RobotState) -> Target | None:
         """The target of a tick."""
@@ -92,7 +98,8 @@ class TargetFollower:
         if row is None or curve is None:
             self._given = None
             return row
-        phase = self._clock.play(now_s)
+        phase = self._phase(curve, now_s, state)
+        curve = self._curve or curve
         if self._line is not None:
             since_s = now_s - self._line_s
             follows = state.mode is Mode.RUN and state.follow
@@ -106,10 +113,37 @@ class TargetFollower:
             self._given = target_of(curve.at(phase), row)
         return self._given
 
+    def _phase(self, curve: RowCurve, now_s: float, state: RobotState) -> float:
+        """Which row is played; where no row comes, the phase comes to rest on the last one."""
+        clock = self._clock
+        if not clock.period_s or curve.rests(clock.phase):
+            return clock.play(now_s)
+        if not clock.stopping:
+            if not self._ended and clock.missing() <= max(1.0, EXPECTED_S / clock.period_s):
+                return clock.play(now_s)
+            self._rates = self._phase_rates(state)
+        if clock.stop(*self._rates):
+            off = max(abs(a - b) for a, b in zip(curve.at(clock.phase), curve.last, strict=True))
+            if off > _SAME:
+                self._jump(curve.last, now_s, state)
+            self._curve = RowCurve(clock.newest + 2, curve.last)
+        return clock.phase
+
+    def _phase_rates(self, state: RobotState) -> tuple[float, float]:
+        """Acceleration and jerk of the phase [1/s^2, 1/s^3] that the axes allow at their present motion."""
+        config, clock = self._config, self._clock
+        rows = max(abs(clock.rate_per_s), 1e-3 / clock.period_s) * config.period_s
+        acceleration = jerk = float("inf")
+        steps = state.increments or (0.0,) * len(config.velocity)
+        for step, v, a, j in zip(steps, config.velocity, config.acceleration, config.jerk, strict=True):
+            per_row = max(abs(step) / rows, _SLOW * v * clock.period_s)
+            acceleration = min(acceleration, _STOP_SHARE * a / per_row)
+            jerk = min(jerk, _STOP_SHARE * j / per_row)
+        return acceleration, jerk
+
     def _jump(self, vector: Vector, now_s: float, state: RobotState) -> None:
         """The row is the target at once; from rest by a straight line."""
         self._curve = RowCurve(self._clock.newest, vector)
-        self._curve.ended = self._ended
         self._jumped = True
         start, row, self._line = self._given, self._row, None
         rests = state.command == state.reference and not any(state.increments)
