@@ -23,7 +23,7 @@ from contid.targets import Target
 #: How long rows are expected before the stream counts as stopped [s]; it is one row at least.
 EXPECTED_S: Final = 0.05
 #: Share of the limits of acceleration and jerk that a stop on the last row uses.
-_STOP_SHARE: Final = 0.5
+_STOP_SHARE: Final = 0.35
 #: Axes slower than this share of their limit stop as if they were as fast.
 _SLOW: Final = 0.02
 #: Coordinates that differ by less are the same.
