@@ -117,7 +117,7 @@ class RowClock:
     def _changed(self, gap_s: float) -> bool:
         """True when three gaps in a row agree on another period."""
         gaps_s = (*self._gaps_s, gap_s)
-        other = min(abs(each - self.period_s) for each in gaps_s) > self.period_s / 3.0 + self._tick_s
+        other = min(abs(each - self.period_s) for each in gaps_s) > 0.25 * self.period_s + 0.5 * self._tick_s
         return other and max(gaps_s) - min(gaps_s) <= self._tick_s * (1.0 + 1e-6)
 
     def _learn(self, now_s: float, rows: int) -> None:
