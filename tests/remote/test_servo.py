@@ -62,7 +62,7 @@ def test_set_points_are_followed_within_the_rates_of_the_file(tmp_path: Path) ->
     assert len(followed) > 100
     for row in followed:
         x, y = float(row["target.f0.x_mm"]), float(row["target.f0.y_mm"])
-        assert math.hypot(x - 45.0, y - 75.0) == pytest.approx(5.0, abs=1e-6)
+        assert math.hypot(x - 45.0, y - 75.0) == pytest.approx(5.0, abs=0.1)  # a curve near the rows
     times = [float(row["t_s"]) for row in rows]
     for axis in ("left", "right"):
         lengths = [float(row[f"command.f0.{axis}_mm"]) for row in rows]

@@ -21,6 +21,7 @@ from contid.control.engine.outcomes import Outcomes
 from contid.control.engine.pack_record import RecordPacker
 from contid.control.engine.ports import BusPort
 from contid.control.engine.robots import Order, Robots
+from contid.control.engine.sources import Live
 from contid.control.engine.stages import EngineParts, TickStage, stages_of_extras, with_method
 from contid.control.engine.stall_watch import StallWatch
 from contid.control.engine.target_selector import TargetSelector
@@ -140,6 +141,7 @@ class Engine:
         step = self._step = timing.tick - timing.skipped
         now_s = step / self._rate_hz
         source = selector.source
+        live = isinstance(source, Live)
         targets = selector.targets(step, now_s)
         for stage in self._before:
             try:
@@ -154,6 +156,7 @@ class Engine:
                 exchange.samples_of(config),
                 targets.get(config.name),
                 robots.measured.get(config.name),
+                live=live,
             )
             for config, state in zip(robots.configs, robots.states, strict=True)
         ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final, TypeAlias
 
+from contid.control.engine.live.target_follower import TargetFollower
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.soft_start import ease_ticks, fitted, played
 from contid.control.tick.state import RobotState
@@ -106,46 +107,66 @@ class Timed:
 
 
 class Live:
-    """The newest row of a stream.
+    """A live stream: every robot follows its rows (`contid.control.engine.live.target_follower`).
 
     Attributes:
         time_s: None, as a stream has no times.
         finished: it has ended, and every robot has reached its last target.
-        followed: the newest target of every robot; empty while the stream is paused.
     """
 
-    def __init__(self) -> None:
-        self._newest: dict[str, Target | None] = {}
-        self._ended = False
-        self.followed: Mapping[str, Target | None] = self._newest
+    def __init__(self, configs: Sequence[RobotConfig]) -> None:
+        self._followers = {config.name: TargetFollower(config) for config in configs}
+        self._ended = self._paused = False
         self.time_s = None
         self.finished = False
 
-    def put(self, targets: Mapping[str, Target | None]) -> None:
+    @property
+    def delay_s(self) -> float:
+        """How long after it was meant a row is followed [s]: the greatest of the robots."""
+        return max([follower.delay_s for follower in self._followers.values()], default=0.0)
+
+    def put(
+        self, targets: Mapping[str, Target | None], now_s: float, states: Mapping[str, RobotState]
+    ) -> None:
         """A new row; robots it does not name keep their target."""
-        self._newest.update(targets)
+        for name, target in targets.items():
+            self._followers[name].put(target, now_s, states[name])
 
     def end(self) -> None:
         """No further row will come."""
         self._ended = True
+        for follower in self._followers.values():
+            follower.end()
+
+    def targets(self, now_s: float, states: Mapping[str, RobotState]) -> Mapping[str, Target | None]:
+        """Targets by robot at a tick, in the world frame; none while the stream is paused."""
+        given = {
+            name: follower.target(now_s, states[name])
+            for name, follower in self._followers.items()
+            if follower.follows
+        }
+        return {} if self._paused else given
 
     def watch(self, tick: int, states: Mapping[str, RobotState]) -> None:
         """At the end of the stream, wait until the last row is reached."""
         if self._ended:
             self.finished = not any(
                 state.mode in (Mode.CONNECTING, Mode.READY, Mode.ARMING, Mode.APPROACH)
-                or (state.mode is Mode.RUN and state.command != state.reference)
+                or (
+                    state.mode is Mode.RUN
+                    and not (self._followers[name].resting and state.command == state.reference)
+                )
                 for name, state in states.items()
-                if self._newest.get(name) is not None and state.follow
+                if self._followers[name].follows and state.follow
             )
 
     def pause(self, tick: int) -> None:
         """Robots hold until `resume`."""
-        self.followed = {}
+        self._paused = True
 
     def resume(self) -> None:
         """Follow the newest row again."""
-        self.followed = self._newest
+        self._paused = False
 
 
 #: Targets by robot at a tick, in the world frame; a robot without one holds.

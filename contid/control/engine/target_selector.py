@@ -8,12 +8,12 @@ from typing import Final
 
 from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.cycle import OnEnd, Sink
-from contid.control.engine.events.run import SourceEnded, StopBegan
+from contid.control.engine.events.run import SourceEnded, StopBegan, StreamDelayed
 from contid.control.engine.messages import RobotNames
 from contid.control.engine.robots import Robots, stopping
 from contid.control.engine.sources import Live, Source, Timed
 from contid.control.tick import transitions
-from contid.control.tick.state import Effect
+from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.supervisor import REST_OF, Mode
 from contid.control.tick.tip_feedback import Measurement
 from contid.robot_file.base import StopPolicy
@@ -21,6 +21,9 @@ from contid.targets import Target
 from contid.trajectory.timed import Trajectory
 
 _NOTHING: Final[Mapping[str, Target | None]] = {}
+#: Ticks between two looks at the delay of a live stream, and the part by which it changes in an event.
+STATED_TICKS: Final = 50
+STATED_SHARE: Final = 0.1
 
 
 class TargetSelector:
@@ -56,6 +59,7 @@ class TargetSelector:
         self._rate_hz = rate_hz
         self._sink = sink
         self._on_end = on_end
+        self._stated_s = 0.0  # delay of a live stream in its newest event
 
     def targets(self, step: int, now_s: float) -> Mapping[str, Target | None]:
         """Targets of a step by robot; keeps the measured tips of a trajectory."""
@@ -63,22 +67,28 @@ class TargetSelector:
         if source is None:
             return _NOTHING
         if isinstance(source, Live):
-            return source.followed
+            return source.targets(now_s, self._states())
         targets = source.targets(step)
         self._note(targets, now_s)
         return targets
 
+    def _state_delay(self, source: Live, tick: int) -> None:
+        """Emit the delay of a stream where it changed by more than a part."""
+        if abs(source.delay_s - self._stated_s) > STATED_SHARE * max(source.delay_s, self._stated_s):
+            self._stated_s = source.delay_s
+            self._sink.event(StreamDelayed(tick=tick, delay_ms=round(1e3 * source.delay_s, 1)))
+
     def rows(self, targets: Mapping[str, Target | None], now_s: float) -> None:
         """A row of a live stream arrived."""
         if not isinstance(self.source, Live):
-            self.source = Live()
-        self.source.put(targets)
+            self.source = Live(self._robots.configs)
+        self.source.put(targets, now_s, self._states())
         self._note(targets, now_s)
 
     def end_of_rows(self) -> None:
         """No further row will come."""
         if not isinstance(self.source, Live):
-            self.source = Live()
+            self.source = Live(self._robots.configs)
         self.source.end()
 
     def play(self, trajectory: Trajectory, now_s: float, waits: bool = False) -> None:
@@ -88,9 +98,8 @@ class TargetSelector:
     @property
     def at_start(self) -> bool:
         """True when a trajectory waits, with every robot at its first row."""
-        robots, source = self._robots, self.source
-        states = {p.name: s for p, s in zip(robots.configs, robots.states, strict=True)}
-        return isinstance(source, Timed) and source.at_start(states)
+        source = self.source
+        return isinstance(source, Timed) and source.at_start(self._states())
 
     def go(self) -> None:
         """Let a trajectory that waits begin in this step."""
@@ -99,7 +108,7 @@ class TargetSelector:
 
     def begin_rows(self, now_s: float) -> None:
         """Follow a new live stream instead."""
-        self._replace(Live(), now_s)
+        self._replace(Live(self._robots.configs), now_s)
 
     def pause(self, who: RobotNames, step: int) -> None:
         """Stop the time of the trajectory when all robots stop."""
@@ -117,9 +126,11 @@ class TargetSelector:
             self._rest_faulted()
             return
         robots, source = self._robots, self.source
+        if isinstance(source, Live) and tick % STATED_TICKS == 0:
+            self._state_delay(source, tick)
         alive = any(state.mode is not Mode.FAULT for state in robots.states)
         if source is not None:
-            source.watch(step, {p.name: s for p, s in zip(robots.configs, robots.states, strict=True)})
+            source.watch(step, self._states())
             if source.finished and not self.ended:
                 self.ended = True
                 self._sink.event(SourceEnded(tick=tick, on_end=self._on_end.value))
@@ -151,6 +162,10 @@ class TargetSelector:
             if state.mode is Mode.FAULT and state.enabled and not any(state.increments):
                 resting = Effect(REST_OF[config.stops.on_fault])
                 states[index] = replace(state, pending=resting, enabled=False, motion=None)
+
+    def _states(self) -> dict[str, RobotState]:
+        robots = self._robots
+        return {p.name: s for p, s in zip(robots.configs, robots.states, strict=True)}
 
     def _note(self, targets: Mapping[str, Target | None], now_s: float) -> None:
         for robot, target in targets.items():

@@ -19,6 +19,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.contact.squeeze import next_squeeze
 from contid.control.tick.contact.squeeze_way import Squeeze, SqueezeEnd, SqueezeReport
 from contid.control.tick.faults import Fault, of_device
+from contid.control.tick.jerk_guard import guarded
 from contid.control.tick.limits import ACCELERATION
 from contid.control.tick.next_command import next_command
 from contid.control.tick.play import led, next_lead
@@ -70,6 +71,8 @@ def tick(
     samples: tuple[Sample, ...],
     target: Target | None,
     measurement: Measurement | None = None,
+    *,
+    live: bool = False,
 ) -> TickResult:
     """Run one tick of one robot.
 
@@ -80,6 +83,7 @@ def tick(
         samples: newest of every axis, in the order of the axes; empty before the first.
         target: of the source, in the world frame.
         measurement: newest measured tip, None without a tracker.
+        live: the target belongs to a live stream, whose jerk was not checked.
     """
     try:
         if state.mode in _WATCHED and samples:
@@ -99,7 +103,7 @@ def tick(
                     state.lead.ahead(state.command),
                 )
                 state = replace(state, correction=learnt)
-            return _follow(config, state, now_s, target)
+            return _follow(config, state, now_s, target, live)
         if config.feedback is not None:
             state = replace(state, correction=kept(config.feedback, state.correction, now_s, measurement))
         if mode in (Mode.CONNECTING, Mode.READY, Mode.ARMING):
@@ -188,7 +192,7 @@ def _squeezed(
     return replace(result, state=after, squeezed=report)
 
 
-def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target) -> TickResult:
+def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target, live: bool) -> TickResult:
     """RUN: solve the model for the target, then limit."""
     in_base = config.frame.target_in_base(target)
     if config.feedback is not None:
@@ -197,7 +201,7 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
     if not all(map(math.isfinite, solution.actuation)):
         message = f"the model answered {solution.actuation} to {in_base}"
         return _move(config, fail(config, state, Fault.NOT_A_NUMBER, message, now_s), now_s)
-    result = _limited(config, state, solution.actuation, in_base)
+    result = (_guarded if live else _limited)(config, state, solution.actuation, in_base)
     command = result.state.command
     tip = config.model.forward(command, in_base.load_n).tip_m
     target_tip = in_base.tip_m
@@ -261,6 +265,18 @@ def _arrived(config: RobotConfig, state: RobotState, now_s: float) -> RobotState
     return replace(moved(config, state, Event.HOLD, now_s), goto=None, recovering=False)
 
 
+def _guarded(config: RobotConfig, state: RobotState, answer: Actuation, target_in_base: Target) -> TickResult:
+    """As `_limited` for an answer to a live target, with the jerk of the axes limited as well."""
+    guard = guarded(config, state, answer)
+    if not guard.flags:
+        return _limited(config, replace(state, guard=guard.state), answer, target_in_base)
+    # The limiter gets a motion that it may follow, not the answer that the axes cannot be on.
+    chasing = replace(state, guard=guard.state, reference=state.command)
+    result = _limited(config, chasing, guard.command, target_in_base)
+    flags = tuple([a | b for a, b in zip(result.limits or guard.flags, guard.flags, strict=True)])
+    return replace(result, state=replace(result.state, reference=answer), limits=flags)
+
+
 def _limited(
     config: RobotConfig, state: RobotState, reference: Actuation, target_in_base: Target | None = None
 ) -> TickResult:
@@ -281,6 +297,7 @@ def _limited(
         state.mode, state.since_s, state.fault, state.message, state.enabled, state.arm_requested,
         state.follow, state.goto, command, increments, reference, state.motion, state.motion_s, state.policy,
         state.misses, state.pending, state.correction, state.recovering, lead, straight, state.squeeze,
+        state.guard,
     )  # fmt: skip
     device = config.transmission.to_device(led(command, lead.added) if lead.added else command)
     return TickResult(after, device, limits=flags if any(flags) else ())

@@ -16,6 +16,7 @@ from contid.hal import Rest
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
 from contid.trajectory.approach import Approach
+from contid.trajectory.pursuit import MovingAxes
 from contid.trajectory.standstill import JerkLimitedStop
 from contid.trajectory.straight_stop import StraightStop
 
@@ -34,6 +35,23 @@ class Effect(enum.Enum):
     HOLD = Rest.HOLD
     RELAX = Rest.RELAX
     VENT = Rest.VENT
+
+
+@dataclass(frozen=True, slots=True)
+class GuardState:
+    """What `contid.control.tick.jerk_guard` keeps of the ticks before.
+
+    Attributes:
+        joined_s: when the robot began to follow.
+        steps: last command but one minus the one before.
+        paces: last step of the model's answer.
+        motion: of axes that are not on the answer, None on it.
+    """
+
+    joined_s: float
+    steps: Actuation
+    paces: Actuation
+    motion: MovingAxes | None
 
 
 class OrderRefusedError(ContidError):
@@ -66,6 +84,7 @@ class RobotState:
         lead: what is added to commands to lead play and friction of the drives; none at rest.
         straight: the axes go on a straight line to the answer (`contid.control.tick.way`).
         squeeze: the tip closes until a force, or holds it.
+        guard: of a robot that follows live targets; None for one that does not.
     """
 
     mode: Mode = Mode.OFF
@@ -89,3 +108,4 @@ class RobotState:
     lead: Lead = NO_LEAD
     straight: bool = False
     squeeze: Squeeze | None = None
+    guard: GuardState | None = None

@@ -12,7 +12,7 @@ from contid import __version__
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.buses import ControlStalled
-from contid.control.engine.events.run import LogWritten, RunStarted
+from contid.control.engine.events.run import LogWritten, RunStarted, StreamDelayed
 from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, RequestFields
 from contid.remote.server.lateness_histogram import LatenessHistogram
@@ -107,6 +107,7 @@ class QueryHandler:
         self._began_s = time.monotonic()
         self._realtime: bool | None = None
         self._stalled = False
+        self._stream_delay_ms: float | None = None
         self._warnings: deque[Fields] = deque(maxlen=WARNINGS)
         self.verbs: dict[str, Verb] = {
             "hello": self._hello, "ping": self._ping, "status": self._status, "describe": self._describe,
@@ -119,6 +120,8 @@ class QueryHandler:
             self._realtime = event.realtime
         elif isinstance(event, ControlStalled):
             self._stalled = not event.over
+        elif isinstance(event, StreamDelayed):
+            self._stream_delay_ms = event.delay_ms
         elif isinstance(event, LogWritten) and event.level not in ("debug", "info"):
             at_s = round(time.monotonic() - self._began_s, 3)
             self._warnings.append(
@@ -156,6 +159,7 @@ class QueryHandler:
             "rate_hz": self._control.rate_hz,
             "realtime": self._realtime,
             "stalled": self._stalled,
+            "stream_delay_ms": self._stream_delay_ms,
             "uptime_s": round(now_s - self._began_s, 3),
             "clients": self._clients(),
             "waiting": self._control.waiting or None,

@@ -56,7 +56,7 @@ def test_less_than_the_tolerance_is_no_fault(wrong_by_m: float) -> None:
 
 def test_a_robot_may_chase_the_rows_of_a_stream() -> None:
     """Rows 20 mm apart: the robot is behind them for many ticks, and on the last one at the end."""
-    points = [(0.05, 0.075)] * 200 + [(0.05, 0.095)] * 5 + [(0.05, 0.075)] * 5
+    points = [(0.05, 0.075)] * 200 + [(0.05, 0.095)] * 5 + [(0.05, 0.075 + 0.02 * (k % 2)) for k in range(20)]
     rows = [{"f0": Target(tip_m=(x, y, 0.0))} for x, y in points]
     report = run_virtual(load(1), RATE, None, rows=rows)
     assert report.exit_code == 0

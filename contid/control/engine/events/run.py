@@ -31,6 +31,14 @@ class SourceEnded(RunEvent):
     on_end: Annotated[str, "what the robots do then"]
 
 
+@run_event("stream")
+class StreamDelayed(RunEvent):
+    """The delay that a live stream is followed with changed (`contid.control.engine.live.row_clock`)."""
+
+    tick: TickNumber
+    delay_ms: Annotated[float, "from when a row was meant until it is followed [ms]; 0 without a clock"]
+
+
 @run_event("stopping")
 class StopBegan(RunEvent):
     """All robots stop; the run ends afterwards."""

@@ -1,0 +1,183 @@
+"""What one robot follows of a live stream: a curve through its rows, or a straight line to a row that jumped.
+
+* Rows become a smooth curve (`row_curve`), played by a clock that is learnt from their arrival (`row_clock`).
+* A row far from where the stream stood, or one without a clock, is the target at once. From rest the tip goes
+  to it on a straight line (`tip_line`); rows that go on meanwhile end the line.
+* Where the axes cannot be on any of this, they come to it as fast as their limits allow
+  (`contid.control.tick.jerk_guard`).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from contid.control.engine.live.row_clock import RowClock
+from contid.control.engine.live.row_curve import RowCurve, Vector
+from contid.control.engine.live.target_vector import kind_of, target_of, vector_of
+from contid.control.engine.live.tip_line import TipLine, tip_line
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.state import RobotState
+from contid.control.tick.supervisor import Mode
+from contid.targets import Target
+
+#: How long rows are expected before the stream counts as stopped [s]; it is one row at least.
+EXPECTED_S: Final = 0.05
+#: Share of the limits of acceleration and jerk that a stop on the last row uses.
+_STOP_SHARE: Final = 0.35
+#: Axes slower than this share of their limit stop as if they were as fast.
+_SLOW: Final = 0.02
+#: Coordinates that differ by less are the same.
+_SAME: Final = 1e-9
+#: Share of the limits that a curve from rest may need; more is a jump.
+_SHARE: Final = 0.9
+#: Square of the distance from where a row was expected that is clearly less than another.
+_CLEARLY: Final = 0.25
+#: Rows that can be lost in a row.
+_LOST: Final = 5
+
+
+class TargetFollower:
+    """The target of one robot at every tick."""
+
+    def __init__(self, config: RobotConfig) -> None:
+        self._config = config
+        self._clock = RowClock(config.period_s)
+        self._curve: RowCurve | None = None
+        self._row: Target | None = None
+        self._given: Target | None = None
+        self._line: TipLine | None = None
+        self._line_s = 0.0
+        self._jumped = False
+        self._ended = False
+        self._rates = (0.0, 0.0)  # of the phase on its way to rest
+
+    @property
+    def delay_s(self) -> float:
+        """How long after it was meant a row is followed [s]; 0 for rows without a clock."""
+        return self._clock.delay_s
+
+    @property
+    def follows(self) -> bool:
+        """True with a target."""
+        return self._row is not None
+
+    @property
+    def resting(self) -> bool:
+        """True where the newest row is the target itself."""
+        return self._line is None and (self._curve is None or self._curve.rests(self._clock.phase))
+
+    def put(self, row: Target | None, now_s: float, state: RobotState) -> None:
+        """A row arrived; None holds the robot."""
+        before, self._row = self._row, row
+        if row is None:
+            self._curve = self._line = None
+            return
+        clock, curve, vector = self._clock, self._curve, vector_of(row)
+        if curve is None or before is None or kind_of(before) != kind_of(row):
+            clock.arrived(now_s)
+            self._jump(vector, now_s, state)
+            return
+        stood = curve.rests(clock.phase) and not self._jumped
+        clock.arrived(now_s, self._rows_on(curve, vector, now_s))
+        if vector == curve.last:
+            curve.add(clock.newest, vector)
+            self._jumped = False
+        elif not clock.period_s or (stood and not self._smooth(state, row)):
+            self._jump(vector, now_s, state)
+        else:
+            curve.add(clock.newest, vector)
+            self._jumped = False
+
+    def end(self) -> None:
+        """No further row will come."""
+        self._ended = True
+
+    def target(self, now_s: float, state: RobotState) -> Target | None:
+        """The target of a tick."""
+        curve, row = self._curve, self._row
+        if row is None or curve is None:
+            self._given = None
+            return row
+        phase = self._phase(curve, now_s, state)
+        curve = self._curve or curve
+        if self._line is not None:
+            since_s = now_s - self._line_s
+            follows = state.mode is Mode.RUN and state.follow
+            if curve.rests(phase) and follows and since_s < self._line.duration_s:
+                self._given = self._line.at(since_s)
+                return self._given
+            self._line = None
+        if curve.rests(phase):
+            self._given = row
+        else:
+            self._given = target_of(curve.at(phase), row)
+        return self._given
+
+    def _phase(self, curve: RowCurve, now_s: float, state: RobotState) -> float:
+        """Which row is played; where no row comes, the phase comes to rest on the last one."""
+        clock = self._clock
+        if not clock.period_s or curve.rests(clock.phase):
+            return clock.play(now_s)
+        if not clock.stopping:
+            if not self._ended and clock.missing() <= max(1.0, EXPECTED_S / clock.period_s):
+                return clock.play(now_s)
+            self._rates = self._phase_rates(state)
+        if clock.stop(*self._rates):
+            off = max(abs(a - b) for a, b in zip(curve.at(clock.phase), curve.last, strict=True))
+            if off > _SAME:
+                self._jump(curve.last, now_s, state)
+            self._curve = RowCurve(clock.newest + 2, curve.last)
+        return clock.phase
+
+    def _phase_rates(self, state: RobotState) -> tuple[float, float]:
+        """Acceleration and jerk of the phase [1/s^2, 1/s^3] that the axes allow at their present motion."""
+        config, clock = self._config, self._clock
+        rows = max(abs(clock.rate_per_s), 1e-3 / clock.period_s) * config.period_s
+        acceleration = jerk = float("inf")
+        steps = state.increments or (0.0,) * len(config.velocity)
+        for step, v, a, j in zip(steps, config.velocity, config.acceleration, config.jerk, strict=True):
+            per_row = max(abs(step) / rows, _SLOW * v * clock.period_s)
+            acceleration = min(acceleration, _STOP_SHARE * a / per_row)
+            jerk = min(jerk, _STOP_SHARE * j / per_row)
+        return acceleration, jerk
+
+    def _jump(self, vector: Vector, now_s: float, state: RobotState) -> None:
+        """The row is the target at once; from rest by a straight line."""
+        self._curve = RowCurve(self._clock.newest, vector)
+        self._jumped = True
+        start, row, self._line = self._given, self._row, None
+        rests = state.command == state.reference and not any(state.increments)
+        if start is None or row is None or not (rests and state.follow and state.mode is Mode.RUN):
+            return
+        if kind_of(start) == kind_of(row):
+            self._line = tip_line(self._config, start, row, state.command)
+            self._line_s = now_s - self._config.period_s
+
+    def _smooth(self, state: RobotState, row: Target) -> bool:
+        """True when the limits of the axes allow the curve from rest to a row."""
+        config, period_s = self._config, self._clock.period_s
+        if not state.command:
+            return True
+        answer = config.model.inverse(config.frame.target_in_base(row), state.command).actuation
+        limits = zip(answer, state.command, config.velocity, config.acceleration, config.jerk, strict=True)
+        return all(
+            abs(new - old) <= _SHARE * min(v * period_s, a * period_s**2, 0.5 * j * period_s**3)
+            for new, old, v, a, j in limits
+        )
+
+    def _rows_on(self, curve: RowCurve, vector: Vector, now_s: float) -> int:
+        """How many rows after the newest one this is, where rows may have been lost.
+
+        A row that comes later than half a period is either late, or those before it were lost. It is the one
+        that goes on from the last two rows better; where both do, as on a slow path, its time counts.
+        """
+        late = min(int(self._clock.expected(now_s) + 0.5), _LOST)
+        if late < 2:
+            return 1
+        step = [b - a for a, b in zip(curve.before, curve.last, strict=True)]
+        off = [
+            sum([(x - a - k * d) ** 2 for x, a, d in zip(vector, curve.last, step, strict=True)])
+            for k in range(1, late + 1)
+        ]
+        best = off.index(min(off))
+        return 1 if off[0] < _CLEARLY * off[late - 1] else best + 1 if off[best] < _CLEARLY * off[0] else late

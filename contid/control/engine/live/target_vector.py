@@ -1,0 +1,72 @@
+"""The coordinates of a target as one vector, and back: what a curve through rows is made of.
+
+Directions and frames are the mean of those of rows, made unit vectors again. Measured tips belong to a row,
+not to the curve; they are left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TypeAlias
+
+from contid.control.engine.live.row_curve import Vector
+from contid.targets import Target, frame_of_axes, unit_vector, vec3
+
+#: Which quantities a target states; only targets of one kind have a curve.
+Kind: TypeAlias = tuple[object, ...]
+
+
+def kind_of(target: Target) -> Kind:
+    """The kind of a target."""
+    return (
+        target.tip_m is not None,
+        target.direction is not None,
+        target.rotation is not None,
+        target.mid_m is not None,
+        0 if target.actuation is None else len(target.actuation),
+        tuple(target.extra),
+    )
+
+
+def vector_of(target: Target) -> Vector:
+    """The coordinates of a target: tip, direction, frame, mid-point, axes, load, extra axes."""
+    return (
+        *(target.tip_m or ()),
+        *(target.direction or ()),
+        *(target.rotation or ()),
+        *(target.mid_m or ()),
+        *(target.actuation or ()),
+        *target.load_n,
+        *target.extra.values(),
+    )
+
+
+def target_of(vector: Vector, like: Target) -> Target:
+    """The target with these coordinates, of the kind of another one."""
+    parts = iter(vector)
+
+    def take(count: int) -> Vector:
+        return tuple([next(parts) for _ in range(count)])
+
+    tip_m = None if like.tip_m is None else vec3(take(3))
+    direction = None if like.direction is None else unit_vector(vec3(take(3))) or like.direction
+    rotation = None if like.rotation is None else _frame(take(9)) or like.rotation
+    mid_m = None if like.mid_m is None else vec3(take(3))
+    actuation = None if like.actuation is None else take(len(like.actuation))
+    load_n = vec3(take(3))
+    extra = dict(zip(like.extra, parts, strict=True)) if like.extra else like.extra
+    return replace(
+        like, tip_m=tip_m, direction=direction, rotation=rotation, mid_m=mid_m, actuation=actuation,
+        load_n=load_n, extra=extra, measured_tip_m=None, measured_direction=None,
+    )  # fmt: skip
+
+
+def is_number(vector: Vector) -> bool:
+    """True for coordinates that are all finite."""
+    return all(map(math.isfinite, vector))
+
+
+def _frame(rows: Vector) -> tuple[float, ...] | None:
+    """The frame next to nine numbers: its z axis is that of them, its x axis across it."""
+    return frame_of_axes((rows[2], rows[5], rows[8]), (rows[0], rows[3], rows[6]))

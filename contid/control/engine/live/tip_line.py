@@ -1,0 +1,121 @@
+"""The straight line of a tip from rest to a row that jumped: one jerk-limited motion of its share.
+
+The tip goes along the line, its direction along the great circle, a mid-point along its own line, all by the
+same share s of the way. The axes are functions of s, from the model's answers to `POINTS` targets on it; with
+their greatest derivatives q', q'', q''' the bounds
+
+    |q'| v <= V        |q''| v^2 + |q'| a <= A        |q'''| v^3 + 3 |q''| v a + |q'| j <= J
+
+hold for the shares of `V`, `A` and `J` that the constants below give to each part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import Final
+
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.tip_task import between, turned
+from contid.targets import Actuation, Target
+from contid.trajectory.approach import Approach
+
+#: Targets on the line for which the model is asked, the ends included.
+POINTS: Final = 9
+#: Shares of the limits: of the velocity, and of what the curvature of the axes takes of the others.
+_SPEED: Final = 0.97
+_CURVED: Final = 0.25
+_TWISTED: Final = 0.1
+_BOTH: Final = 0.25
+_REST: Final = 0.95
+
+
+class TipLine:
+    """A motion on a straight line, or None of it where the model leaves the line (`tip_line`).
+
+    Attributes:
+        duration_s: of the motion.
+    """
+
+    def __init__(self, start: Target, end: Target, motion: Approach) -> None:
+        self._start, self._end = start, end
+        self._motion = motion
+        self.duration_s = motion.duration_s
+
+    def at(self, time_s: float) -> Target:
+        """The target at a time after the start."""
+        if time_s >= self.duration_s:
+            return self._end
+        return point(self._start, self._end, self._motion.at(time_s)[0][0])
+
+
+def point(start: Target, end: Target, share: float) -> Target:
+    """The target at a share of the line; loads and extra axes change along it."""
+    assert start.tip_m is not None
+    assert end.tip_m is not None
+    direction, mid_m = end.direction, end.mid_m
+    if start.direction is not None and direction is not None:
+        direction = turned(start.direction, direction, share)
+    if start.mid_m is not None and mid_m is not None:
+        mid_m = between(start.mid_m, mid_m, share)
+    extra = {
+        name: start.extra[name] + share * (value - start.extra[name]) for name, value in end.extra.items()
+    }
+    return replace(
+        end, tip_m=between(start.tip_m, end.tip_m, share), direction=direction, mid_m=mid_m,
+        load_n=between(start.load_n, end.load_n, share), extra=extra,
+    )  # fmt: skip
+
+
+def tip_line(config: RobotConfig, start: Target, end: Target, command: Actuation) -> TipLine | None:
+    """The line from a target that the robot rests on to another one of its kind.
+
+    None for targets without a tip, for whole frames, few of which are in reach between two, and where the
+    model has no answer on the line: then the axes go together to the answer.
+    """
+    if start.tip_m is None or end.tip_m is None or end.rotation is not None:
+        return None
+    answers, seed = [command], command
+    for k in range(1, POINTS):
+        target = config.frame.target_in_base(point(start, end, k / (POINTS - 1)))
+        solution = config.model.inverse(target, seed)
+        if not solution.converged:
+            return None
+        seed = solution.actuation
+        answers.append(seed)
+    velocity, acceleration, jerk = _rates(config, answers)
+    if not velocity > 0.0:
+        return None
+    return TipLine(start, end, Approach([0.0], [0.0], [1.0], [velocity], [acceleration], [jerk]))
+
+
+def _rates(config: RobotConfig, answers: list[Actuation]) -> tuple[float, float, float]:
+    """Greatest velocity, acceleration and jerk of the share, from the axes at equal shares."""
+    n = float(POINTS - 1)
+    slopes, bends, twists = (_greatest(answers, order, n) for order in (1, 2, 3))
+    velocity = acceleration = jerk = float("inf")
+    limits = list(zip(slopes, bends, twists, config.velocity, config.acceleration, config.jerk, strict=True))
+    for slope, bend, twist, v, a, j in limits:
+        if slope > 0.0:
+            velocity = min(velocity, _SPEED * v / slope)
+        if bend > 0.0:
+            velocity = min(velocity, (_CURVED * a / bend) ** 0.5)
+        if twist > 0.0:
+            velocity = min(velocity, (_TWISTED * j / twist) ** (1.0 / 3.0))
+    if velocity == float("inf"):
+        return 0.0, 0.0, 0.0
+    for slope, bend, _, _, a, j in limits:
+        if slope > 0.0:
+            acceleration = min(acceleration, (_REST - _CURVED) * a / slope)
+            jerk = min(jerk, (_REST - _TWISTED - _BOTH) * j / slope)
+        if bend > 0.0:
+            acceleration = min(acceleration, _BOTH * j / (3.0 * bend * velocity))
+    return velocity, acceleration, jerk
+
+
+def _greatest(answers: list[Actuation], order: int, n: float) -> list[float]:
+    """Greatest difference quotient of an order of every axis, by the share."""
+    rows = answers
+    for _ in range(order):
+        rows = [tuple([n * (b - a) for a, b in zip(*pair, strict=True)]) for pair in pairwise(rows)]
+    return [max(abs(value) for value in column) for column in zip(*rows, strict=True)]

@@ -1,0 +1,254 @@
+"""Live streams in virtual time: smooth, in time, within every limit, and at rest on the last row."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from contid.control.engine.cycle import OnEnd
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.run import StreamDelayed
+from contid.control.engine.messages import EndOfRows, Rows
+from contid.control.engine.sources import Live
+from contid.control.engine.virtual import VirtualProcess
+from contid.control.tick.supervisor import Mode
+from contid.kinematics.array import Array
+from contid.robot_file.load import load_named, with_mock
+from contid.targets import Target, Vec3
+
+#: A row: when it arrives, and the tip [s, m].
+Row = tuple[float, Vec3]
+CIRCLE_M, CIRCLE_S = 0.01, 4.0
+
+
+class Followed(NamedTuple):
+    """What was commanded: times [s], axes and tips ``(ticks, ..)``, and ticks in which a limit bound."""
+
+    time_s: Array
+    axes: Array
+    tip_m: Array
+    limited: Array
+
+
+class Run:
+    """A robot on a live stream."""
+
+    def __init__(self, name: str) -> None:
+        loaded = with_mock(load_named(name))
+        self.events: list[RunEvent] = []
+        self.process = VirtualProcess(loaded, loaded.file.rate_hz, self, on_end=OnEnd.HOLD, attended=True)
+        self.engine = self.process.engine
+        self.config = self.engine.robots.configs[0]
+        self.engine.arm()
+        while not self.engine.robots.armed:
+            self.tick()
+
+    def write(self, values: list[float]) -> None:
+        """See `contid.control.engine.cycle.Sink`."""
+
+    def event(self, event: RunEvent) -> None:
+        """See `contid.control.engine.cycle.Sink`."""
+        self.events.append(event)
+
+    @property
+    def mode(self) -> Mode:
+        return self.engine.robots.states[0].mode
+
+    def tick(self) -> None:
+        self.process.begin()
+        self.process.turn()
+
+    def row(self, tip_m: Vec3) -> None:
+        target = Target(tip_m=self.config.frame.point_in_world(tip_m))
+        self.engine.obey(Rows({self.config.name: target}), self.process.tick)
+
+    def at_rest_on(self, tip_m: Vec3) -> None:
+        self.row(tip_m)
+        self.tick()
+        while self.mode is not Mode.RUN:
+            self.tick()
+
+    def follow(self, rows: Sequence[Row], seconds: float) -> Followed:
+        """The commands of a stream, from the tick in which the clock of its rows begins."""
+        period_s, queue, axes, limited = self.config.period_s, list(rows), [], []
+        for k in range(round(seconds / period_s)):
+            while queue and queue[0][0] <= k * period_s:
+                self.row(queue.pop(0)[1])
+            before = self.engine.robots.tallies[0].limited.total()
+            self.tick()
+            limited.append(float(self.engine.robots.tallies[0].limited.total() > before))
+            assert self.mode is Mode.RUN
+            axes.append(self.engine.robots.states[0].command)
+        tips = [self.config.model.forward(each).tip_m for each in axes]
+        times_s = np.array([k * period_s for k in range(len(axes))])
+        return Followed(times_s, np.array(axes), np.array(tips), np.array(limited))
+
+    def rates(self, followed: Followed) -> tuple[float, float, float]:
+        """Greatest velocity, acceleration and jerk, as shares of the limits of the robot file."""
+        h, limits = self.config.period_s, (self.config.velocity, self.config.acceleration, self.config.jerk)
+        found = [
+            float((np.abs(np.diff(followed.axes, order, axis=0)) / h**order / np.array(limit)).max())
+            for order, limit in enumerate(limits, start=1)
+        ]
+        return found[0], found[1], found[2]
+
+
+def middle(run: Run) -> Vec3:
+    """The tip of a bent pose amid the reach of a robot."""
+    model = run.config.model
+    own = len(model.lower)
+    shares = [0.5, 0.35, 0.45, 0.4, 0.5, 0.45, 0.4, 0.35][:own]
+    axes = tuple(a + s * (b - a) for a, b, s in zip(model.lower, model.upper, shares, strict=True))
+    return model.forward(axes).tip_m
+
+
+def circle(run: Run, radius_m: float) -> Callable[[float], Vec3]:
+    x, y, z = middle(run)
+
+    def at(time_s: float) -> Vec3:
+        angle = 2.0 * math.pi * time_s / CIRCLE_S
+        return x + radius_m * (math.cos(angle) - 1.0), y + radius_m * math.sin(angle), z
+
+    return at
+
+
+def rows_of(
+    at: Callable[[float], Vec3], rate_hz: float, jitter_s: float, lost: float = 0.0, seconds: float = 7.0
+) -> Iterator[Row]:
+    """Rows of a path; each is late by up to ``jitter_s``, a share is lost."""
+    random, before_s = np.random.default_rng(7), 0.0
+    for k in range(int(seconds * rate_hz)):
+        late_s = float(random.uniform(0.0, jitter_s))
+        if random.uniform() >= lost:
+            before_s = max(before_s, 0.0031 + k / rate_hz + late_s)
+            yield before_s, at(k / rate_hz)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "jitter_s", "lost", "most", "error_m"),
+    [
+        (10.0, 0.0, 0.0, 2.0, 1e-4),
+        (20.0, 0.005, 0.0, 2.0, 1e-4),
+        (50.0, 0.0, 0.0, 1.3, 3e-5),
+        (50.0, 0.005, 0.01, 3.0, 1e-4),
+        (60.0, 0.0, 0.0, 1.3, 3e-5),
+        (100.0, 0.005, 0.0, 1.3, 3e-5),
+        (200.0, 0.002, 0.0, 1.3, 3e-5),
+        (500.0, 0.005, 0.0, 1.3, 3e-5),
+    ],
+)
+@pytest.mark.slow
+def test_a_smooth_path_stays_smooth(
+    rate_hz: float, jitter_s: float, lost: float, most: float, error_m: float
+) -> None:
+    """Against the path itself: acceleration, jerk, no limit, the delay, the error behind that delay."""
+    run = Run("finger")
+    at = circle(run, CIRCLE_M)
+    run.at_rest_on(at(0.0))
+    followed = run.follow(list(rows_of(at, rate_hz, jitter_s, lost)), 7.0)
+    on = followed.time_s > 3.0
+    tips, times_s, h = followed.tip_m[on], followed.time_s[on], run.config.period_s
+    bar_s = 2.0 / rate_hz + 2.0 * jitter_s + 2.0 * h
+    errors = [
+        (float(np.sqrt(((np.array([at(t - delay) for t in times_s]) - tips) ** 2).sum(1).mean())), delay)
+        for delay in np.arange(0.0, bar_s + 0.02, 5e-4)
+    ]
+    error, delay_s = min(errors)
+    assert error <= error_m
+    assert delay_s <= bar_s
+    acceleration = np.diff(tips, 2, axis=0) / h**2
+    ideal = CIRCLE_M * (2.0 * math.pi / CIRCLE_S) ** 2
+    assert float(np.sqrt((acceleration**2).sum(1).mean())) <= most * ideal
+    assert run.rates(followed)[2] <= 1.0 + 1e-6
+    assert not followed.limited[on].any()
+
+
+@pytest.mark.parametrize("robot", ["finger", "cbha", "trirack"])
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.slow
+def test_limits_hold_whatever_the_rows_do(robot: str, seed: int) -> None:
+    """Rows that jump, stop, restart, change their rate; velocity, acceleration and jerk of the file hold."""
+    run, random = Run(robot), np.random.default_rng(seed)
+    model = run.config.model
+    low, high = np.array(model.lower), np.array(model.upper)
+    run.at_rest_on(middle(run))
+    rows, now_s = [], 0.0
+    while now_s < 5.0:
+        gap_s = float(random.choice([0.002, 0.01, 0.02, 0.1, 0.6]))
+        spread = float(random.choice([0.0, 0.01, 0.2]))
+        for _ in range(int(random.integers(1, 30))):
+            share = 0.4 + spread * random.uniform(-1.0, 1.0, len(low))
+            axes = tuple((low + share * (high - low)).tolist())
+            rows.append((now_s, model.forward(axes).tip_m))
+            now_s += gap_s
+    followed = run.follow(rows, 5.0)
+    assert max(run.rates(followed)) <= 1.0 + 1e-6
+
+
+@pytest.mark.parametrize("rate_hz", [20.0, 100.0])
+def test_it_rests_on_the_last_row_of_a_stream_that_stops(rate_hz: float) -> None:
+    run = Run("finger")
+    at = circle(run, CIRCLE_M)
+    run.at_rest_on(at(0.0))
+    rows = list(rows_of(at, rate_hz, 0.0, seconds=1.0))
+    followed = run.follow(rows, 2.5)
+    assert math.dist(followed.tip_m[-1], rows[-1][1]) < 1e-9
+    assert (followed.axes[-1] == followed.axes[-2]).all()
+    beyond = np.linalg.norm(
+        followed.tip_m - np.array([at(t) for t in np.minimum(followed.time_s, 1.0)]), axis=1
+    )
+    assert beyond[followed.time_s > 1.0].max() < 3e-3
+    assert run.rates(followed)[2] <= 1.0 + 1e-6
+
+
+def test_a_jump_from_rest_is_a_straight_line() -> None:
+    run = Run("finger")
+    start = middle(run)
+    end = (start[0] + 0.01, start[1] + 0.006, 0.0)
+    run.at_rest_on(start)
+    followed = run.follow([(0.0, end)], 2.0)
+    along = np.subtract(end, start) / math.dist(start, end)
+    way = followed.tip_m - np.array(start)
+    across = way - np.outer(way @ along, along)
+    assert np.linalg.norm(across, axis=1).max() < 1e-6
+    assert math.dist(followed.tip_m[-1], end) < 1e-9
+    assert run.rates(followed)[2] <= 1.0 + 1e-6
+    assert not followed.limited.any()
+
+
+def test_the_delay_is_stated() -> None:
+    run = Run("finger")
+    at = circle(run, CIRCLE_M)
+    run.at_rest_on(at(0.0))
+    run.follow(list(rows_of(at, 50.0, 0.0, seconds=2.0)), 2.0)
+    source = run.engine.selector.source
+    assert isinstance(source, Live)
+    assert source.delay_s == pytest.approx(0.04, abs=0.006)
+    stated = [event.delay_ms for event in run.events if isinstance(event, StreamDelayed)]
+    assert stated[-1] == pytest.approx(1e3 * source.delay_s, rel=0.1)
+
+
+def test_rows_that_waited_for_the_run_do_not_confuse_the_clock() -> None:
+    """A producer that began before the run: its first rows arrive at once."""
+    run = Run("finger")
+    at = circle(run, CIRCLE_M)
+    run.at_rest_on(at(0.0))
+    rows = [(max(time_s - 0.5, 0.0), tip) for time_s, tip in rows_of(at, 50.0, 0.0)]
+    followed = run.follow(rows, 4.0)
+    assert not followed.limited[followed.time_s > 2.0].any()
+
+
+def test_a_stream_that_ended_is_over_on_its_last_row() -> None:
+    run = Run("finger")
+    at = circle(run, CIRCLE_M)
+    run.at_rest_on(at(0.0))
+    run.follow(list(rows_of(at, 50.0, 0.0, seconds=1.0)), 1.0)
+    run.engine.obey(EndOfRows(), run.process.tick)
+    while not run.engine.selector.ended:
+        run.tick()
+    state = run.engine.robots.states[0]
+    assert math.dist(run.config.model.forward(state.command).tip_m, at(0.98)) < 1e-9

@@ -1,0 +1,72 @@
+"""Motions to a goal that moves: within the limits, there together, whatever the goal does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from contid.targets import Actuation
+from contid.trajectory.pursuit import AxisRates, MovingAxes, braked, frame_velocity, pursued, stopping
+
+H_S = 0.005
+RATES = AxisRates((0.06, 0.1, 0.06), (1.0, 0.9, 1.0), (20.0, 18.0, 25.0))
+STILL = (0.0, 0.0, 0.0)
+
+
+def shares(positions: Sequence[Actuation]) -> list[float]:
+    """Greatest difference quotients of positions at ticks, as shares of the limits."""
+    q = np.array(positions)
+    return [
+        float((np.abs(np.diff(q, order, axis=0)) / H_S**order / np.array(limit)).max())
+        for order, limit in enumerate(RATES, start=1)
+    ]
+
+
+def test_it_catches_up_with_a_goal_that_goes_on() -> None:
+    state: MovingAxes = MovingAxes(STILL, STILL, STILL)
+    goal: Actuation = (0.01, -0.02, 0.005)
+    velocity = (0.02, 0.01, -0.03)
+    positions: list[Actuation] = [STILL] * 3
+    for _ in range(400):
+        goal = tuple(at + v * H_S for at, v in zip(goal, velocity, strict=True))
+        found = pursued(state, goal, frame_velocity(velocity, RATES), RATES, H_S)
+        assert found is not None
+        state = found
+        positions.append(state.position)
+    assert state.position == pytest.approx(goal, abs=1e-12)
+    assert state.velocity == pytest.approx(velocity, abs=1e-9)
+    assert max(shares(positions)) <= 1.0 + 1e-6
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_limits_hold_for_a_goal_that_jumps_in_every_tick(seed: int) -> None:
+    random, state = np.random.default_rng(seed), MovingAxes(STILL, STILL, STILL)
+    positions: list[Actuation] = [STILL] * 3
+    for _ in range(300):
+        goal = tuple(random.uniform(-0.02, 0.02, 3).tolist())
+        found = pursued(state, goal, STILL, RATES, H_S)
+        assert found is not None
+        state = found
+        positions.append(state.position)
+    assert max(shares(positions)) <= 1.0 + 1e-6
+
+
+def test_a_goal_beyond_the_velocity_is_one_that_jumped() -> None:
+    assert frame_velocity((0.07, 0.0, 0.0), RATES) == STILL
+    assert frame_velocity((0.03, -0.02, 0.0), RATES) == (0.03, -0.02, 0.0)
+
+
+def test_a_stop_together_and_one_by_one() -> None:
+    state = MovingAxes(STILL, (0.05, 0.01, 0.0), (0.2, 0.0, -0.1))
+    ends = stopping(state, RATES, 4)
+    assert len(ends) == 4
+    assert ends[-1].velocity == pytest.approx(STILL, abs=1e-9)
+    for together in (True, False):
+        after: MovingAxes | None = state
+        for _ in range(200):
+            assert after is not None
+            after = braked(after, RATES, H_S, together)
+        assert after is not None
+        assert after.velocity == pytest.approx(STILL, abs=1e-9)
