@@ -78,7 +78,8 @@ def test_every_tick_keeps_the_margin_with_the_tip_on_its_line(tmp_path):
             assert points[-1][0] == pytest.approx(x, abs=0.7)  # a live row is followed 2 rows later
         assert min(apart) >= 5 - 0.05
         assert min(apart) < 25
-        assert max(off) < 1e-3
+        assert max(off) < 1e-2  # while the axes join the moving target
+        assert max(off[100:]) < 1e-3
 
 
 @pytest.mark.parametrize("mirror", [False, True])
