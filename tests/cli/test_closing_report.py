@@ -60,8 +60,8 @@ def test_the_report_names_what_each_number_is(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("step_mm", "outrun"), [(20.0, True), (0.01, False)])
 def test_live_rows_that_outrun_the_limits_are_counted(step_mm: float, outrun: bool, tmp_path: Path) -> None:
-    # One row per tick in virtual time.
-    rows = [20.0] * 200 + [20.0 + step_mm] * 200
+    # One row per tick in virtual time; from rest a jump is a line within the limits, in motion it is not.
+    rows = [20.0] * 200 + [20.0 + step_mm * (k // 10 % 2) for k in range(100)] + [20.0 + step_mm] * 200
     done = run("x_mm,y_mm\n" + "".join(f"{x!r},80\n" for x in rows), tmp_path)
     found = re.search(
         r"warning: finger: the live rows outran its limits \((.*) of (\d+) ticks\)", done.stdout
