@@ -12,6 +12,10 @@ import pytest
 from contid_drivers.due import messages
 from contid_drivers.due.codes import BoardState, Reason, Type
 from contid_drivers.due.firmware import WARNINGS, build_once, firmware_dir
+from tests.firmware.sam3x.board import Sam3x
+from tests.firmware.sam3x.build import build_sketch
+from tests.firmware.sam3x.host import Host
+from tests.firmware.sam3x.plant import Motors
 from tests.firmware.shafts.trials import DEGREE, FAULTS, HERE, run
 
 pytestmark = pytest.mark.process
@@ -55,6 +59,32 @@ def test_a_broken_encoder_of_the_emulated_board(board, switch, speed_deg_s, movi
     way_deg = follow(motors, speed_deg_s, 4000)
     assert motors.trip()["reason"] == SWITCHES[switch].name.lower()
     assert way_deg <= (15 if speed_deg_s >= 30 else 30)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speed_deg_s", [10, 100])
+def test_an_open_track_at_the_pins_of_the_sketch(speed_deg_s):
+    """The sketch's machine code on an emulated chip, down to the pin interrupt that counts."""
+    chip = Sam3x(build_sketch())
+    chip.run_ms(25)
+    chip.usb.open()
+    plant, host = Motors(chip), Host(chip.ask_usb)
+    host.configure(3)
+    host.arm(3)
+    host.demand({})
+    start = 0.0
+    for ms in range(0, 900, 10):
+        if ms == 200:
+            plant.open(2)
+            start = plant.shaft[2]
+        host.demand({2: round(speed_deg_s * DEGREE * ms / 1000)})
+        chip.run_ms(10)
+        assert host.telemetry is not None
+        if host.telemetry.channels[2].state is BoardState.SAFE:
+            break
+    assert host.telemetry is not None
+    assert host.telemetry.channels[2].reason is Reason.ENCODER_TRACK
+    assert abs(plant.shaft[2] - start) / DEGREE <= (15 if speed_deg_s >= 30 else 30)
 
 
 @pytest.mark.parametrize("fault", FAULTS)

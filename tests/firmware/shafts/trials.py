@@ -2,8 +2,8 @@
 
 A trial is one channel of the linked core, its host, and a geared motor within rating (shaft.h): friction 2
 to 30 %, time constant 10 to 160 ms, speed within 20 % and supply within 10 % of the file's, loads up to the
-file's ``stall_percent``, play. Motors whose encoder breaks have gears that hold their load; none has a current
-sensor.
+file's ``stall_percent``, play. Motors whose encoder breaks have gears that hold their load; none has a
+current sensor.
 """
 
 from __future__ import annotations
@@ -123,7 +123,8 @@ def share(values: Sequence[float], part: float) -> float:
 def table(trials: int) -> str:
     """Rows of figures: median, 99 % and greatest way, and false alarms."""
     rows = []
-    for mode in ("armed", "homing"):
+    modes: tuple[Mode, ...] = ("armed", "homing")
+    for mode in modes:
         for fault in FAULTS:
             done = run(mode, fault, trials)
             for slow in (True, False):
@@ -140,10 +141,11 @@ def table(trials: int) -> str:
                 rows.append(
                     f"{mode} {fault} {speed} deg/s: {figures}; {above} above, {missed} unseen of {len(some)}"
                 )
-    for mode, fault in (("homing", "none"), ("healthy", "none")):
-        done = run(mode, fault, 3 * trials)
+    whole: tuple[Mode, ...] = ("homing", "healthy")
+    for mode in whole:
+        done = run(mode, "none", 3 * trials)
         false = [one for one in done if one.reason is not Reason.NONE]
-        rows.append(f"{mode} {fault}: {len(false)} faults of {len(done)}")
+        rows.append(f"{mode} none: {len(false)} faults of {len(done)}")
         rows += [f"  {one.reason.name} {one.line}" for one in false[:5]]
     return "\n".join(rows)
 

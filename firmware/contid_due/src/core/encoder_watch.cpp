@@ -101,9 +101,10 @@ void EncoderWatch::tick(int32_t position, int32_t moved, int32_t duty, bool excu
     momentum_ = 0;  // it has turned around, or accelerates against the drive
   }
   const int32_t excess = drive - need_;
-  backward_ = along_ <= -BACKWARD && along < 0;
-  if (excess > 0 && (backward_ || !excused)) {
-    momentum_ += backward_ ? drive : excess;  // no friction holds what runs backward
+  const bool behind = along_ <= -BACKWARD;
+  backward_ = behind && along < 0;
+  if (excess > 0 && (behind || !excused)) {
+    momentum_ += behind ? drive : excess;  // no friction holds what runs backward
     owed_ += momentum_;
     return;
   }
