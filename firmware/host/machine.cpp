@@ -16,10 +16,10 @@ const double STILL_COUNTS_S = 1.0;
 const double VENTED_PA = 2000.0;
 
 const char* const STATES[] = {"off", "ready", "armed", "homing", "stopped", "safe"};
-const char* const REASONS[] = {"none",      "watchdog",        "stalled",     "encoder_silent", "encoder_reversed",
-                               "following", "home_failed",     "sensor_wire", "leak",           "over_pressure",
-                               "bridge",    "above_set_point", "not_venting", "encoder_edges",  "home_twice",
-                               "home_moved"};
+const char* const REASONS[] = {"none",       "watchdog",        "stalled",     "encoder_silent", "encoder_reversed",
+                               "following",  "home_failed",     "sensor_wire", "leak",           "over_pressure",
+                               "bridge",     "above_set_point", "not_venting", "encoder_edges",  "home_twice",
+                               "home_moved", "encoder_track",   "read_back"};
 const char* const CAUSES[] = {"power_up", "backup", "watchdog", "software", "pin", "brown_out"};
 
 }  // namespace

@@ -37,7 +37,8 @@ bool Plant::set(int channel, const std::string& name, double value) {
       {"stall", &m.stalled},           {"bridge", &m.bridge},
       {"encoder_stuck", &m.stuck},     {"encoder_reversed", &m.reversed},
       {"wired_coast", &m.wired_coast}, {"leak", &r.leaking},
-      {"wire", &r.wire_broken},
+      {"wire", &r.wire_broken},        {"read_back_frozen", &r.frozen},
+      {"encoder_track_a", &m.open_a},  {"encoder_track_b", &m.open_b},
   };
   for (const auto& one : switches) {
     if (name == one.name) {

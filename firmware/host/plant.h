@@ -25,8 +25,10 @@ struct MotorPlant {
   double current_ma = 0.0;
   double encoder = 0.0;
   double missed = 0.0;  // encoder edges
+  double unseen = 0.0;  // motion since a track is open, by which the other one goes on
   bool stalled = false, bridge = false, stuck = false, reversed = false;
-  bool wired_coast = false;  // pulled down: it coasts while its lines are not driven
+  bool open_a = false, open_b = false;  // a track of the encoder that keeps its level
+  bool wired_coast = false;             // pulled down: it coasts while its lines are not driven
 
   void step(const Output& out, double dt) {
     const bool coasts = out.drive == Drive::COAST || (out.drive == Drive::OFF && wired_coast);
@@ -50,10 +52,29 @@ struct MotorPlant {
       speed = 0.0;
     }
     current_ma = coasts ? 0.0 : std::fabs(emf) / no_load * stall_ma;
-    if (!stuck) encoder += reversed ? before - shaft : shaft - before;
+    if (stuck) return;
+    const double seen = reversed ? before - shaft : shaft - before;
+    if (open_a || open_b) {
+      unseen += seen;
+    } else {
+      encoder += seen;
+      unseen = 0.0;
+    }
   }
 
-  int32_t count() const { return static_cast<int32_t>(std::floor(encoder)); }
+  // Every edge of one track alone turns the count around: it is one or none, by the level.
+  int32_t count() const {
+    const double place = std::floor(encoder);
+    const int32_t counted = static_cast<int32_t>(place);
+    if (!open_a && !open_b) return counted;
+    if (open_a && open_b) return counted;
+    return counted + (level(std::floor(encoder + unseen)) != level(place) ? 1 : 0);
+  }
+  // Level of the track that is not open at a count.
+  bool level(double place) const {
+    const int quarter = static_cast<int>(place - 4.0 * std::floor(place / 4.0));
+    return open_a ? quarter == 1 || quarter == 2 : quarter >= 2;
+  }
   int32_t analog(double adc_steps) const {
     const double raw = current_ma / full_scale_ma * adc_steps;
     return static_cast<int32_t>(raw > adc_steps ? adc_steps : raw);
@@ -72,7 +93,8 @@ struct RegulatorPlant {
 
   double pressure = 0.0;
   double rate = 0.0;
-  bool leaking = false, wire_broken = false;
+  bool leaking = false, wire_broken = false, frozen = false;
+  mutable int32_t raw_last = 0;  // what a frozen read-back shows
 
   void step(const Output& out, double dt) {
     const double target = out.drive == Drive::RUN ? full_pa * out.duty / DUTY_FULL : 0.0;
@@ -88,7 +110,8 @@ struct RegulatorPlant {
   int32_t analog(double adc_steps) const {
     if (wire_broken) return 0;
     const double raw = raw_low + (pressure - low_pa) / (high_pa - low_pa) * (raw_high - raw_low);
-    return static_cast<int32_t>(raw < 0.0 ? 0.0 : (raw > adc_steps ? adc_steps : raw));
+    if (!frozen) raw_last = static_cast<int32_t>(raw < 0.0 ? 0.0 : (raw > adc_steps ? adc_steps : raw));
+    return raw_last;
   }
 };
 

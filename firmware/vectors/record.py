@@ -13,7 +13,7 @@ from pathlib import Path
 
 from contid.hal import AxisOnBus
 from contid_drivers.due import frames, messages, wiring
-from contid_drivers.due.codes import RestCode, Type
+from contid_drivers.due.codes import PROTOCOL_VERSION, RestCode, Type
 from contid_drivers.due.firmware import build_host
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions
 
@@ -53,10 +53,15 @@ def motor_dialogue() -> Iterator[tuple[str, ...]]:
     yield ask(Type.DEMAND, messages.demand(0, 0, {}))
     yield ask(Type.ARM, messages.mask_body(0, [0]))
     yield ("#", "unknown message, wrong version, wrong length")
-    yield (">", messages.request(Type.HELLO, 9).replace(b"\x04\x01", b"\x04\x42", 1).hex())
+    yield (
+        ">",
+        messages.request(Type.HELLO, 9)
+        .replace(bytes([PROTOCOL_VERSION, 1]), bytes([PROTOCOL_VERSION, 0x42]), 1)
+        .hex(),
+    )
     yield (">", b"\x02\x01\x0a".hex())
     yield ask(Type.HELLO, b"\0")
-    yield (">", b"\x04".hex())
+    yield (">", bytes([PROTOCOL_VERSION]).hex())
     yield (
         "#",
         "configure: wrong CRC; safe state is not start state; wrong role; cut short; then as it should be",
@@ -79,9 +84,9 @@ def motor_dialogue() -> Iterator[tuple[str, ...]]:
     yield ask(Type.ARM, messages.mask_body(crc, [0]))
     yield ("#", "a stream of demands that the shaft follows, then a stale one, then silence for the watchdog")
     for i in range(12):
-        yield ("count", "0", str(i * i))
+        yield ("count", "0", str(2 * i))
         yield ("tick", "5")
-        yield ask(Type.DEMAND, messages.demand(crc, 1 + 5 * i, {0: 20 * i, 3: 5}))
+        yield ask(Type.DEMAND, messages.demand(crc, 1 + 5 * i, {0: 2 * i, 3: 5}))
     yield ask(Type.DEMAND, messages.demand(crc, 1000, {0: 0}))
     yield ("tick", "99")
     yield ask(Type.CONFIGURE, config("motor", {"channel": "m1"})[0])

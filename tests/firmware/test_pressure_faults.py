@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import random
+
 import pytest
 
 from contid_drivers.due.codes import BoardState, Reason, Refusal, Type
@@ -131,3 +134,53 @@ def test_hold_is_no_safe_state_of_a_chamber(board):
         refused = air.ask(Type.CONFIGURE, frames.crc16(bytes(blob)).to_bytes(2, "little") + bytes(blob))
         assert isinstance(refused, Refused)
         assert refused.refusal in (Refusal.BAD_VALUE, Refusal.SAFE_IS_NOT_START)
+
+
+def swing(board, ms, bar=0.3, period_ms=1000, every=5):
+    """Demands of 1 bar and a wave on it."""
+    for _ in range(ms // every):
+        wave = bar * math.sin(2 * math.pi * board.telemetry.uptime_ms / period_ms)
+        board.demand({0: round((1.0 + wave) * 1e5)})
+        board.step(every)
+
+
+@pytest.mark.parametrize("period_ms", [500, 1000, 2000, 4000])
+def test_a_frozen_reading_under_a_moving_demand_is_a_fault(board, period_ms):
+    air = pressed(board, 100_000)
+    swing(air, 2000, period_ms=period_ms)
+    demand(air, 100_000, 1000)
+    air.command("set 0 read_back_frozen 1")
+    began = air.telemetry.uptime_ms
+    swing(air, 3000, period_ms=period_ms)
+    assert air.trip()["reason"] == "read_back"
+    assert air.trip()["world_ms"] - began <= max(period_ms, 500) + 350
+    air.step(1500)
+    assert air.truth(0)[2] < 2000  # it vented
+    air.command("set 0 read_back_frozen 0")
+    air.step(50)
+    assert isinstance(air.masked(Type.CLEAR, 0), Telemetry)
+
+
+def test_a_frozen_reading_at_rest_is_none(board):
+    air = pressed(board, 100_000)
+    air.command("set 0 read_back_frozen 1")
+    demand(air, 100_000, 3000)
+    assert air.telemetry.channels[0].state is BoardState.ARMED
+
+
+@pytest.mark.parametrize("lag", [0.005, 0.03, 0.15, 0.3, 1.1])
+@pytest.mark.parametrize("slew_bar_s", [0.5, 2.0, 20.0])
+def test_a_reading_that_lags_is_no_fault(board, lag, slew_bar_s):
+    """Volumes from a drop to a large arm, with lags up to three times their file's."""
+    air = board("pressure")
+    lag_ms = max(150, round(lag * 1000 / 3))
+    air.configure({"p0": {"slew_bar_s": slew_bar_s, "leak_ms": 5000, "over_ms": 5000, "lag_ms": lag_ms}})
+    air.command(f"set 0 lag {lag}")
+    air.arm(0)
+    rng = random.Random(f"{lag} {slew_bar_s}")
+    for _ in range(25):
+        if rng.random() < 0.5:
+            demand(air, round(rng.uniform(0.0, 1.5) * 1e5), rng.randrange(50, 1500, 50))
+        else:
+            swing(air, rng.randrange(200, 2000, 50), rng.uniform(0.05, 0.5), rng.choice((300, 1000, 3000)))
+        assert air.telemetry.channels[0].state is BoardState.ARMED, air.telemetry.channels[0].reason

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from typing import Final, Self
 
-PROTOCOL_VERSION: Final = 4
+PROTOCOL_VERSION: Final = 5
 CHANNELS: Final = 6
 #: Velocity of a demand whose host does not know it.
 NO_VELOCITY: Final = -(2**31)
@@ -85,6 +85,11 @@ class Reason(enum.IntEnum):
     ENCODER_EDGES = 13, "encoder edges missed: noise, a loose wire, or too fast; the position is lost"
     HOME_TWICE = 14, "homing stood still at two places: an obstacle, or a shaft or an encoder that slips"
     HOME_MOVED = 15, "its end stop is elsewhere than it was: an obstacle, or the zero moved"
+    ENCODER_TRACK = 16, "counts go to and fro while it is driven: one track of its encoder is open"
+    READ_BACK = (
+        17,
+        "pressure reading stands still while the set-point moves: read-back frozen, or valve stuck",
+    )
 
 
 class Refusal(enum.IntEnum):

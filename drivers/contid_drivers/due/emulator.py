@@ -23,7 +23,10 @@ from contid_drivers.due.firmware import build_host
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
 from contid_drivers.due.wiring import DUE_ADC, Adc, axis_options
 
-ChannelFault: TypeAlias = Literal["stall", "bridge", "encoder_stuck", "encoder_reversed", "leak", "wire"]
+ChannelFault: TypeAlias = Literal[
+    "stall", "bridge", "encoder_stuck", "encoder_reversed", "encoder_track_a", "encoder_track_b",
+    "leak", "wire", "read_back_frozen",
+]  # fmt: skip
 LineFault: TypeAlias = Literal["garbage", "mute", "supply_low"]
 BoardEvent: TypeAlias = Literal["reset", "brown_out", "power_cycle", "freeze", "unplug", "plug"]
 #: Distance of the emulated end stops beyond the travel.

@@ -114,9 +114,13 @@ class MotorOptions(Strict):
         no_load_deg_s: speed of the unloaded shaft at full duty, for the speed feed-forward.
         time_constant_ms: speed response of the loaded shaft, for the acceleration feed-forward.
         friction_percent: duty that just moves the shaft; added in the direction of motion.
-        deadband_deg: position error without correction, against hunting.
-        stall_percent: this duty for ``stall_ms`` without a count is a stall (or a dead encoder).
-        stall_ms: see ``stall_percent``.
+        deadband_deg: position error without correction, against hunting; at least the play between motor
+            and encoder.
+        stall_percent: duty that moves the shaft under its load in any case. Without an advance of its count
+            above it, the board ends the motion within milliseconds: the shaft is blocked, or the encoder
+            dead. With ``time_constant_ms`` and ``no_load_deg_s`` it gives the slowest shaft that is none.
+        stall_ms: this duty for this time without a count is a stall in any case; the one that counts where a
+            current sensor shows the stall current.
         stall_current_ma: motor current of a stall; 0 without a current sensor. Needs ``current_ma_per_v``.
         current_ma_per_v: current per volt at the board's analogue input.
         follow_deg: limit of the following error.
@@ -167,6 +171,9 @@ class RegulatorOptions(Strict):
         over_bar: a reading this far above the set-point, or above zero at rest, that does not fall within
             ``over_ms`` is a fault.
         over_ms: see ``over_bar``.
+        lag_ms: time constant with which the reading follows a step, measured at the chamber. A reading that
+            stands still (within an eighth of ``leak_bar``) while a set-point with this lag moves by
+            ``leak_bar`` is a fault.
         trim_bar: limit of the correction by an outer loop on the reading, and never more than half the
             set-point; 0 switches the loop off. It rests while the reading is outside ``leak_bar`` or
             ``over_bar``.
@@ -183,6 +190,7 @@ class RegulatorOptions(Strict):
     leak_ms: int = Field(default=500, ge=10, le=10_000)
     over_bar: Positive = 0.2
     over_ms: int = Field(default=1000, ge=10, le=10_000)
+    lag_ms: int = Field(default=150, ge=1, le=10_000)
     trim_bar: NonNegative = 0.0
     trim_per_s: NonNegative = 2.0
 

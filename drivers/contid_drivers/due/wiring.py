@@ -35,7 +35,7 @@ REGULATOR_FIELDS: Final = {
     "ceiling": "i", "slew": "i", "vent": "i",
     "raw_low": "H", "low": "i", "raw_high": "H", "high": "i",
     "wire_raw": "H", "leak": "i", "leak_ms": "H", "over": "i", "over_ms": "H",
-    "trim": "i", "trim_rate": "i", "points": "B",
+    "lag_ms": "H", "trim": "i", "trim_rate": "i", "points": "B",
 }  # fmt: skip
 
 
@@ -157,6 +157,7 @@ def _regulator(o: DueAxisOptions, adc: Adc) -> bytes:
         "leak_ms": o.leak_ms,
         "over": round(o.over_bar * BAR),
         "over_ms": o.over_ms,
+        "lag_ms": o.lag_ms,
         "trim": round(o.trim_bar * BAR),
         "trim_rate": round(o.trim_per_s * 256.0),
         "points": len(o.calibration),

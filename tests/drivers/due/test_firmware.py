@@ -43,7 +43,7 @@ def test_a_cache_that_cannot_be_made_is_named(monkeypatch: pytest.MonkeyPatch, t
     ],
 )
 def test_a_board_of_an_older_protocol_is_refused_with_a_message(version: int, answer: str) -> None:
-    with pytest.raises(messages.BadAnswerError, match=f"protocol version {version}, this contid 4"):
+    with pytest.raises(messages.BadAnswerError, match=f"protocol version {version}, this contid 5"):
         messages.read_answer(bytes.fromhex(answer))
 
 

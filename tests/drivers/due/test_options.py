@@ -101,7 +101,7 @@ def test_the_configuration_of_a_regulator_is_in_pascal():
     )
     blob = board_config("b", DueBusOptions(port="x", role=Role.PRESSURE), [AxisOnBus("a.x", options, None)])
     # firmware/PROTOCOL.md: channel, safe, start, then the regulator's numbers.
-    found = struct.unpack("<3B3iHiHiHiHiH2iB", blob[4:-12])
+    found = struct.unpack("<3B3iHiHiHiHiHH2iB", blob[4:-12])
     assert found[0] == 1
     assert found[3:6] == (160_000, 200_000, 400_000)
     assert found[6:11] == (
@@ -111,7 +111,7 @@ def test_the_configuration_of_a_regulator_is_in_pascal():
         300_000,
         round(540 / 3300 * 4095),
     )
-    assert found[11:] == (30_000, 700, 20_000, 1000, 20_000, round(1.5 * 256), 2)
+    assert found[11:] == (30_000, 700, 20_000, 1000, 150, 20_000, round(1.5 * 256), 2)
     assert struct.unpack("<HiHi", blob[-12:]) == (0, 0, 32767, 300_000)
 
 

@@ -25,7 +25,10 @@ _GRAY = (0, 1, 3, 2)
 
 
 class Motors:
-    """First order: ``tau dv/dt = duty v0 - v``. ``shaft`` in counts, ``speed`` in counts/s."""
+    """First order: ``tau dv/dt = duty v0 - v``. ``shaft`` in counts, ``speed`` in counts/s.
+
+    ``open_track`` keeps the first track of a channel from 2 to 5 at its level.
+    """
 
     def __init__(self, board: Sam3x, step: int = STEP, no_load: float = 7630.0, tau_s: float = 0.04) -> None:
         self._board = board
@@ -34,6 +37,7 @@ class Motors:
         self.shaft = [0.5] * 6
         self.speed = [0.0] * 6
         self._count = [0] * 6
+        self.open_track: dict[int, int] = {}
         self.due = board.cpu.cycles
         board.cpu.timed.append(self)
 
@@ -67,7 +71,14 @@ class Motors:
             self._board.tc[2 * channel].count = count
         else:
             bit = EDGE_BITS[channel]
-            self._board.pio["D"].set_levels(3 << bit, _GRAY[count & 3] << bit)
+            gray = _GRAY[count & 3]
+            if channel in self.open_track:
+                gray = (gray & 1) | self.open_track[channel]
+            self._board.pio["D"].set_levels(3 << bit, gray << bit)
+
+    def open(self, channel: int) -> None:
+        """Open the first track of an encoder at two pins."""
+        self.open_track[channel] = _GRAY[self._count[channel] & 3] & 2
 
 
 class Regulators:

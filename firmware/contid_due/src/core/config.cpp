@@ -97,6 +97,7 @@ void read_regulator(Reader& in, Checker& check, RegulatorConfig& r) {
   r.leak_ms = check.within(in.u16(), 1, 10000);
   r.over = check.within(in.i32(), 1, PRESSURE_LIMIT);
   r.over_ms = check.within(in.u16(), 1, 10000);
+  r.lag_ms = check.within(in.u16(), 1, 10000);
   r.trim = check.within(in.i32(), 0, PRESSURE_LIMIT);
   r.trim_rate = check.within(in.i32(), 0, 100 * 256);
   r.points = check.within(in.u8(), 2, TABLE_POINTS);

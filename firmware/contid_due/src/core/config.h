@@ -35,6 +35,7 @@ struct RegulatorConfig {
   int32_t adc_steps;                     // the top of the analogue input
   int32_t leak, leak_ms;                 // [Pa]
   int32_t over, over_ms;                 // [Pa]
+  int32_t lag_ms;                        // with which the reading follows a step, longest
   int32_t trim, trim_rate;               // outer loop: limit of its correction [Pa]; 1/s times 256
   int32_t points;                        // calibration: duty at pressure
   int32_t duty[TABLE_POINTS], pressure[TABLE_POINTS];

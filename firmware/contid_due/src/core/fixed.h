@@ -20,22 +20,33 @@ inline int32_t magnitude(int32_t value) { return value < 0 ? -value : value; }  
 
 inline int64_t magnitude64(int64_t value) { return value < 0 ? -value : value; }
 
-// Largest root with root * root <= value, bit by bit from the highest that can be set.
+// Differences of counts wrap like the hardware counters do.
+inline int32_t minus(int32_t a, int32_t b) {
+  return static_cast<int32_t>(static_cast<uint32_t>(a) - static_cast<uint32_t>(b));
+}
+inline int32_t plus(int32_t a, int32_t b) {
+  return static_cast<int32_t>(static_cast<uint32_t>(a) + static_cast<uint32_t>(b));
+}
+
+// Largest root with root * root <= value: 16 bits by Newton's method, 16 more by one division of the remainder
+// (Zimmermann, Karatsuba square root, 1999). Divisions of 32 bits only: the chip has those in hardware.
 inline uint32_t square_root(uint64_t value) {
   if (value == 0) return 0;
-  const int leading = __builtin_clzll(value);
-  uint64_t bit = static_cast<uint64_t>(1) << ((63 - leading) & ~1);
-  uint64_t root = 0;
-  while (bit != 0) {
-    if (value >= root + bit) {
-      value -= root + bit;
-      root = (root >> 1) + bit;
-    } else {
-      root >>= 1;
-    }
-    bit >>= 2;
-  }
-  return static_cast<uint32_t>(root);
+  const int shift = __builtin_clzll(value) & ~1;
+  const uint64_t scaled = value << shift;
+  const uint32_t high = static_cast<uint32_t>(scaled >> 32), low = static_cast<uint32_t>(scaled);
+  uint32_t root = (high >> 17) + 0x6000;  // within 13 %
+  root = (root + high / root) / 2;
+  root = (root + high / root) / 2;
+  root = (root + high / root) / 2;
+  if (root > 0xFFFF || root * root > high) --root;
+  const uint32_t rest = high - root * root;
+  const uint32_t half = rest << 15 | low >> 17;
+  const uint32_t part = half / root;
+  const int64_t left = static_cast<int64_t>(half % root) << 17 | (low & 0x1FFFF);
+  const int64_t square = static_cast<int64_t>(part) * part;
+  const uint64_t whole = (static_cast<uint64_t>(root) << 16) + part - (left < square ? 1 : 0);
+  return static_cast<uint32_t>(whole >> (shift / 2));
 }
 
 }  // namespace contid

@@ -6,16 +6,16 @@
 namespace contid {
 
 namespace {
-const int32_t STILL_MS = 50;     // pushing against the end stop without a count
+const int32_t STILL_MS = 50;    // pushing against the end stop without an advance of the count
+const int32_t STOPPED_MS = 25;  // the same of a shaft that had moved, and time for STILL_COUNTS at homing speed
+const int32_t STILL_COUNTS = 4;
 const int32_t SETTLE_MS = 2000;  // time limit of the shaft's settling after backing off
-const int32_t REVERSED_MS = 15;  // running away from the set-point
 const int32_t SILENT_MS = 20;    // following error without a count
 
-// Differences of counts wrap like the hardware counters do.
-int32_t minus(int32_t a, int32_t b) {
-  return static_cast<int32_t>(static_cast<uint32_t>(a) - static_cast<uint32_t>(b));
-}
-int32_t plus(int32_t a, int32_t b) { return static_cast<int32_t>(static_cast<uint32_t>(a) + static_cast<uint32_t>(b)); }
+// A shaft that stands and should not: the duty goes on by BREAK_AWAY per tick and count of error, STUCK at most.
+const int32_t STUCK_MS = 10;
+const int32_t STUCK = 4;
+const int32_t BREAK_AWAY = 49;  // 600 % per second at most
 }  // namespace
 
 int32_t Motor::counted() const { return config_->encoder_reversed ? minus(0, raw_) : raw_; }
@@ -24,6 +24,7 @@ void Motor::configure(const MotorConfig& config) {
   config_ = &config;
   set_.limit(config.velocity, config.acceleration);
   ki_tick_ = static_cast<int32_t>(static_cast<int64_t>(config.ki) * 65536 / static_cast<int32_t>(TICK_HZ));
+  watch_.configure(config);
   if (!referenced_) {
     offset_ = minus(config.power_up, counted());
     missed_base_ = raw_missed_;
@@ -40,9 +41,11 @@ void Motor::configure(const MotorConfig& config) {
   set_.start(position_);
   speed_q8_ = 0;
   sum_q16_ = 0;
+  extra_ = 0;
   duty_ = 0;
   fault_ = Reason::NONE;
   phase_ = Phase::IDLE;
+  watch_.start(position_, config.stall_duty);
 }
 
 void Motor::sense(int32_t raw_count, int32_t raw_analog, uint32_t raw_missed) {
@@ -73,17 +76,25 @@ int32_t Motor::velocity() const {
 void Motor::begin() {
   set_.start(position_);
   sum_q16_ = 0;
+  extra_ = 0;
   duty_ = 0;
   stall_ticks_ = 0;
-  reversed_ticks_ = 0;
   fault_ = Reason::NONE;
   limited_ = false;
+  watch_.start(position_, config_->stall_duty);
 }
 
 void Motor::end_homing() {
   if (phase_ == Phase::IDLE) return;
   phase_ = Phase::IDLE;
   set_.limit(config_->velocity, config_->acceleration);
+  watch_.start(position_, config_->stall_duty);
+}
+
+// The duty that a shaft which searches its stop may need to move, or to leave the stop.
+int32_t Motor::search_need() const {
+  const int32_t most = config_->home_duty - config_->home_duty / 8;
+  return most < config_->stall_duty ? most : config_->stall_duty;
 }
 
 void Motor::arm() {
@@ -128,6 +139,12 @@ void Motor::seek(bool again) {
   phase_ticks_ = 0;
   still_ticks_ = 0;
   set_.limit(config_->home_velocity, config_->acceleration);
+  watch_.start(position_, search_need());
+}
+
+int32_t Motor::still_ms() const {
+  if (!watch_.advanced()) return STILL_MS;  // it may have to break away first
+  return clamp(STILL_COUNTS * static_cast<int32_t>(TICK_HZ) / config_->home_velocity, STOPPED_MS, STILL_MS);
 }
 
 // The count becomes `home_at`, unless this place disagrees with an earlier one.
@@ -155,6 +172,7 @@ Output Motor::rest(Drive drive) {
   end_homing();
   set_.start(position_);
   sum_q16_ = 0;
+  extra_ = 0;
   duty_ = 0;
   return Output{drive, 0};
 }
@@ -181,7 +199,8 @@ Output Motor::law(int32_t max_duty) {
       static_cast<int32_t>(clamp64(set_.velocity() + catching_up, -config_->velocity, config_->velocity));
   const int64_t e = resting ? 0 : target - velocity();
 
-  int64_t duty = sum_q16_ >> 16;
+  break_away(resting ? 0 : sign(error_q8), static_cast<int32_t>(magnitude64(error_q8) >> 8) - config_->deadband);
+  int64_t duty = (sum_q16_ >> 16) + extra_;
   duty += (static_cast<int64_t>(config_->kv) * target) >> 8;
   duty += (static_cast<int64_t>(config_->ka) * set_.acceleration()) >> 16;
   duty += (config_->ks * e) >> 8;
@@ -194,32 +213,58 @@ Output Motor::law(int32_t max_duty) {
     sum_q16_ = clamp64(sum_q16_ + ((ki_tick_ * e) >> 8), -full, full);
   }
   duty_ = static_cast<int32_t>(limited);
-  watch(error_q8);
+  watch(error_q8, resting);
   return Output{Drive::RUN, config_->motor_reversed ? -duty_ : duty_};
 }
 
-void Motor::watch(int64_t error_q8) {
+// More duty for a shaft that stands `error` counts beyond the dead band. Half of it stays with the integrator when the
+// shaft moves: the drive went on while it broke away.
+void Motor::break_away(int32_t side, int32_t error) {
+  const bool stands = watch_.idle() > STUCK_MS;
+  if (stands && side != 0 && error > 0) {
+    extra_ = clamp(extra_ + side * BREAK_AWAY * (error < STUCK ? error : STUCK), -DUTY_FULL, DUTY_FULL);
+  } else if (extra_ != 0) {
+    if (!stands) sum_q16_ += static_cast<int64_t>(extra_) * 32768;
+    extra_ = 0;
+  }
+}
+
+void Motor::watch(int64_t error_q8, bool resting) {
   const bool pushing = magnitude(duty_) >= config_->stall_duty;
   stall_ticks_ = (pushing && moved_ == 0) ? stall_ticks_ + 1 : 0;
 
   const int64_t follow_q8 = static_cast<int64_t>(config_->follow) * 256;
-  const bool away = magnitude64(error_q8) > follow_q8 / 8 && moved_ != 0 && sign(moved_) != sign(error_q8) &&
-                    sign(duty_) == sign(error_q8);
-  reversed_ticks_ = away ? reversed_ticks_ + 1 : 0;
+
+  if (resting) {
+    watch_.rest(position_);
+  } else {
+    // Homing searches for standstill under drive, and the stall current shows what blocks a shaft.
+    const bool blocked = config_->stall_current_ma != 0 && current_ >= config_->stall_current_ma;
+    watch_.tick(position_, moved_, duty_, blocked || phase_ == Phase::APPROACH);
+  }
 
   if (missed()) fault_ = Reason::ENCODER_EDGES;
-  if (phase_ == Phase::APPROACH || fault_ == Reason::ENCODER_EDGES)
-    return;  // homing searches for standstill under drive
+  if (fault_ == Reason::ENCODER_EDGES) return;
+  if (watch_.failed()) {
+    fault_ = unanswered();
+    return;
+  }
+  if (phase_ == Phase::APPROACH) return;
   const bool lost = magnitude64(error_q8) > follow_q8;
-  if (reversed_ticks_ >= REVERSED_MS) {
-    fault_ = Reason::ENCODER_REVERSED;
-  } else if (stall_ticks_ >= config_->stall_ms || (lost && stall_ticks_ >= SILENT_MS)) {
+  if (stall_ticks_ >= config_->stall_ms || (lost && stall_ticks_ >= SILENT_MS)) {
     // A blocked shaft draws the stall current; one that turns with a dead encoder does not.
     const bool blocked = config_->stall_current_ma == 0 || current_ >= config_->stall_current_ma;
     fault_ = blocked ? Reason::STALLED : Reason::ENCODER_SILENT;
   } else if (lost) {
     fault_ = Reason::FOLLOWING;
   }
+}
+
+// What ails an encoder, or its shaft, that does not answer the drive.
+Reason Motor::unanswered() const {
+  if (watch_.backward()) return Reason::ENCODER_REVERSED;
+  if (watch_.one_track()) return Reason::ENCODER_TRACK;
+  return config_->stall_current_ma == 0 ? Reason::STALLED : Reason::ENCODER_SILENT;
 }
 
 Output Motor::search() {
@@ -231,19 +276,21 @@ Output Motor::search() {
     set_.tick();
     const Output out = law(config_->home_duty);
     const bool pushing = magnitude(duty_) * 20 >= config_->home_duty * 19;
-    still_ticks_ = (pushing && moved_ == 0 && sign(duty_) == towards) ? still_ticks_ + 1 : 0;
-    if (reversed_ticks_ >= REVERSED_MS) fault_ = Reason::ENCODER_REVERSED;
+    still_ticks_ = (pushing && sign(duty_) == towards) ? still_ticks_ + 1 : 0;
     if (phase_ticks_ >= config_->home_timeout_ms) fault_ = Reason::HOME_FAILED;
-    if (still_ticks_ < STILL_MS) return out;
+    const int32_t still = still_ms();
+    if (still_ticks_ < still || watch_.idle() < still + static_cast<int32_t>(WINDOW)) return out;
     const Reason elsewhere = stand_still();
     begin();
     fault_ = elsewhere;
     set_.demand(minus(position_, towards * config_->home_backoff), 0, NO_VELOCITY);
     phase_ = Phase::BACK_OFF;
     still_ticks_ = 0;
+    watch_.start(position_, search_need());
     return Output{Drive::BRAKE, 0};
   }
-  const Output out = follow();
+  set_.tick();
+  const Output out = law(config_->home_duty);
   const bool arrived = !set_.moving() && set_.position() == set_.goal();
   const int64_t off = static_cast<int64_t>(set_.goal()) - position_;
   still_ticks_ = arrived ? still_ticks_ + 1 : 0;

@@ -3,6 +3,7 @@
 #define CONTID_MOTOR_H
 
 #include "config.h"
+#include "encoder_watch.h"
 #include "setpoint.h"
 
 namespace contid {
@@ -63,6 +64,8 @@ class Motor {
   enum class Phase : uint8_t { IDLE, APPROACH, BACK_OFF, FOUND };
   void seek(bool again);
   Reason stand_still();
+  int32_t search_need() const;
+  int32_t still_ms() const;
   // Each missed edge is two counts; from this number on the position is useless.
   static const uint32_t MISSED_EDGES = 8;
   bool missed() const { return missed_edges() >= MISSED_EDGES; }
@@ -72,7 +75,9 @@ class Motor {
   void begin();
   void end_homing();
   Output law(int32_t max_duty);
-  void watch(int64_t error_q8);
+  void break_away(int32_t side, int32_t error);
+  void watch(int64_t error_q8, bool resting);
+  Reason unanswered() const;
 
   int32_t counted() const;
 
@@ -80,6 +85,7 @@ class Motor {
   bool reversed_;  // sense and scale of the count when it was referenced
   int32_t power_up_, home_at_;
   SetPoint set_;
+  EncoderWatch watch_;
   uint32_t raw_missed_, missed_base_;  // the base: when the position was known last
   int32_t raw_, offset_, position_;
   int32_t history_[WINDOW];
@@ -88,8 +94,9 @@ class Motor {
   int64_t speed_q8_;  // filtered [counts/s] times 256
   int64_t sum_q16_;   // integrator, duty times 65536
   int32_t ki_tick_;
+  int32_t extra_;  // duty that breaks a standing shaft away
   int32_t duty_, current_;
-  int32_t stall_ticks_, reversed_ticks_, phase_ticks_, still_ticks_;
+  int32_t stall_ticks_, phase_ticks_, still_ticks_;
   Phase phase_;
   Reason fault_;
   bool referenced_, homed_, limited_, lost_;

@@ -8,9 +8,9 @@
 
 namespace contid {
 
-const uint8_t PROTOCOL_VERSION = 4;
+const uint8_t PROTOCOL_VERSION = 5;
 const uint8_t FIRMWARE_MAJOR = 1;
-const uint8_t FIRMWARE_MINOR = 3;
+const uint8_t FIRMWARE_MINOR = 4;
 const uint8_t FIRMWARE_PATCH = 0;
 
 const uint8_t CHANNELS = 6;
@@ -74,6 +74,8 @@ enum class Reason : uint8_t {
   ENCODER_EDGES = 13,  // edges of the encoder were missed
   HOME_TWICE = 14,     // the shaft stood still at two places
   HOME_MOVED = 15,     // the end stop is elsewhere than when the motor was homed before
+  ENCODER_TRACK = 16,  // the count goes to and fro under drive: one open track
+  READ_BACK = 17,      // the reading stands still while the set-point moves
 };
 
 enum class Refusal : uint8_t {

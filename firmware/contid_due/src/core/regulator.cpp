@@ -8,8 +8,10 @@ namespace contid {
 namespace {
 const int32_t WIRE_MS = 20;
 const int32_t OVER_MS = 20;
-const int32_t FALL_PARTS = 8;  // of `over`: the least fall in `over_ms` of a chamber that vents
-const int32_t SATURATED = 5;   // readings this close to the top of the input are saturated
+const int32_t FALL_PARTS = 8;     // of `over`: the least fall in `over_ms` of a chamber that vents
+const int32_t FROZEN_MS = 100;    // besides the lag
+const int32_t NOTICED_PARTS = 8;  // of `leak`: less than this is no motion of the reading
+const int32_t SATURATED = 5;      // readings this close to the top of the input are saturated
 }  // namespace
 
 void Regulator::configure(const RegulatorConfig& config) {
@@ -73,6 +75,8 @@ void Regulator::arm() {
   above_ticks_ = 0;
   fault_ = Reason::NONE;
   limited_ = false;
+  late_q8_ = static_cast<int32_t>(set_q8_);
+  notice();
 }
 
 void Regulator::demand(int32_t pressure) {
@@ -132,15 +136,46 @@ int32_t Regulator::duty_at(int32_t pressure) const {
   return static_cast<int32_t>(clamp64(duty, 0, DUTY_FULL));
 }
 
+// What should have moved since the reading did.
+void Regulator::notice() {
+  noticed_ = pressure_;
+  least_ = demanded();
+  most_ = least_;
+  least_late_q8_ = late_q8_;
+  most_late_q8_ = late_q8_;
+  frozen_ticks_ = 0;
+}
+
+// Whether the reading answers the set-point. A chamber is between the set-point itself and the set-point behind
+// `lag_ms`; a reading that stands still while both move by `leak` is frozen, or its valve is stuck.
+bool Regulator::answers() {
+  late_q8_ += (static_cast<int32_t>(set_q8_) - late_q8_) / config_->lag_ms;
+  if (magnitude(pressure_ - noticed_) > config_->leak / NOTICED_PARTS) {
+    notice();
+    return true;
+  }
+  const int32_t set = demanded();
+  if (set < least_) least_ = set;
+  if (set > most_) most_ = set;
+  if (late_q8_ < least_late_q8_) least_late_q8_ = late_q8_;
+  if (late_q8_ > most_late_q8_) most_late_q8_ = late_q8_;
+  const bool should = most_ - least_ > config_->leak && (most_late_q8_ - least_late_q8_) / 256 > config_->leak;
+  frozen_ticks_ = should ? frozen_ticks_ + 1 : 0;
+  return frozen_ticks_ < FROZEN_MS + config_->lag_ms;
+}
+
 void Regulator::watch() {
   const int32_t set = static_cast<int32_t>(set_q8_ >> 8);
   leak_ticks_ = pressure_ < set - leak_band() ? leak_ticks_ + 1 : 0;
   const bool above = stays_above(set);
+  const bool frozen = !answers();
   over_ticks_ = over_ceiling() ? over_ticks_ + 1 : 0;
   if (wire_ticks_ >= WIRE_MS) {
     fault_ = Reason::SENSOR_WIRE;
   } else if (over_ticks_ >= OVER_MS) {
     fault_ = Reason::OVER_PRESSURE;
+  } else if (frozen) {
+    fault_ = Reason::READ_BACK;
   } else if (leak_ticks_ >= config_->leak_ms) {
     fault_ = Reason::LEAK;
   } else if (above) {

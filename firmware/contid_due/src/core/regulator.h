@@ -44,6 +44,9 @@ class Regulator {
   void watch_rest();
   bool stays_above(int32_t set);
   bool over_ceiling() const;
+  void notice();
+  bool answers();
+  int32_t demanded() const { return static_cast<int32_t>(set_q8_ >> 8); }
   // Distance below the set-point that is a fault; shorter at low set-points, where a broken signal reads little less.
   int32_t leak_band() const;
   int32_t duty_at(int32_t pressure) const;
@@ -63,6 +66,10 @@ class Regulator {
   int64_t trim_q16_;
   int32_t duty_;
   int32_t wire_ticks_, leak_ticks_, over_ticks_, above_ticks_, above_from_;
+  int32_t noticed_;                                      // the reading when it moved last
+  int32_t late_q8_;                                      // the set-point behind the lag of the volume
+  int32_t least_, most_, least_late_q8_, most_late_q8_;  // ranges of both since then
+  int32_t frozen_ticks_;                                 // how long the reading should have moved
   Reason fault_;
   bool limited_, primed_;
 };

@@ -84,7 +84,8 @@ void SetPoint::tick() {
   const int64_t target = clamp64(rate + sign(behind) * stopping_speed(magnitude64(behind)), -most_, most_);
   const int32_t change = static_cast<int32_t>(clamp64(target - velocity_, -step_, step_));
   velocity_ += change;
-  smooth_ += (static_cast<int64_t>(change) * SMOOTH - smooth_) / (rate != 0 ? SMOOTH : 1);
+  const int64_t newer = static_cast<int64_t>(change) * SMOOTH - smooth_;
+  smooth_ += rate != 0 ? newer / SMOOTH : newer;
   position_ += velocity_;
 }
 
