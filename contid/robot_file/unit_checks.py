@@ -24,7 +24,7 @@ def check_units(document: Document, at: KeyPath, robot: RobotDescription) -> Ite
     """Check that rates, rest pose and extra axes are written in the unit of the robot's axes, and fit it."""
     unit = robot.quantity.unit
     other = "bar" if unit == "mm" else "mm"
-    for key in ("rest", "extra"):
+    for key in ("rest", "extra", "follow"):
         if f"{key}_{other}" in robot.model_fields_set:
             message = (
                 f"{key}_{other} has no meaning here: this robot's axes are in {unit}; write {key}_{unit}"

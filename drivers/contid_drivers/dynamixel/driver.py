@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from contid.hal import (
+    RESPONSES,
     AxisOnBus,
     Bus,
     Clock,
     DeviceKind,
+    DeviceResponse,
     Driver,
     ExchangeTime,
     Finding,
@@ -40,6 +43,13 @@ class DynamixelDriver:
         """The servo's id."""
         assert isinstance(axis, DynamixelAxisOptions)
         return f"id {axis.id}"
+
+    def device_response(self, bus: BaseModel, axis: BaseModel) -> DeviceResponse:
+        """Of a servo; with limited current it yields to what it pushes on (`contid.hal.Responds`)."""
+        assert isinstance(bus, DynamixelBusOptions)
+        assert isinstance(axis, DynamixelAxisOptions)
+        yields = (axis.mode or bus.mode) == "current_based_position"
+        return replace(RESPONSES[DeviceKind.SERVO], yields=yields)
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
         """Options of the ``sim`` bus that replaces this bus under ``--mock``.
