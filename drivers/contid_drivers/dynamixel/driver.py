@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -14,6 +15,7 @@ from contid.hal import (
     Bus,
     Clock,
     DeviceKind,
+    DeviceRate,
     DeviceResponse,
     Driver,
     ExchangeTime,
@@ -23,6 +25,7 @@ from contid.hal import (
     RegisterValue,
     Report,
 )
+from contid.units import DEG
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
 if TYPE_CHECKING:
@@ -50,6 +53,17 @@ class DynamixelDriver:
         assert isinstance(axis, DynamixelAxisOptions)
         yields = (axis.mode or bus.mode) == "current_based_position"
         return replace(RESPONSES[DeviceKind.SERVO], yields=yields)
+
+    def device_rate(self, axis: BaseModel) -> DeviceRate:
+        """Its own speed without load, or the profile that is written into it (`contid.hal.LimitsRate`)."""
+        from contid_drivers.dynamixel.models import NO_LOAD_RPM
+
+        assert isinstance(axis, DynamixelAxisOptions)
+        top = NO_LOAD_RPM.get(axis.model, math.inf) * math.tau / 60.0
+        rates = [DeviceRate("model", top, f"without load a {axis.model} does")]
+        if axis.profile_velocity_deg_s:
+            rates.append(DeviceRate("profile_velocity_deg_s", axis.profile_velocity_deg_s * DEG))
+        return min(rates, key=lambda rate: rate.value)
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
         """Options of the ``sim`` bus that replaces this bus under ``--mock``.

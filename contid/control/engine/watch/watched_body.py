@@ -13,7 +13,7 @@ from contid.control.tick.follow.expected_range import ExpectedRange
 from contid.hal import Sample
 
 #: Time that an axis may be outside its range.
-CONFIRM_S: Final = 0.05
+CONFIRM_S: Final = 0.03
 #: A measurement dated farther ahead than this is from the future.
 FUTURE_S: Final = 0.1
 #: Measurements that are older are not compared: they show where the axis was.
