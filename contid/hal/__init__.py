@@ -75,10 +75,12 @@ from contid.hal.optional import (
     Restricts,
     Scans,
 )
+from contid.hal.response import RESPONSES, DeviceResponse, Responds
 
 __all__ = [
     "BUILT_IN",
     "ENTRY_POINT_GROUP",
+    "RESPONSES",
     "SLACK_TENDON",
     "SNAPPED_TENDON",
     "AxisOnBus",
@@ -88,6 +90,7 @@ __all__ = [
     "CountsAnswers",
     "DeviceKind",
     "DeviceRate",
+    "DeviceResponse",
     "Diagnoses",
     "Driver",
     "Emulates",
@@ -105,6 +108,7 @@ __all__ = [
     "RefusedKey",
     "RegisterValue",
     "Report",
+    "Responds",
     "Rest",
     "Restricts",
     "Sample",

@@ -99,10 +99,12 @@ class DeviceRate:
     Attributes:
         key: key of the axis in the robot file that sets it.
         value: the rate [rad/s or Pa/s].
+        what: what it is, where the key does not hold the rate itself.
     """
 
     key: str
     value: float
+    what: str = ""
 
 
 @runtime_checkable

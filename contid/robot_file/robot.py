@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from pydantic import Field
 
@@ -14,6 +14,8 @@ from contid.robot_file.base import (
     BasePose,
     Direction,
     Interval,
+    NonNegative,
+    Positive,
     Quantity,
     Rates,
     Stops,
@@ -21,6 +23,9 @@ from contid.robot_file.base import (
     TipFeedback,
 )
 from contid.targets import Actuation, Vec3
+
+#: Default of ``follow_mm``, ``follow_bar`` and ``follow_deg``.
+_FOLLOW: Final = {Quantity.LENGTH: 1.0, Quantity.PRESSURE: 0.025, Quantity.ANGLE: 5.0}
 
 
 class RobotDescription(Strict):
@@ -42,6 +47,12 @@ class RobotDescription(Strict):
         extra_deg: ``[min, max]`` angle of extra axes that are servos or motors without
             pinion, of any robot; they follow the others, with ``velocity_deg_s`` and so on in ``rates``.
         feedback: closed loop on measured tip positions; off when left out.
+        follow_mm: greatest distance of a measured length from where its command should have brought it;
+            1 if left out. A body that is farther off is a fault, and has not arrived.
+        follow_bar: the same for pressures; 0.025 if left out.
+        follow_deg: the same for axes of ``extra_deg``; 5 if left out.
+        follow_delay_ms: longest dead time of a healthy axis; that of its kind of device if left out.
+        follow_lag_ms: longest time constant of its answer behind that; likewise.
         placeholder: dotted keys whose values are not measured yet, e.g. ``geometry.tip_length_mm``.
     """
 
@@ -61,6 +72,11 @@ class RobotDescription(Strict):
     extra_bar: dict[str, Interval] = Field(default_factory=dict)
     extra_deg: dict[str, Interval] = Field(default_factory=dict)
     feedback: TipFeedback | None = None
+    follow_mm: Positive | None = None
+    follow_bar: Positive | None = None
+    follow_deg: Positive | None = None
+    follow_delay_ms: NonNegative | None = None
+    follow_lag_ms: Positive | None = None
     placeholder: tuple[str, ...] = ()
 
     @property
@@ -118,6 +134,11 @@ class RobotDescription(Strict):
             f"{axis}_{quantity.unit}"
             for axis, quantity in zip(self.all_axis_names, self.quantities, strict=True)
         )
+
+    def follow_tolerance(self, quantity: Quantity) -> float:
+        """How far an axis may be from where its command should have brought it [m, Pa or rad]."""
+        written: float | None = getattr(self, f"follow_{quantity.unit}")
+        return quantity.to_si(_FOLLOW[quantity] if written is None else written)
 
     @property
     def _extra(self) -> Mapping[str, tuple[float, float]]:

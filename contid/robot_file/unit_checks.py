@@ -24,7 +24,7 @@ def check_units(document: Document, at: KeyPath, robot: RobotDescription) -> Ite
     """Check that rates, rest pose and extra axes are written in the unit of the robot's axes, and fit it."""
     unit = robot.quantity.unit
     other = "bar" if unit == "mm" else "mm"
-    for key in ("rest", "extra"):
+    for key in ("rest", "extra", "follow"):
         if f"{key}_{other}" in robot.model_fields_set:
             message = (
                 f"{key}_{other} has no meaning here: this robot's axes are in {unit}; write {key}_{unit}"
@@ -64,25 +64,26 @@ def check_device_rates(
 
     ``limited`` has the axes whose devices have a limit. Axes with a table (``mm_to_bar``) are not checked.
     """
-    key = f"velocity_{robot.quantity.unit}_s"
-    velocity: float | None = getattr(robot.rates, key)
-    if velocity is None:
-        return
-    shares = [sum(map(abs, row)) for row in robot.coupling or ()] or [1.0] * len(robot.axis_names)
-    for name, share in zip(robot.axis_names, shares, strict=True):
-        if name not in limited:
+    own = len(robot.axis_names)
+    shares = [sum(map(abs, row)) for row in robot.coupling or ()] or [1.0] * own
+    shares += [1.0] * (len(robot.all_axis_names) - own)
+    for name, quantity, share in zip(robot.all_axis_names, robot.quantities, shares, strict=True):
+        key = f"velocity_{quantity.unit}_s"
+        velocity: float | None = getattr(robot.rates, key)
+        if name not in limited or velocity is None:
             continue
         axis, limit = limited[name]
-        rate = robot.quantity.to_si(velocity) * share
-        size, shown = BAR, "bar/s"
-        if robot.quantity is Quantity.LENGTH:
+        rate = quantity.to_si(velocity) * share
+        size, shown = DEG, "deg/s"
+        if quantity is Quantity.PRESSURE:
+            size, shown = BAR, "bar/s"
+        elif quantity is Quantity.LENGTH:
             if axis.mm_per_rev is None:
                 continue
             rate *= 2.0 * math.pi * MM_PER_M / axis.mm_per_rev
-            size, shown = DEG, "deg/s"
         if rate > limit.value * (1.0 + 1e-9):
             message = (
-                f"{limit.key} is {limit.value / size:.4g} {shown}, but rates.{key} "
+                f"{limit.what or f'{limit.key} is'} {limit.value / size:.4g} {shown}, but rates.{key} "
                 f"{velocity:g} needs {rate / size:.4g}: the device would follow late"
             )
             yield document.at_value((*at, "axes", name, limit.key), message)

@@ -9,6 +9,7 @@ Only records, events and the limits of the robot file are used, neither the limi
 | velocity, acceleration | differences of consecutive commands, from standstill at the first |
 | jerk | third differences within one planned motion, without RUN and the end of the shortest stop |
 | arming | the first command is at the measured position |
+| follow | a measured axis follows its commands within the tolerance of the robot file |
 | estop | no command in the tick after an emergency stop, and OFF (a fault stays) |
 | fault | every fault has its event; FAULT is left after `clear_fault` or `recover` only |
 """
@@ -24,11 +25,13 @@ from typing import Final
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.buses import RecorderOverrun
 from contid.control.engine.events.robots import FaultLatched, OrderGiven
-from contid.control.engine.messages import ClearFault, Recover
+from contid.control.engine.messages import ClearFault, Measured, Recover
 from contid.control.engine.tick_layout import RobotRecord, TickRecord
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
+from contid.session.check_follow import FollowCheck
 from contid.session.read import Session
 
 #: Rounding of float64 in commands, as a share of their largest value.
@@ -37,6 +40,8 @@ _ROUNDING: Final = 1e-9
 _JERK_ROUNDING: Final = 1e-3
 #: Modes in which a robot may stop in the shortest way (`contid.trajectory.straight_stop`).
 _STOPS: Final = frozenset({Mode.HOLD, Mode.STOPPING, Mode.FAULT})
+#: Faults by which a run ended a motion that the body did not follow.
+_OF_THE_BODY: Final = frozenset({Fault.DOES_NOT_FOLLOW, Fault.MOVES_UNASKED, Fault.IMPLAUSIBLE_SAMPLE})
 #: First command and measurement may differ by the resolution of a device: this share of the travel.
 ARMING_SHARE: Final = 0.005
 
@@ -110,12 +115,15 @@ class _RobotCheck:
         h = config.period_s
         powers = zip((config.velocity, config.acceleration, config.jerk), (h, h * h, h**3), strict=True)
         self._most = tuple([tuple([rate * power for rate in rates]) for rates, power in powers])
+        self._follow = FollowCheck(config)
+        self._yields = False
         self._travel = [axis.upper - axis.lower for axis in config.limits]
         self._room = [_ROUNDING * max(abs(axis.lower), abs(axis.upper)) for axis in config.limits]
         self.forget()
 
     def forget(self) -> None:
         """Records are missing: nothing is compared with earlier ones."""
+        self._follow.forget()
         self._before: RobotRecord | None = None
         self._earlier: RobotRecord | None = None
         self._steps: Sequence[float] | None = None
@@ -127,12 +135,16 @@ class _RobotCheck:
     def tick(self, tick: int, now: RobotRecord, events: Sequence[RunEvent]) -> Iterator[tuple[str, str]]:
         """Rules broken in a tick, with messages."""
         orders = [each.order for each in events if isinstance(each, OrderGiven) and self._meant(each)]
+        for order in orders:
+            if order["order"] != Measured.NAME and order.get("robot", self.name) == self.name:
+                self._yields = "until_force_n" in order
         before = self._before
         yield from self._faults(before, now, events, [str(order["order"]) for order in orders])
         command = tuple([axis.command for axis in now.axes])
         sent = not any(math.isnan(axis.device) for axis in now.axes)
         if orders and orders[-1]["order"] == "estop" and (sent or now.mode not in (Mode.OFF, Mode.FAULT)):
             yield "estop", f"{Mode(now.mode).name}{', commanded' if sent else ''} in the tick of the order"
+        yield from (("follow", far) for far in self._follow.tick(now, self._yields))
         if sent and before is not None:
             yield from self._motion(before, now, command, disturbed=bool(events))
         if not sent:
@@ -156,6 +168,8 @@ class _RobotCheck:
             reported = [each for each in events if isinstance(each, FaultLatched) and each.robot == self.name]
             if not any(each.fault == now.fault for each in reported):
                 yield "fault", f"fault {now.fault} without its event"
+        if now.fault in _OF_THE_BODY and (before is None or before.fault != now.fault):
+            yield "follow", f"fault {now.fault} {Fault(now.fault).name.lower().replace('_', '-')}"
         if was == Mode.FAULT != now.mode and not self._cleared:
             yield "fault", f"{Mode(now.mode).name} after FAULT without an order to clear it"
 

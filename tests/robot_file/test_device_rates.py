@@ -48,3 +48,35 @@ def test_a_recorded_file_is_read_as_it_was(configs: Path) -> None:
     text = (configs / "trirack.emulated.yaml").read_text()
     slow = text.replace("channel: m1,", "channel: m1, velocity_deg_s: 250,")
     assert parse_robot_file(slow, "robot.yaml", recorded=True).buses
+
+
+@pytest.mark.parametrize(("velocity_mm_s", "refused"), [(64, False), (65, True), (250, True)])
+def test_a_servo_slower_than_its_rack(configs: Path, velocity_mm_s: int, refused: bool) -> None:
+    """The 103 rpm of an XL330-M288 are 64.7 mm/s of its rack."""
+    text = (configs / "finger.yaml").read_text()
+    fast = text.replace("velocity_mm_s: 60", f"velocity_mm_s: {velocity_mm_s}")
+    if not refused:
+        assert parse_robot_file(fast, "finger.yaml")
+        return
+    messages = refusals(fast)
+    assert len(messages) == 2
+    assert f"without load a xl330-m288 does 618 deg/s, but rates.velocity_mm_s {velocity_mm_s}" in messages[0]
+
+
+def test_a_servo_of_an_extra_axis_and_its_profile(configs: Path) -> None:
+    text = (
+        (configs / "finger.yaml")
+        .read_text()
+        .replace("      left: {", "      wrist: {bus: servos, id: 3}\n      left: {")
+    )
+    text = text.replace("rest_mm: [60, 60]", "rest_mm: [60, 60]\n    extra_deg: {wrist: [-90, 90]}")
+    more = ("velocity_deg_s: {}", "acceleration_deg_s2: 5000", "jerk_deg_s3: 100000")
+    rates = "\n      ".join(("jerk_mm_s3: 20000", *more))
+    assert parse_robot_file(text.replace("jerk_mm_s3: 20000", rates.format(600)), "finger.yaml")
+    (message,) = refusals(text.replace("jerk_mm_s3: 20000", rates.format(700)))
+    assert "rates.velocity_deg_s 700 needs 700" in message
+    slow = text.replace("id: 3", "id: 3, profile_velocity_deg_s: 90").replace(
+        "jerk_mm_s3: 20000", rates.format(300)
+    )
+    (message,) = refusals(slow)
+    assert "profile_velocity_deg_s is 90 deg/s" in message

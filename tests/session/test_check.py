@@ -145,6 +145,15 @@ def without(kind: type) -> Callable[[Session, Entry], Entry | None]:
     return lambda _, entry: None if isinstance(entry.event, kind) else entry
 
 
+def frozen(session: Session, entry: Entry) -> Entry:
+    """What the left axis measured at first is measured for ever."""
+    if entry.values is None or entry.values[TICK] < 250:
+        return entry
+    values = list(entry.values)
+    values[session.layout.axis_place(0, 0, "value")] = 8.333
+    return replace(entry, values=values)
+
+
 #: Each with the rules that it breaks: the standing robot at tick 250, its move at 80, the circle at 1200.
 CHANGES: list[tuple[str, Callable[[Session, Entry], Entry | None], set[str]]] = [
     ("lost tick", lambda _, e: None if e.values is not None and e.values[TICK] == 250 else e, {"time"}),
@@ -153,7 +162,8 @@ CHANGES: list[tuple[str, Callable[[Session, Entry], Entry | None], set[str]]] = 
     ("jump", add(250, "command", 0.001), {"velocity", "acceleration", "jerk", "arming"}),
     ("jolt", add(250, "command", 4e-5), {"acceleration", "jerk"}),
     ("jerk", add(80, "command", 8e-6), {"jerk"}),
-    ("jump at arming", add(0, "value", 0.3), {"arming"}),
+    ("jump at arming", add(0, "value", 0.3), {"arming", "follow"}),
+    ("frozen encoder", frozen, {"arming", "follow"}),
     ("deaf to the stop", once(410, mode(Mode.HOLD)), {"estop"}),
     ("fault in silence", once(250, mode(Mode.FAULT)), {"fault"}),
 ]
@@ -271,3 +281,12 @@ def test_a_motion_that_the_tensions_limit_breaks_no_rule(configs: Path, tmp_path
     }
     path = record_virtual(tmp_path / "run.mcap", loaded, None, orders, ticks=250, rate_hz=100.0)
     assert list(check_session(Session(path))) == []
+
+
+@pytest.mark.parametrize("share", [0.0, 0.33, -1.0])
+def test_a_body_that_did_not_follow_broke_a_rule(tmp_path: Path, share: float) -> None:
+    loaded = load(1, options=f"faults:\n  - {{at_s: 1.5, axis: f0.left, kind: scaled, share: {share}}}\n")
+    path = record_virtual(tmp_path / "away.mcap", loaded, circle(loaded, period_s=2.0))
+    found = [each for each in check_session(Session(path)) if each.rule == "follow"]
+    assert found
+    assert "fault 112" in found[0].message

@@ -27,8 +27,8 @@ FINGER = """\
     rest_mm: [60, 60]
     stop: {{on_end: {on_end}, on_interrupt: {on_interrupt}, on_fault: {on_fault}, on_host_loss: relax}}
     axes:
-      left: {{bus: {bus}, device: servo, mm_per_rev: 37.7}}
-      right: {{bus: {bus}, device: servo, mm_per_rev: 37.7}}
+      left: {{bus: {bus}, device: servo, velocity_deg_s: 1200, mm_per_rev: 37.7}}
+      right: {{bus: {bus}, device: servo, velocity_deg_s: 1200, mm_per_rev: 37.7}}
 """
 
 

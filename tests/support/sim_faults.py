@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 from contid.hal import Rest
+from contid.robot_file.load import LoadedFile, with_mock
 from contid_drivers.sim.bus import SimBus
 from contid_drivers.sim.options import FaultKind, ScheduledFault
 
@@ -27,3 +31,13 @@ def heal(bus: SimBus, kind: FaultKind, axis: str | None = None) -> None:
     bus.switches.on.pop((kind, axis or ""), None)
     if kind is FaultKind.STALL and axis is not None:
         bus.devices[axis].motion.blocked = False
+
+
+def with_faults(loaded: LoadedFile, faults: Sequence[ScheduledFault]) -> LoadedFile:
+    """A shipped robot on simulated buses; each of them has the scheduled faults of its axes."""
+    mocked, buses = with_mock(loaded), {}
+    for name, bus in mocked.buses.items():
+        axes = {axis for axis, _ in bus.axes}
+        mine = tuple(fault for fault in faults if fault.axis is None or fault.axis in axes)
+        buses[name] = replace(bus, options=bus.options.model_copy(update={"faults": mine}))
+    return replace(mocked, buses=buses)

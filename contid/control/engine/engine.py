@@ -25,6 +25,8 @@ from contid.control.engine.sources import Live
 from contid.control.engine.stages import EngineParts, TickStage, stages_of_extras, with_method
 from contid.control.engine.stall_watch import StallWatch
 from contid.control.engine.target_selector import TargetSelector
+from contid.control.engine.watch.arrivals import Arrivals
+from contid.control.engine.watch.body_watch import BodyWatch
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
@@ -41,6 +43,7 @@ class Engine:
         robots: with their configurations, states and statistics.
         exchange: with the buses.
         selector: of the source of targets.
+        body_watch: compares what the axes measure with their commands.
         finished: every robot rests after the end of the source, or after an order to finish.
     """
 
@@ -91,7 +94,10 @@ class Engine:
             stages.append(chains)
         if contacts is not None:
             stages.append(contacts)
-        stages += [*stages_of_extras(parts), StallWatch(self.robots, rate_hz)]
+        self.body_watch = BodyWatch(self.robots, self.exchange)
+        stages += [*stages_of_extras(parts), StallWatch(self.robots, rate_hz), self.body_watch]
+        arrivals = Arrivals(self.robots, self.body_watch, sink)
+        stages.append(arrivals)
         self._before, self._after, self._settle = (
             with_method(stages, method) for method in ("before", "after", "settle")
         )
@@ -101,7 +107,7 @@ class Engine:
             self.robots, self.selector, self.exchange, chains, stages, sink, self._fail
         )
         going_back = () if contacts is None else contacts.going_back
-        self._outcomes = Outcomes(self.robots, self.selector, self.exchange, going_back, sink)
+        self._outcomes = Outcomes(self.robots, self.selector, self.exchange, going_back, arrivals, sink)
         self._rate_hz = rate_hz
         self._step = -1
 
@@ -185,7 +191,7 @@ class Engine:
         source_s = None if source is None else source.time_s
         self._recorder.record(timing, now_s, source_s, targets, outcomes)
         if selector.finishing and not self.finished:
-            self.finished = robots.resting and not exchange.busy
+            self.finished = robots.resting and not exchange.busy and self.body_watch.settled
 
     def _fail(self, stage: TickStage, error: Exception, now_s: float) -> None:
         """An error in a stage is a fault of its robots that are not OFF; they stop by their policy."""

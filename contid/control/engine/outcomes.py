@@ -12,6 +12,7 @@ from contid.control.engine.exchange import Exchange
 from contid.control.engine.robots import Robots
 from contid.control.engine.sources import Timed
 from contid.control.engine.target_selector import TargetSelector
+from contid.control.engine.watch.arrivals import Arrivals
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.contact.squeeze_way import SqueezeEnd, SqueezeReport
 from contid.control.tick.preflight.reasons import NEAR_M
@@ -39,6 +40,7 @@ class Outcomes:
         selector: TargetSelector,
         exchange: Exchange,
         going_back: Container[int],
+        arrivals: Arrivals,
         sink: Sink,
     ) -> None:
         """``going_back``: indices of the robots that retreat from a contact."""
@@ -46,6 +48,7 @@ class Outcomes:
         self._selector = selector
         self._exchange = exchange
         self._going_back = going_back
+        self._arrivals = arrivals
         self._sink = sink
         #: Goto of each robot in the tick before; a replaced one has ended.
         self._going: list[Target | None] = [None for _ in robots.configs]
@@ -65,7 +68,10 @@ class Outcomes:
             self._sink.event(_squeeze_event(config, number, outcome.squeezed))
         if going is not None and state.goto is None and not recovered:
             arrived = state.mode is Mode.HOLD and not retreating and outcome.arrived
-            self._sink.event(GotoEnded(robot=config.name, arrived=arrived, tick=number))
+            if arrived and outcome.squeezed is None:
+                self._arrivals.commanded(index)
+            else:
+                self._sink.event(GotoEnded(robot=config.name, arrived=arrived, tick=number))
         if not retreating or (going is not None and state.goto is None):
             self._going[index] = None if state.recovering else state.goto
         robots.states[index] = state

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from contid.control.engine.engine import Engine
 from contid.control.engine.tick_layout import CONVERGED, RecordLayout, TickRecord
+from contid.control.engine.watch.watched_body import AxisPlace, has_arrived
 from contid.control.tick.faults import Fault, describe
 from contid.control.tick.next_command import tip_tolerance_m
 from contid.control.tick.statistics import Lateness, RobotTally
@@ -87,6 +88,8 @@ class RunReport:
                 + "".join(f", {n} ticks at the {limit} limit" for limit, n in robot["ticks_limited"].items())
                 + (f", {robot['ticks_unreachable']} unreachable" if robot["ticks_unreachable"] else "")
             )
+            if robot.get("axes"):
+                lines.append(f"{name}: {_places(robot['axes'])}")
             if robot["fault"]:
                 lines.append(f"{name}: {robot['message']}")
         for name, counts in self.buses.items():
@@ -94,6 +97,14 @@ class RunReport:
                 f"{name}: " + ", ".join(f"{count} {what.replace('_', ' ')}" for what, count in counts.items())
             )
         return "\n".join([*lines, *self.problems])
+
+
+def _places(axes: Mapping[str, Mapping[str, float]]) -> str:
+    """Commanded, measured and their difference at the end, of every axis."""
+    return "axes " + ", ".join(
+        f"{axis} {at['commanded']:.4g} measured {at['measured']:.4g} ({at['difference']:+.2g})"
+        for axis, at in axes.items()
+    )
 
 
 def _errors(robot: Mapping[str, Any]) -> str:
@@ -114,19 +125,38 @@ def robot_reports(engine: Engine) -> dict[str, dict[str, Any]]:
     """The closing report of each robot."""
     out = {}
     robots = engine.robots
-    for config, state, tally in zip(robots.configs, robots.states, robots.tallies, strict=True):
+    for index, (config, state, tally) in enumerate(
+        zip(robots.configs, robots.states, robots.tallies, strict=True)
+    ):
         fault, message = state.fault, state.message
         faulted = state.mode is Mode.FAULT
         allowed_m = tip_tolerance_m(config.quantity)
         if fault is Fault.NONE and engine.selector.ended and tally.off_target_m > allowed_m:
             fault, message, faulted = Fault.TIP_OFF_TARGET, _off_target(tally, allowed_m), True
+        places = engine.body_watch.places(index)
+        if fault is Fault.NONE and engine.selector.ended and not has_arrived(places):
+            fault, message, faulted = Fault.DOES_NOT_FOLLOW, _not_there(places), True
         out[config.name] = {
             "mode": state.mode.name,
             "fault": int(fault),
             "message": describe(fault, message) if faulted else "",
+            "axes": {
+                place.axis: {
+                    "commanded": place.commanded,
+                    "measured": place.measured,
+                    "difference": place.measured - place.commanded,
+                }
+                for place in places
+            },
             **tally.as_dict(),
         }
     return out
+
+
+def _not_there(places: Sequence[AxisPlace]) -> str:
+    return "the run ended, and the robot is not there: " + "; ".join(
+        str(place) for place in places if not place.arrived
+    )
 
 
 def outrun(robots: Mapping[str, Mapping[str, Any]]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from contid.clearance.guard import ClearanceGuard
 from contid.clearance.lead import lead_around
@@ -14,7 +14,18 @@ from contid.control.tick.config import RobotConfig, robot_config
 from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.control.tick.transmission import RobotTransmission
 from contid.errors import ContidError, DriverDefectError
-from contid.hal import AxisOnBus, Bus, Clock, Driver, SimulatesBodies, SpooledTendon, load_driver
+from contid.hal import (
+    RESPONSES,
+    AxisOnBus,
+    Bus,
+    Clock,
+    DeviceResponse,
+    Driver,
+    Responds,
+    SimulatesBodies,
+    SpooledTendon,
+    load_driver,
+)
 from contid.kinematics.rope.chain import ChainGuard
 from contid.kinematics.tendon.described import spooled_tendons
 from contid.robot_file.chain import Chain
@@ -24,6 +35,9 @@ from contid.robot_file.load import LoadedFile
 from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.robot_file.tick_rate import watchdog_s
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
 
 _Capability = TypeVar("_Capability")
 
@@ -134,8 +148,19 @@ def build_robot_configs(loaded: LoadedFile, rate_hz: float) -> tuple[RobotConfig
     """One configuration per driven robot, in file order; redundant ones keep away from obstacles."""
     tolerance = {bus.name: bus.tolerance_ticks for bus in loaded.buses.values()}
     watchdogs_s = {bus.name: watchdog_s(bus) for bus in loaded.buses.values()}
+    responses = {
+        axis: _response(wiring, options) for wiring in loaded.buses.values() for axis, options in wiring.axes
+    }
     configs = tuple(
-        robot_config(name, robot, RobotTransmission(robot), rate_hz, tolerance, watchdogs_s)
+        robot_config(
+            name,
+            robot,
+            RobotTransmission(robot),
+            rate_hz,
+            tolerance,
+            watchdogs_s,
+            devices={axis: responses[f"{name}.{axis}"] for axis in robot.all_axis_names},
+        )
         for name, robot in loaded.driven.items()
     )
     clearance = loaded.file.clearance
@@ -143,6 +168,14 @@ def build_robot_configs(loaded: LoadedFile, rate_hz: float) -> tuple[RobotConfig
         for config in configs:
             lead_around(config.model, config.frame, config.name, clearance)
     return configs
+
+
+def _response(wiring: BusWiring, axis: BaseModel) -> DeviceResponse:
+    """The response of the device of an axis: by its driver, else by its kind."""
+    driver = load_driver(wiring.driver)
+    if isinstance(driver, Responds):
+        return driver.device_response(wiring.options, axis)
+    return RESPONSES[driver.kind(axis)]
 
 
 def chain_guards(loaded: LoadedFile) -> list[ChainGuard]:

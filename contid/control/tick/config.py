@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
+from contid.control.tick.follow.expected_range import AxisResponse
+from contid.control.tick.follow.responses import axis_responses
 from contid.control.tick.limits import AxisLimits, axis_limits
 from contid.control.tick.shared_limits import SharedLimits
 from contid.control.tick.transmission import RobotTransmission
-from contid.hal import Sample
+from contid.hal import DeviceResponse, Sample
 from contid.kinematics.extra_axes import build_whole_model
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model
@@ -81,6 +84,7 @@ class RobotConfig:
         nm_per_a: torque of an axis per its current [N m/A], 0 when it is not stated.
         straight: approaches are straight lines of the axes, which keep limits that several axes share.
         shared: limits that the model's own axes share, None without.
+        responses: how every axis answers its commands when it is healthy.
     """
 
     name: str
@@ -116,6 +120,7 @@ class RobotConfig:
     nm_per_a: float = 0.0
     straight: bool = False
     shared: SharedLimits | None = None
+    responses: tuple[AxisResponse, ...] = ()
 
     @property
     def measurements_move_targets(self) -> bool:
@@ -136,8 +141,10 @@ def robot_config(
     rate_hz: float,
     tolerance_of_bus: Mapping[str, int],
     watchdog_s_of_bus: Mapping[str, float],
+    *,
+    devices: Mapping[str, DeviceResponse] = MappingProxyType({}),
 ) -> RobotConfig:
-    """Configuration of one robot of a file at a rate [Hz]."""
+    """Configuration of one robot of a file at a rate [Hz]; ``devices``: response by axis of the robot."""
     model = build_whole_model(robot)
     names = robot.all_axis_names
     tolerance = tuple(tolerance_of_bus[robot.axes[axis].bus] for axis in names)
@@ -180,6 +187,7 @@ def robot_config(
         nm_per_a=0.0 if currents is None or currents.nm_per_a is None else currents.nm_per_a,
         straight=getattr(model, "taut", None) is not None or getattr(model, "straight_approach", False),
         shared=getattr(model, "shared", None),
+        responses=axis_responses(robot, transmission, devices, period_s),
     )
 
 

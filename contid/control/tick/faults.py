@@ -29,6 +29,9 @@ class Fault(enum.IntEnum):
     OUTSIDE_LIMITS = 109
     TENDON_SLACK = 110
     TENDON_SNAPPED = 111
+    DOES_NOT_FOLLOW = 112
+    MOVES_UNASKED = 113
+    IMPLAUSIBLE_SAMPLE = 114
     NOT_A_NUMBER = 201
     INTERNAL = 202
     TIP_OFF_TARGET = 203
@@ -113,6 +116,27 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         _BY_POLICY,
         "replace the tendon or tie its knot again; clear-fault, then `contid home`",
     ),
+    Fault.DOES_NOT_FOLLOW: FaultPage(
+        "an axis was measured farther from where its commands should have brought it than follow_mm, "
+        "follow_bar or follow_deg, for 30 ms, or it was not there when the run ended",
+        _BY_POLICY,
+        "see what holds it: a blocked shaft, a slipped horn, a hose that is off, a stuck valve, crossed "
+        "wires, a dead encoder, a device slower than rates; clear-fault, then resume; if the device is only "
+        "slow, raise follow_lag_ms or lower rates",
+    ),
+    Fault.MOVES_UNASKED: FaultPage(
+        "an axis that was commanded to stand was measured farther from its command than follow_mm, "
+        "follow_bar or follow_deg, for 30 ms",
+        _BY_POLICY,
+        "see what moved it: a push, a leak, a horn or an encoder that slips; clear-fault, then resume",
+    ),
+    Fault.IMPLAUSIBLE_SAMPLE: FaultPage(
+        "a measurement jumped farther than a body moves in one tick, is dated more than 0.1 s in the future, "
+        "or is no number (tolerance_ticks times in a row)",
+        _BY_POLICY,
+        "check encoder, cable and supply of the axis, and its driver if others wrote it; clear-fault, then "
+        "resume",
+    ),
     Fault.NOT_A_NUMBER: FaultPage(
         "the model answered a target with something that is not a number",
         _BY_POLICY,
@@ -179,6 +203,7 @@ def markdown() -> str:
         "A fault stops one robot (and the other arm of its chain) and stays until `contid clear-fault`;",
         "a run with one ends with exit code 3.",
         "Numbers never change their meaning: 1xx devices, 2xx arithmetic, 3xx other robots and obstacles.",
+        "112 to 114 come from [the watch of the body](devices/watching.md), which has what it finds and how soon.",
         "",
         "| number | name | cause | what the robot did | what to do |",
         "|---|---|---|---|---|",

@@ -153,8 +153,12 @@ def watched(config: RobotConfig, state: RobotState, samples: Sequence[Sample], n
         if sample.valid and sample.age_s > stale_s:
             message = f"{axis} repeats a measurement that is {sample.age_s:.3g} s old"
             return fail(config, state, Fault.AXIS_STALE, message, now_s)
-    for count, tolerance, axis in zip(misses, config.tolerance, config.axes, strict=True):
+    for count, tolerance, axis, sample in zip(misses, config.tolerance, config.axes, samples, strict=True):
         if count >= tolerance:
+            # A failed read keeps the last value; none is left only where the driver answered no number.
+            if sample.value is None:
+                message = f"{axis} answered {count} times in a row, but not with a finite number"
+                return fail(config, state, Fault.IMPLAUSIBLE_SAMPLE, message, now_s)
             message = f"{axis} did not answer {count} times in a row"
             return fail(config, state, Fault.AXIS_SILENT, message, now_s)
     return state

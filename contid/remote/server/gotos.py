@@ -65,6 +65,8 @@ class Gotos:
         move.waiting.discard(robot)
         if not event.arrived:
             move.failed.add(robot)
+            if event.message:
+                self._squeezed[robot] = event.message
         if not move.waiting:
             faults = self._view.faults(self._control.newest(), tuple(move.failed))
             message = f"{', '.join(sorted(move.failed))} did not arrive" if move.failed else ""

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from contid.hal import (
+    RESPONSES,
     AxisOnBus,
     Bus,
     Clock,
     DeviceKind,
     DeviceRate,
+    DeviceResponse,
     Driver,
     Finding,
     FoundDevice,
@@ -72,6 +75,12 @@ class DueDriver:
             "vent_bar_s": axis.vent_bar_s,
             "ceiling_bar": axis.ceiling_bar,
         }
+
+    def device_response(self, bus: BaseModel, axis: BaseModel) -> DeviceResponse:
+        """Of the device of an axis: the board ramps set-points of regulators (`contid.hal.Responds`)."""
+        assert isinstance(axis, DueAxisOptions)
+        response = RESPONSES[axis.kind]
+        return response if axis.kind is DeviceKind.MOTOR else replace(response, top=axis.slew_bar_s * BAR)
 
     def device_rate(self, axis: BaseModel) -> DeviceRate:
         """Limit of the device of an axis with these options.

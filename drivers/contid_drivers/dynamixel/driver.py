@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from contid.hal import (
+    RESPONSES,
     AxisOnBus,
     Bus,
     Clock,
     DeviceKind,
+    DeviceRate,
+    DeviceResponse,
     Driver,
     ExchangeTime,
     Finding,
@@ -20,6 +25,7 @@ from contid.hal import (
     RegisterValue,
     Report,
 )
+from contid.units import DEG
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
 if TYPE_CHECKING:
@@ -40,6 +46,24 @@ class DynamixelDriver:
         """The servo's id."""
         assert isinstance(axis, DynamixelAxisOptions)
         return f"id {axis.id}"
+
+    def device_response(self, bus: BaseModel, axis: BaseModel) -> DeviceResponse:
+        """Of a servo; with limited current it yields to what it pushes on (`contid.hal.Responds`)."""
+        assert isinstance(bus, DynamixelBusOptions)
+        assert isinstance(axis, DynamixelAxisOptions)
+        yields = (axis.mode or bus.mode) == "current_based_position"
+        return replace(RESPONSES[DeviceKind.SERVO], yields=yields)
+
+    def device_rate(self, axis: BaseModel) -> DeviceRate:
+        """Its own speed without load, or the profile that is written into it (`contid.hal.LimitsRate`)."""
+        from contid_drivers.dynamixel.models import NO_LOAD_RPM
+
+        assert isinstance(axis, DynamixelAxisOptions)
+        top = NO_LOAD_RPM.get(axis.model, math.inf) * math.tau / 60.0
+        rates = [DeviceRate("model", top, f"without load a {axis.model} does")]
+        if axis.profile_velocity_deg_s:
+            rates.append(DeviceRate("profile_velocity_deg_s", axis.profile_velocity_deg_s * DEG))
+        return min(rates, key=lambda rate: rate.value)
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
         """Options of the ``sim`` bus that replaces this bus under ``--mock``.

@@ -134,6 +134,11 @@ MODELS: Final[tuple[ServoModel, ...]] = (
     _x("xh540-v270", 1140, 2.69, 1188, _24V, 800),
     _x("xh540-v150", 1150, 2.69, 1188, _24V, 800),
 )
+#: Speed without load at the recommended supply [rpm], of the models whose e-manual page was read for it.
+NO_LOAD_RPM: Final[dict[ModelName, float]] = {
+    "xl330-m077": 383.0, "xl330-m288": 103.0, "xc330-m181": 129.0, "xc330-m288": 81.0, "2xc430-w250": 64.0,
+    "xm540-w150": 53.0, "xm540-w270": 30.0, "xh540-v150": 60.0, "xh540-v270": 34.0,
+}  # fmt: skip
 BY_NAME: Final[dict[str, ServoModel]] = {model.name: model for model in MODELS}
 BY_NUMBER: Final[dict[int, ServoModel]] = {model.number: model for model in MODELS}
 assert set(BY_NAME) == set(get_args(ModelName))

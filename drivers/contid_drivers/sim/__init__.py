@@ -10,7 +10,7 @@ from contid_drivers.sim.options import SimAxisOptions, SimBusOptions
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from contid.hal import AxisOnBus, Bus, Clock, DeviceKind
+    from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, DeviceResponse
 
 
 class SimDriver:
@@ -27,6 +27,13 @@ class SimDriver:
     def address(self, axis: BaseModel) -> str:
         """Simulated axes have names only."""
         return ""
+
+    def device_response(self, bus: BaseModel, axis: BaseModel) -> DeviceResponse:
+        """Of a simulated device: a file that makes it slow means that (`contid.hal.Responds`)."""
+        from contid_drivers.sim.devices import simulated_response
+
+        assert isinstance(axis, SimAxisOptions)
+        return simulated_response(axis)
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
         """Options of the ``sim`` bus that replaces this bus under ``--mock``.

@@ -17,10 +17,11 @@ from contid.hal import AxisOnBus, Clock, DeviceKind, Rest, Sample, TipMeasured
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
 from contid_drivers.sim.arm.body import TrackedArm
+from contid_drivers.sim.body_faults import BodyFaults
 from contid_drivers.sim.devices import SimDevice
 from contid_drivers.sim.faults import Switches, append_event
 from contid_drivers.sim.finger_body import FingerBody
-from contid_drivers.sim.options import FaultKind, SimAxisOptions, SimBusOptions
+from contid_drivers.sim.options import MECHANICAL, FaultKind, SimAxisOptions, SimBusOptions
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -36,6 +37,7 @@ class SimBus:
         self._clock = clock
         self._watchdog_s = options.watchdog_ms / 1e3
         self.switches = Switches()
+        self._body_faults = BodyFaults()
         #: When `open` was called first; times of the robot file count from it.
         self._opened_s: float | None = None
         self._open = False
@@ -47,8 +49,8 @@ class SimBus:
         now = clock.now()
         self.devices = {axis.name: _device(name, options, axis, now) for axis in axes}
         for fault in options.faults:
-            if fault.axis is not None:
-                self._device(fault.axis)
+            for axis in filter(None, (fault.axis, fault.other)):
+                self._device(axis)
 
     # -- the contract ------------------------------------------------------------------------------------
 
@@ -96,12 +98,12 @@ class SimBus:
             if not math.isfinite(value):
                 raise DeviceError(axis, f"a command must be finite, got {value!r}")
         now = self._advance_open()
-        for axis, value in commands.items():
+        for axis, value in self._body_faults.commands(commands).items():
             if axis in self._enabled and not self._silent(axis):
                 self.devices[axis].command(value)
         for axis, device in self.devices.items():
             if not self._silent(axis) and not self.switches.is_on(FaultKind.STALE, axis):
-                self._samples[axis] = device.read(now)
+                self._samples[axis] = self._body_faults.seen(axis, device.read(now))
         end = self._wait(now, self._options.latency_ms / 1e3 + self.switches.delay_s)
         for axis, device in self.devices.items():
             answered = not self._silent(axis)
@@ -207,6 +209,8 @@ class SimBus:
                 self.devices[edge.axis].overload()
             elif edge.kind is FaultKind.STALL:
                 self.devices[edge.axis].motion.blocked = edge.on
+            elif edge.kind in MECHANICAL:
+                self._body_faults.switch(edge.fault, edge.on, self.devices[edge.axis], edge_s)
             self._note(f"{edge.kind.value} {'begins' if edge.on else 'ends'}", edge_s, edge.axis)
         self._advance_devices(now)
         return now

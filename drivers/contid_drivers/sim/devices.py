@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from contid.hal import DeviceKind, Rest, Sample
+from contid.hal import RESPONSES, DeviceKind, DeviceResponse, Rest, Sample
 from contid.units import BAR
 from contid_drivers.sim.options import SimAxisOptions
 from contid_drivers.sim.profile import ProfileMotion
@@ -152,6 +152,16 @@ def character_of(options: SimAxisOptions) -> Character:
     return replace(_OF_KIND[options.device], **changes)
 
 
+def simulated_response(options: SimAxisOptions) -> DeviceResponse:
+    """The response of the device of an axis, with a third more lag than it has where the file sets that."""
+    response = RESPONSES[options.device]
+    if options.response_ms is not None:
+        response = replace(response, lag_s=max(response.lag_s, options.response_ms / 750.0))
+    if options.slew_bar_s is not None:
+        response = replace(response, top=options.slew_bar_s * BAR)
+    return response
+
+
 class SimDevice:
     """One device on the bus."""
 
@@ -167,6 +177,7 @@ class SimDevice:
         self.character = character_of(options)
         self.motion = ProfileMotion(time_s, start, self.character.tau_s)
         self.goal = start
+        self._top = self.character.velocity
         #: True while the device follows goals: torque on, or regulator active.
         self.on = False
         self.rest = Rest.RELAX
@@ -232,7 +243,11 @@ class SimDevice:
         character = self.character
         steps = round(min(character.highest, max(character.lowest, value)) / character.quantum)
         self.goal = steps * character.quantum
-        self.motion.go(self.goal, character.velocity, character.acceleration)
+        self.motion.go(self.goal, self._top, character.acceleration)
+
+    def slow(self, share: float) -> None:
+        """From the next command on its top speed is a share of what its kind has."""
+        self._top = share * self.character.velocity
 
     def settle(self, rest: Rest) -> None:
         """Rest: hold (keep position, or close the valve), relax, or vent at the vent rate.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from contid.errors import DeviceError
@@ -21,9 +21,17 @@ class Edge:
     time_s: float
     number: int
     on: bool
-    kind: FaultKind
-    axis: str
-    delay_s: float
+    fault: ScheduledFault = field(compare=False)
+
+    @property
+    def kind(self) -> FaultKind:
+        """Of the fault."""
+        return self.fault.kind
+
+    @property
+    def axis(self) -> str:
+        """Of the fault, "" for the bus."""
+        return self.fault.axis or ""
 
 
 class Switches:
@@ -44,8 +52,7 @@ class Switches:
         ends = [] if fault.for_s is None else [(begin + fault.for_s, False)]
         for time_s, on in [(begin, True), *ends]:
             self._number += 1
-            edge = Edge(time_s, self._number, on, fault.kind, fault.axis or "", fault.delay_ms / 1e3)
-            heapq.heappush(self._edges, edge)
+            heapq.heappush(self._edges, Edge(time_s, self._number, on, fault))
 
     @property
     def next_s(self) -> float:
@@ -56,7 +63,7 @@ class Switches:
         """Remove the next edge, apply and return it."""
         edge = heapq.heappop(self._edges)
         if edge.on:
-            self.on[edge.kind, edge.axis] = edge.delay_s
+            self.on[edge.kind, edge.axis] = edge.fault.delay_ms / 1e3
         else:
             self.on.pop((edge.kind, edge.axis), None)
         return edge

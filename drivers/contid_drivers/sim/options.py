@@ -14,7 +14,7 @@ from contid.units import BAR
 
 
 class FaultKind(enum.StrEnum):
-    """Faults of a simulated bus; see `ScheduledFault.kind`."""
+    """Faults of a simulated bus; see `ScheduledFault`."""
 
     SILENT = "silent"
     STALE = "stale"
@@ -22,9 +22,19 @@ class FaultKind(enum.StrEnum):
     STALL = "stall"
     LOST = "lost"
     LATE = "late"
+    SCALED = "scaled"
+    LEAK = "leak"
+    JUMP = "jump"
+    PLAY = "play"
+    SWAPPED = "swapped"
+    SLOW = "slow"
 
 
-OF_AN_AXIS: Final = frozenset({FaultKind.SILENT, FaultKind.STALE, FaultKind.OVERLOAD, FaultKind.STALL})
+#: Faults of the body behind a device, which it does not report.
+MECHANICAL: Final = frozenset(
+    {FaultKind.SCALED, FaultKind.LEAK, FaultKind.JUMP, FaultKind.PLAY, FaultKind.SWAPPED, FaultKind.SLOW}
+)
+OF_AN_AXIS: Final = MECHANICAL | {FaultKind.SILENT, FaultKind.STALE, FaultKind.OVERLOAD, FaultKind.STALL}
 
 
 class ScheduledFault(Strict):
@@ -34,11 +44,19 @@ class ScheduledFault(Strict):
         at_s: begin, after the bus was first opened.
         kind: ``silent``: one axis neither receives nor answers. ``stale``: it answers with its measurement
             from the begin of the fault. ``overload``: it drops its torque and reports it, latched.
-            ``stall``: its shaft is blocked; an overload follows. ``lost``: the whole bus is unplugged.
-            ``late``: the bus answers ``delay_ms`` later.
-        axis: ``ROBOT.AXIS``, for the first four kinds.
+            ``stall``: its shaft is blocked, and an overload follows; a valve is stuck. ``lost``: the whole
+            bus is unplugged. ``late``: the bus answers ``delay_ms`` later. ``scaled``: the axis shows
+            ``share`` of its motion since then (0: a frozen encoder, 0.33: a slipped horn, -1: a wrong sign).
+            ``leak``: it shows ``share`` of its pressure (0: the hose is off). ``jump``: it shows ``by_deg``
+            or ``by_bar`` more. ``play``: it follows its device only by more than that (backlash, friction).
+            ``swapped``: its commands go to the ``other`` axis and those of that to it. ``slow``: its top
+            speed is ``share`` of what it was.
+        axis: ``ROBOT.AXIS``, for faults of one axis.
         for_s: duration; without end if left out.
         delay_ms: delay of the kind ``late``.
+        share: of the kinds ``scaled``, ``leak`` and ``slow``.
+        by_deg, by_bar: of the kinds ``jump`` and ``play``.
+        other: ``ROBOT.AXIS`` of the kind ``swapped``, on the same bus.
     """
 
     at_s: NonNegative
@@ -46,13 +64,27 @@ class ScheduledFault(Strict):
     axis: str | None = None
     for_s: Positive | None = None
     delay_ms: Positive = 20.0
+    share: Annotated[float, Field(ge=-10, le=10)] = 0.0
+    by_deg: float = 0.0
+    by_bar: float = 0.0
+    other: str | None = None
 
     @model_validator(mode="after")
     def _axis_where_it_belongs(self) -> Self:
         if (self.axis is None) == (self.kind in OF_AN_AXIS):
             rule = "needs" if self.kind in OF_AN_AXIS else "is a fault of the whole bus and takes no"
             raise ValueError(f"kind {self.kind.value} {rule} axis")
+        if (self.other is None) == (self.kind is FaultKind.SWAPPED):
+            rule = "needs" if self.other is None else "takes no"
+            raise ValueError(f"kind {self.kind.value} {rule} other")
+        if self.kind is FaultKind.SLOW and not self.share > 0.0:
+            raise ValueError("kind slow needs a share above 0")
         return self
+
+    @property
+    def by(self) -> float:
+        """Size of a jump or of a play [rad or Pa]."""
+        return math.radians(self.by_deg) + self.by_bar * BAR
 
 
 class SimBusOptions(Strict):

@@ -188,6 +188,7 @@ def test_a_value_that_is_no_number_is_a_failed_read_even_if_marked_valid(value: 
     for tick in range(500):  # the bus looks at it
         clock.now_s = tick / 200.0
         engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s))
-    assert engine.robots.states[0].fault is (Fault.AXIS_SILENT if since else Fault.NO_SAMPLE)
+    no_number = Fault.AXIS_SILENT if value == "left out" else Fault.IMPLAUSIBLE_SAMPLE
+    assert engine.robots.states[0].fault is (no_number if since else Fault.NO_SAMPLE)
     assert bool(engine.robots.states[0].command) == bool(since)
     bus.close()

@@ -45,7 +45,7 @@ OTHERS: Sequence[Message] = (
 def file_with_start(left_mm: float, on_fault: str = "hold") -> LoadedFile:
     """A finger whose left axis stands at a length; its limits are 0 to 100 mm."""
     degrees = left_mm / MM_PER_REV * 360.0
-    plain = "left: {bus: bus0, device: servo, mm_per_rev: 37.7}"
+    plain = "left: {bus: bus0, device: servo, velocity_deg_s: 1200, mm_per_rev: 37.7}"
     text = fingers(1, on_fault=on_fault)
     assert plain in text
     return parse_robot_file(text.replace(plain, f"{plain[:-1]}, start_deg: {degrees!r}}}"), "fingers.yaml")

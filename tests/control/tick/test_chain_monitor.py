@@ -64,7 +64,8 @@ def chain(
         ]
         start_deg = (left_start_mm if name == "left" else 115) / 37.7 * 360
         lines += [
-            f"      s{s}.l{j}: {{bus: {bus}, device: servo, mm_per_rev: 37.7, start_deg: {start_deg}}}"
+            f"      s{s}.l{j}: {{bus: {bus}, device: servo, velocity_deg_s: 1200, mm_per_rev: 37.7, "
+            f"start_deg: {start_deg}}}"
             for s in (1, 2)
             for j in (1, 2, 3)
         ]

@@ -12,7 +12,7 @@ from tests.support.waiting import until
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
-AXIS = "left: {bus: bus0, device: servo, mm_per_rev: 37.7"
+AXIS = "left: {bus: bus0, device: servo, velocity_deg_s: 1200, mm_per_rev: 37.7"
 
 
 def test_a_robot_outside_its_limits_moves_by_recover_only() -> None:

@@ -36,8 +36,9 @@ def info(session_file: str, as_json: bool) -> None:
 def check(session_file: str, as_json: bool) -> None:
     """Check the motion of SESSION_FILE against the rules, from its records alone.
 
-    Limits of position, velocity, acceleration and jerk; no jump at arming; an emergency stop within its tick;
-    growing time; an event for every fault. Exit code 1 when a rule was broken.
+    Limits of position, velocity, acceleration and jerk; no jump at arming; measured axes that follow their
+    commands; an emergency stop within its tick; growing time; an event for every fault. Exit code 1 when a
+    rule was broken.
     """
     from contid.session.check import check_session
     from contid.session.read import Session

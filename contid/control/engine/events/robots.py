@@ -110,5 +110,6 @@ class GotoEnded(RunEvent):
     """A robot reached the target of a goto, or gave up on it."""
 
     robot: RobotName
-    arrived: Annotated[bool, "the robot holds at the target"]
+    arrived: Annotated[bool, "the robot holds at the target, by command and by measurement"]
     tick: TickNumber
+    message: Annotated[str, "which axes are not there, with commanded, measured and their difference"] = ""

@@ -1,0 +1,49 @@
+"""A goto ends when the measured robot is at its target, or after the time that its axes have to settle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from contid.control.engine.cycle import Sink, Timing
+from contid.control.engine.events.robots import GotoEnded
+from contid.control.engine.robots import Robots
+from contid.control.engine.stages import Targets, TickStage
+from contid.control.engine.watch.body_watch import BodyWatch
+from contid.control.engine.watch.watched_body import has_arrived
+from contid.control.tick.supervisor import Mode
+
+
+class Arrivals(TickStage):
+    """The gotos whose commands are at their targets and whose robots may not be there yet."""
+
+    def __init__(self, robots: Robots, body_watch: BodyWatch, sink: Sink) -> None:
+        self.robots: Sequence[int] = range(len(robots.configs))
+        self._robots = robots
+        self._body_watch = body_watch
+        self._sink = sink
+        self._tick = 0
+        #: By index of the robot, until when it may arrive; None until the first look.
+        self._waiting: dict[int, float | None] = {}
+
+    def commanded(self, index: int) -> None:
+        """The command of a robot is at the target of its goto."""
+        self._waiting[index] = None
+
+    def before(self, targets: Targets, timing: Timing, now_s: float) -> Targets:
+        """See `TickStage.before`: keeps the number of the tick."""
+        self._tick = timing.tick
+        return targets
+
+    def settle(self, now_s: float) -> None:
+        """See `TickStage.settle`: ends the gotos whose robots arrived, left, or had their time."""
+        for index, until_s in list(self._waiting.items()):
+            state = self._robots.states[index]
+            places = self._body_watch.places(index)
+            until_s = self._waiting[index] = until_s or now_s + self._body_watch.bodies[index].settle_s
+            arrived = has_arrived(places)
+            if not arrived and now_s < until_s and state.mode is Mode.HOLD and state.goto is None:
+                continue
+            del self._waiting[index]
+            far = "; ".join(str(place) for place in places if not place.arrived)
+            name = self._robots.configs[index].name
+            self._sink.event(GotoEnded(robot=name, arrived=arrived, tick=self._tick, message=far))

@@ -1,0 +1,197 @@
+"""The body of one robot, compared with its commands (`contid.control.engine.watch.body_watch`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.faults import Fault
+from contid.control.tick.follow.expected_range import ExpectedRange
+from contid.hal import Sample
+
+#: Time that an axis may be outside its range.
+CONFIRM_S: Final = 0.03
+#: A measurement dated farther ahead than this is from the future.
+FUTURE_S: Final = 0.1
+#: Measurements that are older are not compared: they show where the axis was.
+OLD_S: Final = 0.02
+#: How long a range is kept up after the last axis was off its command.
+AWAKE_S: Final = 0.5
+#: Least time that the axes have to arrive after the last command, and the same in their longest lag.
+SETTLE_S: Final = 0.5
+SETTLE_LAGS: Final = 5.0
+#: Share of its tolerance within which the range of an axis that stands still has closed.
+STILL_SHARE: Final = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class AxisPlace:
+    """Where an axis was commanded to, and measured, in the unit of its column.
+
+    Attributes:
+        axis: its column, such as ``left_mm``.
+        commanded, measured: the values.
+        arrived: the measurement is within the tolerance of the command.
+    """
+
+    axis: str
+    commanded: float
+    measured: float
+    arrived: bool
+
+    def __str__(self) -> str:
+        """For a person."""
+        off = self.measured - self.commanded
+        return f"{self.axis} commanded {self.commanded:.4g}, measured {self.measured:.4g}, off {off:+.3g}"
+
+
+def has_arrived(places: Sequence[AxisPlace]) -> bool:
+    """True when every axis is within the tolerance of its command."""
+    return all(place.arrived for place in places)
+
+
+class WatchedBody:
+    """The axes of one robot as they are watched.
+
+    Attributes:
+        config: of the robot.
+        checks: name and tolerance of every axis.
+        goal: newest command [rad or Pa]; empty before the first.
+        device: the same while it is compared, else empty.
+        awake: ticks for which the range is kept up.
+        note: takes a command of a tick in which it is not.
+        settle_s: how long the axes may take to arrive after the last command [s].
+        last: where the axes were at the end of the last motion; None while the robot is commanded.
+        settles_s: until when they may arrive there, None when that is decided.
+    """
+
+    def __init__(self, config: RobotConfig) -> None:
+        self.config = config
+        self.checks = tuple(
+            (axis, response.tolerance) for axis, response in zip(config.axes, config.responses, strict=True)
+        )
+        slowest_s = max(each.delay_s + SETTLE_LAGS * each.lag_s for each in config.responses)
+        self.settle_s = max(slowest_s, SETTLE_S)
+        self.goal: tuple[float, ...] = ()
+        self.device: tuple[float, ...] = ()
+        self.awake = 0
+        self.last: list[AxisPlace] | None = None
+        self.settles_s: float | None = None
+        self._range = ExpectedRange(config.responses, config.period_s)
+        self.note = self._range.past.append
+        self._confirm = max(math.ceil(CONFIRM_S / config.period_s), 2)
+        self._stay = math.ceil(AWAKE_S / config.period_s)
+        self._outside = [0] * len(config.axes)
+        self._asked = [False] * len(config.axes)
+        #: Measurements of the tick before, None where unknown; empty when all were at their commands.
+        self._values: Sequence[float | None] = ()
+
+    def command(self, device: tuple[float, ...], samples: Sequence[Sample]) -> None:
+        """Take a command to compare with; empty when there is none."""
+        if device and not self.device:
+            values = [sample.value for sample in samples if sample.value is not None]
+            self._range.begin(device, values if len(values) == len(device) else device)
+            self._outside = [0] * len(device)
+            self._values = (None,) * len(device)
+            self.awake = self._stay
+        elif device and self.awake:
+            self._range.advance(device)
+        self.device = device
+
+    def compare(self, samples: Sequence[Sample], latest_s: float, gap: bool) -> tuple[Fault, str]:
+        """Compare measurements of which one is not at its command; the fault and its message, or none.
+
+        Args:
+            samples: of every axis.
+            latest_s: time after which a measurement is from the future.
+            gap: ticks were left out since the measurements before.
+        """
+        if not self.awake:
+            self._range.catch_up()
+        self.awake = self._stay
+        before = (None,) * len(samples) if gap else self._values or self.device
+        self._values = [each.value if each.valid and not each.fault else None for each in samples]
+        for i, (value, last, sample) in enumerate(zip(self._values, before, samples, strict=True)):
+            if value is None:
+                continue
+            response, axis = self.config.responses[i], self.config.axes[i]
+            if sample.time_s > latest_s:
+                ahead_s = sample.time_s - latest_s + FUTURE_S
+                return Fault.IMPLAUSIBLE_SAMPLE, f"{axis} was measured {ahead_s:.3g} s in the future"
+            if last is not None and abs(value - last) > response.jump:
+                shown = f"{axis} jumped from {self._edge(i, last)} to {self._edge(i, value)} in one tick"
+                return Fault.IMPLAUSIBLE_SAMPLE, shown
+            excess = self._range.excess(i, value)
+            if excess <= response.tolerance or sample.age_s > OLD_S:
+                self._outside[i] = max(self._outside[i] - 1, 0)
+                continue
+            if not self._outside[i]:
+                self._asked[i] = not self._range.still(i, STILL_SHARE * response.tolerance)
+            self._outside[i] += 1
+            if self._outside[i] >= self._confirm:
+                fault = Fault.DOES_NOT_FOLLOW if self._asked[i] else Fault.MOVES_UNASKED
+                return fault, (
+                    f"{axis} is measured at {self._edge(i, value)}, commanded {self._edge(i, self.device[i])}"
+                )
+        return Fault.NONE, ""
+
+    def leave(self, samples: Sequence[Sample], holds: bool, now_s: float) -> None:
+        """The devices take no commands from now on.
+
+        Devices that hold their goal may still arrive at it; others had to be on their way.
+        """
+        self.last = self.places(samples)
+        if self.last and self.awake and not holds:
+            self.last = [
+                replace(place, arrived=value is None or self._range.excess(i, value) <= tolerance)
+                for i, (place, value, (_, tolerance)) in enumerate(
+                    zip(self.last, [sample.value for sample in samples], self.checks, strict=True)
+                )
+            ]
+        if holds and not has_arrived(self.last):
+            self.settles_s = now_s + self.settle_s
+
+    def settle(self, samples: Sequence[Sample], now_s: float) -> None:
+        """Decide whether the axes arrived, once they did or their time is over."""
+        assert self.settles_s is not None
+        self.last = self.places(samples)
+        if has_arrived(self.last) or now_s >= self.settles_s:
+            self.settles_s = None
+
+    def rest(self) -> None:
+        """Every axis is at its command."""
+        self._values = ()
+        self.awake -= 1
+        self._outside = (
+            [max(count - 1, 0) for count in self._outside] if self.awake else [0] * len(self.checks)
+        )
+
+    def places(self, samples: Sequence[Sample]) -> list[AxisPlace]:
+        """Command and measurement of every axis; empty before the first of both."""
+        config, device = self.config, self.goal
+        measured = config.measured_actuation(samples)
+        if not device or measured is None:
+            return []
+        values = [sample.value for sample in samples]
+        commanded = config.transmission.to_actuation(device)
+        columns = zip(config.axis_names, config.quantities, strict=True)
+        axes = zip(columns, commanded, measured, device, values, self.checks, strict=True)
+        return [
+            AxisPlace(
+                f"{name}_{quantity.unit}",
+                quantity.from_si(goal),
+                quantity.from_si(at),
+                value is None or abs(value - want) <= tolerance,
+            )
+            for (name, quantity), goal, at, want, value, (_, tolerance) in axes
+        ]
+
+    def _edge(self, axis: int, value: float) -> str:
+        """A device value in the unit of its column."""
+        at = list(self.device)
+        at[axis] = value
+        quantity = self.config.quantities[axis]
+        return f"{quantity.from_si(self.config.transmission.to_actuation(at)[axis]):.4g} {quantity.unit}"

@@ -1,0 +1,96 @@
+"""Where an axis can be that obeys its commands: the range between the quickest and the slowest device.
+
+A device answers a command after a dead time of at most ``d`` and with a first-order lag of at most ``tau``.
+From the commands ``c`` alone follow an upper and a lower bound, with ``up`` and ``down`` the greatest and the
+least command of the last ``d``:
+
+    hi' = (up - hi) / tau   while hi > up, else hi = up          lo' = (down - lo) / tau   while lo < down
+
+Every axis with less dead time and less lag stays between them, because at the upper bound its speed
+``(c(t - d) - hi) / tau`` is at most that of the bound, and at the lower one at least. A device that limits
+its speed itself has bounds that are no faster. So a quick axis is never outside, and a slow one is as soon
+as it is slower than the worst that counts as healthy. A reversal within the dead time counts by its ends;
+its bulge is at most ``a d^2 / 8`` for an acceleration ``a``. Ticks that were skipped only widen the range.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+#: Lags that a range looks back at when it begins in the midst of a motion; the rest is 5 %.
+_LOOK_BACK: Final = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class AxisResponse:
+    """How an axis answers its commands when it is healthy; all in the unit of its device [rad or Pa].
+
+    Attributes:
+        tolerance: greatest distance from the range that is healthy; infinite for a device that yields.
+        delay_s: longest dead time, with that of bus and adapter [s].
+        lag_s: greatest time constant [s].
+        top: greatest speed where the device limits it itself, else infinite [1/s].
+        jump: greatest change between two ticks that a body is capable of.
+        unit: the tolerance's size in m, Pa or rad of the axis divided by that of the device.
+    """
+
+    tolerance: float
+    delay_s: float
+    lag_s: float
+    top: float
+    jump: float
+    unit: float = 1.0
+
+
+class ExpectedRange:
+    """The range of every axis of one robot, kept up by its commands.
+
+    Attributes:
+        lows, highs: the bounds [rad or Pa].
+        past: newest commands; one of a tick in which the bounds are not needed is appended here.
+    """
+
+    def __init__(self, responses: Sequence[AxisResponse], period_s: float) -> None:
+        delay_s = max(each.delay_s for each in responses)
+        lag_s = max(each.lag_s for each in responses)
+        self._delay_ticks = max(math.ceil(delay_s / period_s), 1)
+        look_back = self._delay_ticks + math.ceil(_LOOK_BACK * lag_s / period_s)
+        self.past: deque[tuple[float, ...]] = deque(maxlen=look_back + 1)
+        self._rates = [(math.exp(-period_s / each.lag_s), each.top * period_s) for each in responses]
+        self.lows: list[float] = []
+        self.highs: list[float] = []
+
+    def begin(self, device: tuple[float, ...], values: Sequence[float]) -> None:
+        """The first command, to axes that are at ``values``."""
+        self.past.clear()
+        self.past.append(device)
+        self.lows = [min(pair) for pair in zip(device, values, strict=True)]
+        self.highs = [max(pair) for pair in zip(device, values, strict=True)]
+
+    def catch_up(self) -> None:
+        """Bounds from the commands noted so far; wider than those of `advance`, and as wide soon."""
+        self.lows = [min(column) for column in zip(*self.past, strict=True)]
+        self.highs = [max(column) for column in zip(*self.past, strict=True)]
+
+    def advance(self, device: tuple[float, ...]) -> None:
+        """The bounds one period later, from which on a new command holds."""
+        past, lows, highs = self.past, self.lows, self.highs
+        old, last = past[max(len(past) - 1 - self._delay_ticks, 0)], past[-1]
+        past.append(device)
+        for i, (now, p, q, (keep, most)) in enumerate(zip(device, last, old, self._rates, strict=True)):
+            up, down = (p, q) if p > q else (q, p)
+            high, low = highs[i], lows[i]
+            highs[i] = max(up + (high - up) * keep, high - most, now)
+            lows[i] = min(down + (low - down) * keep, low + most, now)
+
+    def excess(self, axis: int, value: float) -> float:
+        """Distance of a measurement from the range of its axis, 0 inside."""
+        return max(value - self.highs[axis], self.lows[axis] - value, 0.0)
+
+    def still(self, axis: int, width: float) -> bool:
+        """True when the axis had time to follow its last motion up to ``width``."""
+        return self.highs[axis] - self.lows[axis] <= width

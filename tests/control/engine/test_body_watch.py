@@ -1,0 +1,167 @@
+"""A body that does not do what its commands should make it do is a fault and no success."""
+
+from __future__ import annotations
+
+import io
+import random
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from contid.control.engine.messages import Goto, Message
+from contid.control.engine.report import RunReport
+from contid.control.engine.virtual import run_virtual
+from contid.control.tick.faults import Fault
+from contid.hal import Sample
+from contid.robot_file.load import LoadedFile, find_robot_file, load_robot_file, parse_robot_file
+from contid.targets import Target
+from contid.trajectory.read import read_trajectory
+from contid_drivers.sim.bus import SimBus
+from contid_drivers.sim.options import FaultKind, ScheduledFault
+from tests.support.fingers import Collector, fingers, load
+from tests.support.sim_faults import with_faults
+
+RATE = 200.0
+WAY = "t_s,f0.x_mm,f0.y_mm\n0,50,75\n1,40,75\n3,60,85\n4,60,85\n"
+
+
+def faulty(fault: str, **keys: Any) -> LoadedFile:
+    """A finger with one fault from 1.5 s on."""
+    return load(1, options=f"faults:\n  - {{at_s: 1.5, axis: f0.left, {fault}}}\n", **keys)
+
+
+def follow(loaded: LoadedFile, rows: str = WAY, **keys: Any) -> RunReport:
+    return run_virtual(loaded, RATE, read_trajectory(io.StringIO(rows), "way", loaded.driven), **keys)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        "kind: scaled, share: 0.0",  # the encoder is frozen
+        "kind: scaled, share: 0.33",  # the horn slipped, or another pinion
+        "kind: scaled, share: -1.0",  # the sign is wrong
+        "kind: swapped, other: f0.right",
+        "kind: play, by_deg: 40",
+        "kind: slow, share: 0.01",
+        "kind: stall",
+    ],
+)
+def test_a_robot_that_does_not_follow_is_a_fault(fault: str) -> None:
+    report = follow(faulty(fault))
+    assert report.exit_code == 3
+    asked = (
+        (Fault.DOES_NOT_FOLLOW,) if "swapped" not in fault else (Fault.DOES_NOT_FOLLOW, Fault.MOVES_UNASKED)
+    )
+    assert report.robots["f0"]["fault"] in asked
+    assert "is measured at" in report.robots["f0"]["message"]
+    assert "mm, commanded " in report.robots["f0"]["message"]
+
+
+def test_a_sound_robot_is_none() -> None:
+    report = follow(load(1))
+    assert report.exit_code == 0
+    axes = report.robots["f0"]["axes"]
+    assert list(axes) == ["left_mm", "right_mm"]
+    assert all(abs(at["measured"] - at["commanded"]) < 0.1 for at in axes.values())
+
+
+@pytest.mark.parametrize("share", [0.0, 0.8])
+def test_a_hose_that_is_off_is_a_fault(share: float) -> None:
+    leak = ScheduledFault(at_s=1.5, kind=FaultKind.LEAK, axis="arm.s1.p1", share=share)
+    loaded = with_faults(load_robot_file(find_robot_file("stiffflop2")), [leak])
+    rows = "t_s,s1.p1_bar,s1.p2_bar,s1.p3_bar,s2.p1_bar,s2.p2_bar,s2.p3_bar\n"
+    rows += "".join(f"{t},{0.6 + 0.1 * (t % 2)},0.2,0.2,0.3,0.3,0.3\n" for t in range(5))
+    report = follow(loaded, rows)
+    assert report.exit_code == 3
+    assert report.robots["arm"]["fault"] in (Fault.DOES_NOT_FOLLOW, Fault.MOVES_UNASKED)
+    assert "arm.s1.p1 is measured at" in report.robots["arm"]["message"]
+
+
+@pytest.mark.parametrize("turns", [50.0, -50.0])
+def test_a_jump_in_hold_is_an_implausible_sample(turns: float) -> None:
+    loaded = faulty(f"kind: jump, by_deg: {turns * 57.3}")
+    report = run_virtual(loaded, RATE, None, ticks=400)
+    assert report.robots["f0"]["fault"] == Fault.IMPLAUSIBLE_SAMPLE
+    assert "jumped from" in report.robots["f0"]["message"]
+
+
+@pytest.mark.parametrize("by_deg", [12.0, -20.0])
+def test_a_shaft_that_moves_at_a_still_command_moves_unasked(by_deg: float) -> None:
+    report = run_virtual(faulty(f"kind: jump, by_deg: {by_deg}"), RATE, None, ticks=400)
+    assert report.robots["f0"]["fault"] == Fault.MOVES_UNASKED
+
+
+def test_a_sample_from_the_future_is_implausible(monkeypatch: pytest.MonkeyPatch) -> None:
+    exchange = SimBus.exchange
+
+    def ahead(self: SimBus, commands: Mapping[str, float]) -> Mapping[str, Sample]:
+        samples = exchange(self, commands)
+        if self._clock.now() < 1.0:
+            return samples
+        return {axis: replace(sample, time_s=sample.time_s + 1e6) for axis, sample in samples.items()}
+
+    monkeypatch.setattr(SimBus, "exchange", ahead)
+    report = run_virtual(load(1), RATE, None, ticks=400)
+    assert report.robots["f0"]["fault"] == Fault.IMPLAUSIBLE_SAMPLE
+    assert "in the future" in report.robots["f0"]["message"]
+
+
+def goto(loaded: LoadedFile) -> tuple[RunReport, dict[str, Any]]:
+    """A move of the finger by 10 mm at its start, and its end."""
+    seen = Collector(loaded)
+    orders: dict[int, list[Message]] = {300: [Goto("f0", Target(actuation=(0.06, 0.05)))]}
+    report = run_virtual(loaded, RATE, None, sinks=[seen], orders=orders, ticks=800)
+    (ended,) = [event for event in seen.events if event["event"] == "goto"]
+    return report, ended
+
+
+def test_a_move_ends_when_the_measured_robot_is_there() -> None:
+    report, ended = goto(load(1))
+    assert ended["arrived"]
+    assert ended["message"] == ""
+    at = report.robots["f0"]["axes"]["left_mm"]
+    assert at["commanded"] == pytest.approx(60.0)
+    assert at["measured"] == pytest.approx(60.0, abs=0.1)
+
+
+def test_a_move_whose_robot_is_not_there_did_not_arrive() -> None:
+    report, ended = goto(faulty("kind: scaled, share: 0.5"))
+    assert not ended["arrived"]
+    assert report.robots["f0"]["fault"] == Fault.DOES_NOT_FOLLOW
+
+
+def test_a_slow_robot_has_time_to_arrive() -> None:
+    """Healthy by the lag of its file, it is 3 mm behind when its command is at the target."""
+    slow = "response_ms: 200, mm_per_rev"
+    text = fingers(1).replace("mm_per_rev", slow).replace("rest_mm:", "follow_lag_ms: 300\n    rest_mm:")
+    loaded = parse_robot_file(text, "slow.yaml")
+    _, ended = goto(loaded)
+    assert ended["arrived"]
+    _, quick = goto(load(1))
+    assert ended["tick"] > quick["tick"] + 20
+    report = follow(loaded, "t_s,f0.x_mm,f0.y_mm\n0,50,75\n1,40,75\n")
+    assert report.exit_code == 0
+    assert all(abs(at["difference"]) < 1.0 for at in report.robots["f0"]["axes"].values())
+
+
+def test_less_than_the_tolerance_is_no_fault() -> None:
+    """9 degrees of play are 0.94 mm of rack."""
+    assert follow(faulty("kind: play, by_deg: 9")).exit_code == 0
+
+
+def test_the_tolerance_is_that_of_the_robot_file() -> None:
+    text = fingers(1, options="faults:\n  - {at_s: 1.5, axis: f0.left, kind: play, by_deg: 40}\n")
+    loaded = parse_robot_file(text.replace("    rest_mm:", "    follow_mm: 5\n    rest_mm:"), "f.yaml")
+    assert follow(loaded).exit_code == 0
+
+
+def test_late_answers_and_noise_are_no_fault() -> None:
+    """Adapters that are late by 3 to 16 ms, changing all the time."""
+    draw = random.Random(7)
+    faults = "".join(
+        f"  - {{at_s: {0.05 * k}, kind: late, delay_ms: {draw.uniform(3, 16):.2f}, for_s: 0.05}}\n"
+        for k in range(20, 90)
+    )
+    assert follow(load(1, options="faults:\n" + faults)).exit_code == 0
