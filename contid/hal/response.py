@@ -23,6 +23,7 @@ class DeviceResponse:
         fastest: greatest believable speed of a reading [rad/s or Pa/s].
         top: its own limit of speed where faster commands are no mistake, because it ramps them itself
             [rad/s or Pa/s].
+        overshoot_s: how far it may run ahead of its command, as a time at the speed of the command.
         yields: it gives way to what it pushes on, so that being away from its command is no fault.
     """
 
@@ -30,6 +31,7 @@ class DeviceResponse:
     lag_s: float
     fastest: float
     top: float = math.inf
+    overshoot_s: float = 0.0
     yields: bool = False
 
 
@@ -37,9 +39,10 @@ class DeviceResponse:
 _FASTEST_RAD_S: Final = 500.0 * math.tau / 60.0
 #: Defaults by the kind of device. Adapters are late by up to 16 ms (FTDI's default latency timer); lags are
 #: those of the simulated devices and a fifth more (a servo: twice), not measured on real ones.
+#: The emulated motor board overshoots.
 RESPONSES: Final[dict[DeviceKind, DeviceResponse]] = {
     DeviceKind.SERVO: DeviceResponse(0.03, 0.04, _FASTEST_RAD_S),
-    DeviceKind.MOTOR: DeviceResponse(0.03, 0.12, _FASTEST_RAD_S),
+    DeviceKind.MOTOR: DeviceResponse(0.03, 0.12, _FASTEST_RAD_S, overshoot_s=0.04),
     DeviceKind.REGULATOR: DeviceResponse(0.03, 0.06, 50.0 * BAR),
 }
 

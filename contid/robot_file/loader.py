@@ -129,6 +129,7 @@ class Loader:
             message = f"{name}: a robot is a mapping of keys to values, not {shown(raw)}"
             self.findings.append(self.document.at_value(at, message))
             return None
+        before = len(self.findings)
         wired = {
             axis: self._axis((*at, "axes", axis), each)
             for axis, each in _mapping(raw.get("axes")).items()
@@ -152,6 +153,8 @@ class Loader:
         # The axes were validated one by one, with the keys of their drivers.
         axes: Data = {} if isinstance(raw.get("axes"), dict) else raw.get("axes", {})
         robot = self._validated(kinds[model], {**raw, "axes": axes}, at)
+        if len(self.findings) > before:  # rates would be compared with values that replace refused ones
+            wired = {axis: replace(each, rate=None) for axis, each in wired.items()}
         if robot is not None:
             self.findings += check_robot(self.document, at, robot, wired)
         return robot

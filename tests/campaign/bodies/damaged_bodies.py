@@ -1,10 +1,10 @@
 """Bodies that are damaged at a random time, and sound ones, against the watch of the bodies.
 
-``python -m tests.campaign.bodies.damaged_bodies [--onsets N] [--hours H] [--robot NAME ...]``. The plants here share
-nothing with `contid.control.tick.follow`: servos are second-order, motors accelerate by at most a constant,
-regulators are first-order; all are integrated in steps of 2 ms, with dead times and readings that are late
-by 2 to 18 ms together, anew in every tick, with noise and steps of the encoder. Their numbers are those of
-the simulated devices, each wrong by up to 20 %. Motions are random ones within the rates of the robot file.
+``python -m tests.campaign.bodies.damaged_bodies [--onsets N] [--hours H] [--robot NAME ...]``. The plants
+here share nothing with `contid.control.tick.follow`: servos are second-order, motors accelerate by at most a
+constant, regulators are first-order; all are integrated in steps of 2 ms, with dead times and readings that
+are late by 2 to 18 ms together, anew in every tick, with noise and steps of the encoder. Their numbers are
+those of the simulated devices, each wrong by up to 20 %. Motions are random ones within the file's rates.
 
 A fault counts once the damaged axis is measured farther from its sound twin than 2 mm, 0.05 bar or 10
 degrees within ten seconds; it shows from a tenth of that on (in an axis that stands, most do not show). It
@@ -323,7 +323,7 @@ def faults_of(axes: Axes) -> tuple[str, ...]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m tests.campaign.bodies.damaged_bodies", description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--onsets", type=int, default=20)
     parser.add_argument("--hours", type=float, default=0.1)
     parser.add_argument("--robot", nargs="*", default=ROBOTS)

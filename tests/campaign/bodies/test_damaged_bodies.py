@@ -1,4 +1,4 @@
-"""Damaged bodies are found in time, sound ones never; short form of ``tests.campaign.bodies.damaged_bodies``."""
+"""Damaged bodies are found in time, sound ones never; short form of `tests.campaign.bodies`."""
 
 from __future__ import annotations
 

@@ -11,6 +11,7 @@ Every axis with less dead time and less lag stays between them, because at the u
 its speed itself has bounds that are no faster. So a quick axis is never outside, and a slow one is as soon
 as it is slower than the worst that counts as healthy. A reversal within the dead time counts by its ends;
 its bulge is at most ``a d^2 / 8`` for an acceleration ``a``. Ticks that were skipped only widen the range.
+For a device that overshoots, the bounds run ahead of the command by a time at its speed.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 #: Lags that a range looks back at when it begins in the midst of a motion; the rest is 5 %.
@@ -35,6 +37,7 @@ class AxisResponse:
         lag_s: greatest time constant [s].
         top: greatest speed where the device limits it itself, else infinite [1/s].
         jump: greatest change between two ticks that a body is capable of.
+        overshoot_s: how far the device may run ahead, as a time at the speed of its command [s].
         unit: the tolerance's size in m, Pa or rad of the axis divided by that of the device.
     """
 
@@ -43,6 +46,7 @@ class AxisResponse:
     lag_s: float
     top: float
     jump: float
+    overshoot_s: float = 0.0
     unit: float = 1.0
 
 
@@ -60,7 +64,10 @@ class ExpectedRange:
         self._delay_ticks = max(math.ceil(delay_s / period_s), 1)
         look_back = self._delay_ticks + math.ceil(_LOOK_BACK * lag_s / period_s)
         self.past: deque[tuple[float, ...]] = deque(maxlen=look_back + 1)
-        self._rates = [(math.exp(-period_s / each.lag_s), each.top * period_s) for each in responses]
+        self._rates = [
+            (math.exp(-period_s / each.lag_s), each.top * period_s, each.overshoot_s / period_s)
+            for each in responses
+        ]
         self.lows: list[float] = []
         self.highs: list[float] = []
 
@@ -73,19 +80,25 @@ class ExpectedRange:
 
     def catch_up(self) -> None:
         """Bounds from the commands noted so far; wider than those of `advance`, and as wide soon."""
-        self.lows = [min(column) for column in zip(*self.past, strict=True)]
-        self.highs = [max(column) for column in zip(*self.past, strict=True)]
+        columns = list(zip(*self.past, strict=True))
+        ahead = [
+            [b + (b - a) * lead for a, b in pairwise(column)]
+            for column, (*_, lead) in zip(columns, self._rates, strict=True)
+        ]
+        self.lows = [min(*column, *more) for column, more in zip(columns, ahead, strict=True)]
+        self.highs = [max(*column, *more) for column, more in zip(columns, ahead, strict=True)]
 
     def advance(self, device: tuple[float, ...]) -> None:
         """The bounds one period later, from which on a new command holds."""
         past, lows, highs = self.past, self.lows, self.highs
         old, last = past[max(len(past) - 1 - self._delay_ticks, 0)], past[-1]
         past.append(device)
-        for i, (now, p, q, (keep, most)) in enumerate(zip(device, last, old, self._rates, strict=True)):
+        for i, (now, p, q, (keep, most, lead)) in enumerate(zip(device, last, old, self._rates, strict=True)):
             up, down = (p, q) if p > q else (q, p)
             high, low = highs[i], lows[i]
-            highs[i] = max(up + (high - up) * keep, high - most, now)
-            lows[i] = min(down + (low - down) * keep, low + most, now)
+            ahead = now + (now - p) * lead
+            highs[i] = max(up + (high - up) * keep, high - most, now, ahead)
+            lows[i] = min(down + (low - down) * keep, low + most, now, ahead)
 
     def excess(self, axis: int, value: float) -> float:
         """Distance of a measurement from the range of its axis, 0 inside."""

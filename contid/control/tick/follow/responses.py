@@ -47,6 +47,7 @@ def axis_responses(
                 lag_s=device.lag_s if lag_s is None else lag_s / 1e3,
                 top=device.top,
                 jump=device.fastest * period_s + _JUMP_SLACK[pressure],
+                overshoot_s=device.overshoot_s,
                 unit=unit,
             )
         )
