@@ -100,7 +100,7 @@ def test_an_obstacle_in_the_frame_of_a_base_has_the_same_distances(mirror):
 def test_tendon_robots_bend_around_a_ball_beside_their_body():
     """Their base offset, and an axis beyond the kinematics, are between the file and the solver."""
     head, tail = (CONFIGS / "tendon3.yaml").read_text().split("    rest_mm:", 1)
-    grip = "      grip: {bus: servos, id: 40, mm_per_rev: 10}\n"
+    grip = "      grip: {bus: servos, id: 40, mm_per_rev: 40}\n"
     source = f"{head}    extra_mm: {{grip: [0, 30]}}\n    rest_mm:{tail}".replace(
         "    axes:\n", "    axes:\n" + grip
     )

@@ -11,6 +11,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.follow.expected_range import ExpectedRange
 from contid.hal import Sample
+from contid.robot_file.base import Quantity
 
 #: Time that an axis may be outside its range.
 CONFIRM_S: Final = 0.03
@@ -85,6 +86,8 @@ class WatchedBody:
         self._confirm = max(math.ceil(CONFIRM_S / config.period_s), 2)
         self._stay = math.ceil(AWAKE_S / config.period_s)
         self._outside = [0] * len(config.axes)
+        #: Axes that were on their way when the devices took no more commands, and need not arrive.
+        self._on_way: list[bool] = []
         self._asked = [False] * len(config.axes)
         #: Measurements of the tick before, None where unknown; empty when all were at their commands.
         self._values: Sequence[float | None] = ()
@@ -141,25 +144,33 @@ class WatchedBody:
     def leave(self, samples: Sequence[Sample], holds: bool, now_s: float) -> None:
         """The devices take no commands from now on.
 
-        Devices that hold their goal may still arrive at it; others had to be on their way.
+        Devices that hold their goal may still arrive at it; others had to be on their way: those that relax,
+        and regulators, which close their valves where the pressure is.
         """
-        self.last = self.places(samples)
-        if self.last and self.awake and not holds:
-            self.last = [
-                replace(place, arrived=value is None or self._range.excess(i, value) <= tolerance)
-                for i, (place, value, (_, tolerance)) in enumerate(
-                    zip(self.last, [sample.value for sample in samples], self.checks, strict=True)
-                )
-            ]
+        self._on_way = [
+            (not holds or quantity is Quantity.PRESSURE)
+            and (sample.value is None or not self.awake or self._range.excess(i, sample.value) <= tolerance)
+            for i, (quantity, sample, (_, tolerance)) in enumerate(
+                zip(self.config.quantities, samples, self.checks, strict=True)
+            )
+        ]
+        self.last = self._left(samples)
         if holds and not has_arrived(self.last):
             self.settles_s = now_s + self.settle_s
 
     def settle(self, samples: Sequence[Sample], now_s: float) -> None:
         """Decide whether the axes arrived, once they did or their time is over."""
         assert self.settles_s is not None
-        self.last = self.places(samples)
+        self.last = self._left(samples)
         if has_arrived(self.last) or now_s >= self.settles_s:
             self.settles_s = None
+
+    def _left(self, samples: Sequence[Sample]) -> list[AxisPlace]:
+        """The places of the axes, of which some had only to be on their way."""
+        return [
+            replace(place, arrived=place.arrived or on_way)
+            for place, on_way in zip(self.places(samples), self._on_way, strict=False)
+        ]
 
     def rest(self) -> None:
         """Every axis is at its command."""
