@@ -87,7 +87,8 @@ def test_random_targets_never_bring_the_fingers_of_a_close_hand_together():
         for a, b in zip(left[::3], right[::3], strict=True)
     )
     assert least - 0.014 >= 2e-3 - TOLERANCE_M
-    assert least - 0.014 < 3e-3, "nothing came near"
+    # Stops with limited jerk begin earlier than the margin of 2 mm alone asks for.
+    assert least - 0.014 < 12e-3, "nothing came near"
     assert len(kept.of(OrderRefused)) > 3
     assert not kept.of(FaultLatched)
 

@@ -14,6 +14,8 @@ from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from tests.firmware.sam3x.board import Sam3x
 from tests.firmware.sam3x.build import build_sketch
 
+#: Time of a motion [ms]: the shaft of this bench stands, which the board notices after some 60 ms.
+PUSH_MS = 18
 #: Channel m0: PWM on D9 (PC21, unit 4), inputs on D38 (PC6) and D39 (PC7).
 UNIT, PWM_BIT, A_BIT, B_BIT = 4, 21, 6, 7
 #: Data sheets: levels of (PWM, a, b) -> what the part does; "+" and "-" drive.
@@ -97,12 +99,12 @@ def test_a_bridge_does_what_the_board_means(
     for goal in (300, -300):
         bench.ask(Type.ARM, messages.mask_body(bench.crc, [0]))
         bench.demand({0: goal})
-        bench.board.run_ms(60)
+        bench.board.run_ms(PUSH_MS)
         report = bench.demand({0: goal})
         assert report.state is BoardState.ARMED
         shares = bench.shares(part)
-        # The integrator goes on between the two looks.
-        assert shares["+" if goal > 0 else "-"] == pytest.approx(abs(report.duty) / DUTY_FULL, abs=0.05)
+        # The drive of a shaft that stands rises between the two looks.
+        assert shares["+" if goal > 0 else "-"] == pytest.approx(abs(report.duty) / DUTY_FULL, abs=0.15)
         assert ("-" if goal > 0 else "+") not in shares
         assert abs(report.duty) > 0.05 * DUTY_FULL
         bench.ask(Type.STOP, messages.stop([0], RestCode.RELAX))

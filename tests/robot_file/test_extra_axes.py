@@ -68,7 +68,8 @@ def test_it_is_driven_beside_the_model(name: str, tmp_path: Path, configs: Path)
     assert max(commands) == pytest.approx(robot.quantity.to_si(high), rel=1e-6)
     refused = run(high + 0.5)
     assert refused.returncode == 2
-    assert f"{axis}.max" in refused.stderr
+    assert f": {axis} " in refused.stderr
+    assert "beyond its limit of" in refused.stderr
 
 
 @pytest.mark.parametrize(
@@ -150,7 +151,8 @@ def test_a_wrist_turns_in_degrees_beside_any_model(name: str, tmp_path: Path, co
 
     refused = run(60.0)
     assert refused.returncode == 2
-    assert "wrist.max" in refused.stderr
+    assert ": wrist " in refused.stderr
+    assert "beyond its limit of" in refused.stderr
     fast = contid_in(
         tmp_path, "run", f"{name}.yaml", "--virtual",
         stdin="\n".join(

@@ -99,6 +99,18 @@ def others_mm(rows: list[list[float]], number: int, start: list[float]) -> float
     return max(abs(row[k] - start[k]) for row in rows for k in range(len(start)) if k != number)
 
 
+def at_standstill(running: Running) -> list[float]:
+    """The commanded tip [mm] of a robot that has come to rest."""
+    tips: list[list[float]] = [[]]
+
+    def stands() -> bool:
+        tips.append(fields(running)["command_tip_mm"])
+        return tips[-1] == tips[-2]
+
+    until(stands, "the robot stands")
+    return tips[-1]
+
+
 def test_keys_change_one_coordinate_of_the_tip(at_rest: tuple[OpenPage, Running, Orders]) -> None:
     it, running, orders = at_rest
     start = fields(running)["command_tip_mm"]
@@ -107,7 +119,7 @@ def test_keys_change_one_coordinate_of_the_tip(at_rest: tuple[OpenPage, Running,
         span = float(slider.get_attribute("max") or 0) - float(slider.get_attribute("min") or 0)
         assert float(slider.get_attribute("max") or 0) >= start[number]
         orders.rows.clear()
-        before = fields(running)["command_tip_mm"]
+        before = at_standstill(running)
         press(it, slider, "ArrowRight")
         assert orders.rows
         assert others_mm(orders.rows, number, before) < UNTOUCHED_MM

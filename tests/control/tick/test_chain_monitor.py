@@ -271,6 +271,7 @@ def test_cleared_alone_an_arm_does_not_follow_without_the_other() -> None:
     assert seen.modes("left")[-3:] == ["READY", "ARMING", "HOLD"]
 
 
+@pytest.mark.slow
 def test_a_rope_is_checked_between_rows_that_are_days_apart() -> None:
     """At once, and all the same where a curve between two good rows brings the tips too far apart."""
     loaded = chain(length_mm=720)
