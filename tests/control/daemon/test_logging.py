@@ -98,16 +98,18 @@ def test_a_warning_of_a_driver_is_on_stderr_in_status_and_in_the_recording(hand:
         command = [sys.executable, "-m", "contid", "status", "--socket", str(hand.with_name("s.sock"))]
         shown = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=True).stdout
         stderr = stop(process)
-    (warning,) = [each for each in warnings if WARNING in each["message"]]
+    warning, *_ = [each for each in warnings if WARNING in each["message"]]
     assert (warning["level"], warning["logger"]) == ("warning", "contid_drivers.dynamixel.link")
     assert f"contid: warning: {warning['message']}\n" in stderr
-    assert stderr.count(WARNING) == 1
     assert "warning: " in shown
-    (recorded,) = [event for event in logs(hand) if WARNING in event["message"]]
-    assert recorded == {
-        "event": "log", "process": "control", "level": "warning",
-        "logger": warning["logger"], "message": warning["message"],
-    }  # fmt: skip
+    recorded = [event for event in logs(hand) if WARNING in event["message"]]
+    # Once for each time that the bus was opened; on a busy machine it is opened again.
+    assert stderr.count(WARNING) == len(recorded) >= 1
+    for event in recorded:
+        assert event == {
+            "event": "log", "process": "control", "level": "warning",
+            "logger": warning["logger"], "message": warning["message"],
+        }  # fmt: skip
 
 
 def test_quiet_hides_information_on_stderr_but_not_in_the_recording(hand: Path) -> None:
