@@ -31,7 +31,7 @@ EMPTY = bytes(5)
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WebServer]:
     folder = tmp_path_factory.mktemp("page")
     rows, drawing = folder / "rows.csv", folder / "hand.rrd"
-    rows.write_text("t_s,left.x_mm,left.y_mm,right.x_mm,right.y_mm\n0,50,70,50,70\n0.5,52,70,48,70\n")
+    rows.write_text("t_s,left.x_mm,left.y_mm,right.x_mm,right.y_mm\n0,50,70,50,70\n0.5,48,70,52,70\n")
     observers = [ViewerObserver(ViewTarget(Kind.FILE, drawing))]
     request = RunRequest("hand", trajectory=str(rows), mock=True, virtual=True, observers=observers)
     assert run(request).exit_code == 0
