@@ -67,12 +67,15 @@ def test_two_recordings_of_one_run(running: Running, tmp_path: Path) -> None:
             assert client.record(end=True)["file"] == str(path)
             paths.append(_complete(client, path))
     assert len({*paths}) == 2
-    first, second = ([tick["tick"] for tick in _messages(path, "tick")] for path in paths)
+    first, second = (_messages(path, "tick") for path in paths)
     for ticks in (first, second):
-        assert ticks == list(range(ticks[0], ticks[-1] + 1))
+        # A busy machine may skip a tick; the recording then has that, and misses no other.
+        assert [tick["tick"] - tick["skipped"] for tick in ticks] == list(
+            range(ticks[0]["tick"] - ticks[0]["skipped"], ticks[-1]["tick"] - ticks[-1]["skipped"] + 1)
+        )
         assert len(ticks) > 10
-    assert first[0] > 0
-    assert second[0] > first[-1]
+    assert first[0]["tick"] > 0
+    assert second[0]["tick"] > first[-1]["tick"]
     for path, target in zip(paths, (FAR, HERE), strict=True):
         orders = [event for event in _messages(path, "event") if event["event"] == "order"]
         assert str(target["x_mm"] / 1000) in json.dumps(orders[0])
