@@ -10,8 +10,8 @@ long as its arithmetic.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from contid.control.engine.cycle import OnEnd, Timing
@@ -22,21 +22,23 @@ from contid.control.engine.events.json_form import to_json
 from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.messages import Play
 from contid.control.engine.order_events import answer_of, order_of
-from contid.control.engine.ports import BusJob, BusReply
-from contid.control.engine.tick_layout import AXIS, DEADLINE, LATENESS, SKIPPED, TICK, AxisRecord
+from contid.control.engine.tick_layout import DEADLINE, LATENESS, SKIPPED, TICK
 from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard
 from contid.errors import ContidError, SessionError
-from contid.hal import Sample
 from contid.robot_file.load import LoadedFile
 from contid.session.compare import Comparison, Divergence
 from contid.session.differences import refuse_other_robots
 from contid.session.format.metadata import DURING_RUN
 from contid.session.read import Session
+from contid.session.recorded_port import RecordedPort, RecordedTick, records_between, slots_of
 from contid.trajectory.timed import Trajectory
 
 #: Events that a replay needs besides the records.
 _INPUTS: Final = (OrderGiven, BusAnswered, BusStalled, DeviceFaultChanged)
 _INPUT_KINDS: Final = frozenset(kind.KIND for kind in _INPUTS)
+
+#: Longest time between two recorded ticks that is filled in [s].
+LONGEST_GAP_S: Final = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +52,7 @@ class Replayed:
         worst: where the largest difference of a command is, None if every command was equal.
         different: number of ticks that differ.
         stopped: why not every recorded tick was compared, "" if all were.
+        missing: ticks that the recording lacks.
     """
 
     ticks: int
@@ -58,84 +61,7 @@ class Replayed:
     worst: Divergence | None = None
     different: int = 0
     stopped: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class RecordedBus:
-    """A recorded bus."""
-
-    name: str
-    axes: tuple[str, ...]
-
-
-class RecordedPort:
-    """Replaces `contid.control.engine.ports.BusPort`: returns the answer recorded in the same tick."""
-
-    threaded = False
-
-    def __init__(self, name: str, slots: Mapping[str, int], recorded: RecordedTick) -> None:
-        self.bus = RecordedBus(name, tuple(slots))
-        self.lost = ""
-        self.stalls = 0
-        self.retry_at = 0
-        self.exempt = False
-        self.busy = False
-        self._slots = dict(slots)
-        self._recorded = recorded
-
-    def lose(self, message: str) -> None:
-        """Mark the bus as lost; reopening it must not delay the tick (`BusPort.lose`)."""
-        self.lost, self.retry_at = message, 0
-
-    def start(self, job: BusJob) -> None:
-        """Begin a job; `take` returns its result.
-
-        See `BusPort.start`; the commands are compared in the record.
-        """
-        self.busy, self.exempt = True, job.reopen or bool(job.effects)
-
-    def take(self, timeout_s: float) -> BusReply | None:
-        """The recorded answer; None in a tick without one."""
-        recorded, name = self._recorded, self.bus.name
-        answer = recorded.answers.pop(name, None)
-        if answer is None:
-            if self.lost or name in recorded.stalls:
-                self.stalls += 1
-                return None
-            answer = BusReply()
-        self.busy, self.stalls = False, 0
-        if not answer.lost:
-            answer.samples = self._samples()
-        return answer
-
-    def close(self, timeout_s: float) -> None:
-        """Close the bus; a worker that hangs in its device is abandoned (a daemon thread)."""
-
-    def _samples(self) -> dict[str, Sample]:
-        values, faults = self._recorded.values, self._recorded.faults
-        out = {}
-        for axis, at in self._slots.items():
-            read = AxisRecord(*values[at : at + AXIS.size])
-            out[axis] = Sample(
-                _number(read.value), read.time_s, bool(read.valid), read.age_s, _number(read.velocity),
-                _number(read.effort), _number(read.temperature_c), _number(read.voltage_v),
-                faults.get(axis, ""),
-            )  # fmt: skip
-        return out
-
-
-def _number(value: float) -> float | None:
-    return None if value != value else value
-
-
-@dataclass(slots=True)
-class RecordedTick:
-    """Recorded values and events of the present tick."""
-
-    values: Sequence[float] = ()
-    answers: dict[str, BusReply] = field(default_factory=dict)
-    stalls: set[str] = field(default_factory=set)
-    faults: dict[str, str] = field(default_factory=dict)
+    missing: int = 0
 
 
 class _Sink:
@@ -154,7 +80,8 @@ class _Sink:
 def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Replayed:
     """Run a session again, up to its end or to another state, fault or limit of a robot.
 
-    Another number, as by another processor or C library, is counted, and the replay goes on behind it.
+    Another number, as by another processor or C library, is counted, and the replay goes on behind it. Ticks
+    that the recorder missed run on the samples between those beside them and are not compared.
 
     Args:
         session: the recording.
@@ -170,7 +97,7 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
     refuse_other_robots(session, loaded)
     recorded, sink = RecordedTick(), _Sink()
     ports = {
-        bus.name: RecordedPort(bus.name, _slots(session, [axis for axis, _ in bus.axes]), recorded)
+        bus.name: RecordedPort(bus.name, slots_of(session, [axis for axis, _ in bus.axes]), recorded)
         for bus in loaded.buses.values()
         if bus.axes
     }
@@ -195,9 +122,12 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
     first: Divergence | None = None
 
     def result(stopped: str = "") -> Replayed:
-        return Replayed(count, first, comparison.largest, comparison.worst, comparison.different, stopped)
+        return Replayed(
+            count, first, comparison.largest, comparison.worst, comparison.different, stopped, missing
+        )
 
-    last, last_skipped, count, played = -1, 0, 0, 0
+    last, last_skipped, count, played, missing = -1, 0, 0, 0, 0
+    before: Sequence[float] | None = None
     for entry in session.entries():
         if entry.event is not None:
             match entry.event:
@@ -209,11 +139,16 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
         values = entry.values
         assert values is not None
         tick, skipped = int(values[TICK]), int(values[SKIPPED])
-        if tick - last != 1 + skipped - last_skipped:
-            message = f"ticks {last + 1} to {tick - 1} are not in the recording"
-            if tick <= last:
-                message = f"tick {tick} comes after tick {last}: more than one run is in the file"
-            return result(message)
+        if tick <= last:
+            return result(f"tick {tick} comes after tick {last}: more than one run is in the file")
+        lost = tick - last - 1 - (skipped - last_skipped)
+        if lost:
+            if lost < 0 or before is None or values[DEADLINE] - before[DEADLINE] > LONGEST_GAP_S:
+                return result(f"ticks {last + 1} to {tick - 1} are not in the recording")
+            for between in records_between(before, values, lost):
+                recorded.values, recorded.stalls = between, set()
+                engine.cycle(Timing(int(between[TICK]), last_skipped, between[DEADLINE], 0.0))
+            missing += lost
         recorded.values, recorded.stalls = values, set()
         for event in by_tick.pop(tick, ()):
             try:
@@ -229,7 +164,7 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
         first = first or divergence
         if divergence is not None and not divergence.goes_on:
             return result()
-        last, last_skipped, count = tick, skipped, count + 1
+        last, last_skipped, count, before = tick, skipped, count + 1, values
     return result()
 
 
@@ -258,13 +193,3 @@ def _apply(
         kind = to_json(event)["event"]
         message = f"its event {kind!r} is damaged: {type(error).__name__}: {error}"
         raise ContidError(f"tick {tick}: {message}") from error
-
-
-def _slots(session: Session, axes: Sequence[str]) -> dict[str, int]:
-    """Index of the first value of every axis of a bus in a record."""
-    slots = {
-        f"{robot.name}.{axis}": session.layout.axis_start(index, number)
-        for index, robot in enumerate(session.layout.robots)
-        for number, axis in enumerate(robot.axes)
-    }
-    return {axis: slots[axis] for axis in axes if axis in slots}

@@ -45,6 +45,10 @@ def as_text(session: Session, replayed: Replayed, changed: list[Difference], too
         lines.append(f"every command is within the tolerance; largest difference {replayed.largest:.3g} (SI)")
     else:
         lines.append("every command is the same, bit for bit")
+    if replayed.missing:
+        lines.append(
+            f"{replayed.missing} ticks are not in the recording: the samples beside them took their place"
+        )
     if replayed.stopped:
         lines.append(f"stopped after {replayed.ticks} ticks: {replayed.stopped}")
     if session.end.cut:
@@ -66,6 +70,7 @@ def as_json(session: Session, replayed: Replayed, changed: list[Difference], too
         "largest": replayed.largest,
         "different": replayed.different,
         "stopped": replayed.stopped,
+        "missing": replayed.missing,
         "cut": session.end.cut,
         "robot_file": [str(each) for each in changed],
         "versions": changed_versions(session),

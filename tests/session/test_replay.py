@@ -22,6 +22,7 @@ from contid.session.differences import differences
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
 from contid.session.replay import Replayed, replay
+from contid.session.replay_report import as_text
 from contid.targets import Target
 from tests.golden.make import names, record
 from tests.session.runs import record_virtual
@@ -146,21 +147,37 @@ def test_other_robots_are_refused(recorded: Path) -> None:
         replay(Session(recorded), load(1))
 
 
-def test_a_gap_in_the_recording_ends_the_replay(recorded: Path, tmp_path: Path) -> None:
+def _without(recorded: Path, path: Path, missing: range) -> Session:
+    """A copy of a recording of two fingers without these ticks."""
     loaded = load(2)
-    recording = RecordingObserver(tmp_path / "gap.mcap", {"mock": "False"})
+    recording = RecordingObserver(path, {"mock": "False"})
     sink = recording.follow(RunSetup(loaded, 200.0, Path(), circle(loaded), OnEnd.STOP, attended=False))
     assert record_layout(loaded, 200.0) == Session(recorded).layout
     for entry in Session(recorded).entries():
         if entry.event is not None:
             sink.event(entry.event)
-        elif entry.values is not None and entry.values[0] not in (100, 101):
+        elif entry.values is not None and entry.values[0] not in missing:
             sink.write(entry.values)
     recording.detach()
-    session = Session(tmp_path / "gap.mcap")
-    result = replay(session, loaded)
-    assert result.ticks == 100
-    assert result.stopped == "ticks 100 to 101 are not in the recording"
+    return Session(path)
+
+
+def test_a_replay_goes_on_behind_a_gap(recorded: Path, tmp_path: Path) -> None:
+    session = _without(recorded, tmp_path / "gap.mcap", range(100, 120))
+    whole, result = _same(recorded), replay(session, load(2))
+    assert (result.stopped, result.missing, result.divergence) == ("", 20, None)
+    assert result.ticks == whole.ticks - 20
+    assert "20 ticks are not in the recording" in "\n".join(as_text(session, result, [], 1.0))
+    # What differs behind the gap is found: the robot of another file.
+    text = fingers(2).replace("rack_spacing_mm: ", "rack_spacing_mm: 1")
+    assert text != fingers(2)
+    changed = parse_robot_file(text, "changed.yaml")
+    assert replay(session, changed).divergence is not None
+
+
+def test_a_gap_at_the_beginning_ends_the_replay(recorded: Path, tmp_path: Path) -> None:
+    result = replay(_without(recorded, tmp_path / "gap.mcap", range(2)), load(2))
+    assert (result.ticks, result.stopped) == (0, "ticks 0 to 1 are not in the recording")
 
 
 def test_two_runs_in_one_file_are_detected(recorded: Path, tmp_path: Path) -> None:
