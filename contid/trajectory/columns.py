@@ -6,6 +6,7 @@ A column is ``ROBOT.QUANTITY``; the robot's name may be left out when only one r
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
@@ -16,6 +17,14 @@ from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Target, Vec3, frame_of_axes, unit_vector
 
 TIME: Final = "t_s"
+#: How many of the unit of a column make one of another unit that tables have.
+_UNITS: Final[Mapping[str, Mapping[str, float]]] = {
+    "s": {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "sec": 1.0, "seconds": 1.0, "min": 60.0},
+    "mm": {"m": 1e3, "cm": 10.0, "um": 1e-3, "in": 25.4, "inch": 25.4},
+    "deg": {"rad": 180.0 / math.pi},
+    "bar": {"pa": 1e-5, "kpa": 1e-2, "mpa": 10.0, "psi": 0.0689475729, "mbar": 1e-3, "atm": 1.01325},
+    "n": {"mn": 1e-3, "kn": 1e3},
+}
 _AXES: Final = ("x", "y", "z")
 #: A header with more mistakes is another file; the search for the nearest name takes a millisecond each.
 MAX_FINDINGS: Final = 20
@@ -235,8 +244,20 @@ def _choices(vocabularies: Mapping[str, Mapping[str, Meaning]], wrong: str = "")
     names = [TIME, *(name for known in vocabularies.values() for name in known)] if alone else [TIME, *full]
     # A short name without its unit, `x`, has too few letters in common with `x_mm` for difflib.
     near = [name for name in [*names, *full] if wrong and name.rpartition("_")[0] == wrong]
+    if other := _other_unit(wrong, [*names, *full]):
+        return f"allowed: {', '.join(names)}; {other}"
     near = near or difflib.get_close_matches(wrong, [*names, *full], n=1)
     return f"allowed: {', '.join(names)}" + (f"; did you mean {near[0]!r}?" if near else "")
+
+
+def _other_unit(wrong: str, names: Sequence[str]) -> str:
+    """The factor to a column with the same stem and another unit; "" for none."""
+    stem, _, unit = wrong.rpartition("_")
+    for name in names:
+        mine, _, own = name.rpartition("_")
+        if mine == stem and unit != own and (factor := _UNITS.get(own, {}).get(unit.lower())):
+            return f"for {name!r} multiply the numbers by {factor:.9g} ({unit} to {own})"
+    return ""
 
 
 def _gaps(

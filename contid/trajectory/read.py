@@ -11,7 +11,7 @@ import numpy as np
 from contid.errors import BadInputError, Located
 from contid.robot_file.robot import RobotDescription
 from contid.trajectory.columns import TIME
-from contid.trajectory.rows import MAX_ROWS, RowReader, is_comment, numbered_lines
+from contid.trajectory.rows import MAX_ROWS, RowReader, lines_from_header, numbered_lines
 from contid.trajectory.spline import Floats
 from contid.trajectory.timed import Interpolation, Trajectory
 
@@ -41,7 +41,7 @@ def read_trajectory(
     Raises:
         BadInputError: every finding (at most `MAX_FINDINGS`), each with line and column.
     """
-    return _read(numbered_lines(stream), name, robots, interpolation)
+    return _read(lines_from_header(numbered_lines(stream)), name, robots, interpolation)
 
 
 def trajectory_of_rows(reader: RowReader, rows: Iterable[Sequence[float]]) -> Trajectory:
@@ -69,8 +69,8 @@ def _read(
     last_time: float | None = None
     number = 0
     for number, given in numbered:
-        if isinstance(given, str) and is_comment(given):
-            continue
+        if reader is not None and isinstance(given, str) and not given.strip(", "):
+            continue  # An empty row of a spreadsheet.
         try:
             if reader is None:
                 assert isinstance(given, str), "rows of numbers come with a reader"

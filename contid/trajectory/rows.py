@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Final, TextIO
 
@@ -38,6 +38,35 @@ def is_comment(line: str) -> bool:
     return not text or text.startswith("#")
 
 
+def lines_from_header(numbered: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    """The header, then the lines behind it, without blank lines and comments."""
+    comment: tuple[int, str] | None = None
+    header = False
+    for number, line in numbered:
+        if is_comment(line):
+            comment = (number, line) if line.strip() else comment
+            continue
+        if not header and comment is not None and (names := names_in_comment(comment[1], line)):
+            yield comment[0], names
+        header = True
+        yield number, line
+
+
+def names_in_comment(comment: str, line: str) -> str:
+    """The header that ``numpy.savetxt`` writes as the last comment before the numbers, "" where it is none.
+
+    A blank replaces the ``#``, so that positions in the line stay.
+    """
+    cells = line.split(",")
+    if not comment.lstrip().startswith("#") or comment.count(",") != len(cells) - 1:
+        return ""
+    try:
+        [float(cell) for cell in cells]
+    except ValueError:
+        return ""
+    return comment.replace("#", " ", 1)
+
+
 class RowReader:
     """Reads one header, then rows.
 
@@ -64,6 +93,11 @@ class RowReader:
             for cell in header.split(","):
                 columns.append((cell.strip().strip('"'), begin + len(cell) - len(cell.lstrip())))
                 begin += len(cell) + 1
+        #: Columns without a name behind the last one that has one: spreadsheets leave them behind.
+        self._blank = 0
+        while len(columns) > 1 and not columns[-1][0]:
+            columns.pop()
+            self._blank += 1
         self.layout: ColumnLayout = read_layout(columns, name, number, robots)
 
     @property
@@ -147,6 +181,8 @@ class RowReader:
     def _csv_values(self, line: str, number: int) -> list[float]:
         cells = line.split(",")
         names = self.layout.names
+        if self._blank and not "".join(cells[len(names) :]).strip():
+            del cells[len(names) :]
         if len(cells) != len(names):
             what = f"the row has {len(cells)} values, the header {len(names)} columns"
             column = len(line) + 1

@@ -90,7 +90,7 @@ def test_a_measured_direction_becomes_a_unit_vector_or_none(finger: dict[str, Ro
 HEADERS = [
     ("t_s,x_mm,y_mm", 5, "write left.x_mm or right.x_mm"),
     ("t_s,left.x_mm", 5, "needs 'left.y_mm'"),
-    ("t_s,left.x_mm,left.y_m", 15, "did you mean 'left.y_mm'?"),
+    ("t_s,left.x_mm,left.y_m", 15, "for 'left.y_mm' multiply the numbers by 1000"),
     ("t_s,left.x_mm,left.y_mm,left.x_mm", 25, "repeats column"),
     ("t_s,left.x_mm,left.y_mm,left.z_mm", 25, "unknown column"),
     ("t_s,left.x_mm,left.y_mm,left.left_mm,left.right_mm", 5, "allowed is one of them"),

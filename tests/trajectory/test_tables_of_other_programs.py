@@ -26,6 +26,9 @@ def read(text: str) -> Trajectory:
         PLAIN.replace("\n", "\r\n"),
         PLAIN.replace(",", " , "),
         '"t_s","x_mm","y_mm"\n"0","20","80"\n"1", "22.5" ,80\n',
+        # numpy.savetxt, and a spreadsheet that once had more columns and rows.
+        "# the first experiment\n# t_s,x_mm,y_mm\n0.00e+00,2.00e+01,8.00e+01\n1.00e+00,2.25e+01,8.00e+01\n",
+        "t_s,x_mm,y_mm,,\n0,20,80,,\n1,22.5,80,,\n,,,,\n",
     ],
 )
 def test_the_same_rows_in_other_clothes(text: str) -> None:
@@ -37,6 +40,15 @@ def test_the_same_rows_in_other_clothes(text: str) -> None:
     [
         (PLAIN.replace(",", ";"), "rows.csv:1:1: .*commas, not by semicolons"),
         (PLAIN.replace(",", "\t"), "rows.csv:1:1: .*commas, not by semicolons or tabs"),
+        ("# made by hand\n0,20,80\n", "rows.csv:2:1: unknown column '0' .*the header is missing"),
+        ("# t_s,x_mm,z_mm\n0,20,80\n", "rows.csv:1:12: unknown column 'z_mm'"),
+        ("t_s,x_mm,,y_mm\n0,20,,80\n", "rows.csv:1:10: a column has no name"),
+        ("t_s,x_mm,y_mm,\n0,20,80,5\n", "rows.csv:2:9: the row has 4 values, the header 3 columns"),
+        (
+            "t_ms,x_mm,y_mm\n0,20,80\n",
+            r"rows.csv:1:1: .* for 't_s' multiply the numbers by 0.001 \(ms to s\)",
+        ),
+        ("t_s,x_m,y_mm\n0,20,80\n", r"rows.csv:1:5: .* for 'x_mm' multiply the numbers by 1000 \(m to mm\)"),
         ("\ufffd\ufffdt\0_\0s\0\n", "UTF-8"),
         ('t_s,x_mm,y_mm\n0,"1,020"\n', "rows.csv:2:3: x_mm: .* is not a number"),
         ("t_s,x_mm,y_mm\n0,1e308,80\n", "rows.csv:2:3: x_mm is 1e.308; allowed is -1e.10 to 1e.10"),

@@ -22,7 +22,7 @@ from contid.kinematics.array import Array
 from contid.robot_file.load import LoadedFile
 from contid.targets import Target
 from contid.trajectory.columns import RobotColumns
-from contid.trajectory.rows import RowReader, is_comment, numbered_lines
+from contid.trajectory.rows import RowReader, is_comment, lines_from_header, names_in_comment, numbered_lines
 
 #: Columns of a result: numbers ``(rows, columns)``, or a tuple of other values for each row.
 CellBlock: TypeAlias = Array | Sequence[tuple[bool | int | str, ...]]
@@ -76,9 +76,12 @@ def convert_rows(
                 begin = next((k for k, line in enumerate(lines) if not is_comment(line)), len(lines))
                 if begin == len(lines):
                     continue
-                reader = RowReader(lines[begin], name, loaded.file.robots, number + begin)
+                names = names_in_comment(lines[begin - 1], lines[begin]) if begin else ""
+                reader = RowReader(
+                    names or lines[begin], name, loaded.file.robots, number + begin - bool(names)
+                )
                 conversion = _Conversion(loaded, reader, robots, as_json)
-                begin += not reader.is_json
+                begin += not (reader.is_json or names)
             conversion.take(number + begin, lines[begin:])
     if conversion is None:
         raise _no_rows(name)
@@ -170,7 +173,7 @@ def read_rows(
         BadInputError: at the first wrong row.
     """
     name = _name(source)
-    rows = ((number, line) for number, line in numbered_lines(source) if not is_comment(line))
+    rows = lines_from_header(numbered_lines(source))
     header = next(rows, None)
     if header is None:
         raise _no_rows(name)

@@ -18,7 +18,7 @@ from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.errors import BadInputError, ContidError, Located
 from contid.robot_file.robot import RobotDescription
 from contid.trajectory.read import read_trajectory
-from contid.trajectory.rows import RowReader
+from contid.trajectory.rows import RowReader, names_in_comment
 from contid.trajectory.timed import Trajectory
 
 #: Bytes of a timed trajectory per read.
@@ -80,13 +80,14 @@ def read_stdin(
         if not line.strip() or line.lstrip().startswith("#"):
             skipped.append(line)
             continue
-        parser = RowReader(line, name, robots, number)
+        names = names_in_comment(skipped[-1], line) if skipped else ""
+        parser = RowReader(names or line, name, robots, number - bool(names))
         if parser.timed:
             return _read_timed(descriptor, "".join(skipped) + line, robots, reader)
         if stat.S_ISREG(os.fstat(descriptor).st_mode):
             message = "no column 't_s': a file needs times; send a live stream through a pipe"
             raise BadInputError([Located(name, number, 1, message)])
-        pending = ((number, line),) if parser.is_json else ()
+        pending = ((number, line),) if parser.is_json or names else ()
         return Stream(parser, name, descriptor, pending, number)
     raise ContidError(
         "stdin: no trajectory came in: it ended before its first line, and nothing was moved; "

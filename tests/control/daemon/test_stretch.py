@@ -57,6 +57,20 @@ def least_slowdown(text: str) -> float:
     return factor
 
 
+def test_samples_that_were_held_are_named() -> None:
+    """Motion capture of 50 Hz logged at 100 Hz has each sample twice."""
+    times = np.linspace(0.0, 8.0, 801)
+    left_mm = 45.0 + 15.0 * np.cos(2.0 * math.pi * np.floor(times * 50.0 + 1e-6) / 50.0 / 8.0)
+    preflight = build_preflight(FINGER, 200.0, Unreachable.REFUSE)
+    assert preflight is not None
+    held = read_trajectory(io.StringIO(rows(times.tolist(), left_mm.tolist())), "t.csv", FINGER.driven)
+    with pytest.raises(TooFastError, match=r"39\d rows in motion repeat the row before"):
+        preflight.trajectory(held, "t.csv")
+    with pytest.raises(TooFastError) as refused:
+        preflight.trajectory(read_trajectory(io.StringIO(sine(0.4)), "t.csv", FINGER.driven), "t.csv")
+    assert "repeat" not in str(refused.value)
+
+
 def test_the_slowdown_of_a_sine_is_that_of_its_derivatives() -> None:
     # 60 mm/s and 1000 mm/s2: speed binds for slow sines, T = 30 pi / 60.
     least = 30.0 * math.pi / 60.0

@@ -8,6 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from contid.clearance.guard import ClearanceGuard
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.preflight.clearance import ClearancePreflight
@@ -29,6 +31,8 @@ MAX_SAMPLES: Final = 1000
 #: When every position of a refused trajectory is within this distance of the origin [m], its columns in mm
 #: probably hold metres.
 METRES_M: Final = 2e-3
+#: Share of the rows from which repeated ones are held samples, as of 50 Hz motion capture logged at 100 Hz.
+HELD_SHARE: Final = 0.1
 
 
 class Unreachable(enum.StrEnum):
@@ -255,6 +259,10 @@ class _Refused:
         if self.worst.keys() == {True}:
             place = self.worst[True].row
             message += f"; the worst is this one: {slower(self.worst[True].slowdown)}"
+            if (held := _held_rows(self._trajectory)) > HELD_SHARE * total:
+                message += (
+                    f"; {held} rows in motion repeat the row before (samples were held): leave them out"
+                )
         elif self.worst[False].residual_m > 0.0:
             place = self.worst[False].row
             message += f"; the worst is this one, by {m_to_mm(self.worst[False].residual_m):.3g} mm"
@@ -265,6 +273,13 @@ class _Refused:
 
     def _line(self, row: int) -> int:
         return self._trajectory.lines[row]
+
+
+def _held_rows(trajectory: Trajectory) -> int:
+    """Rows that repeat the row before, with motion to the row before that and to the next one."""
+    columns = [index for robot in trajectory.layout.robots for index in robot.moving]
+    stands = (np.diff(trajectory.rows[:, columns], axis=0) == 0.0).all(axis=1)
+    return int(np.count_nonzero(stands[1:-1] & ~stands[:-2] & ~stands[2:]))
 
 
 def _looks_like_metres(trajectory: Trajectory) -> bool:
