@@ -50,6 +50,13 @@ class LeaseHolder:
         return client_label(self.name, self.by)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ClientStop:
+    """One stop of a client: who stopped the robots and how. A later one of the same client is another one."""
+
+    message: str
+
+
 def client_label(name: str, by: str) -> str:
     """A client in messages: its name, and for whom it orders."""
     return f"client {name!r} by {by!r}" if by else f"client {name!r}"
@@ -64,8 +71,8 @@ class Lease:
 
     def __init__(self, now_s: float, input_active: bool) -> None:
         self.holder: LeaseHolder | None = None
-        #: Who stopped the robots and how, by client; each stop stands until `go_on`.
-        self._stops: dict[int, str] = {}
+        #: By client; each stop stands until `go_on` or `end_stop`.
+        self._stops: dict[int, ClientStop] = {}
         if input_active:
             self.holder = LeaseHolder(0, INPUT, now_s, float("inf"), now_s)
 
@@ -90,6 +97,8 @@ class Lease:
     ) -> LeaseHolder | None:
         """Acquire the lease; returns the previous holder if it was another one.
 
+        No stop stands any more, but with ``unless_stopped`` the client's own stands until it moves.
+
         Raises:
             RemoteError: another client holds it and ``takeover`` is not set, or stopped the robots and
                 ``unless_stopped`` is set.
@@ -99,26 +108,26 @@ class Lease:
             raise self._refusal(before, now_s)
         if unless_stopped:
             self._check_stopped(client)
-        self._stops.clear()
+        else:
+            self._stops.clear()
         since_s = now_s if before is None or before.client != client else before.since_s
         self.holder = LeaseHolder(client, name, since_s, timeout_s, now_s, by)
         return before if before is not None and before.client != client else None
 
-    def require(self, client: int, name: str, now_s: float, by: str = "") -> str:
+    def require(self, client: int, name: str, now_s: float, by: str = "") -> ClientStop | None:
         """Ensure that a client may move: it holds the lease, or acquires a free one.
 
         Returns:
-            Its own stop, which does not stand any more; `stop_stands` when it does not move after all.
+            Its own stop; it stands, for the others, until the client moves (`end_stop`).
 
         Raises:
             RemoteError: another client holds it, or stopped the robots.
         """
         self.check_free(client, now_s, input_counts=True)
         self._check_stopped(client)
-        own = self._stops.pop(client, "")
         if not self.held_by(client):
-            self.acquire(client, name, now_s, by=by)
-        return own
+            self.holder = LeaseHolder(client, name, now_s, TIMEOUT_S, now_s, by)
+        return self._stops.get(client)
 
     def allow(self, client: int, now_s: float, after_stop: bool) -> None:
         """Ensure that a client may resume robots; `go_on` when it does.
@@ -147,7 +156,7 @@ class Lease:
 
     def _check_stopped(self, client: int) -> None:
         """Refuse a client while a stop by another one stands; a client may go on after its own stop."""
-        others = [message for stopper, message in self._stops.items() if stopper != client]
+        others = [stop.message for stopper, stop in self._stops.items() if stopper != client]
         if others:
             message = f"{'; '.join(others)} stopped the robots; check them, then acquire the lease to go on"
             raise RemoteError(Code.STOPPED, f"{message} (`contid resume`)")
@@ -155,12 +164,12 @@ class Lease:
     @property
     def stopped_by(self) -> str:
         """Who stopped the robots, "" when they may be moved again."""
-        return "; ".join(self._stops.values())
+        return "; ".join(stop.message for stop in self._stops.values())
 
-    def stop_stands(self, client: int, message: str) -> None:
-        """Note a stop of a client again, "" for none; it revokes nothing."""
-        if message and (client in self._stops or len(self._stops) < MAX_STOPS):
-            self._stops[client] = message
+    def end_stop(self, client: int, stop: ClientStop | None) -> None:
+        """A stop of a client does not stand any more, because it moves; a later one of it does."""
+        if stop is not None and self._stops.get(client) is stop:
+            del self._stops[client]
 
     def stop(self, by: int, message: str) -> LeaseHolder | None:
         """Note a stop; revokes the lease of another client, the input keeps it and pauses.
@@ -170,7 +179,8 @@ class Lease:
         Returns:
             The holder that lost the lease.
         """
-        self.stop_stands(by, message)
+        if by in self._stops or len(self._stops) < MAX_STOPS:
+            self._stops[by] = ClientStop(message)
         holder = self.holder
         if holder is None or holder.client in (0, by):
             return None

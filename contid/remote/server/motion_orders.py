@@ -127,13 +127,15 @@ class MotionOrders:
         own_stop = self._run.lease.require(caller.number, caller.name, time.monotonic(), caller.by)
         try:
             if target is not None:
-                return await self._run.moves.point(caller.number, target, caller.notify, force_n or None)
-            return await self._run.moves.begin(caller.number, columns or (), caller.notify)
+                begun = await self._run.moves.point(caller.number, target, caller.notify, force_n or None)
+            else:
+                begun = await self._run.moves.begin(caller.number, columns or (), caller.notify)
         except RemoteError:
-            self._run.lease.stop_stands(caller.number, own_stop)
             if not held:
                 self._run.lease.release(caller.number)
             raise
+        self._run.lease.end_stop(caller.number, own_stop)
+        return begun
 
     async def _grip(self, caller: Caller, request: RequestFields) -> Fields:
         robots, share = self._run.view.named(request), request.number("share", -1.0, 0.0, 1.0)

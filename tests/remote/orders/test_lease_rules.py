@@ -85,7 +85,7 @@ def test_the_stop_of_the_holder_keeps_its_lease_and_bars_the_others() -> None:
     lease.release(1)
     with pytest.raises(RemoteError, match="one"):
         lease.require(2, "two", 0.1)
-    lease.require(1, "one", 0.2)
+    lease.end_stop(1, lease.require(1, "one", 0.2))
     lease.release(1)
     lease.require(2, "two", 0.3)
 
@@ -103,10 +103,28 @@ def test_stops_of_several_clients_stand_side_by_side() -> None:
     assert lease.stopped_by == ""
 
 
-def test_the_stop_of_a_client_stands_when_its_own_order_is_refused() -> None:
+def test_the_stop_of_a_client_stands_until_it_moves() -> None:
+    """A move that is being checked may still be refused, or be ended by a third client, who then moves."""
     lease = Lease(0.0, input_active=False)
     lease.stop(1, "person (hold)")
-    lease.stop_stands(1, lease.require(1, "person", 0.1))
+    own = lease.require(1, "person", 0.1)
     lease.release(1)
     with pytest.raises(RemoteError, match="person"):
         lease.require(2, "script", 0.2)
+    lease.stop(1, "person (estop)")
+    lease.end_stop(1, own)  # the hold; the estop came after it
+    with pytest.raises(RemoteError, match="estop"):
+        lease.require(2, "script", 0.3)
+    lease.end_stop(1, lease.require(1, "person", 0.4))
+    assert lease.stopped_by == ""
+
+
+def test_who_acquires_unless_stopped_has_not_moved_yet() -> None:
+    lease = Lease(0.0, input_active=False)
+    lease.stop(1, "person (hold)")
+    lease.acquire(1, "person", 0.1, unless_stopped=True)
+    lease.release(1)
+    with pytest.raises(RemoteError, match="person"):
+        lease.require(2, "script", 0.2)
+    lease.acquire(2, "script", 0.3)
+    assert lease.stopped_by == ""
