@@ -128,7 +128,7 @@ def load_named(name: str) -> LoadedFile:
 
 
 def find_robot_file(name: str) -> Path:
-    """``name`` itself if it is a file, else the shipped robot file of that name.
+    """``name`` itself if it is a file, else ``name.yaml`` or ``name.yml`` beside it, else the shipped robot file.
 
     Raises:
         ContidError: neither; the message lists the shipped names and the nearest one.
@@ -138,7 +138,13 @@ def find_robot_file(name: str) -> Path:
         raise ContidError(f"{name}: is a folder; name a robot file in it")
     if path.exists():  # a pipe as well: contid check <(sed ... hand.yaml)
         return path
+    beside = [file for suffix in (".yaml", ".yml") if (file := Path(name + suffix)).is_file()]
     shipped = {file.stem: file for file in sorted(configs_folder().glob("*.yaml"))}
+    if len(beside) + (name in shipped) > 1:
+        places = ", ".join(str(file) for file in [*beside, *([shipped[name]] if name in shipped else [])])
+        raise ContidError(f"{name}: could be one of {places}; write the whole path of the one you mean")
+    if beside:
+        return beside[0]
     if name in shipped:
         return shipped[name]
     raise ContidError(f"{name}: no such file and no shipped robot file; {allowed_names(shipped, name)}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from click.shell_completion import ShellComplete
+from click.testing import CliRunner
 
 from contid.cli.main import cli
 
@@ -28,3 +29,9 @@ def test_robot_files_are_shipped_names_and_files(message: list[str]) -> None:
 def test_commands_and_options() -> None:
     assert ("resume", "plain") in offered("re")
     assert offered("run", "--un") == [("--unreachable", "plain")]
+
+
+def test_an_unknown_command_is_answered_with_the_nearest_one() -> None:
+    answer = CliRunner().invoke(cli, ["rnu"])
+    assert answer.exit_code == 2
+    assert "No such command 'rnu'. Did you mean 'run'?" in answer.output

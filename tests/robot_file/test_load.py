@@ -8,7 +8,7 @@ import pytest
 
 from contid.errors import BadInputError, ContidError, Located
 from contid.hal import DeviceKind, load_driver
-from contid.robot_file.load import load_robot_file, parse_robot_file, with_mock
+from contid.robot_file.load import find_robot_file, load_robot_file, parse_robot_file, with_mock
 
 
 def findings(text: str) -> list[Located]:
@@ -208,3 +208,17 @@ def test_aliases_cannot_eat_the_machine() -> None:
         bomb += f"a{level}: &a{level} [{', '.join([f'*a{level - 1}'] * 10)}]\n"
     assert "aliases written out" in findings(bomb)[0].message
     assert "repeats nothing" in findings("a: &x [*x]\n")[0].message
+
+
+def test_a_robot_file_is_found_without_its_suffix(
+    tmp_path: Path, configs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert find_robot_file("finger") == configs / "finger.yaml"
+    Path("mine.yml").write_text("")
+    assert find_robot_file("mine") == Path("mine.yml")
+    # Two files of one name: which one is meant moves a robot.
+    Path("finger.yaml").write_text("")
+    with pytest.raises(ContidError, match="finger: could be one of finger.yaml, .*configs/finger.yaml"):
+        find_robot_file("finger")
+    assert find_robot_file("finger.yaml") == Path("finger.yaml")
