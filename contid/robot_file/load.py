@@ -128,7 +128,7 @@ def load_named(name: str) -> LoadedFile:
 
 
 def find_robot_file(name: str) -> Path:
-    """``name`` itself if it is a file, else ``name.yaml`` or ``name.yml`` beside it, else the shipped robot file.
+    """``name`` itself if it is a file, else ``name.yaml`` or ``.yml`` beside it, else the shipped robot file.
 
     Raises:
         ContidError: neither; the message lists the shipped names and the nearest one.

@@ -219,6 +219,6 @@ def test_a_robot_file_is_found_without_its_suffix(
     assert find_robot_file("mine") == Path("mine.yml")
     # Two files of one name: which one is meant moves a robot.
     Path("finger.yaml").write_text("")
-    with pytest.raises(ContidError, match="finger: could be one of finger.yaml, .*configs/finger.yaml"):
+    with pytest.raises(ContidError, match=r"finger: could be one of finger\.yaml, .*configs/finger\.yaml"):
         find_robot_file("finger")
     assert find_robot_file("finger.yaml") == Path("finger.yaml")
