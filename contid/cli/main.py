@@ -59,10 +59,21 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "home": ("contid.cli.commands.home", "find the zero of axes and write it into the robot file"),
 }
 
+#: Headings of ``contid --help``.
+SECTIONS: Final = {
+    "Operate": [
+        "run", "status", "move", "hold", "resume", "stop", "estop", "recover", "clear-fault", "fault",
+    ],
+    "Describe": ["new", "check", "schema"],
+    "Analyse": ["path", "retime", "fk", "ik", "shape", "replay", "session"],
+    "Maintain": ["scan", "doctor", "home", "servo", "firmware", "emulate"],
+}  # fmt: skip
+
 cli = click.version_option(__version__, prog_name="contid")(
     TableGroup(
         COMMANDS,
         "Commands",
+        sections=SECTIONS,
         name="cli",
         help="Make continuum robots move: one YAML file from geometry to wire.",
         context_settings={"help_option_names": ["-h", "--help"]},

@@ -6,7 +6,7 @@ import pytest
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
-from contid.cli.main import cli
+from contid.cli.main import COMMANDS, SECTIONS, cli
 
 
 def offered(*message: str) -> list[tuple[str, str]]:
@@ -35,3 +35,9 @@ def test_an_unknown_command_is_answered_with_the_nearest_one() -> None:
     answer = CliRunner().invoke(cli, ["rnu"])
     assert answer.exit_code == 2
     assert "No such command 'rnu'. Did you mean 'run'?" in answer.output
+
+
+def test_every_command_is_in_one_section_of_the_help() -> None:
+    assert sorted(name for names in SECTIONS.values() for name in names) == sorted(COMMANDS)
+    answer = CliRunner().invoke(cli, ["--help"])
+    assert all(f"\n{heading}:\n" in answer.output for heading in (*SECTIONS, "Commands of extras"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from importlib import import_module
 from typing import Any, TypeAlias
@@ -23,11 +23,27 @@ class TableGroup(click.Group):
     front: ``fleet``, ``calibrate camera``.
     """
 
-    def __init__(self, table: Table, heading: str, group: str = "", **options: Any) -> None:
-        """``group``: how the names of the commands that extras add here begin; "" at the top."""
+    def __init__(
+        self,
+        table: Table,
+        heading: str,
+        group: str = "",
+        sections: Mapping[str, Sequence[str]] | None = None,
+        **options: Any,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            table: the commands.
+            heading: of the help.
+            group: how the names of the commands that extras add here begin; "" at the top.
+            sections: of the help: heading and names; None for one with all commands.
+            options: of `click.Group`.
+        """
         super().__init__(**options)
         self.table = table
         self.heading = heading
+        self.sections = sections or {heading: list(table)}
         self._group = f"{group} ".lstrip()
 
     @cached_property
@@ -68,7 +84,8 @@ class TableGroup(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Print the tables."""
-        for heading, table in ((self.heading, self.table), (f"{self.heading} of extras", self.added)):
-            if table:
+        lines = {name: line for name, (_, line) in {**self.table, **self.added}.items()}
+        for heading, names in {**self.sections, f"{self.heading} of extras": list(self.added)}.items():
+            if names:
                 with formatter.section(heading):
-                    formatter.write_dl([(name, line) for name, (_, line) in table.items()])
+                    formatter.write_dl([(name, lines[name]) for name in names])
