@@ -1,4 +1,4 @@
-"""The limiter's kernel: inverses and bounded steps against SciPy, taut tendons against the balance of energy."""
+"""The limiter's kernel: inverses and bounded steps against SciPy, tendons against the balance of energy."""
 
 from __future__ import annotations
 
@@ -97,11 +97,12 @@ def config_of(configs: Path, name: str) -> RobotConfig:
 
 @pytest.mark.parametrize("name", ["tendon3", "ftdcr_v4"])
 def test_no_tendon_gets_slack_on_the_way_to_any_answer(configs: Path, name: str) -> None:
-    """Answers anywhere in the limits of travel, and such as are no numbers; tensions as the energy has them."""
+    """Answers anywhere in the limits of travel, and some that are no numbers; tensions by the energy."""
     config, rng = config_of(configs, name), np.random.default_rng(8)
     model = config.model
     assert isinstance(model, TendonModel)
-    assert model.taut is not None and model.statics is not None
+    assert model.taut is not None
+    assert model.statics is not None
     k, G = model.statics.tendon_n_per_m, model.geometry.pull_matrix
     # The energy of tendons and backbone is a sum of squares, whose least the bends have.
     roots = np.vstack([np.sqrt(k)[:, None] * G, np.diag(np.sqrt(np.repeat(model.statics.bending_nm, 2)))])
@@ -111,16 +112,15 @@ def test_no_tendon_gets_slack_on_the_way_to_any_answer(configs: Path, name: str)
             answer = tuple(rng.uniform(model.lower, model.upper).tolist())
             answer = (math.nan,) * len(answer) if count % 500 == 450 else answer
         limited = limit(config.limits, last, steps, answer, (0.0,) * len(last))
-        after, flags = limit_taut(
-            model.taut, config.limits, last, steps, answer, (0.0,) * len(last), limited
-        )
+        after, flags = limit_taut(model.taut, config.limits, last, steps, answer, (0.0,) * len(last), limited)
         seen += any(flag & TENSION for flag in flags)
         assert all(flag & TENSION or a == b for flag, a, b in zip(flags, after, limited[0], strict=True))
         assert not math.isnan(answer[0]) or all(flag & REFUSED for flag in flags)
         moved = tuple(new - old for new, old in zip(after, last, strict=True))
         changed = np.subtract(moved, steps)
         for axis, step, change in zip(config.limits, moved, changed, strict=True):
-            assert abs(step) <= axis.step * (1 + 1e-9) and abs(change) <= axis.change * (1 + 1e-6)
+            assert abs(step) <= axis.step * (1 + 1e-9)
+            assert abs(change) <= axis.change * (1 + 1e-6)
         right = np.concatenate([np.sqrt(k) * after, np.zeros(G.shape[1])])
         bends = np.linalg.lstsq(roots, right, rcond=None)[0]
         tensions = model.statics.rest_n + k * (np.array(after) - G @ bends)

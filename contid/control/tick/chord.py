@@ -7,9 +7,9 @@ that goes as far as all axes can still brake.
 
     minimise  |across (J d + r)|^2 + w^2 (along (J d + r) - pace)^2    with every d allowed in this tick
 
-r is what the linear model of the line misses; ``contid/kernels/limiter/chord.hpp`` finds the least. The line begins at the last command in every tick: an arm that
-moves across it brakes that motion as fast as its axes can, and the line turns with it, so that the tip leaves
-the chord of the jump by what it needs to turn.
+r is what the linear model of the line misses; ``contid/kernels/limiter/chord.hpp`` finds the least. The line
+begins at the last command in every tick: an arm that moves across it brakes that motion as fast as its axes
+can, and the line turns with it, so that the tip leaves the chord of the jump by what it needs to turn.
 """
 
 from __future__ import annotations

@@ -3,8 +3,9 @@
 Everything is compared with the *last command*, never with the measurement: limiting against a lagging
 measurement slows a robot down, or throws it, just outside a limit (ros2_control PR 2183).
 
-Work is done in steps, the difference of two consecutive commands. A step is kept under the greatest one from
-which the axis can still stop before its limit; ``contid/kernels/limiter/axis.hpp`` has the equation and the rule.
+Work is done in steps, the difference of two consecutive commands. A step is kept under the greatest one
+from which the axis can still stop before its limit; ``contid/kernels/limiter/axis.hpp`` has the equation
+and the rule.
 
 A target inside every limit is returned bit for bit. A target that is not is chased: the axis runs at the
 target's own step plus the greatest step that can still be braked to it, so a jump ends without overshoot.
@@ -34,6 +35,7 @@ FLAG_NAMES: Final[dict[int, str]] = {
     REFUSED: "refused",
     TENSION: "tension",
 }
+
 
 @cache
 def kernel() -> Any:

@@ -2,8 +2,9 @@
 
 The answer is the actuation that the model returned for the target of this tick. Axes that go towards their
 answers one by one pull against each other on the way. Here the robot moves in the bends and the tightness of
-its sections (`contid.kinematics.tendon.taut`), in which the limits are convex, and after each step it can still
-stop on a straight line inside them. ``contid/kernels/limiter/taut.hpp`` has the rule, its derivation and source.
+its sections (`contid.kinematics.tendon.taut`), in which the limits are convex, and after each step it can
+still stop on a straight line inside them. ``contid/kernels/limiter/taut.hpp`` has the rule, its derivation
+and its source.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ def limit_taut(
         last_steps: the last command minus the one before [m].
         answer: the actuation that the model returned [m]; the robot brakes where it is not a number.
         answer_steps: the answer minus that of the tick before [m].
-        limited: the command under the limits of the axes alone, and the bits of those that bound it. It is kept
-            where the robot can stop after it.
+        limited: the command under the limits of the axes alone, and the bits of those that bound it. It is
+            kept where the robot can stop after it.
     """
     command: tuple[Actuation, tuple[int, ...]] = taut.kernel.limit(
         limits, last, last_steps, answer, answer_steps, *limited
