@@ -7,9 +7,9 @@ that goes as far as all axes can still brake.
 
     minimise  |across (J d + r)|^2 + w^2 (along (J d + r) - pace)^2    with every d allowed in this tick
 
-r is what the linear model of the line misses. The line begins at the last command in every tick: an arm that
-moves across it brakes that motion as fast as its axes can, and the line turns with it, so that the tip leaves
-the chord of the jump by what it needs to turn.
+r is what the linear model of the line misses; ``contid/kernels/limiter/chord.hpp`` finds the least. The line
+begins at the last command in every tick: an arm that moves across it brakes that motion as fast as its axes
+can, and the line turns with it, so that the tip leaves the chord of the jump by what it needs to turn.
 """
 
 from __future__ import annotations
@@ -19,17 +19,13 @@ from collections.abc import Callable, Sequence
 from typing import Final, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contid.control.tick.limits import AxisLimits, brake_step
+from contid.control.tick.limits import AxisLimits, brake_step, kernel
 from contid.kinematics.array import Array
 
 #: From axes to where they are on the way from the last command, in the coordinates of the line.
 Displacement: TypeAlias = Callable[[Array], Array]
 
-#: Weight of progress against motion across the line, and of the preferred steps against both.
-_PROGRESS: Final = 1e-3
-_PREFERENCE: Final = 1e-6
 #: Singular values of the line's derivative that count as none, as a share of the greatest.
 _SINGULAR: Final = 1e-6
 #: Steps at full speed over which the curvature ahead is taken.
@@ -65,7 +61,7 @@ class StraightLine:
         self.share = 1.0
         if self._length > _EXACT * self._size:
             self._along = line / self._length
-            inverse = np.linalg.pinv(self._slopes, rcond=_SINGULAR)
+            inverse = pseudo_inverse(self._slopes, _SINGULAR)
             rates = inverse @ line
             part = min(1.0, _LOOK_AHEAD / max(float(np.abs(rates).max()), 1e-300))
             missed = displacement(part * rates * self._scale) - self._slopes @ (part * rates)
@@ -86,29 +82,15 @@ class StraightLine:
         if not self._length > _EXACT * self._size:
             return np.clip(preferred, low, high), 1.0, 0.0
         along, count = self._along, len(scale)
-        rows = np.vstack(
-            [
-                slopes - np.outer(along, along @ slopes),
-                _PROGRESS * (along @ slopes)[None, :],
-                _PREFERENCE * self._size * np.eye(count),
-            ]
-        )
+        preferred = preferred / scale
         ends = low / scale, high / scale
         pace = 0.0 if halt else self.share * self._length
         error = np.zeros(len(drift))
-        step = np.zeros(count)
-        held: NDArray[np.int64] | None = None
+        step = np.empty(count)
+        held = np.zeros(count, dtype=np.int8)
+        nearest = kernel().nearest_step
         for _ in range(_ROUNDS):
-            asked = drift - error
-            progress = float(along @ asked)
-            right = np.concatenate(
-                [
-                    asked - along * progress,
-                    [_PROGRESS * (pace + progress)],
-                    _PREFERENCE * self._size * preferred / scale,
-                ]
-            )
-            step, held = _least_squares(rows, right, *ends, held)
+            nearest(slopes, along, self._size, drift - error, pace, preferred, *ends, held, step)
             before, error = error, self._displacement(step * scale) - slopes @ step
             if float(np.abs(error - before).max()) <= _EXACT * self._size:
                 break
@@ -142,35 +124,16 @@ def _share(limits: Sequence[AxisLimits], scale: Array, rates: Array, bends: Arra
     return min(share, brake_step(1.0, braking))
 
 
-def _least_squares(
-    rows: Array, right: Array, low: Array, high: Array, held: NDArray[np.int64] | None
-) -> tuple[Array, NDArray[np.int64]]:
-    """Minimum of ``|rows x - right|`` with ``low <= x <= high``, and which bounds hold there (-1, 0, 1).
+def pseudo_inverse(matrix: Array, singular: float = 1e-15) -> Array:
+    """Moore-Penrose inverse of a small matrix.
 
-    Primal active set; ``held`` are the bounds of a similar problem.
+    Args:
+        matrix: of at most 64 rows and columns.
+        singular: singular values that count as none, as a share of the greatest.
+
+    Raises:
+        ValueError: The matrix is too large, or not all of it are numbers.
     """
-    count = rows.shape[1]
-    bound: NDArray[np.int64] = np.zeros(count, dtype=np.int64) if held is None else held.copy()
-    x = np.where(bound < 0, low, np.where(bound > 0, high, np.clip(0.0, low, high)))
-    for _ in range(4 * count):
-        free = bound == 0
-        if free.any():
-            y = x.copy()
-            y[free] = np.linalg.lstsq(rows[:, free], right - rows[:, ~free] @ x[~free], rcond=None)[0]
-            share, stop = 1.0, -1
-            for k in np.flatnonzero((y < low) | (y > high)):
-                end = low[k] if y[k] < low[k] else high[k]
-                part = (end - x[k]) / (y[k] - x[k]) if y[k] != x[k] else 0.0
-                if part < share:
-                    share, stop = part, int(k)
-            x = x + share * (y - x)
-            if stop >= 0:
-                bound[stop] = -1 if y[stop] < low[stop] else 1
-                x[stop] = low[stop] if bound[stop] < 0 else high[stop]
-                continue
-        slope = rows.T @ (rows @ x - right) * bound  # positive: the bound keeps nothing
-        worst = int(np.argmax(slope))
-        if not slope[worst] > 1e-14 * float(np.abs(right).max() + 1e-300):
-            break
-        bound[worst] = 0
-    return x, bound
+    inverse = np.empty(matrix.shape[::-1])
+    kernel().pseudo_inverse(np.ascontiguousarray(matrix), singular, inverse)
+    return inverse

@@ -3,13 +3,9 @@
 Everything is compared with the *last command*, never with the measurement: limiting against a lagging
 measurement slows a robot down, or throws it, just outside a limit (ros2_control PR 2183).
 
-Work is done in steps, the difference of two consecutive commands: with the period h a velocity v is the step
-``v h`` and an acceleration a is the change of step ``a h^2``. From a step s an axis that sheds ``c = a h^2``
-per tick still travels ``s - c, s - 2c, ...``; so the greatest step that stops within the room d is
-
-    s = d / (n + 1) + n c / 2      with the greatest n for which  c n (n + 1) / 2 <= d,
-
-the discrete form of ``v <= sqrt(2 a d)``. An axis kept under it can always stop before its limit.
+Work is done in steps, the difference of two consecutive commands. A step is kept under the greatest one
+from which the axis can still stop before its limit; ``contid/kernels/limiter/axis.hpp`` has the equation
+and the rule.
 
 A target inside every limit is returned bit for bit. A target that is not is chased: the axis runs at the
 target's own step plus the greatest step that can still be braked to it, so a jump ends without overshoot.
@@ -18,12 +14,14 @@ Jerk is not limited here; approach and stop are jerk-limited before they arrive.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from functools import cache
+from typing import Any, Final
 
-# Which limit bound, as bits of one number per axis.
+from contid.kernels import load
+
+# Which limit bound, as bits of one number per axis; the kernel has the same ones.
 POSITION: Final = 1
 VELOCITY: Final = 2
 ACCELERATION: Final = 4
@@ -38,8 +36,15 @@ FLAG_NAMES: Final[dict[int, str]] = {
     TENSION: "tension",
 }
 
-# A trajectory that runs exactly at a limit differs from it by rounding; this much is not "beyond".
-_SLACK: Final = 1.0 + 1e-9
+
+@cache
+def kernel() -> Any:
+    """The kernel of the limits of a tick, loaded when the first is asked for.
+
+    Raises:
+        KernelMissingError: It is not compiled in this installation.
+    """
+    return load("limiter")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,10 +80,20 @@ def axis_limits(
 
 def brake_step(room: float, change: float) -> float:
     """Greatest step that, shedding ``change`` per tick, stops within ``room`` (the step itself included)."""
-    if room <= 0.0:
-        return 0.0
-    n = int((math.sqrt(1.0 + 8.0 * room / change) - 1.0) / 2.0)
-    return room / (n + 1) + 0.5 * n * change
+    step: float = kernel().brake_step(room, change)
+    return step
+
+
+def stops_within(room: float, step: float, change: float) -> bool:
+    """True when what has made a step, and sheds ``change`` per tick, stops within ``room``."""
+    stops: bool = kernel().stops_within(room, step, change)
+    return stops
+
+
+def allowed_steps(limits: AxisLimits, last: float, last_step: float) -> tuple[float, float]:
+    """Least and greatest step of one axis in the next tick that every limit allows."""
+    steps: tuple[float, float] = kernel().allowed_steps(limits, last, last_step)
+    return steps
 
 
 def limit_axis(
@@ -96,77 +111,8 @@ def limit_axis(
     Returns:
         The command and the limits that bound (bits; 0 when the command is the target itself).
     """
-    if not limits.lower <= last <= limits.upper:
-        # Outside, the axis goes no further out, and inwards only with its target: it never moves by itself.
-        lower, upper = min(limits.lower, last), max(limits.upper, last)
-        limits = AxisLimits(lower, upper, limits.step, limits.change)
-    step = target - last
-    slack = limits.change * _SLACK
-    if (
-        limits.lower <= target <= limits.upper
-        and abs(step) <= limits.step * _SLACK
-        and abs(step - last_step) <= slack
-        and abs(step - target_step) <= slack  # 0 once on target; arriving faster than this would overshoot
-        and (abs(step) <= slack or _can_stop(limits, step, target))
-    ):
-        return target, 0
-    return _limited(limits, last, last_step, target, target_step)
-
-
-def allowed_steps(limits: AxisLimits, last: float, last_step: float) -> tuple[float, float]:
-    """Least and greatest step of one axis in the next tick that every limit allows."""
-    lower, upper = min(limits.lower, last), max(limits.upper, last)
-    inwards, outwards = -brake_step(last - lower, limits.change), brake_step(upper - last, limits.change)
-    ends = []
-    for end in (last_step - limits.change, last_step + limits.change):
-        step = min(max(end, -limits.step), limits.step)
-        ends.append(min(max(step, inwards), outwards))
-    return ends[0], ends[1]
-
-
-def _can_stop(limits: AxisLimits, step: float, position: float) -> bool:
-    """True when an axis that arrives at ``position`` with ``step`` can brake before its limit."""
-    room = limits.upper - position if step > 0.0 else position - limits.lower
-    return stops_within(room, abs(step), limits.change)
-
-
-def stops_within(room: float, step: float, change: float) -> bool:
-    """True when what has made a step, and sheds ``change`` per tick, stops within ``room``."""
-    n = int(step / change)
-    return n * step - 0.5 * change * n * (n + 1) <= room + change * 1e-9
-
-
-def _limited(
-    limits: AxisLimits, last: float, last_step: float, target: float, target_step: float
-) -> tuple[float, int]:
-    """The command when the target itself cannot be commanded."""
-    flags = 0
-    if math.isfinite(target):
-        inside = min(max(target, limits.lower), limits.upper)
-        if inside != target:
-            flags, target_step = POSITION, 0.0
-        if not math.isfinite(target_step):
-            target_step = 0.0
-        pace = min(max(target_step, -limits.step), limits.step)
-        gap = inside - last - pace
-        chase = brake_step(abs(gap), limits.change)
-        want = inside - last if chase >= abs(gap) else pace + math.copysign(chase, gap)
-    else:
-        flags, inside, want = REFUSED, last, 0.0
-    step = min(max(want, last_step - limits.change), last_step + limits.change)
-    if step != want:
-        flags |= ACCELERATION
-    if abs(step) > limits.step:
-        step = math.copysign(limits.step, step)
-        flags |= VELOCITY
-    # At a limit there is no room outwards: the position wins over the acceleration.
-    lower, upper = limits.lower, limits.upper
-    braked = min(max(step, -brake_step(last - lower, limits.change)), brake_step(upper - last, limits.change))
-    if braked != step:
-        flags |= POSITION
-    if braked == inside - last:
-        return inside, flags
-    return min(max(last + braked, lower), upper), flags
+    command: tuple[float, int] = kernel().limit_axis(limits, last, last_step, target, target_step)
+    return command
 
 
 def limit(
@@ -177,11 +123,7 @@ def limit(
     target_steps: Sequence[float],
 ) -> tuple[tuple[float, ...], tuple[int, ...]]:
     """Next command of every axis of a robot, and per axis the bits of the limits that bound."""
-    commands, flags = [], []
-    for axis, position, step, target, pace in zip(
-        limits, last, last_steps, targets, target_steps, strict=True
-    ):
-        command, bound = limit_axis(axis, position, step, target, pace)
-        commands.append(command)
-        flags.append(bound)
-    return tuple(commands), tuple(flags)
+    limited: tuple[tuple[float, ...], tuple[int, ...]] = kernel().limit(
+        limits, last, last_steps, targets, target_steps
+    )
+    return limited

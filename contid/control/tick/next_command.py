@@ -58,7 +58,8 @@ def next_command(
         reference: where the axes have to go.
         reference_steps: how far it moved in this tick.
         target_in_base: what the reference answers; None for a motion of the axes.
-        straight: the axes go on a straight line to the reference (`contid.control.tick.way`).
+        straight: the axes are on a straight line to the reference, because the tip cannot be
+            (`contid.control.tick.way`).
     """
     if reference == last and not any(last_steps) and not any(reference_steps):
         # They stand where they have to be: every limit held when the last command was made.
@@ -99,17 +100,7 @@ def limit_on_path(
     target_in_base: Target,
     straight: bool = False,
 ) -> tuple[Actuation, tuple[int, ...], bool]:
-    """Next command of a robot that follows targets, per axis the limits that bound, and ``straight``.
-
-    Args:
-        config: of the robot.
-        last: the last command.
-        last_steps: the last command minus the one before.
-        answer: of the model to the target.
-        answer_steps: how far the answer moved in this tick.
-        target_in_base: what it answers.
-        straight: the axes are on a straight line to the answer, because the tip cannot be.
-    """
+    """`next_command` of a robot that follows targets, before the limits that its axes share."""
     command, flags = limit(config.limits, last, last_steps, answer, answer_steps)
     own = len(command) - config.extra_axes
     if command[:own] == answer[:own] or not all(map(math.isfinite, answer)):

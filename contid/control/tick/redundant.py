@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from contid.control.tick.chord import pseudo_inverse
 from contid.control.tick.limits import AxisLimits, brake_step
 from contid.control.tick.tip_task import Task
 from contid.kinematics.array import Array
@@ -41,7 +42,7 @@ class Redundant:
         """A command with the tip where the answer has it, near a shared step; None if none was found."""
         goal = self.task(answer)
         J = self.J
-        needed = np.linalg.pinv(J) @ (goal - self.task(last))
+        needed = pseudo_inverse(J) @ (goal - self.task(last))
         freely = self._braked(answer - last - needed, answer_steps - needed)
         shared = last + needed + self._share(freely, last + needed) * freely
         for begin in (shared, clipped):
@@ -83,7 +84,7 @@ def _bounded(J: Array, error: Array, low: Array, high: Array) -> Array:
     d = np.zeros(J.shape[1])
     free = np.ones(len(d), dtype=bool)
     for _ in range(len(d)):
-        d[free] = np.linalg.pinv(J[:, free]) @ (error - J[:, ~free] @ d[~free])
+        d[free] = pseudo_inverse(J[:, free]) @ (error - J[:, ~free] @ d[~free])
         beyond = np.maximum(low - d, d - high)
         beyond[~free] = 0.0
         worst = int(np.argmax(beyond))

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from contid.control.tick.chord import StraightLine
+from contid.control.tick.chord import StraightLine, pseudo_inverse
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits, brake_step
 from contid.control.tick.redundant import Redundant
@@ -71,7 +71,7 @@ class Way:
             displaced = displacement_of(self._task, self._last, target.direction is not None)
             goal = displaced(self._answer - self._last)
             drift = goal - displaced(self._answer - self._last - self._paces)
-            needed = np.linalg.pinv(self._J) @ drift
+            needed = pseudo_inverse(self._J) @ drift
             self._jumped = any(abs(size) > each.step for size, each in zip(needed, limits, strict=True))
             drift = np.zeros(len(goal)) if self._jumped else drift
             self._line = StraightLine(limits, self._J, displaced, goal, drift)

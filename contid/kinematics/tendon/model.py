@@ -61,7 +61,7 @@ class TendonModel:
         self._by_pulls: Array = self._lengths[:, None] * by_pulls
         self._limits = PullLimits(self.lower, self.upper, self.statics, self.feasible, self._by_pulls)
         #: Pulls as bends and tightness; None where tensions are not bounded.
-        self.taut = None if self.statics is None else TautPulls(self.statics, self._limits)
+        self.taut = None if self.statics is None else TautPulls(self._limits, self.statics)
         #: Lead of the friction in the bends; None without.
         self.capstan: CapstanLead | None = None
         if robot.capstan is not None and self.statics is not None:

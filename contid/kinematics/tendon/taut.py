@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+from contid.kernels import load
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.feasible import TendonFeasible
 from contid.kinematics.tendon.tension import TendonStatics
@@ -54,44 +56,33 @@ class PullLimits:
 
 
 class TautPulls:
-    """Conversions between pulls [m] and bends [rad] with tightness [N]."""
+    """The bounds of the tensions of a tendon robot for the limiter of its commands.
 
-    def __init__(self, statics: TendonStatics, limits: PullLimits) -> None:
-        self.excess = limits.excess
+    Attributes:
+        kernel: conversions between pulls, and bends with tightness, and the limiter (``limiter/taut.hpp``).
+    """
+
+    def __init__(self, limits: PullLimits, statics: TendonStatics) -> None:
+        geometry = statics.geometry
+        sections = limits.feasible.sections
         self._statics = statics
-        self._count = statics.geometry.count
+        self.kernel: Any = load("limiter").TautPulls(
+            demand=statics.demand,
+            pull_matrix=geometry.pull_matrix,
+            bends_by_pulls=statics.bends_by_pulls,
+            variables_by_pulls=limits.by_pulls,
+            slack_free=statics.slack_free,
+            rest=statics.rest_n,
+            stiffness=statics.tendon_n_per_m,
+            section_of=geometry.section_of,
+            bend_max=np.array(sections.backbone_m) * np.array(limits.feasible.bend_max_rad),
+            floor=statics.floor_n,
+            limit=statics.limit_n,
+        )
 
     def tightness(self, pulls: Array) -> Array:
-        """Tightness of every section ``(sections,)`` [N]."""
-        return self._tightness(pulls, self._statics.bends(pulls))
-
-    def _tightness(self, pulls: Array, bends: Array) -> Array:
-        """Tightness of pulls whose bends are known."""
+        """Tightness of every section ``(sections,)`` [N] of pulls ``(tendons,)`` [m]."""
         statics = self._statics
-        above = (statics.tensions_at(pulls, bends) - statics.floor_n) / statics.slack_free
+        above = (statics.tensions(pulls) - statics.floor_n) / statics.slack_free
         tightness: Array = np.minimum.reduceat(above, statics.geometry.first_of)
         return tightness
-
-    def tightened(self, pulls: Array, tightness: Array) -> Array:
-        """Pulls ``(tendons,)`` [m] of the same bends with at least this tightness ``(sections,)`` [N]."""
-        statics = self._statics
-        lacks = np.maximum(tightness - self.tightness(pulls), 0.0)[statics.geometry.section_of]
-        tightened: Array = pulls + lacks * statics.slack_free / statics.tendon_n_per_m
-        return tightened
-
-    def split(self, pulls: Array) -> Array:
-        """Coordinates of pulls ``(tendons,)`` [m], in which tightness and bends are apart.
-
-        Bends ``(2 sections,)`` [rad], tightness ``(sections,)`` [N], and what is left of the pulls [m], which
-        neither bends nor tightens: nothing for three tendons per section.
-        """
-        bends = self._statics.bends(pulls)
-        tightness = self._tightness(pulls, bends)
-        return np.concatenate((bends, tightness, pulls - self._statics.pulls(bends, tightness)))
-
-    def join(self, coordinates: Array) -> Array:
-        """Pulls ``(tendons,)`` [m] of coordinates."""
-        count = self._count
-        bends, tightness = coordinates[: 2 * count], coordinates[2 * count : 3 * count]
-        pulls: Array = self._statics.pulls(bends, tightness) + coordinates[3 * count :]
-        return pulls

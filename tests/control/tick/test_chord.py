@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from scipy.optimize import lsq_linear
 
-from contid.control.tick.chord import _least_squares
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.next_command import limit_on_path
 from contid.kinematics.array import Array
@@ -135,20 +133,6 @@ def test_a_robot_outside_its_limits_goes_inwards() -> None:
     answer = config.model.inverse(target, start).actuation
     after, _, _ = limit_on_path(config, start, still, answer, still, target)
     assert all(new < old for new, old in zip(after, start, strict=True))
-
-
-def test_bounded_least_squares_are_those_of_scipy() -> None:
-    rng = np.random.default_rng(1)
-    for _ in range(200):
-        rows, columns = rng.integers(3, 9), rng.integers(1, 7)
-        matrix = np.vstack([rng.normal(size=(rows, columns)), 1e-3 * np.eye(int(columns))])
-        right = 3.0 * rng.normal(size=len(matrix))
-        low = rng.uniform(-1.0, 0.3, columns)
-        high = low + rng.uniform(0.01, 1.0, columns)
-        ours, _ = _least_squares(matrix, right, low, high, None)
-        theirs = lsq_linear(matrix, right, (low, high), method="bvls", tol=1e-14).x
-        assert np.all((low <= ours) & (ours <= high))
-        assert np.linalg.norm(matrix @ ours - right) <= np.linalg.norm(matrix @ theirs - right) + 1e-9
 
 
 def test_an_axis_near_its_end_brakes_by_itself() -> None:
