@@ -24,7 +24,7 @@ from contid.hal import LimitsEffort, Sample
 
 #: Interval between two attempts to reopen a lost bus.
 RETRY_S: Final = 1.0
-#: Shortest wait for a bus with its own worker, as a share of the period.
+#: Shortest wait for the buses with workers of their own, together, as a share of the period.
 MIN_SHARE: Final = 0.25
 
 
@@ -138,11 +138,10 @@ class Exchange:
                 continue
             effects, self._queued[name] = tuple(self._queued[name]), []
             port.start(BusJob(commands[name], effects))
+        # One deadline for all buses; also in a late tick they get their share of the period.
+        end_s = max(timing.end_s, self._now() + MIN_SHARE / self._rate_hz)
         for name, port in self._ports.items():
-            timeout_s = 0.0
-            if port.threaded and not port.lost:
-                # Also in a late tick the bus gets its share of the period.
-                timeout_s = max(timing.end_s - self._now(), MIN_SHARE / self._rate_hz)
+            timeout_s = max(end_s - self._now(), 0.0) if port.threaded and not port.lost else 0.0
             if port.busy and (answer := port.take(timeout_s)) is not None:
                 self._take_over(name, port, answer, now_s)
             elif port.busy and not port.lost:
