@@ -1,7 +1,7 @@
 """Orders and bus answers as events, and back: the inputs of a tick that a record does not hold.
 
-A replay needs four kinds of events besides the records: ``order``, ``answer``, ``stall`` and ``device``
-(`contid.control.engine.events`). A bus with neither ``answer`` nor ``stall`` in a tick answered with the
+A replay needs five kinds of events besides the records: ``order``, ``overran``, ``answer``, ``stall`` and
+``device`` (`contid.control.engine.events`). A bus with neither ``answer`` nor ``stall`` in a tick answered with the
 samples of the record.
 """
 

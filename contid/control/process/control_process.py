@@ -32,6 +32,8 @@ from contid.control.process.pipe import Inbox
 from contid.control.process.realtime import disable_gc, request_real_time, sleep_until, warm_up
 from contid.control.process.ring_writer import RingWriter
 from contid.control.process.setup import RunSetup
+from contid.control.process.skip_cause import SkipCause
+from contid.control.process.tick_alarm import ProcessorWait, TickAlarm
 from contid.errors import ContidError
 from contid.hal import CountsAnswers
 
@@ -88,6 +90,7 @@ class ControlProcess:
         self._ring = ring
         self._setup = setup
         self._logs = logs
+        self._ports = ports
         self._trackers = BusTrackers(port.bus for port in ports.values())
         self.engine = Engine(
             build_robot_configs(setup.loaded, setup.rate_hz), ports, setup.rate_hz, ring, self._clock.now,
@@ -102,12 +105,19 @@ class ControlProcess:
             engine.arm()
         else:
             engine.connect()
-        pace = Pace(self._setup.rate_hz, self._clock.now(), self._ring)
+        processor_wait = ProcessorWait()
+        names = [config.name for config in engine.robots.configs]
+        cause = SkipCause(engine.costs, names, self._ports, processor_wait)
+        pace = Pace(self._setup.rate_hz, self._clock.now(), self._ring, cause.find)
+        alarm = TickAlarm(engine.costs, processor_wait, self._setup.rate_hz)
+        alarm.install()
         stop_by_s = math.inf
         planned = PlannedStart(1.0 / self._setup.rate_hz)
         while not engine.finished:
             start_s = sleep_until(pace.deadline_s)
             timing = pace.begin(start_s, engine.preparing)
+            cause.begin()
+            alarm.wind()
             for message in self._inbox.poll():
                 if isinstance(message, LogWritten | NoteWritten):
                     self._ring.event(message)
@@ -127,6 +137,7 @@ class ControlProcess:
             self._logs.write(self._ring, LOGS_PER_TICK)
             if start_s > stop_by_s:
                 break
+        alarm.stop()
         self._ring.event(pace.report())
 
 

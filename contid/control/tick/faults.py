@@ -35,6 +35,7 @@ class Fault(enum.IntEnum):
     NOT_A_NUMBER = 201
     INTERNAL = 202
     TIP_OFF_TARGET = 203
+    MODEL_TOO_SLOW = 204
     CHAIN_FORBIDS = 301
     CHAIN_BROKEN = 302
     TOO_NEAR = 303
@@ -153,6 +154,11 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "nothing: the error is found when the run ends, by its closing report",
         "play the path more slowly where a rate limited it; else report this defect of the model, with "
         "the recording",
+    ),
+    Fault.MODEL_TOO_SLOW: FaultPage(
+        "the tick of this robot alone took longer than 0.1 s and three periods, while it had a processor",
+        "its model was interrupted and is not asked again; " + _BY_POLICY,
+        "make the model faster, or lower rate_hz; a model of contid: report it with the recording",
     ),
     Fault.CHAIN_FORBIDS: FaultPage(
         "on the way to the first target the rope between two arms would be too short, or below its floor",

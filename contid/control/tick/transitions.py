@@ -25,7 +25,7 @@ RETREAT_SHARE: Final = 0.2
 #: Modes in which a tip closes on an object, and holds it.
 _SQUEEZING: Final = (Mode.APPROACH, Mode.HOLD)
 #: Faults after which nothing asks the model any more: it may be what failed.
-_WITHOUT_MODEL: Final = (Fault.INTERNAL, Fault.NOT_A_NUMBER)
+_WITHOUT_MODEL: Final = (Fault.INTERNAL, Fault.MODEL_TOO_SLOW, Fault.NOT_A_NUMBER)
 
 
 def moved(config: RobotConfig, state: RobotState, event: Event, now_s: float) -> RobotState:

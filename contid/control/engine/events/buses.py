@@ -73,6 +73,12 @@ class TicksSkipped(RunEvent):
     longest_gap_ms: Annotated[float, "longest time between two ticks so far that others were left out of"] = (
         0.0
     )
+    cause: Annotated[str, "what took the time of the longest gap since the event before"] = ""
+
+    def __str__(self) -> str:
+        """For a person."""
+        text = f"{self.ticks} {'tick' if self.ticks == 1 else 'ticks'} skipped ({self.total} in all)"
+        return f"{text}: {self.cause}" if self.cause else text
 
 
 @run_event("waited")
