@@ -173,7 +173,7 @@ class Exchange:
             self._sink.event(answer_event(answer, name, self._tick))
         if answer.lost:
             if not port.lost:
-                self._lose(name, port, Fault.DEVICE_LOST, answer.lost, now_s)
+                self._lose(name, port, answer.fault, answer.lost, now_s)
             return
         if port.lost:
             port.lost = ""

@@ -15,6 +15,7 @@ from queue import Empty, SimpleQueue
 
 from contid.control.engine.checked_samples import checked_samples
 from contid.control.engine.messages import Measured
+from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect
 from contid.errors import ContidError
 from contid.hal import Bus, MeasuresTips, Rest, Sample
@@ -46,12 +47,14 @@ class BusReply:
         lost: why the bus is lost, "" otherwise.
         done: effects that succeeded, by robot index.
         refused: effects that a device refused, with its message.
+        fault: of the robots on a bus that is lost.
     """
 
     samples: Mapping[str, Sample] | None = None
     lost: str = ""
     done: list[tuple[int, Effect]] = field(default_factory=list)
     refused: list[tuple[int, Effect, str]] = field(default_factory=list)
+    fault: Fault = Fault.DEVICE_LOST
 
 
 def perform(bus: Bus, job: BusJob) -> BusReply:

@@ -32,6 +32,7 @@ class Fault(enum.IntEnum):
     DOES_NOT_FOLLOW = 112
     MOVES_UNASKED = 113
     IMPLAUSIBLE_SAMPLE = 114
+    DRIVER_ENDED = 115
     NOT_A_NUMBER = 201
     INTERNAL = 202
     TIP_OFF_TARGET = 203
@@ -137,6 +138,13 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         _BY_POLICY,
         "check encoder, cable and supply of the axis, and its driver if others wrote it; clear-fault, then "
         "resume",
+    ),
+    Fault.DRIVER_ENDED: FaultPage(
+        "the process of a bus's driver ended (crash, exit, 0.5 s of computation without a pause), or was "
+        "ended because it did not answer for 0.5 s",
+        "every robot on that bus went to FAULT; its devices stop by their own watchdog; the others go on",
+        "read the message and the log lines of the bus before it; the process is started again by itself, "
+        "then clear-fault and resume; report it with those to the author of the driver",
     ),
     Fault.NOT_A_NUMBER: FaultPage(
         "the model answered a target with something that is not a number",

@@ -170,7 +170,7 @@ def fail(config: RobotConfig, state: RobotState, fault: Fault, message: str, now
     if state.mode is Mode.FAULT:
         return state
     after = faulted(config, state, fault, message, now_s)
-    if fault in (Fault.DEVICE_LOST, Fault.BUS_STALLED) or not state.enabled:
+    if fault in (Fault.DEVICE_LOST, Fault.BUS_STALLED, Fault.DRIVER_ENDED) or not state.enabled:
         # The bus is lost or nothing is enabled: only the devices' own watchdogs can act.
         return replace(after, enabled=False, motion=None)
     if config.stops.on_fault is StopPolicy.HOLD and state.command:

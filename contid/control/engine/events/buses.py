@@ -18,6 +18,7 @@ class BusAnswered(RunEvent):
     lost: Annotated[str, "why the bus is lost"]
     done: Annotated[list[Any], "[robot index, effect] carried out"]
     refused: Annotated[list[Any], "[robot index, effect, message] refused by a device"]
+    fault: Annotated[int, "number of the fault of its robots when the bus is lost"] = 101
 
 
 @run_event("stall")
