@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal, TypeAlias
 
@@ -25,18 +26,29 @@ AnyRobot: TypeAlias = Annotated[
 MAX_RATE_HZ: Final = 1000.0
 
 
+class Isolation(enum.StrEnum):
+    """Where the driver of a bus runs."""
+
+    PROCESS = "process"
+    THREAD = "thread"
+
+
 class BusDescription(BaseModel):
     """One bus: its driver, its tolerance of missed exchanges, and the keys of the driver.
 
     Attributes:
         driver: name of the driver.
         tolerance_ticks: exchanges in a row an axis may miss before its robot goes to FAULT.
+        isolation: ``process``: the driver runs in a process of its own, where nothing that it does costs
+            another bus; ``thread``: in the control process. By default ``thread`` for the drivers of contid,
+            ``process`` for those of others.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
 
     driver: str
     tolerance_ticks: int = Field(default=3, ge=1, le=1000)
+    isolation: Isolation | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +58,7 @@ class BusWiring:
     Attributes:
         axes: ``("ROBOT.AXIS", the driver's options of that axis)``.
         tolerance_ticks: exchanges in a row an axis may miss before its robot goes to FAULT.
+        isolation: where its driver runs.
     """
 
     name: str
@@ -53,6 +66,7 @@ class BusWiring:
     options: BaseModel
     axes: tuple[tuple[str, BaseModel], ...]
     tolerance_ticks: int
+    isolation: Isolation = Isolation.THREAD
 
 
 class RobotFile(Strict):

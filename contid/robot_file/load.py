@@ -14,7 +14,7 @@ from typing import Any
 
 from contid.errors import BadInputError, ContidError, first_findings
 from contid.hal import load_driver
-from contid.robot_file.document import BusWiring, RobotFile
+from contid.robot_file.document import BusWiring, Isolation, RobotFile
 from contid.robot_file.findings import allowed_names, with_renamed_keys
 from contid.robot_file.loader import Loader, robot_classes
 from contid.robot_file.model_plugins import load_plugin
@@ -90,7 +90,7 @@ def with_mock(loaded: LoadedFile) -> LoadedFile:
             (axis, sim.axis_options(**driver.mock_axis_options(options))) for axis, options in bus.axes
         )
         options = sim.bus_options(**driver.mock_options(bus.options))
-        buses[name] = replace(bus, driver="sim", options=options, axes=axes)
+        buses[name] = replace(bus, driver="sim", options=options, axes=axes, isolation=Isolation.THREAD)
     return replace(loaded, buses=buses)
 
 

@@ -11,12 +11,12 @@ from typing import Final, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 
 from contid.errors import MAX_FINDINGS, Located
-from contid.hal import Driver, LimitsRate, Restricts, UnknownDriverError, driver_names, load_driver
+from contid.hal import BUILT_IN, Driver, LimitsRate, Restricts, UnknownDriverError, driver_names, load_driver
 from contid.robot_file.base import AxisDescription
 from contid.robot_file.chain import Chain, check_chain
 from contid.robot_file.checks import WiredAxis, check_name, check_robot
 from contid.robot_file.clearance import check_clearance
-from contid.robot_file.document import MAX_RATE_HZ, AnyRobot, BusDescription, BusWiring, RobotFile
+from contid.robot_file.document import MAX_RATE_HZ, AnyRobot, BusDescription, BusWiring, Isolation, RobotFile
 from contid.robot_file.findings import allowed_names, explain, shown
 from contid.robot_file.gravity import check_one_world
 from contid.robot_file.model_plugins import ModelPluginError, load_plugin, plugin_names
@@ -120,7 +120,8 @@ class Loader:
         options = self._validated(driver.bus_options, _driver_keys(raw, BUS_KEYS), at, BUS_KEYS)
         if options is None:
             return None
-        return BusWiring(name, common.driver, options, (), common.tolerance_ticks)
+        where = common.isolation or (Isolation.THREAD if common.driver in BUILT_IN else Isolation.PROCESS)
+        return BusWiring(name, common.driver, options, (), common.tolerance_ticks, where)
 
     def _robot(self, name: str, raw: Data) -> RobotDescription | None:
         at: KeyPath = ("robots", name)

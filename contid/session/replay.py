@@ -19,7 +19,7 @@ from contid.control.engine.engine import Engine
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.buses import BusAnswered, BusStalled, DeviceFaultChanged, UnknownEvent
 from contid.control.engine.events.json_form import to_json
-from contid.control.engine.events.robots import OrderGiven
+from contid.control.engine.events.robots import OrderGiven, RobotOverran
 from contid.control.engine.messages import Play
 from contid.control.engine.order_events import answer_of, order_of
 from contid.control.engine.tick_layout import DEADLINE, LATENESS, SKIPPED, TICK
@@ -34,7 +34,7 @@ from contid.session.recorded_port import RecordedPort, RecordedTick, records_bet
 from contid.trajectory.timed import Trajectory
 
 #: Events that a replay needs besides the records.
-_INPUTS: Final = (OrderGiven, BusAnswered, BusStalled, DeviceFaultChanged)
+_INPUTS: Final = (OrderGiven, RobotOverran, BusAnswered, BusStalled, DeviceFaultChanged)
 _INPUT_KINDS: Final = frozenset(kind.KIND for kind in _INPUTS)
 
 #: Longest time between two recorded ticks that is filled in [s].
@@ -133,7 +133,7 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
             match entry.event:
                 case UnknownEvent(kind=kind, values=fields) if kind in _INPUT_KINDS:
                     by_tick[fields.get("tick", last + 1)].append(entry.event)
-                case OrderGiven() | BusAnswered() | BusStalled() | DeviceFaultChanged():
+                case OrderGiven() | RobotOverran() | BusAnswered() | BusStalled() | DeviceFaultChanged():
                     by_tick[entry.event.tick].append(entry.event)
             continue
         values = entry.values
@@ -181,6 +181,8 @@ def _apply(
             case OrderGiven():
                 waits = bool(event.order.get("waits", False))
                 engine.obey(order_of(event) if trajectory is None else Play(trajectory, waits), tick)
+            case RobotOverran():
+                engine.overran[event.robot] = event.message
             case BusAnswered():
                 recorded.answers[event.bus] = answer_of(event)
             case BusStalled():

@@ -11,6 +11,7 @@ import asyncio
 import logging
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -40,6 +41,7 @@ from contid.control.engine.messages import Begin, EndOfRows, Estop, Finish, Hold
 from contid.control.engine.report import RunReport, outrun
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.control.engine.wiring import build_robot_configs, record_layout
+from contid.control.process.isolation.body import isolated
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.ring_reader import RingReader
 from contid.control.process.setup import RunSetup
@@ -236,7 +238,7 @@ class Daemon:
         for observer in options.observers:
             observer.attach(setup, self._child.pid)
             self._attached.append(observer)
-        self._child.start(setup)
+        self._child.start(replace(setup, loaded=isolated(self.loaded)))
         log.debug("control process %d writes %s", self._child.pid, ring)
         self._orders.pending = None
         if isinstance(source, Stream):

@@ -60,8 +60,8 @@ def event_text(event: RunEvent, log_level: int = logging.INFO) -> str:
             return f"refused: {event.message}"
         case BusChanged() | RunStarted():
             return event.message
-        case TicksSkipped(ticks=ticks, total=total):
-            return f"{ticks} {'tick' if ticks == 1 else 'ticks'} skipped ({total} in all)"
+        case TicksSkipped():
+            return str(event)
     return ""
 
 

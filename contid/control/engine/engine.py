@@ -14,7 +14,7 @@ from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.clearance_watch import ClearanceWatch
 from contid.control.engine.contact_stage import ContactStage
 from contid.control.engine.cycle import OnEnd, Sink, Timing
-from contid.control.engine.events.robots import OrderRefused
+from contid.control.engine.events.robots import OrderRefused, RobotOverran
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.order_handler import OrderHandler
 from contid.control.engine.outcomes import Outcomes
@@ -25,14 +25,16 @@ from contid.control.engine.sources import Live
 from contid.control.engine.stages import EngineParts, TickStage, stages_of_extras, with_method
 from contid.control.engine.stall_watch import StallWatch
 from contid.control.engine.target_selector import TargetSelector
+from contid.control.engine.tick_costs import TickCosts, TickTooLongError
 from contid.control.engine.watch.arrivals import Arrivals
 from contid.control.engine.watch.body_watch import BodyWatch
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
-from contid.control.tick.robot_tick import TickResult, tick
+from contid.control.tick.robot_tick import TickResult, stop_without_model, tick
 from contid.control.tick.supervisor import Mode
 from contid.kinematics.rope.chain import ChainGuard
+from contid.targets import Target
 from contid.trajectory.timed import Trajectory
 
 
@@ -45,6 +47,8 @@ class Engine:
         selector: of the source of targets.
         body_watch: compares what the axes measure with their commands.
         finished: every robot rests after the end of the source, or after an order to finish.
+        costs: where the time of the newest cycle went.
+        overran: by robot the message of its fault, of ticks that did not end in time when they were recorded.
     """
 
     def __init__(
@@ -78,7 +82,9 @@ class Engine:
         self.finished = False
         self._sink = sink
         self.robots = Robots(configs, sink)
-        self.exchange = Exchange(self.robots, ports, rate_hz, sink, now)
+        self.costs = TickCosts(now, len(configs), tuple(ports))
+        self.overran: dict[str, str] = {}
+        self.exchange = Exchange(self.robots, ports, rate_hz, sink, self.costs)
         chains = ChainMonitor(guards, self.robots, self.exchange, sink)
         self.selector = TargetSelector(
             self.robots, chains, rate_hz, sink, trajectory=trajectory, on_end=on_end, attended=attended
@@ -143,6 +149,7 @@ class Engine:
     def cycle(self, timing: Timing) -> None:
         """One tick of everything."""
         robots, selector, exchange = self.robots, self.selector, self.exchange
+        self.costs.began_s = self.costs.now()
         # The time of the robots counts the ticks that ran, not the skipped ones.
         step = self._step = timing.tick - timing.skipped
         now_s = step / self._rate_hz
@@ -154,18 +161,7 @@ class Engine:
                 targets = stage.before(targets, timing, now_s)
             except Exception as error:  # an error in a stage must not stop the robots of others
                 self._fail(stage, error, now_s)
-        outcomes = [
-            tick(
-                config,
-                state,
-                now_s,
-                exchange.samples_of(config),
-                targets.get(config.name),
-                robots.measured.get(config.name),
-                live=live,
-            )
-            for config, state in zip(robots.configs, robots.states, strict=True)
-        ]
+        outcomes = self._ticks(targets, timing.tick, now_s, live)
         for stage in self._after:
             try:
                 stage.after(outcomes, targets, now_s)
@@ -192,6 +188,34 @@ class Engine:
         self._recorder.record(timing, now_s, source_s, targets, outcomes)
         if selector.finishing and not self.finished:
             self.finished = robots.resting and not exchange.busy and self.body_watch.settled
+        self.costs.ended_s = self.costs.now()
+
+    def _ticks(
+        self, targets: Mapping[str, Target | None], number: int, now_s: float, live: bool
+    ) -> list[TickResult]:
+        """The ticks of all robots; one that takes too long is a fault of its robot."""
+        robots, samples_of, costs = self.robots, self.exchange.samples_of, self.costs
+        outcomes: list[TickResult] = []
+        at_s = costs.now()
+        for index, (config, state) in enumerate(zip(robots.configs, robots.states, strict=True)):
+            name = config.name
+            try:
+                if name in self.overran:
+                    raise TickTooLongError(self.overran.pop(name))
+                costs.begin(index)
+                outcome = tick(
+                    config, state, now_s, samples_of(config), targets.get(name), robots.measured.get(name),
+                    live=live,
+                )  # fmt: skip
+                costs.running = -1
+            except TickTooLongError as error:
+                self._sink.event(RobotOverran(tick=number, robot=name, message=str(error)))
+                failed = transitions.fail(config, state, Fault.MODEL_TOO_SLOW, str(error), now_s)
+                outcome = stop_without_model(config, failed, now_s)
+            outcomes.append(outcome)
+            before_s, at_s = at_s, costs.now()
+            costs.robots_s[index] = at_s - before_s
+        return outcomes
 
     def _fail(self, stage: TickStage, error: Exception, now_s: float) -> None:
         """An error in a stage is a fault of its robots that are not OFF; they stop by their policy."""

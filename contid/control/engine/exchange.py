@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Final
@@ -15,6 +15,7 @@ from contid.control.engine.order_events import answer_event
 from contid.control.engine.ports import BusJob, BusPort, BusReply
 from contid.control.engine.robots import Robots
 from contid.control.engine.staleness import StalenessMonitor
+from contid.control.engine.tick_costs import TickCosts
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
@@ -24,7 +25,7 @@ from contid.hal import LimitsEffort, Sample
 
 #: Interval between two attempts to reopen a lost bus.
 RETRY_S: Final = 1.0
-#: Shortest wait for a bus with its own worker, as a share of the period.
+#: Shortest wait for the buses with workers of their own, together, as a share of the period.
 MIN_SHARE: Final = 0.25
 
 
@@ -42,16 +43,17 @@ class Exchange:
         ports: Mapping[str, BusPort],
         rate_hz: float,
         sink: Sink,
-        now: Callable[[], float],
+        costs: TickCosts,
     ) -> None:
-        """Prepare; arguments as in `contid.control.engine.engine.Engine`."""
+        """Prepare; arguments as in `contid.control.engine.engine.Engine`, and where times are written."""
         self.samples: dict[str, Sample] = {}
         self.bus_of = {axis: name for name, port in ports.items() for axis in port.bus.axes}
         self._robots = robots
         self._ports = dict(ports)
         self._rate_hz = rate_hz
         self._sink = sink
-        self._now = now
+        self._now = costs.now
+        self._costs = costs
         self._tick = 0
         self._axes_on = [
             {
@@ -128,7 +130,10 @@ class Exchange:
     def run(self, commands: Mapping[str, Mapping[str, float]], timing: Timing, now_s: float) -> None:
         """One exchange with every idle bus; ``commands`` by bus and axis."""
         self._tick = timing.tick
+        now, buses_s = self._now, self._costs.buses_s
+        at_s = now()
         for name, port in self._ports.items():
+            buses_s[name] = 0.0
             if port.busy:
                 continue
             if port.lost:
@@ -138,16 +143,19 @@ class Exchange:
                 continue
             effects, self._queued[name] = tuple(self._queued[name]), []
             port.start(BusJob(commands[name], effects))
+            before_s, at_s = at_s, now()
+            buses_s[name] = at_s - before_s
+        # One deadline for all buses; also in a late tick they get their share of the period.
+        end_s = max(timing.end_s, at_s + MIN_SHARE / self._rate_hz)
         for name, port in self._ports.items():
-            timeout_s = 0.0
-            if port.threaded and not port.lost:
-                # Also in a late tick the bus gets its share of the period.
-                timeout_s = max(timing.end_s - self._now(), MIN_SHARE / self._rate_hz)
+            timeout_s = max(end_s - now(), 0.0) if port.threaded and not port.lost else 0.0
             if port.busy and (answer := port.take(timeout_s)) is not None:
                 self._take_over(name, port, answer, now_s)
             elif port.busy and not port.lost:
                 self._stalled(name, port, now_s)
-        self._staleness.classify(timing.tick, self.samples, self._now())
+        after_s = now()
+        self._costs.waited_s = min(after_s, end_s) - at_s
+        self._staleness.classify(timing.tick, self.samples, after_s)
 
     def abandon(self) -> None:
         """After an internal error: try to bring the devices to their ``on_host_loss`` rest."""
@@ -165,7 +173,7 @@ class Exchange:
             self._sink.event(answer_event(answer, name, self._tick))
         if answer.lost:
             if not port.lost:
-                self._lose(name, port, Fault.DEVICE_LOST, answer.lost, now_s)
+                self._lose(name, port, answer.fault, answer.lost, now_s)
             return
         if port.lost:
             port.lost = ""

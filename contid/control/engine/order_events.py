@@ -1,8 +1,8 @@
 """Orders and bus answers as events, and back: the inputs of a tick that a record does not hold.
 
-A replay needs four kinds of events besides the records: ``order``, ``answer``, ``stall`` and ``device``
-(`contid.control.engine.events`). A bus with neither ``answer`` nor ``stall`` in a tick answered with the
-samples of the record.
+A replay needs five kinds of events besides the records: ``order``, ``overran``, ``answer``, ``stall`` and
+``device`` (`contid.control.engine.events`). A bus with neither ``answer`` nor ``stall`` in a tick answered
+with the samples of the record.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from contid.control.engine import messages as msg
 from contid.control.engine.events.buses import BusAnswered
 from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.ports import BusReply
+from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect
 from contid.errors import ContidError
 from contid.robot_file.base import StopPolicy
@@ -103,7 +104,9 @@ def answer_event(answer: BusReply, bus: str, tick: int) -> BusAnswered:
     """The event of an answer; it leaves the samples out, which are in the record of the tick."""
     done = [[robot, effect.name] for robot, effect in answer.done]
     refused = [[robot, effect.name, message] for robot, effect, message in answer.refused]
-    return BusAnswered(tick=tick, bus=bus, lost=answer.lost, done=done, refused=refused)
+    return BusAnswered(
+        tick=tick, bus=bus, lost=answer.lost, done=done, refused=refused, fault=int(answer.fault)
+    )
 
 
 def answer_of(event: BusAnswered) -> BusReply:
@@ -113,6 +116,7 @@ def answer_of(event: BusAnswered) -> BusReply:
         event.lost,
         [(robot, Effect[name]) for robot, name in event.done],
         [(robot, Effect[name], message) for robot, name, message in event.refused],
+        Fault(event.fault),
     )
 
 

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 
 from contid.control.engine.checked_samples import checked_samples
 from contid.control.engine.messages import Measured
+from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect
 from contid.errors import ContidError
 from contid.hal import Bus, MeasuresTips, Rest, Sample
@@ -45,12 +47,14 @@ class BusReply:
         lost: why the bus is lost, "" otherwise.
         done: effects that succeeded, by robot index.
         refused: effects that a device refused, with its message.
+        fault: of the robots on a bus that is lost.
     """
 
     samples: Mapping[str, Sample] | None = None
     lost: str = ""
     done: list[tuple[int, Effect]] = field(default_factory=list)
     refused: list[tuple[int, Effect, str]] = field(default_factory=list)
+    fault: Fault = Fault.DEVICE_LOST
 
 
 def perform(bus: Bus, job: BusJob) -> BusReply:
@@ -124,6 +128,7 @@ class BusPort:
         self._jobs: SimpleQueue[BusJob | None] = SimpleQueue()
         self._answers: SimpleQueue[BusReply] = SimpleQueue()
         self._worker: threading.Thread | None = None
+        self._job_began_s = self._job_took_s = 0.0
         if threaded:
             self.hand_over()
 
@@ -180,7 +185,16 @@ class BusPort:
 
     def _work(self) -> None:
         while (job := self._jobs.get()) is not None:
-            self._answers.put(perform(self.bus, job))
+            self._job_began_s = time.monotonic()
+            reply = perform(self.bus, job)
+            self._job_took_s = time.monotonic() - self._job_began_s
+            self._answers.put(reply)
+
+    def job_s(self, now_s: float) -> float:
+        """How long the worker has been at its job, or was at its last one; 0 without a worker."""
+        if self._worker is None:
+            return 0.0
+        return now_s - self._job_began_s if self.busy else self._job_took_s
 
 
 class BusTrackers:

@@ -26,6 +26,7 @@ from contid.hal import (
     SpooledTendon,
     load_driver,
 )
+from contid.hal.isolated import IsolatedAxisOptions, IsolatedBusOptions
 from contid.kinematics.rope.chain import ChainGuard
 from contid.kinematics.tendon.described import spooled_tendons
 from contid.robot_file.chain import Chain
@@ -74,7 +75,9 @@ def wired_buses(loaded: LoadedFile) -> list[WiredBus]:
             found = spooled_tendons(robot, transmission.to_device)
             tendons |= {f"{name}.{axis}": each for axis, each in zip(robot.axis_names, found, strict=False)}
     buses = []
-    for wiring in filter(lambda each: each.axes, loaded.buses.values()):
+    for wiring in loaded.buses.values():
+        if not wiring.axes or isinstance(wiring.options, IsolatedBusOptions):
+            continue
         axes = tuple(
             AxisOnBus(axis, options, travel.get(axis), tendons.get(axis)) for axis, options in wiring.axes
         )
@@ -83,7 +86,7 @@ def wired_buses(loaded: LoadedFile) -> list[WiredBus]:
 
 
 def open_buses(loaded: LoadedFile, clock: Clock) -> Mapping[str, Bus]:
-    """Build and open every bus of a robot file that carries an axis.
+    """Build and open every bus of a robot file that carries an axis and has no process of its own.
 
     Raises:
         DeviceNotFoundError: one could not be opened; the others are closed again.
@@ -120,28 +123,24 @@ def build_buses(loaded: LoadedFile, clock: Clock) -> dict[str, Bus]:
         with _as_bus_error(each.wiring):
             name = each.wiring.name
             buses[name] = each.driver.open_bus(name, each.wiring.options, each.axes, clock)
-    for name, robot in loaded.driven.items():
-        if isinstance(robot, Cosserat | RackFinger) and robot.sim is not None:
-            _carry(loaded, buses, name, robot)
+    for name, robot, carriers in simulated_bodies(loaded):
+        simulated = [buses[each] for each in carriers if isinstance(buses.get(each), SimulatesBodies)]
+        if simulated and len(carriers) > 1:
+            listed = ", ".join(sorted(carriers))
+            raise ContidError(
+                f"{loaded.path}: robots.{name}.sim: its axes are on {listed}; they must be on one bus"
+            )
+        for bus in simulated:
+            assert isinstance(bus, SimulatesBodies)
+            bus.carry(name, robot)
     return buses
 
 
-def _carry(loaded: LoadedFile, buses: Mapping[str, Bus], name: str, robot: Cosserat | RackFinger) -> None:
-    """Give a simulated bus the body of a robot; real devices have their own.
-
-    Raises:
-        ContidError: its axes are on more than one bus.
-    """
-    carriers = {robot.axes[axis].bus for axis in robot.axis_names}
-    simulated = [buses[each] for each in carriers if isinstance(buses[each], SimulatesBodies)]
-    if simulated and len(carriers) > 1:
-        listed = ", ".join(sorted(carriers))
-        raise ContidError(
-            f"{loaded.path}: robots.{name}.sim: its axes are on {listed}; they must be on one bus"
-        )
-    for bus in simulated:
-        assert isinstance(bus, SimulatesBodies)
-        bus.carry(name, robot)
+def simulated_bodies(loaded: LoadedFile) -> Iterator[tuple[str, BaseModel, set[str]]]:
+    """Robots whose bodies a simulated bus computes, by name, and the buses of their axes."""
+    for name, robot in loaded.driven.items():
+        if isinstance(robot, Cosserat | RackFinger) and robot.sim is not None:
+            yield name, robot, {robot.axes[axis].bus for axis in robot.axis_names}
 
 
 def build_robot_configs(loaded: LoadedFile, rate_hz: float) -> tuple[RobotConfig, ...]:
@@ -149,7 +148,9 @@ def build_robot_configs(loaded: LoadedFile, rate_hz: float) -> tuple[RobotConfig
     tolerance = {bus.name: bus.tolerance_ticks for bus in loaded.buses.values()}
     watchdogs_s = {bus.name: watchdog_s(bus) for bus in loaded.buses.values()}
     responses = {
-        axis: _response(wiring, options) for wiring in loaded.buses.values() for axis, options in wiring.axes
+        axis: device_response(wiring, options)
+        for wiring in loaded.buses.values()
+        for axis, options in wiring.axes
     }
     configs = tuple(
         robot_config(
@@ -170,8 +171,10 @@ def build_robot_configs(loaded: LoadedFile, rate_hz: float) -> tuple[RobotConfig
     return configs
 
 
-def _response(wiring: BusWiring, axis: BaseModel) -> DeviceResponse:
+def device_response(wiring: BusWiring, axis: BaseModel) -> DeviceResponse:
     """The response of the device of an axis: by its driver, else by its kind."""
+    if isinstance(axis, IsolatedAxisOptions):
+        return axis.response
     driver = load_driver(wiring.driver)
     if isinstance(driver, Responds):
         return driver.device_response(wiring.options, axis)

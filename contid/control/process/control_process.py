@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 import math
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
@@ -26,12 +26,15 @@ from contid.control.engine.messages import Finish, Start
 from contid.control.engine.ports import BusPort, BusTrackers
 from contid.control.engine.report import robot_reports
 from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard, open_buses
+from contid.control.process.isolation.port import IsolatedPort, isolated_ports
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.pace import Pace, PlannedStart
 from contid.control.process.pipe import Inbox
 from contid.control.process.realtime import disable_gc, request_real_time, sleep_until, warm_up
 from contid.control.process.ring_writer import RingWriter
 from contid.control.process.setup import RunSetup
+from contid.control.process.skip_cause import SkipCause
+from contid.control.process.tick_alarm import ProcessorWait, TickAlarm
 from contid.errors import ContidError
 from contid.hal import CountsAnswers
 
@@ -88,6 +91,7 @@ class ControlProcess:
         self._ring = ring
         self._setup = setup
         self._logs = logs
+        self._ports = ports
         self._trackers = BusTrackers(port.bus for port in ports.values())
         self.engine = Engine(
             build_robot_configs(setup.loaded, setup.rate_hz), ports, setup.rate_hz, ring, self._clock.now,
@@ -102,12 +106,19 @@ class ControlProcess:
             engine.arm()
         else:
             engine.connect()
-        pace = Pace(self._setup.rate_hz, self._clock.now(), self._ring)
+        processor_wait = ProcessorWait()
+        names = [config.name for config in engine.robots.configs]
+        cause = SkipCause(engine.costs, names, self._ports, processor_wait)
+        pace = Pace(self._setup.rate_hz, self._clock.now(), self._ring, cause.find)
+        alarm = TickAlarm(engine.costs, processor_wait, self._setup.rate_hz)
+        alarm.install()
         stop_by_s = math.inf
         planned = PlannedStart(1.0 / self._setup.rate_hz)
         while not engine.finished:
             start_s = sleep_until(pace.deadline_s)
             timing = pace.begin(start_s, engine.preparing)
+            cause.begin()
+            alarm.wind()
             for message in self._inbox.poll():
                 if isinstance(message, LogWritten | NoteWritten):
                     self._ring.event(message)
@@ -127,6 +138,7 @@ class ControlProcess:
             self._logs.write(self._ring, LOGS_PER_TICK)
             if start_s > stop_by_s:
                 break
+        alarm.stop()
         self._ring.event(pace.report())
 
 
@@ -141,10 +153,11 @@ def main(descriptor: int) -> int:
     assert isinstance(setup, RunSetup)
     parent_watch = ParentWatch(inbox)
     signal.signal(signal.SIGTERM, parent_watch.signalled)  # before, SIGTERM ended this process
+    isolated = isolated_ports(setup.loaded.buses)
     ring, logs = RingWriter(setup.ring), LogQueue("control")
     try:
         with handle_logs(setup.log_level, logs):
-            return _serve(setup, inbox, parent_watch, ring, logs)
+            return _serve(setup, inbox, parent_watch, ring, logs, isolated)
     finally:
         logs.write(ring)
         ring.finish()
@@ -154,17 +167,30 @@ def main(descriptor: int) -> int:
                 Path(setup.ring).unlink()
 
 
-def _serve(setup: RunSetup, inbox: Inbox, parent_watch: ParentWatch, ring: RingWriter, logs: LogQueue) -> int:
+def _serve(
+    setup: RunSetup,
+    inbox: Inbox,
+    parent_watch: ParentWatch,
+    ring: RingWriter,
+    logs: LogQueue,
+    isolated: Mapping[str, IsolatedPort],
+) -> int:
     """Open the buses, run, close them."""
-    ports: dict[str, BusPort] = {}
+    ports: dict[str, BusPort] = {**isolated}
     try:
+        for each in isolated.values():
+            each.begin_opening()
         buses = open_buses(setup.loaded, RealClock())
-        log.debug("open: %s", ", ".join(buses))
+        for each in isolated.values():
+            each.finish_opening()
+        log.debug("open: %s", ", ".join([*isolated, *buses]))
         logs.write(ring)
         why_not = request_real_time()
         ring.event(RunStarted(realtime=not why_not, message=why_not))
         ports |= {
-            name: BusPort(bus, threaded=len(buses) > 1, reopen_aside=True, prepare=ring.prepare)
+            name: BusPort(
+                bus, threaded=len(buses) + len(isolated) > 1, reopen_aside=True, prepare=ring.prepare
+            )
             for name, bus in buses.items()
         }
         process = ControlProcess(setup, inbox, parent_watch, ring, ports, logs)

@@ -9,6 +9,7 @@ instead. Pure arithmetic on given times.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 from contid.control.engine import messages as msg
@@ -30,8 +31,21 @@ REPORT_INTERVAL_S: Final = 1.0
 class Pace:
     """The grid of deadlines of one run, and its statistics."""
 
-    def __init__(self, rate_hz: float, now_s: float, sink: Sink) -> None:
-        """Begin a grid `START_PERIODS` from now; ``sink`` gets the ``skipped`` and ``waited`` events."""
+    def __init__(
+        self,
+        rate_hz: float,
+        now_s: float,
+        sink: Sink,
+        cause: Callable[[float, float], str] = lambda start_s, due_s: "",
+    ) -> None:
+        """Begin a grid `START_PERIODS` from now.
+
+        Args:
+            rate_hz: of the tick.
+            now_s: the current time.
+            sink: gets the ``skipped`` and ``waited`` events.
+            cause: of skipped ticks, by the times when a tick starts and when it was due.
+        """
         self._period_s = 1.0 / rate_hz
         self._base_s = now_s + START_PERIODS * self._period_s
         self._sink = sink
@@ -41,6 +55,7 @@ class Pace:
         self._started_s = now_s
         self._longest_gap_s = 0.0
         self._unreported = self._unreported_waits = 0
+        self._find_cause, self._cause, self._most_missed = cause, "", 0
         self._reported_s = self._waits_reported_s = 0.0
 
     @property
@@ -70,6 +85,8 @@ class Pace:
                 self._tick += missed
                 self._skipped += missed
                 self._unreported += missed
+                if missed > self._most_missed:
+                    self._most_missed, self._cause = missed, self._find_cause(start_s, start_s - delay_s)
         if self._unreported or self._unreported_waits:
             self._report_missed(start_s)
         self._started_s = start_s
@@ -102,9 +119,14 @@ class Pace:
         """Report skipped ticks and periods waited for, each at most once per `REPORT_INTERVAL_S`."""
         if self._unreported and now_s - self._reported_s >= REPORT_INTERVAL_S:
             self._sink.event(
-                TicksSkipped(ticks=self._unreported, total=self._skipped, longest_gap_ms=self._longest_gap_ms)
+                TicksSkipped(
+                    ticks=self._unreported,
+                    total=self._skipped,
+                    longest_gap_ms=self._longest_gap_ms,
+                    cause=self._cause,
+                )
             )
-            self._reported_s, self._unreported = now_s, 0
+            self._reported_s, self._unreported, self._most_missed = now_s, 0, 0
         if self._unreported_waits and now_s - self._waits_reported_s >= REPORT_INTERVAL_S:
             self._sink.event(
                 TicksWaited(

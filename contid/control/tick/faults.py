@@ -32,9 +32,11 @@ class Fault(enum.IntEnum):
     DOES_NOT_FOLLOW = 112
     MOVES_UNASKED = 113
     IMPLAUSIBLE_SAMPLE = 114
+    DRIVER_ENDED = 115
     NOT_A_NUMBER = 201
     INTERNAL = 202
     TIP_OFF_TARGET = 203
+    MODEL_TOO_SLOW = 204
     CHAIN_FORBIDS = 301
     CHAIN_BROKEN = 302
     TOO_NEAR = 303
@@ -137,6 +139,13 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "check encoder, cable and supply of the axis, and its driver if others wrote it; clear-fault, then "
         "resume",
     ),
+    Fault.DRIVER_ENDED: FaultPage(
+        "the process of a bus's driver ended (crash, exit, 0.5 s of computation without a pause), or was "
+        "ended because it did not answer for 0.5 s",
+        "every robot on that bus went to FAULT; its devices stop by their own watchdog; the others go on",
+        "read the message and the log lines of the bus before it; the process is started again by itself, "
+        "then clear-fault and resume; report it with those to the author of the driver",
+    ),
     Fault.NOT_A_NUMBER: FaultPage(
         "the model answered a target with something that is not a number",
         _BY_POLICY,
@@ -153,6 +162,11 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "nothing: the error is found when the run ends, by its closing report",
         "play the path more slowly where a rate limited it; else report this defect of the model, with "
         "the recording",
+    ),
+    Fault.MODEL_TOO_SLOW: FaultPage(
+        "the tick of this robot alone took longer than 0.1 s and three periods, while it had a processor",
+        "its model was interrupted and is not asked again; " + _BY_POLICY,
+        "make the model faster, or lower rate_hz; a model of contid: report it with the recording",
     ),
     Fault.CHAIN_FORBIDS: FaultPage(
         "on the way to the first target the rope between two arms would be too short, or below its floor",

@@ -126,10 +126,10 @@ def tick(
         return _move(config, state, now_s)
     except (Exception, SystemExit) as error:  # an error in one robot must not stop the others
         failed = fail(config, state, Fault.INTERNAL, f"{type(error).__name__}: {error}", now_s)
-        return _stop_without_model(config, failed, now_s)
+        return stop_without_model(config, failed, now_s)
 
 
-def _stop_without_model(config: RobotConfig, failed: RobotState, now_s: float) -> TickResult:
+def stop_without_model(config: RobotConfig, failed: RobotState, now_s: float) -> TickResult:
     """The first command of a stop that asks no model; none when what leads to the devices failed."""
     try:
         if failed.enabled:

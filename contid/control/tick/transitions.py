@@ -25,7 +25,7 @@ RETREAT_SHARE: Final = 0.2
 #: Modes in which a tip closes on an object, and holds it.
 _SQUEEZING: Final = (Mode.APPROACH, Mode.HOLD)
 #: Faults after which nothing asks the model any more: it may be what failed.
-_WITHOUT_MODEL: Final = (Fault.INTERNAL, Fault.NOT_A_NUMBER)
+_WITHOUT_MODEL: Final = (Fault.INTERNAL, Fault.MODEL_TOO_SLOW, Fault.NOT_A_NUMBER)
 
 
 def moved(config: RobotConfig, state: RobotState, event: Event, now_s: float) -> RobotState:
@@ -170,7 +170,7 @@ def fail(config: RobotConfig, state: RobotState, fault: Fault, message: str, now
     if state.mode is Mode.FAULT:
         return state
     after = faulted(config, state, fault, message, now_s)
-    if fault in (Fault.DEVICE_LOST, Fault.BUS_STALLED) or not state.enabled:
+    if fault in (Fault.DEVICE_LOST, Fault.BUS_STALLED, Fault.DRIVER_ENDED) or not state.enabled:
         # The bus is lost or nothing is enabled: only the devices' own watchdogs can act.
         return replace(after, enabled=False, motion=None)
     if config.stops.on_fault is StopPolicy.HOLD and state.command:

@@ -11,7 +11,7 @@ from typing import Any, Final, Protocol, TypeAlias
 from contid import __version__
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import RunEvent
-from contid.control.engine.events.buses import ControlStalled
+from contid.control.engine.events.buses import ControlStalled, TicksSkipped
 from contid.control.engine.events.run import LogWritten, RunStarted, StreamDelayed
 from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, RequestFields
@@ -24,6 +24,8 @@ from contid.remote.server.trackers import Trackers
 
 #: Newest ticks that the lateness in ``status`` covers.
 LATENESS_TICKS: Final = 200
+#: Logger of the warnings about skipped ticks.
+SKIPPED: Final = "contid.pace"
 #: Newest warnings and errors in ``status``.
 WARNINGS: Final = 20
 #: Frames per second that one client can get.
@@ -123,10 +125,15 @@ class QueryHandler:
         elif isinstance(event, StreamDelayed):
             self._stream_delay_ms = event.delay_ms
         elif isinstance(event, LogWritten) and event.level not in ("debug", "info"):
-            at_s = round(time.monotonic() - self._began_s, 3)
-            self._warnings.append(
-                {"at_s": at_s, "level": event.level, "logger": event.logger, "message": event.message}
-            )
+            self._warn(event.level, event.logger, event.message)
+        elif isinstance(event, TicksSkipped):
+            if self._warnings and self._warnings[-1]["logger"] == SKIPPED:
+                self._warnings.pop()  # the total is in the new one
+            self._warn("warning", SKIPPED, str(event))
+
+    def _warn(self, level: str, logger: str, message: str) -> None:
+        at_s = round(time.monotonic() - self._began_s, 3)
+        self._warnings.append({"at_s": at_s, "level": level, "logger": logger, "message": message})
 
     def hello(self) -> Fields:
         """The first line of the server."""

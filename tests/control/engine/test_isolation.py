@@ -6,8 +6,11 @@ The witness of the other robot is its records: the same to the bit as in a run w
 from __future__ import annotations
 
 import math
+import signal
 import sys
+import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -19,6 +22,7 @@ from contid.control.engine.messages import Estop, Grip, Hold, Message, Stop
 from contid.control.engine.ports import BusTrackers
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.wiring import open_buses
+from contid.control.process.tick_alarm import ProcessorWait, TickAlarm
 from contid.control.tick.supervisor import Mode
 from contid.errors import ContidError
 from contid.hal import Sample
@@ -233,6 +237,53 @@ def test_an_order_that_meets_a_defect_ends_nothing(order: Message) -> None:
     )
     assert states[1].mode is (Mode.OFF if order == Estop() else Mode.FAULT)
     assert states[1].enabled is (order != Estop())
+
+
+def sleep(*_: object) -> Any:
+    time.sleep(2.0)
+    return None
+
+
+def compute(*_: object) -> Any:
+    end_s = time.monotonic() + 2.0
+    while time.monotonic() < end_s:
+        with suppress(Exception):  # an interrupt is none of the model's errors
+            math.sqrt(2.0)
+    return None
+
+
+@pytest.mark.parametrize("slow", [sleep, compute])
+def test_a_tick_that_takes_too_long_costs_its_robot_only(sound: list[str], slow: Callable[..., Any]) -> None:
+    run = Run()
+    run.break_model(inverse=slow, forward=slow)
+    costs = run.process.engine.costs
+    costs.now = time.monotonic
+    alarm, before = TickAlarm(costs, ProcessorWait(), 200.0), signal.getsignal(signal.SIGALRM)
+    alarm.install()
+    alarm.wind()
+    began_s = time.monotonic()
+    try:
+        records = run.go()
+    finally:
+        alarm.stop()
+        signal.signal(signal.SIGALRM, before)
+    assert time.monotonic() - began_s < 1.9
+    assert unharmed(records, sound)
+    assert run.fault() == ("MODEL_TOO_SLOW", "its model was interrupted after 100 ms")
+    assert {record.robots[1].mode for record in records[BROKEN_FROM + 1 :]} == {Mode.FAULT}
+    # A replay is given the event of the interrupt, and asks the model as little.
+    (event,) = [event for event in run.collector.events if event["event"] == "overran"]
+    again = Run()
+    again.break_model()
+    engine = again.process.engine
+    engine.arm()
+    while again.process.tick < TICKS:
+        again.process.begin()
+        if again.process.tick == event["tick"]:
+            engine.overran["f1"] = event["message"]
+        again.process.turn()
+    again.process.close()
+    assert repr(again.collector.records) == repr(records)
 
 
 class NoDriver:

@@ -92,6 +92,26 @@ def test_a_stuck_bus_faults_its_robot_and_the_other_runs_on() -> None:
             port.close(5.0)
 
 
+@pytest.mark.parametrize("late_s", [0.0, 0.01], ids=["in time", "in a late tick"])
+def test_late_buses_share_one_deadline(monkeypatch: pytest.MonkeyPatch, late_s: float) -> None:
+    """Eight buses that do not answer cost a tick what one costs: its rest, or a share of a period."""
+    loaded = load(8, buses=8)
+    clock = Ticking()
+    ports = {name: BusPort(bus, threaded=False) for name, bus in open_buses(loaded, clock).items()}
+    engine = Engine(build_robot_configs(loaded, 200.0), ports, 200.0, Collector(), clock.now, attended=True)
+
+    def take(port: BusPort, timeout_s: float) -> None:
+        clock.now_s += timeout_s
+        port.stalls += 1
+
+    monkeypatch.setattr(BusPort, "take", take)
+    for port in ports.values():
+        port.threaded = True
+    clock.now_s = late_s
+    engine.cycle(Timing(0, 0, 0.0, late_s, end_s=0.9 / 200.0))
+    assert clock.now_s == pytest.approx(max(0.9 / 200.0, late_s + 0.25 / 200.0))
+
+
 def test_an_estop_that_meets_a_late_bus_is_waited_for_before_the_run_ends() -> None:
     """The bus comes back in the tick of the estop, too late to be asked in it: the next tick asks."""
     loaded = load(1)

@@ -63,7 +63,7 @@ def test_missed_deadlines_are_skipped_but_shift_the_grid_during_preparation() ->
     assert counting.deadline_s == pytest.approx(arming.deadline_s)
     gap_ms = round((start_s - 0.0) * 1e3, 3)
     counts = {"ticks": missed, "total": missed, "longest_gap_ms": gap_ms}
-    assert sink.events == [{"event": "skipped", **counts}]
+    assert sink.events == [{"event": "skipped", **counts, "cause": ""}]
     assert waits.events == [{"event": "waited", **counts}]
     assert counting.report().longest_gap_ms == arming.report().longest_gap_ms == gap_ms
     # The histogram holds the delay of skipped ticks completely, and without the shift of the grid.

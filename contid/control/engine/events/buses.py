@@ -18,6 +18,7 @@ class BusAnswered(RunEvent):
     lost: Annotated[str, "why the bus is lost"]
     done: Annotated[list[Any], "[robot index, effect] carried out"]
     refused: Annotated[list[Any], "[robot index, effect, message] refused by a device"]
+    fault: Annotated[int, "number of the fault of its robots when the bus is lost"] = 101
 
 
 @run_event("stall")
@@ -73,6 +74,12 @@ class TicksSkipped(RunEvent):
     longest_gap_ms: Annotated[float, "longest time between two ticks so far that others were left out of"] = (
         0.0
     )
+    cause: Annotated[str, "what took the time of the longest gap since the event before"] = ""
+
+    def __str__(self) -> str:
+        """For a person."""
+        text = f"{self.ticks} {'tick' if self.ticks == 1 else 'ticks'} skipped ({self.total} in all)"
+        return f"{text}: {self.cause}" if self.cause else text
 
 
 @run_event("waited")

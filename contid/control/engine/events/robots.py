@@ -81,6 +81,15 @@ class RobotReported(RunEvent):
     report: Annotated[dict[str, Any], "mode, fault, tip errors and limits"]
 
 
+@run_event("overran")
+class RobotOverran(RunEvent):
+    """The tick of a robot was interrupted because it took too long; a replay needs it."""
+
+    tick: TickNumber
+    robot: RobotName
+    message: Text
+
+
 @run_event("order")
 class OrderGiven(RunEvent):
     """An order reached the engine before a tick; its JSON has the keys of ``order`` itself."""

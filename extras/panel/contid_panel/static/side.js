@@ -40,7 +40,8 @@ export class Machine {
   constructor() {
     this.buses = h("tbody", {});
     this.facts = h("p", { className: "facts" });
-    byId("machine").append(h("h2", {}, "Buses"), h("table", {}, this.buses), this.facts);
+    this.warnings = h("ul", { className: "bad" });
+    byId("machine").append(h("h2", {}, "Buses"), h("table", {}, this.buses), this.facts, this.warnings);
   }
 
   show(status) {
@@ -51,6 +52,11 @@ export class Machine {
     this.buses.replaceChildren(...rows);
     setText(this.facts, `${status.rate_hz} Hz${status.realtime ? "" : ", not real time"} · late ${shown(status.lateness_us.max, 0)} µs · ` +
       `skipped ${status.skipped ?? 0} · ${status.clients} clients${status.waiting ? ` · waiting: ${status.waiting}` : ""}`);
+    const texts = status.warnings.map((each) => `${Math.round(each.at_s)} s: ${each.message}`);
+    if (texts.join() !== this.texts) {
+      this.texts = texts.join();
+      this.warnings.replaceChildren(...texts.map((text) => h("li", {}, text)));
+    }
   }
 }
 
@@ -73,7 +79,7 @@ export class Events {
   }
 
   prepend(event, at) {
-    const what = event.message ?? event.detail ?? event.mode ?? event.tier ?? "";
+    const what = event.message ?? event.detail ?? event.mode ?? event.tier ?? event.cause ?? "";
     const where = event.robot || event.bus || "";
     const time = at.toLocaleTimeString([], { hour12: false });
     const kind = event.kind === "fault" || event.level === "error" ? "error" : "";

@@ -1,0 +1,37 @@
+"""Where the time of a cycle goes, and the robot whose tick runs: measured, never an input of a tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+
+class TickTooLongError(BaseException):
+    """Raised inside the tick of a robot that takes too long; no model may catch it as an error of its own."""
+
+
+class TickCosts:
+    """The times of the newest cycle, on the clock of the buses [s].
+
+    Attributes:
+        now: the clock.
+        began_s: when the cycle began.
+        ended_s: when it ended.
+        robots_s: duration of the tick of each robot.
+        buses_s: duration of the exchange of each bus without a worker.
+        waited_s: time spent waiting for workers, up to their deadline.
+        running: index of the robot whose tick runs, -1 for none.
+        begun: ticks of robots begun so far.
+    """
+
+    def __init__(self, now: Callable[[], float], robots: int, buses: Sequence[str]) -> None:
+        self.now = now
+        self.began_s = self.ended_s = self.waited_s = 0.0
+        self.robots_s = [0.0] * robots
+        self.buses_s = dict.fromkeys(buses, 0.0)
+        self.running = -1
+        self.begun = 0
+
+    def begin(self, index: int) -> None:
+        """The tick of a robot begins."""
+        self.begun += 1
+        self.running = index

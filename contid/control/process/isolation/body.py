@@ -1,0 +1,67 @@
+"""What builds a bus in its own process, packed so that the control process need not import its driver."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass, replace
+
+from pydantic import BaseModel
+
+from contid.control.engine.wiring import WiredBus, device_response, simulated_bodies, wired_buses
+from contid.hal import AxisOnBus, Bus, Clock, SimulatesBodies, load_driver
+from contid.hal.isolated import IsolatedAxisOptions, IsolatedBusOptions
+from contid.robot_file.document import Isolation
+from contid.robot_file.load import LoadedFile
+from contid.robot_file.tick_rate import watchdog_s
+
+
+@dataclass(frozen=True, slots=True)
+class BusBody:
+    """A bus before it is built.
+
+    Attributes:
+        name: of the bus.
+        driver: name of its driver.
+        options: of the bus.
+        axes: on it.
+        bodies: robots whose bodies a simulated bus computes, by name.
+    """
+
+    name: str
+    driver: str
+    options: BaseModel
+    axes: tuple[AxisOnBus, ...]
+    bodies: dict[str, BaseModel]
+
+    def build(self, clock: Clock) -> Bus:
+        """The bus; imports its driver and accesses no device."""
+        bus = load_driver(self.driver).open_bus(self.name, self.options, self.axes, clock)
+        if isinstance(bus, SimulatesBodies):
+            for robot, description in self.bodies.items():
+                bus.carry(robot, description)
+        return bus
+
+
+def isolated(loaded: LoadedFile) -> LoadedFile:
+    """The robot file for the control process: the options of isolated buses are packed."""
+    wired = {each.wiring.name: each for each in wired_buses(loaded)}
+    buses = dict(loaded.buses)
+    for name, each in wired.items():
+        wiring = each.wiring
+        if wiring.isolation is Isolation.PROCESS:
+            options = IsolatedBusOptions(
+                watchdog_ms=1e3 * watchdog_s(wiring) or None, body=pickle.dumps(_body(loaded, each))
+            )
+            axes = tuple(
+                (axis, IsolatedAxisOptions(response=device_response(wiring, own)))
+                for axis, own in wiring.axes
+            )
+            buses[name] = replace(wiring, options=options, axes=axes)
+    return replace(loaded, buses=buses)
+
+
+def _body(loaded: LoadedFile, bus: WiredBus) -> BusBody:
+    bodies = {
+        name: robot for name, robot, carriers in simulated_bodies(loaded) if carriers == {bus.wiring.name}
+    }
+    return BusBody(bus.wiring.name, bus.wiring.driver, bus.wiring.options, bus.axes, bodies)
