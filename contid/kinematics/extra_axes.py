@@ -45,7 +45,7 @@ class WithExtraAxes:
     def inverse(self, target: Target, seed: Actuation) -> Solution:
         """The model's answer, followed by the extra axes of the target, clamped into their strokes."""
         own, rest = seed[: self._own], seed[self._own :]
-        if target.tip_m is None and target.actuation is None:
+        if target.tip_m is None and target.actuation is None and target.arcs is None:
             solution = Solution(own, 0.0, converged=True)
         else:
             solution = self._model.inverse(target, own)
