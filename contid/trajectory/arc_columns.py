@@ -27,6 +27,8 @@ GROUP: Final = "arcs"
 #: Places of the columns of a section in the group, and how many each section has.
 _BEND, _AZIMUTH, _LENGTH, _CURVATURE = range(4)
 _PLACES: Final = 4
+#: A bend below this is rounding, and so is its azimuth [rad].
+_STRAIGHT_RAD: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +138,7 @@ def arc_names(robot: RobotDescription) -> list[str]:
 
 
 def arc_values(robot: RobotDescription, arcs: Sequence[Sequence[float]]) -> list[float]:
-    """Components and lengths (sections, 3) as values of `arc_names`; the azimuth of a straight section is 0.
+    """Components and lengths as values of `arc_names`; a section that is straight by rounding bends to 0.
 
     Args:
         robot: its description.
@@ -145,7 +147,9 @@ def arc_values(robot: RobotDescription, arcs: Sequence[Sequence[float]]) -> list
     values = []
     for (u, v, length_m), length in zip(arcs, robot.section_lengths, strict=True):
         if robot.dimension == 3:
-            values += [Quantity.ANGLE.from_si(math.hypot(u, v)), Quantity.ANGLE.from_si(math.atan2(v, u))]
+            bend = math.hypot(u, v)
+            azimuth = math.atan2(v, u) if bend > _STRAIGHT_RAD else 0.0
+            values += [Quantity.ANGLE.from_si(bend), Quantity.ANGLE.from_si(azimuth)]
         else:
             values.append(Quantity.ANGLE.from_si(u))
         if length.changes:

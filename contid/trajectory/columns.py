@@ -23,6 +23,7 @@ from contid.trajectory.arc_columns import (
     section_columns,
 )
 from contid.trajectory.meaning import Meaning
+from contid.units import MM_PER_M
 
 TIME: Final = "t_s"
 _AXES: Final = ("x", "y", "z")
@@ -147,6 +148,18 @@ class ColumnLayout:
     factors: tuple[float, ...]
     divisors: tuple[float, ...]
     robots: tuple[RobotColumns, ...]
+
+    def moved_mm(self, targets: Mapping[str, Target]) -> dict[str, float]:
+        """The columns of tips, and of lengths of sections, with their values in targets [mm]."""
+        found: dict[int, float] = {}
+        for columns in self.robots:
+            target = targets.get(columns.robot)
+            if target is None:
+                continue
+            found |= zip(columns.tip, target.tip_m or (), strict=False)
+            lengths = zip(columns.arcs, (target.arcs or ())[2::3], strict=False)
+            found |= {each.length: length_m for each, length_m in lengths if each.length is not None}
+        return {self.names[index]: value * MM_PER_M for index, value in found.items()}
 
     def targets(self, row: Sequence[float]) -> dict[str, Target]:
         """Targets by robot of one row of SI values, in the world frame."""

@@ -117,6 +117,7 @@ class MotionOrders:
     async def _move(self, caller: Caller, request: RequestFields) -> Fields:
         target, columns = request.mapping("target"), request.names("columns")
         force_n = request.number("until_force_n", 0.0, 0.0, MAX_FORCE_N)
+        nearest = request.flag("nearest")
         request.end()
         if force_n and target is None:
             raise RemoteError(Code.BAD_REQUEST, "until_force_n belongs to a target, not to columns")
@@ -128,7 +129,7 @@ class MotionOrders:
         try:
             if target is not None:
                 return await self._run.moves.point(caller.number, target, caller.notify, force_n or None)
-            return await self._run.moves.begin(caller.number, columns or (), caller.notify)
+            return await self._run.moves.begin(caller.number, columns or (), caller.notify, nearest)
         except RemoteError:
             self._run.lease.stop_stands(caller.number, own_stop)
             if not held:
