@@ -71,7 +71,7 @@ def frame_of_axes(z: Vec3, x: Vec3) -> tuple[float, ...] | None:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Target of one robot at one instant; exactly one of ``tip_m`` and ``actuation`` is set.
+    """Target of one robot at one instant; exactly one of ``tip_m``, ``actuation`` and ``arcs`` is set.
 
     Attributes:
         tip_m: tip position [m].
@@ -83,6 +83,8 @@ class Target:
         extra: axes beyond the model's kinematics (wrist, gripper) by name, SI.
         measured_tip_m: externally measured tip position [m], or None; same frame as ``tip_m``.
         measured_direction: unit tangent measured there, or None.
+        arcs: of every section the components u, v of its bend [rad] and its length [m], or None; length 0
+            for one that the model chooses.
     """
 
     tip_m: Vec3 | None = None
@@ -94,6 +96,7 @@ class Target:
     measured_tip_m: Vec3 | None = None
     measured_direction: Vec3 | None = None
     rotation: tuple[float, ...] | None = None
+    arcs: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)

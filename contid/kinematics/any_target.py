@@ -29,13 +29,23 @@ def any_target(
     """Decorator of `Model.inverse`: the method itself gets finite targets within `FAR_M` only.
 
     A target farther away gets the answer to the one at `FAR_M` in its direction; the error is that to the
-    target itself. With a target that is not finite the last command is held.
+    target itself. With a target that is not finite the last command is held. Bends of sections become the
+    actuation that has them.
+
+    Raises:
+        ValueError: from the answer, for bends where the model has no `contid.kinematics.model.Bending`.
     """
 
     @wraps(inverse)
     def answer(self: M, target: Target, seed: Actuation) -> Solution:
         if not _finite(target):
             return Solution.not_finite(seed, "the target" if target.actuation is None else "a requested axis")
+        if target.arcs is not None:
+            of_arcs = getattr(self, "of_arcs", None)
+            if of_arcs is None:
+                raise ValueError("this robot takes no bends of its sections")
+            actuation = of_arcs(target.arcs, seed, target.load_n)
+            target = replace(target, arcs=None, actuation=actuation)
         tip, mid = target.tip_m, target.mid_m
         if tip is None or (_within(tip) and (mid is None or _within(mid))):
             return inverse(self, target, seed)
@@ -61,5 +71,6 @@ def _brought_near(point_m: Vec3) -> Vec3:
 
 
 def _finite(target: Target) -> bool:
-    given = (target.actuation, target.tip_m, target.direction, target.mid_m, target.rotation, target.load_n)
+    asked = (target.actuation, target.arcs, target.tip_m, target.direction, target.mid_m, target.rotation)
+    given = (*asked, target.load_n)
     return all(numbers is None or all(map(math.isfinite, numbers)) for numbers in given)

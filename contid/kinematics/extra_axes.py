@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.model import Model, build_model_for_ticks
+from contid.kinematics.model import Bending, Model, build_model_for_ticks
 from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 
@@ -36,6 +36,11 @@ class WithExtraAxes:
         self.capstan = getattr(model, "capstan", None)
         self.shared = getattr(model, "shared", None)
         self.avoid = getattr(model, "avoid", None)
+        self.arcs = self.of_arcs = None
+        if isinstance(model, Bending):
+            own, bends = self._own, model.arcs
+            self.arcs = lambda actuation, load_n=ZERO3: bends(actuation[:own], load_n)
+            self.of_arcs = model.of_arcs
         self.straight_approach: bool = getattr(model, "straight_approach", False)
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
@@ -45,7 +50,7 @@ class WithExtraAxes:
     def inverse(self, target: Target, seed: Actuation) -> Solution:
         """The model's answer, followed by the extra axes of the target, clamped into their strokes."""
         own, rest = seed[: self._own], seed[self._own :]
-        if target.tip_m is None and target.actuation is None:
+        if target.tip_m is None and target.actuation is None and target.arcs is None:
             solution = Solution(own, 0.0, converged=True)
         else:
             solution = self._model.inverse(target, own)

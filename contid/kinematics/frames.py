@@ -81,6 +81,7 @@ class BaseFrame:
             None if measured is None else self.point_in_base(measured),
             None if target.measured_direction is None else self.vector_in_base(target.measured_direction),
             None if rotation is None else self._frame_in_base(rotation),
+            target.arcs,
         )
 
     def _frame_in_base(self, rotation: tuple[float, ...]) -> tuple[float, ...] | None:

@@ -7,6 +7,7 @@ unreachable target gives a solution with a residual, never an exception. Arrays 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib import import_module
 from typing import Final, Protocol, runtime_checkable
 
@@ -67,6 +68,20 @@ class UnderWrenches(Protocol):
 
     def forward_under(self, actuation: Actuation, tip: Wrench6, mid: Wrench6) -> Pose:
         """Pose under two wrenches in the base frame."""
+
+
+@runtime_checkable
+class Bending(Protocol):
+    """A model whose sections have bends that a target may state."""
+
+    def arcs(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
+        """Components u, v of the bend of every section [rad] and its length [m], shape ``(sections, 3)``."""
+
+    def of_arcs(self, arcs: Sequence[float], seed: Actuation, load_n: Vec3 = ZERO3) -> Actuation:
+        """The actuation that has these bends and lengths (`contid.targets.Target.arcs`).
+
+        It may be outside the limits. ``seed`` is where a search begins.
+        """
 
 
 #: `RobotDescription.kinematics` -> "module:class"; the class is called with the robot's description.

@@ -18,7 +18,7 @@ from contid.robot_file.base import (
     Strict,
 )
 from contid.robot_file.clearance import PlaneDescription
-from contid.robot_file.robot import RobotDescription
+from contid.robot_file.robot import RobotDescription, SectionLength
 from contid.targets import Actuation
 from contid.units import MM_PER_M
 
@@ -194,3 +194,8 @@ class RackFinger(RobotDescription):
         """The stated curvature limit, or the one of the links (Eq. 9) [1/m]."""
         stated = self.limits.curvature_max_per_mm
         return stated * MM_PER_M if stated is not None else self.geometry.link.curvature_max_per_m
+
+    @property
+    def section_lengths(self) -> tuple[SectionLength, ...]:
+        """One arc, as long as the mean of its racks."""
+        return (SectionLength(0.5 * (self.rest[0] + self.rest[1]), changes=True),)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from pydantic import Field
 
@@ -26,6 +26,18 @@ from contid.targets import Actuation, Vec3
 
 #: Default of ``follow_mm``, ``follow_bar`` and ``follow_deg``.
 _FOLLOW: Final = {Quantity.LENGTH: 1.0, Quantity.PRESSURE: 0.025, Quantity.ANGLE: 5.0}
+
+
+class SectionLength(NamedTuple):
+    """Length of a section whose bend a target may state.
+
+    Attributes:
+        rest_m: its length in the rest pose, mean over what drives it [m].
+        changes: a target may state another one.
+    """
+
+    rest_m: float
+    changes: bool
 
 
 class RobotDescription(Strict):
@@ -165,8 +177,13 @@ class RobotDescription(Strict):
 
     @property
     def accepts(self) -> frozenset[str]:
-        """Kinds of target: ``tip``, ``direction``, ``mid``, ``actuation``, ``load``."""
-        return frozenset({"tip", "actuation"})
+        """Kinds of target: tip, direction, mid, rotation, actuation, arcs, load."""
+        return frozenset({"tip", "actuation"} | ({"arcs"} if self.section_lengths else set()))
+
+    @property
+    def section_lengths(self) -> tuple[SectionLength, ...]:
+        """Of every section whose bend a target may state, from the base on."""
+        return ()
 
     @property
     def passive(self) -> bool:

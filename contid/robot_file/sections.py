@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from contid.robot_file.base import LengthInterval, Positive, Quantity, Strict
-from contid.robot_file.robot import RobotDescription
+from contid.robot_file.robot import RobotDescription, SectionLength
 from contid.targets import Actuation
 from contid.units import MM_PER_M
 
@@ -48,9 +48,16 @@ class SectionRobot(RobotDescription):
 
     @property
     def accepts(self) -> frozenset[str]:
-        """A tip; from two sections on also a direction, its whole frame or a mid-point."""
+        """A tip, or bends; from two sections on also a direction, its whole frame or a mid-point."""
         more = {"direction", "rotation", "mid"} if self.sections > 1 else set()
-        return frozenset({"tip", "actuation"} | more)
+        return super().accepts | more
+
+    @property
+    def section_lengths(self) -> tuple[SectionLength, ...]:
+        """The mean of three tubes each."""
+        rest = self.rest
+        thirds = (sum(rest[3 * s : 3 * s + 3]) / 3.0 for s in range(self.sections))
+        return tuple(SectionLength(length_m, changes=True) for length_m in thirds)
 
     @property
     def lower(self) -> Actuation:

@@ -15,6 +15,16 @@ from typing import Final
 from contid.errors import BadInputError, Located
 from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Target, Vec3, frame_of_axes, unit_vector
+from contid.trajectory.arc_columns import (
+    GROUP,
+    SectionColumns,
+    arc_meanings,
+    doubled_arcs,
+    missing_arcs,
+    section_columns,
+)
+from contid.trajectory.meaning import Meaning
+from contid.units import MM_PER_M
 
 TIME: Final = "t_s"
 #: How many of the unit of a column make one of another unit that tables have.
@@ -28,19 +38,6 @@ _UNITS: Final[Mapping[str, Mapping[str, float]]] = {
 _AXES: Final = ("x", "y", "z")
 #: A header with more mistakes is another file; the search for the nearest name takes a millisecond each.
 MAX_FINDINGS: Final = 20
-
-
-@dataclass(frozen=True, slots=True)
-class Meaning:
-    """One quantity of a robot: its group, its place in the group, and ``si = value * factor / divisor``.
-
-    Two numbers for one scale: 70 / 1000 is the nearest double to 0.07, 70 * 0.001 is not.
-    """
-
-    group: str
-    place: int
-    factor: float = 1.0
-    divisor: float = 1.0
 
 
 def vocabulary(robot: RobotDescription) -> dict[str, Meaning]:
@@ -63,6 +60,8 @@ def vocabulary(robot: RobotDescription) -> dict[str, Meaning]:
         known.update({f"b{axis}": Meaning("x_axis", place) for place, axis in enumerate(axes)})
     if "load" in robot.accepts:
         known.update({f"load.f{axis}_n": Meaning("load", place) for place, axis in enumerate(axes)})
+    if "arcs" in robot.accepts:
+        known.update(arc_meanings(robot))
     own = len(robot.axis_names)
     for place, (column, quantity) in enumerate(zip(robot.columns, robot.quantities, strict=True)):
         divisor, factor = quantity.edge_si
@@ -97,6 +96,7 @@ class RobotColumns:
     mid: tuple[int, ...] = ()
     load: tuple[int, ...] = ()
     actuation: tuple[int, ...] = ()
+    arcs: tuple[SectionColumns, ...] = ()
     extra: tuple[tuple[str, int], ...] = ()
     measured: tuple[int, ...] = ()
     measured_direction: tuple[int, ...] = ()
@@ -105,7 +105,8 @@ class RobotColumns:
     def moving(self) -> tuple[int, ...]:
         """Indices of the quantities that command motion; the others are inputs: loads, measurements."""
         tip = (*self.tip, *self.direction, *self.x_axis, *self.mid)
-        return (*tip, *self.actuation, *(index for _, index in self.extra))
+        arcs = (index for section in self.arcs for index in section.moving)
+        return (*tip, *self.actuation, *arcs, *(index for _, index in self.extra))
 
     def target(self, row: Sequence[float]) -> Target:
         """The target of this robot in a row of SI values; its direction becomes a unit vector.
@@ -121,6 +122,7 @@ class RobotColumns:
             rotation=turn,
             mid_m=_vector(row, self.mid) if self.mid else None,
             actuation=tuple([row[index] for index in self.actuation]) if self.actuation else None,
+            arcs=tuple([each for section in self.arcs for each in section.arc(row)]) if self.arcs else None,
             load_n=_vector(row, self.load) if self.load else ZERO3,
             extra={name: row[index] for name, index in self.extra},
             measured_tip_m=_vector(row, self.measured) if self.measured else None,
@@ -128,6 +130,11 @@ class RobotColumns:
                 unit_vector(_vector(row, self.measured_direction)) if self.measured_direction else None
             ),
         )
+
+    def resolve(self, row: list[float]) -> None:
+        """Replace the angles of bends in a row of SI values by components (`SectionColumns.resolve`)."""
+        for section in self.arcs:
+            section.resolve(row)
 
     def rotation(self, row: Sequence[float]) -> tuple[float, ...] | None:
         """The tip's frame in a row that has its x axis; None where that is parallel to the direction."""
@@ -150,6 +157,18 @@ class ColumnLayout:
     factors: tuple[float, ...]
     divisors: tuple[float, ...]
     robots: tuple[RobotColumns, ...]
+
+    def moved_mm(self, targets: Mapping[str, Target]) -> dict[str, float]:
+        """The columns of tips, and of lengths of sections, with their values in targets [mm]."""
+        found: dict[int, float] = {}
+        for columns in self.robots:
+            target = targets.get(columns.robot)
+            if target is None:
+                continue
+            found |= zip(columns.tip, target.tip_m or (), strict=False)
+            lengths = zip(columns.arcs, (target.arcs or ())[2::3], strict=False)
+            found |= {each.length: length_m for each, length_m in lengths if each.length is not None}
+        return {self.names[index]: value * MM_PER_M for index, value in found.items()}
 
     def targets(self, row: Sequence[float]) -> dict[str, Target]:
         """Targets by robot of one row of SI values, in the world frame."""
@@ -196,7 +215,8 @@ def read_layout(
         if mine:
             first = names[min(mine.values())][1]
             findings += [
-                Located(file, line, first, message) for message in _gaps(robot, known, mine, vocabularies)
+                Located(file, line, first, message)
+                for message in _gaps(robots[robot], robot, known, mine, vocabularies)
             ]
             groups.append(_group(robot, robots[robot], mine))
     if not groups and not findings:
@@ -261,6 +281,7 @@ def _other_unit(wrong: str, names: Sequence[str]) -> str:
 
 
 def _gaps(
+    description: RobotDescription,
     robot: str,
     known: Mapping[str, Meaning],
     mine: Mapping[tuple[str, int], int],
@@ -270,17 +291,24 @@ def _gaps(
     prefix = f"{robot}." if len(vocabularies) > 1 else ""
     groups = {group for group, _ in mine}
     for group in sorted(groups - {"extra"}):
+        places = {place for each, place in mine if each == group}
         members = {name: meaning for name, meaning in known.items() if meaning.group == group}
-        given = [name for name, meaning in members.items() if (group, meaning.place) in mine]
-        missing = [prefix + name for name in members if name not in given]
-        if missing:
-            yield f"column {prefix + given[0]!r} needs {', '.join(repr(name) for name in missing)} beside it"
-    if {"tip", "actuation"} <= groups:
-        yield f"robot {robot!r} has tip and actuation columns; allowed is one of them"
-    elif not groups & {"tip", "actuation"}:
+        given = [name for name, meaning in members.items() if meaning.place in places]
+        lacks = (
+            missing_arcs(description, places) if group == GROUP else [n for n in members if n not in given]
+        )
+        if lacks:
+            missing = ", ".join(repr(prefix + name) for name in lacks)
+            yield f"column {prefix + given[0]!r} needs {missing} beside it"
+        for section in doubled_arcs(description, places) if group == GROUP else ():
+            yield f"robot {robot!r} has the bend and the curvature of {section}; allowed is one of them"
+    kinds = [kind for kind in ("tip", "actuation", GROUP) if kind in groups]
+    if len(kinds) > 1:
+        yield f"robot {robot!r} has {' and '.join(kinds)} columns; allowed is one of them"
+    elif not kinds:
         yield f"robot {robot!r} has columns, but neither its tip nor its actuation"
-    elif "actuation" in groups and groups & {"direction", "x_axis", "mid"}:
-        yield f"robot {robot!r} has actuation columns; a direction or mid-point goes with a tip only"
+    elif "tip" not in kinds and groups & {"direction", "x_axis", "mid"}:
+        yield f"robot {robot!r} has {kinds[0]} columns; a direction or mid-point goes with a tip only"
     if "x_axis" in groups and "direction" not in groups:
         yield f"robot {robot!r} has the x axis of its tip (bx, ...), but no direction (ax, ay, az)"
     if {"x_axis", "mid"} <= groups:
@@ -296,9 +324,12 @@ def _group(robot: str, description: RobotDescription, mine: Mapping[tuple[str, i
     for (group, place), index in sorted(mine.items()):
         if group == "extra":
             extra = (*extra, (names[place], index))
-        else:
+        elif group != GROUP:
             groups[group] = (*groups.get(group, ()), index)
-    return RobotColumns(robot, extra=extra, **groups)
+    arcs = section_columns(
+        description, {place: index for (group, place), index in mine.items() if group == GROUP}
+    )
+    return RobotColumns(robot, extra=extra, arcs=arcs, **groups)
 
 
 def _vector(row: Sequence[float], indices: tuple[int, ...]) -> Vec3:

@@ -151,6 +151,7 @@ class RowReader:
                 index = columns.x_axis[0]
                 message = f"the x axis at {layout.names[index]!r} is zero or parallel to the tip's direction"
                 raise BadInputError([Located(self.name, number, self.column(given, index), message)])
+            columns.resolve(row)
         return row
 
     def column(self, given: str | Sequence[float], index: int) -> int:

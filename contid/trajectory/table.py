@@ -8,7 +8,7 @@ from typing import TextIO
 
 from contid.errors import ContidError
 from contid.robot_file.load import load_named
-from contid.targets import Vec3
+from contid.targets import ZERO3, Vec3
 from contid.trajectory.columns import TIME
 from contid.trajectory.shapes import ShapePath
 
@@ -21,11 +21,13 @@ class PathRobot:
         prefix: ``"left."``, or ``""`` for a single robot.
         dimension: 2 or 3.
         accepts: kinds of target; None for all.
+        origin_mm: what it adds to the points of the path.
     """
 
     prefix: str
     dimension: int
     accepts: frozenset[str] | None = None
+    origin_mm: Vec3 = ZERO3
 
 
 def robots_in_file(name: str, only: Sequence[str] = ()) -> list[PathRobot]:
@@ -84,7 +86,8 @@ def write_path(
             middle = mid.point_mm(time_s) if isinstance(mid, ShapePath) else mid or ()
             row = [time_s]
             for each in robots:
-                row += [*point[: each.dimension], *direction, *beside, *middle]
+                own = (p + q for p, q in zip(point, each.origin_mm[: each.dimension], strict=False))
+                row += [*own, *direction, *beside, *middle]
             yield row
 
     write_rows(stream, columns, rows())

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import io
+import math
+import re
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from contid.cli.commands.path import command
+from contid.cli.support import path_about_rest
+from contid.control.daemon.check_trajectory import check_trajectory
 from contid.errors import ContidError
-from contid.robot_file.load import load_robot_file
+from contid.kinematics.frames import BaseFrame
+from contid.kinematics.model import build_model
+from contid.robot_file.load import load_named, load_robot_file
 from contid.trajectory.read import read_trajectory
 
 
@@ -53,6 +59,7 @@ def test_spatial_paths_with_direction_and_mid_point() -> None:
     ("arguments", "expected"),
     [
         (["circle"], "--size or --radius"),
+        (["circle", "--for", "finger", "--height", "20"], "--size or --radius"),
         (["circle", "--size", "1", "--radius", "1"], "not both"),
         (["square", "--radius", "1"], "has no radius"),
         (["circle", "--radius", "1", "--center", "1"], "'--center': '1' is not 2 to 3 numbers"),
@@ -100,3 +107,36 @@ def test_robots_that_cannot_follow(arguments: list[str], expected: str) -> None:
 def test_more_rows_than_a_trajectory_may_have_are_refused() -> None:
     with pytest.raises(ContidError, match=r"4e\+06 rows; allowed are 2000000"):
         CliRunner().invoke(command, ["circle", "--radius", "20", "--rate", "1e6"], catch_exceptions=False)
+
+
+@pytest.mark.parametrize(
+    ("shape", "name"),
+    [
+        pytest.param("circle", "hand", marks=pytest.mark.slow),
+        ("line", "trirack"),
+        ("circle", "cbha"),
+        pytest.param("square", "stiffflop1", marks=pytest.mark.slow),
+        pytest.param("line", "tendon3", marks=pytest.mark.slow),
+    ],
+)
+def test_a_path_without_size_and_place_is_one_that_the_robot_follows_about_its_rest_pose(
+    shape: str, name: str, tmp_path: Path
+) -> None:
+    done = CliRunner().invoke(command, [shape, "--for", name])
+    assert done.exit_code == 0, done.output
+    assert re.match(rf"contid: {shape} of [\d.]+ mm about .* mm, [\d.]+ s a lap", done.stderr)
+    (tmp_path / "path.csv").write_text(done.stdout)
+    assert "within reach and limits" in str(check_trajectory(name, str(tmp_path / "path.csv")))
+    for robot in load_named(name).driven.values():
+        model, frame = build_model(robot), BaseFrame.of(robot.base)
+        rest = frame.point_in_world(model.forward(robot.rest[: len(model.axis_names)]).tip_m)
+        trajectory = read_trajectory(io.StringIO(done.stdout), "path", load_named(name).driven)
+        tips = [targets.tip_m for targets in trajectory.targets_of_row(0).values() if targets.tip_m]
+        assert min(math.dist(tip, rest) for tip in tips) < 2.0 * math.dist(rest, frame.origin_in_world)
+
+
+def test_a_shape_that_is_nowhere_within_reach_asks_for_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(path_about_rest, "_SIZES", 1)
+    monkeypatch.setattr(path_about_rest, "_CENTRES", 1)
+    done = CliRunner().invoke(command, ["circle", "--for", "trirack2", "--lean", "170"])
+    assert "give --size and --height" in str(done.exception)

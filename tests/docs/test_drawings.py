@@ -9,11 +9,11 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from docs.drawings import processes, robot_drawings, wiring
+from docs.drawings import model_drawings, processes, robot_drawings, wiring
 from docs.drawings.svg import IMAGES
 
 ROOT = Path(__file__).parent.parent.parent
-DRAWINGS = {**robot_drawings.DRAWINGS, **processes.DRAWINGS, **wiring.DRAWINGS}
+DRAWINGS = {**robot_drawings.DRAWINGS, **model_drawings.DRAWINGS, **processes.DRAWINGS, **wiring.DRAWINGS}
 
 
 def numbers(svg: str) -> list[float]:

@@ -31,7 +31,7 @@ def test_axes_are_named_by_section_and_tube(cbha):
     assert robot.lower == (0.1,) * 3 + (0.09,) * 3
     assert robot.radius_m == (0.04, 0.032)
     assert robot.coupling is None
-    assert {"tip", "direction", "rotation", "mid", "actuation"} == robot.accepts
+    assert {"tip", "direction", "rotation", "mid", "actuation", "arcs"} == robot.accepts
 
 
 def test_layouts_of_tubes(cbha):
@@ -76,7 +76,7 @@ def test_lengths_are_not_negative(trirack2):
 def test_single_segments_take_no_direction(configs):
     raw = yaml.safe_load((configs / "trirack.yaml").read_text())["robots"]["arm"]
     robot = TriRack.model_validate(raw)
-    assert robot.accepts == {"tip", "actuation"}
+    assert robot.accepts == {"tip", "actuation", "arcs"}
     assert robot.coupling is None
     assert robot.rack_m == math.inf
 

@@ -21,9 +21,7 @@ SHAPES = ("line", "circle", "ellipse", "square", "box", "spiral", "corners", "tr
 
 @click.command()
 @click.argument("shape", type=click.Choice((*SHAPES, SWING)))
-@click.option(
-    "--center", type=Numbers(2, 3, NUMBER), default="0,0", help="Centre x,y or x,y,z in the world [mm]."
-)
+@click.option("--center", type=Numbers(2, 3, NUMBER), help="Centre x,y or x,y,z in the world [mm]; 0,0.")
 @click.option("--radius", type=POSITIVE, help="Greatest radius of circle, ellipse and spiral [mm].")
 @click.option(
     "--size", type=POSITIVE, help="Side of squares, length of lines, diameter of round shapes [mm]."
@@ -54,7 +52,7 @@ SHAPES = ("line", "circle", "ellipse", "square", "box", "spiral", "corners", "tr
 )
 def command(
     shape: str,
-    center: tuple[float, ...],
+    center: tuple[float, ...] | None,
     radius: float | None,
     size: float | None,
     height: float | None,
@@ -76,7 +74,9 @@ def command(
 
     contid path circle --center 50,70 --radius 20 --period 4 --for hand | contid run hand --mock
 
-    Positions are in the world frame, so robots that share a target get equal columns.
+    Positions are in the world frame, so robots that share a target get equal columns. With --for, and neither
+    size nor place, it is a path about the rest pose of each robot that they can follow; what was chosen is
+    printed on stderr.
     """
     if fastest and (robot_file is None or shape == SWING):
         raise click.UsageError("--fastest takes a shape with --for ROBOT_FILE, whose limits it needs")
@@ -91,7 +91,9 @@ def command(
     from contid.trajectory.table import PathRobot, robots_in_file, write_path
 
     kind = Shape(shape)
-    if (radius is None) == (size is None):
+    chosen = robot_file is not None and not any((center, size, radius, mid_text)) and height is None
+    center = center or (0.0, 0.0)
+    if not chosen and (radius is None) == (size is None):
         raise click.UsageError("give --size or --radius" + (", not both" if size is not None else ""))
     if radius is not None and not kind.is_round:
         raise click.UsageError(f"a {shape} has no radius; give --size")
@@ -107,8 +109,10 @@ def command(
         targets = [
             PathRobot(f"{name}." if name else "", 2 if height is None else 3) for name in names or [""]
         ]
-    if height is None and (
-        dz or lean is not None or mid_text is not None or any(each.dimension == 3 for each in targets)
+    if (
+        height is None
+        and not chosen
+        and (dz or lean is not None or mid_text is not None or any(each.dimension == 3 for each in targets))
     ):
         raise click.UsageError("a spatial path needs --height (z in the world, mm)")
 
@@ -116,7 +120,7 @@ def command(
     path = ShapePath(
         kind,
         (center[0], center[1]),
-        size if size is not None else 2.0 * (radius or 0.0),
+        size if size is not None else 2.0 * (radius or 1.0),
         height_mm=height or 0.0,
         dz_mm=rise,
         turns=turns,
@@ -128,6 +132,12 @@ def command(
         laps=laps,
         rate_hz=rate,
     )
+    if chosen and robot_file is not None:
+        from contid.cli.support.path_about_rest import path_about_rest
+
+        found = path_about_rest(robot_file, targets, path)
+        path, targets = found.path, list(found.robots)
+        click.echo(f"contid: {found}", err=True)
     mid = _mid(mid_text, path) if mid_text is not None else None
     if not fastest or robot_file is None:
         write_path(sys.stdout, path, targets, mid)

@@ -107,6 +107,8 @@ def numbers(layout: ColumnLayout, lines: Sequence[str]) -> Array | None:
         return None
     rows: Array = values * layout.factors / layout.divisors
     for robot in layout.robots:
+        if robot.arcs:
+            return None
         if robot.direction and not rows[:, robot.direction].any(axis=1).all():
             return None
         if robot.x_axis and any(robot.rotation(row) is None for row in rows.tolist()):

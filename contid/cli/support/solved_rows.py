@@ -11,12 +11,14 @@ import numpy as np
 from contid.api.placed import PlacedRows
 from contid.api.units import Units
 from contid.cli.support.rows import CellBlock, RobotRows
+from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.kinematics.batch import Table, Targets, forward_many, inverse_many
 from contid.kinematics.frames import BaseFrame
-from contid.kinematics.model import build_model
+from contid.kinematics.model import Bending, Model, build_model
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Solution
+from contid.trajectory.arc_columns import arc_names, arc_values
 from contid.trajectory.columns import RobotColumns
 from contid.units import MM_PER_M, m_to_mm
 
@@ -65,7 +67,7 @@ class InverseRows(RobotRows[InverseBlock]):
 
     def solve(self, columns: RobotColumns, rows: Array) -> InverseBlock:
         """The arithmetic; in a thread, while the block before is printed (`RobotRows`)."""
-        if columns.actuation or columns.x_axis:
+        if columns.actuation or columns.arcs or columns.x_axis:
             return self._one_by_one(columns, rows)
         placed, mids, directions, loads = self._placed, None, None, None
         if columns.mid:
@@ -85,7 +87,7 @@ class InverseRows(RobotRows[InverseBlock]):
         return InverseBlock(table["actuation"], table["residual_m"], list(reports))
 
     def _one_by_one(self, columns: RobotColumns, rows: Array) -> InverseBlock:
-        """Answers for actuations and frames of the tip, which batches do not take."""
+        """Answers for actuations, bends and frames of the tip, which batches do not take."""
         found: list[Solution] = []
         for row in rows.tolist():
             target = self._frame.target_in_base(columns.target(row))
@@ -145,11 +147,10 @@ class ForwardRows(RobotRows[Table]):
 
     def solve(self, columns: RobotColumns, rows: Array) -> Table:
         """The arithmetic; in a thread, while the block before is printed (`RobotRows`)."""
-        if not columns.actuation:
-            axes = ", ".join(f"{axis}_{self._robot.quantity.unit}" for axis in self._robot.axis_names)
-            raise ValueError(f"fk needs the actuation of {self._name}: {axes}")
         load = self._placed.vectors_in_base(rows[:, columns.load]) if columns.load else None
-        return forward_many(self._model, rows[:, columns.actuation], load)
+        return forward_many(
+            self._model, _actuations(self._name, self._robot, self._model, columns, rows), load
+        )
 
     def cells(self, columns: RobotColumns, rows: Array, answers: Table) -> list[CellBlock]:
         """The columns of the result (`RobotRows`)."""
@@ -162,6 +163,60 @@ class ForwardRows(RobotRows[Table]):
         if self._mid:
             values.append(_FILE_UNITS.from_si(placed.points_in_world(poses["mid_m"])))
         return [np.column_stack(values)]
+
+
+class ArcRows(RobotRows[Array]):
+    """Bends and lengths of the sections of actuations.
+
+    Args:
+        name: name of the robot.
+        robot: its description.
+
+    Raises:
+        ContidError: the sections of the robot have no bends of their own.
+    """
+
+    def __init__(self, name: str, robot: RobotDescription) -> None:
+        self._name, self._robot = name, robot
+        self._model = build_model(robot)
+        if "arcs" not in robot.accepts or not isinstance(self._model, Bending):
+            raise ContidError(f"{name}: the sections of model {robot.kinematics!r} have no bends to state")
+        self._bends = self._model
+
+    def names(self, columns: RobotColumns) -> list[str]:
+        """Columns of the result, without the robot's name in front (`RobotRows`)."""
+        return arc_names(self._robot)
+
+    def solve(self, columns: RobotColumns, rows: Array) -> Array:
+        """The arithmetic; in a thread, while the block before is printed (`RobotRows`)."""
+        actuations = _actuations(self._name, self._robot, self._model, columns, rows)
+        arcs = (
+            self._bends.arcs(tuple(row), columns.target(full).load_n)
+            for row, full in zip(actuations.tolist(), rows.tolist(), strict=True)
+        )
+        return np.array([arc_values(self._robot, each.tolist()) for each in arcs])
+
+    def cells(self, columns: RobotColumns, rows: Array, answers: Array) -> list[CellBlock]:
+        """The columns of the result (`RobotRows`)."""
+        return [answers]
+
+
+def _actuations(
+    name: str, robot: RobotDescription, model: Model, columns: RobotColumns, rows: Array
+) -> Array:
+    """The actuations that rows state, or those that have their bends, shape ``(rows, axes)`` [m or Pa].
+
+    Raises:
+        ValueError: they state neither.
+    """
+    if columns.arcs and isinstance(model, Bending):
+        targets, rest = map(columns.target, rows.tolist()), robot.rest
+        return np.array([model.of_arcs(each.arcs or (), rest, each.load_n) for each in targets])
+    if not columns.actuation:
+        axes = ", ".join(f"{axis}_{robot.quantity.unit}" for axis in robot.axis_names)
+        raise ValueError(f"fk needs the actuation of {name}: {axes}")
+    found: Array = rows[:, columns.actuation]
+    return found
 
 
 def _unit_vectors(given: Array) -> Array:

@@ -238,10 +238,11 @@ def _time_optimal(along: Array, axes: Array, most: Sequence[Array]) -> tuple[Any
 
 def _row(trajectory: Trajectory, time_s: float) -> list[float]:
     """The row of a time, in the units of the columns."""
-    layout = trajectory.layout
+    layout, values = trajectory.layout, trajectory.values_at(time_s)
+    for columns in layout.robots:
+        for section in columns.arcs:
+            section.restore(values)
     return [
         value * divisor / factor
-        for value, factor, divisor in zip(
-            trajectory.values_at(time_s), layout.factors, layout.divisors, strict=True
-        )
+        for value, factor, divisor in zip(values, layout.factors, layout.divisors, strict=True)
     ]

@@ -130,6 +130,7 @@ def _target(target: Target | None) -> dict[str, Any] | None:
         "rotation": target.rotation,
         "mid_m": target.mid_m,
         "actuation": target.actuation,
+        "arcs": target.arcs,
         "load_n": target.load_n if target.load_n != ZERO3 else None,
         "extra": dict(target.extra) or None,
         "measured_tip_m": target.measured_tip_m,

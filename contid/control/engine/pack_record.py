@@ -30,7 +30,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.robot_tick import TickResult
 from contid.control.tick.state import RobotState
 from contid.hal import Sample
-from contid.targets import Target
+from contid.targets import Actuation, Target
 
 _NAN = math.nan
 #: A measurement older than this is not recorded.
@@ -156,9 +156,9 @@ def _add_axes(
     samples: Mapping[str, Sample],
 ) -> None:
     asked: Sequence[float] = ()
-    if target is not None and (target.actuation is not None or target.extra):
-        asked = _asked(config, target)
     solution = () if outcome.solution is None else outcome.solution.actuation
+    if target is not None and (target.actuation is not None or target.arcs or target.extra):
+        asked = _asked(config, target, solution)
     command, device, limits = state.command, outcome.device, outcome.limits
     for axis, name in enumerate(config.axes):
         row = [*_AXIS]
@@ -187,9 +187,12 @@ def _add_axes(
         values += row
 
 
-def _asked(config: RobotConfig, target: Target) -> Sequence[float]:
-    """The actuation a target gives for every axis, NaN where the model decides; empty for tips alone."""
-    own = target.actuation or ()
+def _asked(config: RobotConfig, target: Target, solution: Actuation) -> Sequence[float]:
+    """The actuation a target gives for every axis, NaN where the model decides; empty for tips alone.
+
+    That of bends is the answer to them.
+    """
+    own = solution if target.arcs else target.actuation or ()
     if not target.extra and len(own) in (0, len(config.axes)):
         return own
     own = own or (_NAN,) * (len(config.axes) - config.extra_axes)

@@ -114,6 +114,7 @@ class SectionModel:
         #: Some limits are shared by several axes. They are convex: a straight line between two actuations
         #: inside them stays inside.
         budget = self.sections.count > 1 and self.feasible.rack_m < math.inf
+        self._rest_lengths = [length.rest_m for length in robot.section_lengths]
         self.straight_approach = budget or self.feasible.curvature_max < math.inf
         self.shared = SharedLengths(self.feasible) if self.straight_approach else None
 
@@ -146,6 +147,25 @@ class SectionModel:
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone at equal arc length, rigid pieces included, shape (points, 3) [m]."""
         return backbone(self.sections, actuation, points)
+
+    def arcs(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
+        """Bends and length of every section (`contid.kinematics.model.Bending`)."""
+        return self.sections.arcs(actuation)
+
+    def of_arcs(self, arcs: Sequence[float], seed: Actuation, load_n: Vec3 = ZERO3) -> Actuation:
+        """Lengths that have these bends (`contid.kinematics.model.Bending`).
+
+        A length that is left open is the one nearest to that of the rest pose with which the tubes of the
+        section are in their interval, and its bend radius is kept.
+        """
+        rows = np.reshape(arcs, (-1, 3)).copy()
+        least, most, per_length = self.feasible.low[::3], self.feasible.high[::3], self.sections.to_lengths
+        for k in np.flatnonzero(rows[:, 2] == 0.0).tolist():
+            apart = per_length[k, :, :2] @ rows[k, :2]
+            low = max(least[k] - apart.min(), math.hypot(*rows[k, :2]) / self.feasible.curvature_max)
+            rows[k, 2] = min(max(self._rest_lengths[k], low), most[k] - apart.max())
+        found: list[float] = np.einsum("nij,nj->ni", per_length, rows).ravel().tolist()
+        return tuple(found)
 
     @any_target
     def inverse(self, target: Target, seed: Actuation) -> Solution:

@@ -16,6 +16,7 @@ The inverse has a closed form, although the paper doubts it: all arcs that end a
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -30,6 +31,8 @@ from contid.units import LIMIT_TOLERANCE_M, MM_PER_M, m_to_mm
 
 # A target met to this distance counts as met [m]; the closed form is exact to ~1e-16 m.
 _TOLERANCE_M: Final = 1e-9
+# Rounds of the length that a bend needs; the correction changes by less than a percent per mm.
+_ROUNDS: Final = 8
 
 
 class RackFingerModel:
@@ -60,6 +63,7 @@ class RackFingerModel:
             curvature_gain=self.curvature_gain,
         )
         self.shared = self.envelope
+        self._rest_m = robot.section_lengths[0].rest_m
 
     def curvature_gain(self, arc_length_m: float) -> float:
         """Actual over commanded curvature, ``1 + a S + b``, S clamped to its identified range (Eq. 5, 10)."""
@@ -137,6 +141,30 @@ class RackFingerModel:
             (theta - math.copysign(2.0 * math.pi, x_m)) / curvature if curvature != 0.0 else math.inf
         )
         return (arc_length_m, curvature) if math.isfinite(arc_length_m) else None
+
+    def arcs(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
+        """Bend to +x and length of the arc (`contid.kinematics.model.Bending`)."""
+        arc_length_m, theta = self.arc(actuation)
+        return np.array([[theta, 0.0, arc_length_m]])
+
+    def of_arcs(self, arcs: Sequence[float], seed: Actuation, load_n: Vec3 = ZERO3) -> Actuation:
+        """Racks that have this bend (`contid.kinematics.model.Bending`).
+
+        A length that is left open is the one nearest to that of the rest pose within the limits; the
+        correction of the curvature depends on it, so it is a fixed point.
+        """
+        theta, _, given_m = arcs
+        arc_length_m = given_m or self._rest_m
+        bend = self._rack_bend(theta, arc_length_m)
+        for _ in range(0 if given_m else _ROUNDS):
+            least = max(self.lower[0] + abs(bend), abs(theta) / self.envelope.curvature_max_per_m)
+            arc_length_m = min(max(self._rest_m, least), self.upper[0] - abs(bend))
+            bend = self._rack_bend(theta, arc_length_m)
+        return arc_length_m - bend, arc_length_m + bend
+
+    def _rack_bend(self, theta: float, arc_length_m: float) -> float:
+        """Half the difference of the racks for a bend [rad] of an arc [m]."""
+        return 0.5 * self.rack_spacing_m * theta / self.curvature_gain(arc_length_m)
 
     @any_target
     def inverse(self, target: Target, seed: Actuation) -> Solution:

@@ -116,6 +116,14 @@ class TendonModel:
         bends: Array = self._by_pulls @ np.asarray(actuation) / self._lengths
         return bends
 
+    def arcs(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
+        """Bends and length of every section (`contid.kinematics.model.Bending`)."""
+        return np.column_stack((self.bends(actuation).reshape(-1, 2), self.feasible.sections.backbone_m))
+
+    def of_arcs(self, arcs: Sequence[float], seed: Actuation, load_n: Vec3 = ZERO3) -> Actuation:
+        """Pulls that have these bends (`contid.kinematics.model.Bending`); sections keep their length."""
+        return tuple(self._pulls_of(np.reshape(arcs, (-1, 3))[:, :2].ravel()).tolist())
+
     def tensions(self, actuation: Actuation) -> Array | None:
         """Tensions ``(tendons,)`` [N] of pulls [m]; None where the robot file has no ``tension``."""
         return None if self.statics is None else self.statics.tensions(np.array(actuation))
@@ -182,8 +190,10 @@ class TendonModel:
 
     def _pulls(self, bends: Array) -> Actuation:
         """Pulls of bends [rad], within the travel to the last bit."""
-        pulls = self.geometry.pulls(bends) if self.statics is None else self.statics.pulls(bends)
-        return tuple(np.clip(pulls, self.lower, self.upper).tolist())
+        return tuple(np.clip(self._pulls_of(bends), self.lower, self.upper).tolist())
+
+    def _pulls_of(self, bends: Array) -> Array:
+        return self.geometry.pulls(bends) if self.statics is None else self.statics.pulls(bends)
 
     def excess(self, actuation: Actuation) -> Array:
         """By how much limits of travel, tension and bends are exceeded by pulls [m], negative inside."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
+
+_BEND: Final = re.compile(r"s\d+\.(bend_deg|azimuth_deg|length_mm)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +19,7 @@ class DescribedRobot:
         axes: columns of its axes, in their order.
         minimum, maximum: limits of the axes, in their units.
         tip: columns of its tip.
+        bends: columns of the bends of its sections, as in the field ``bends`` of telemetry.
         unit: unit of its model's axes: mm or bar.
         units: units of every axis; extra ones may be in degrees.
         rates: greatest velocity, acceleration and jerk of its model's axes [unit/s, unit/s^2, unit/s^3].
@@ -28,6 +32,7 @@ class DescribedRobot:
     minimum: tuple[float, ...]
     maximum: tuple[float, ...]
     tip: tuple[str, ...]
+    bends: tuple[str, ...]
     unit: str
     units: tuple[str, ...]
     rates: tuple[float, float, float]
@@ -54,6 +59,7 @@ def columns_of(describe: Mapping[str, Any]) -> dict[str, DescribedRobot]:
             minimum=tuple(limit[f"min_{unit_of(limit)}"] for limit in limits.values()),
             maximum=tuple(limit[f"max_{unit_of(limit)}"] for limit in limits.values()),
             tip=tuple(f"{prefix}{axis}_mm" for axis in "xyz" if f"{axis}_mm" in robot["columns"]),
+            bends=tuple(f"{prefix}{each}" for each in robot["columns"] if _BEND.fullmatch(each)),
             unit=unit,
             units=units,
             rates=rates[unit],

@@ -109,7 +109,7 @@ class Procedures(Orders):
         await stream.send(rows)
         return move, stream.refused
 
-    async def servo(self, rate_hz: float, controller: Controller) -> ServoReport:
+    async def servo(self, rate_hz: float, controller: Controller, *, nearest: bool = False) -> ServoReport:
         """Follow the set-points of a controller, called at a fixed rate with the newest telemetry.
 
         Args:
@@ -117,6 +117,8 @@ class Procedures(Orders):
             controller: gets a `ServoState`; returns columns of a trajectory with their values,
                 ``{"x_mm": 40.0, "y_mm": 75.0}``, always the same ones, or None to end. It has to
                 return within a period; while it hangs the lease lapses and the robots hold.
+            nearest: where a tip leads out of reach, and the point of the reach that is nearest to it is a
+                step along the edge, it goes there, which the next state has; so do the lengths of bends.
 
         Returns:
             Counts of set-points, skipped periods and refused set-points, after the robots arrived at the
@@ -126,7 +128,7 @@ class Procedures(Orders):
             RemoteError: refused, or stopped by another client or a fault. After an error of the controller
                 itself the robots hold.
         """
-        return await servo(self, rate_hz, controller)
+        return await servo(self, rate_hz, controller, nearest)
 
     # -- measuring and telemetry -------------------------------------------------------------------------
 

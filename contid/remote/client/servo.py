@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, TypeAlias
 
 from contid.remote.client.orders import Orders
@@ -36,6 +36,8 @@ class ServoState:
         robots: newest telemetry by robot: ``state``, ``fault``, ``tip_mm``, ``command``, ``measured``.
         tick: tick of that telemetry.
         refused: why the last set-point was refused (its robots hold), "" otherwise.
+        reached: columns of the last set-point whose values the daemon replaced by those of the nearest
+            point in reach, with their values there; empty otherwise.
     """
 
     step: int
@@ -43,6 +45,7 @@ class ServoState:
     robots: Mapping[str, Any]
     tick: int
     refused: str
+    reached: Mapping[str, float] = field(default_factory=dict)
 
 
 SetPoint: TypeAlias = Mapping[str, float] | None
@@ -72,14 +75,14 @@ class ServoReport:
     max_round_trip_ms: float
 
 
-async def servo(client: Orders, rate_hz: float, controller: Controller) -> ServoReport:
+async def servo(client: Orders, rate_hz: float, controller: Controller, nearest: bool = False) -> ServoReport:
     """Follow the set-points of a controller, called at a fixed rate with the newest telemetry."""
     tick_hz = float((await client.describe())["rate_hz"])
     if not 0.0 < rate_hz <= tick_hz:
         message = f"rate_hz={rate_hz:g}: allowed: above 0, up to the rate of the daemon, {tick_hz:g} Hz"
         raise RemoteError(Code.BAD_REQUEST, message)
     await client.request("subscribe", rate_hz=min(rate_hz, MAX_TELEMETRY_HZ))
-    loop = _ServoLoop(client, rate_hz, controller)
+    loop = _ServoLoop(client, rate_hz, controller, nearest)
     try:
         return await loop.run()
     except BaseException:
@@ -95,7 +98,9 @@ async def servo(client: Orders, rate_hz: float, controller: Controller) -> Servo
 class _ServoLoop:
     """One run of a controller."""
 
-    def __init__(self, client: Orders, rate_hz: float, controller: Controller) -> None:
+    def __init__(self, client: Orders, rate_hz: float, controller: Controller, nearest: bool) -> None:
+        self._nearest = {"nearest": True} if nearest else {}
+        self._reached: Mapping[str, float] = {}
         self._client = client
         self._protocol = client._protocol
         self._period_s = 1.0 / rate_hz
@@ -113,7 +118,9 @@ class _ServoLoop:
         begin_s, period, refused = time.monotonic(), 0, ""
         while True:
             now_s = time.monotonic() - begin_s
-            state = ServoState(period, now_s, self._frame["robots"], self._frame["tick"], refused)
+            state = ServoState(
+                period, now_s, self._frame["robots"], self._frame["tick"], refused, self._reached
+            )
             answer = self._controller(state)
             row = await answer if inspect.isawaitable(answer) else answer
             if row is None:
@@ -160,9 +167,10 @@ class _ServoLoop:
 
     async def _send(self, row: Mapping[str, float]) -> str:
         """Send a set-point; returns why it was refused, or ""."""
+        self._reached = {}
         if not self._move:
             self._columns = tuple(row)
-            begun = await self._client.request("move", columns=list(self._columns))
+            begun = await self._client.request("move", columns=list(self._columns), **self._nearest)
             self._move = int(begun["move"])
             if begun["timed"]:
                 raise RemoteError(Code.BAD_TARGET, "a set-point has no time t_s; it counts at once")
@@ -180,7 +188,8 @@ class _ServoLoop:
         try:
             fields = {"move": self._move, "rows": [values]}
             request = self._protocol.request("rows", fields, newest=True)
-            refused = (await self._client._carry_out(request))["refused"]
+            answer = await self._client._carry_out(request)
+            refused, self._reached = answer["refused"], answer.get("reached", {})
         except RemoteError as error:
             self._check_stopped()
             if error.code == Code.SUPERSEDED:  # lost on a network; the next one follows

@@ -117,6 +117,7 @@ class MotionOrders:
     async def _move(self, caller: Caller, request: RequestFields) -> Fields:
         target, columns = request.mapping("target"), request.names("columns")
         force_n = request.number("until_force_n", 0.0, 0.0, MAX_FORCE_N)
+        nearest = request.flag("nearest")
         request.end()
         if force_n and target is None:
             raise RemoteError(Code.BAD_REQUEST, "until_force_n belongs to a target, not to columns")
@@ -129,7 +130,7 @@ class MotionOrders:
             if target is not None:
                 begun = await self._run.moves.point(caller.number, target, caller.notify, force_n or None)
             else:
-                begun = await self._run.moves.begin(caller.number, columns or (), caller.notify)
+                begun = await self._run.moves.begin(caller.number, columns or (), caller.notify, nearest)
         except RemoteError:
             if not held:
                 self._run.lease.release(caller.number)

@@ -110,6 +110,7 @@ class RowMove(Move):
         last: newest good target of every robot of a live stream.
         playing: the tick follows the timed trajectory.
         waits: it does not begin before it is started.
+        nearest: steps that lead out of reach go along its edge.
     """
 
     reader: RowReader
@@ -119,3 +120,4 @@ class RowMove(Move):
     last: dict[str, Target] = field(default_factory=dict)
     playing: bool = False
     waits: bool = False
+    nearest: bool = False

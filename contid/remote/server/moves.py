@@ -76,8 +76,13 @@ class Moves:
 
     # -- streams -----------------------------------------------------------------------------------------
 
-    async def begin(self, client: int, columns: Sequence[str], notify: Notify) -> Fields:
-        """Begin a stream of rows; the result grants the first credit."""
+    async def begin(
+        self, client: int, columns: Sequence[str], notify: Notify, nearest: bool = False
+    ) -> Fields:
+        """Begin a stream of rows; the result grants the first credit.
+
+        With ``nearest`` a step that leads out of reach goes along its edge (`Preconditions.edges`).
+        """
         try:
             reader = RowReader(_header(columns), "rows", self._view.robots)
         except BadInputError as error:
@@ -85,7 +90,7 @@ class Moves:
         self._preconditions.armed(reader.robots)
         self.abort_streams("another move began")
         credit = Credit(reader.timed, self._control.rate_hz, asyncio.get_running_loop().time())
-        move = RowMove(next(self._numbers), client, notify, reader=reader, credit=credit)
+        move = RowMove(next(self._numbers), client, notify, reader=reader, credit=credit, nearest=nearest)
         self._stream = move
         if not reader.timed:
             await self._pending.confirmed(self._pending.send([Begin(), Resume(reader.robots)]))
@@ -96,6 +101,7 @@ class Moves:
         move = self._open_stream(client, number)
         move.credit.spend(len(rows), asyncio.get_running_loop().time())
         refused: list[str] = []
+        reached: dict[str, float] = {}
         if move.reader.timed:
             move.timed_rows += rows
             if len(move.timed_rows) > MAX_ROWS:
@@ -104,11 +110,14 @@ class Moves:
                 raise RemoteError(Code.BAD_TARGET, message)
         else:
             for row in rows:
-                refused += self._follow(move, row)
-        return {**_credit(move), "refused": refused}
+                refused += self._follow(move, row, reached)
+        return {**_credit(move), "refused": refused, **({"reached": reached} if reached else {})}
 
-    def _follow(self, move: RowMove, row: Sequence[float]) -> list[str]:
-        """Forward a row of a live stream; returns messages about what is refused."""
+    def _follow(self, move: RowMove, row: Sequence[float], reached: dict[str, float]) -> list[str]:
+        """Forward a row of a live stream; returns messages about what is refused.
+
+        ``reached`` gets the columns that go elsewhere than the row states.
+        """
         move.count += 1
         try:
             targets: dict[str, Target | None] = {
@@ -118,6 +127,11 @@ class Moves:
             self._control.send(Rows(dict.fromkeys(move.reader.robots)))
             return [str(error)]
         unreachable = self._preconditions.unreachable(targets)
+        if move.nearest and unreachable:
+            edges = self._preconditions.edges(targets, move.last, unreachable)
+            unreachable = {name: why for name, why in unreachable.items() if name not in edges}
+            targets |= edges
+            reached |= move.reader.layout.moved_mm(edges)
         targets |= dict.fromkeys(unreachable)
         move.last |= {name: target for name, target in targets.items() if target is not None}
         self._control.send(Rows(targets))

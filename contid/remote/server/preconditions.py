@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 from contid.control.daemon.interfaces import RunControl
+from contid.control.engine.measured_tip import tip_in_world
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.engine.wiring import chain_guards, clearance_guard
+from contid.control.tick.preflight.edge import along_the_edge
 from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
+from contid.kinematics.model import Bending
 from contid.remote.protocol.wire import Code, RemoteError
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.targets import Target
@@ -51,6 +54,35 @@ class Preconditions:
     def unreachable(self, targets: Mapping[str, Target | None]) -> dict[str, str]:
         """Robots that cannot reach their targets from where they are, with the reason."""
         return self._preflight(self._control.newest()).row(targets) if self._refuses else {}
+
+    def edges(
+        self, targets: Mapping[str, Target | None], last: Mapping[str, Target], robots: Collection[str]
+    ) -> dict[str, Target]:
+        """Targets within reach that robots go to in place of targets out of it (`along_the_edge`).
+
+        Args:
+            targets: of all robots.
+            last: those that were taken before them; where robots are commanded to without.
+            robots: whose targets are refused.
+        """
+        record, found = self._control.newest(), {}
+        for name in robots:
+            config, command, target = (
+                self._view.configs[name],
+                self._view.command(name, record),
+                targets[name],
+            )
+            if command is None or target is None:
+                continue
+            tip_m = tip_in_world(config, command, target.load_n)
+            arcs = config.model.arcs(command) if isinstance(config.model, Bending) else None
+            here = Target(tip_m=tip_m, arcs=None if arcs is None else tuple(arcs.ravel().tolist()))
+            edge = along_the_edge(config, target, last.get(name, here), command)
+            if edge is not None:
+                found[name] = edge
+        if not found or self.unreachable({**targets, **found}):
+            return {}
+        return found
 
     def trajectory(
         self, reader: RowReader, rows: Sequence[Sequence[float]], record: TickRecord | None

@@ -1,7 +1,8 @@
 """Values of one robot at one tick, in the units of files, as clients get them; None where there is none.
 
 ``tip_mm`` is the model's tip at the measured actuation with the known load (at the commanded one while an
-axis has no valid sample), ``command_tip_mm`` that at the commanded one; both in the world frame.
+axis has no valid sample), ``command_tip_mm`` that at the commanded one; both in the world frame. Those at the
+commanded one are also ``bends``.
 """
 
 from __future__ import annotations
@@ -15,21 +16,32 @@ from contid.control.engine.tick_layout import HAS_TARGET, RobotRecord
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import FLAG_NAMES
 from contid.control.tick.supervisor import Mode
+from contid.kinematics.model import Bending
+from contid.robot_file.robot import RobotDescription
 from contid.targets import Vec3
+from contid.trajectory.arc_columns import arc_values
 from contid.units import m_to_mm
 
 #: The fields of telemetry, and those sent by default.
 FIELDS: Final = (
     "state", "fault", "tip_mm", "command_tip_mm", "target_mm", "error_mm", "command", "measured", "limits",
     "age_ms", "effort", "temperature_c", "voltage_v", "measured_tip_mm", "measured_direction",
-    "estimated_load_n", "estimated_sigma_n",
+    "estimated_load_n", "estimated_sigma_n", "bends",
 )  # fmt: skip
 DEFAULT_FIELDS: Final = ("state", "fault", "tip_mm", "command", "measured")
 PER_AXIS: Final = ("effort", "temperature_c", "voltage_v")
 
 
+def bends_of(config: RobotConfig, robot: RobotDescription, record: RobotRecord) -> list[float] | None:
+    """Values of `contid.trajectory.arc_columns.arc_names` at the commanded actuation."""
+    command = commanded(record)
+    if command is None or not isinstance(config.model, Bending):
+        return None
+    return arc_values(robot, config.model.arcs(command, record.load_n).tolist())
+
+
 def field_of(config: RobotConfig, record: RobotRecord, field: str) -> Any:
-    """One of `FIELDS` of a robot."""
+    """One of `FIELDS` of a robot, without `bends_of`."""
     scales = [each.per_si for each in config.quantities]
     match field:
         case "state":

@@ -21,6 +21,7 @@ from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
 from contid.remote.server.health import bus_health
 from contid.remote.server.robot_fields import (
     PER_AXIS,
+    bends_of,
     commanded,
     field_of,
     finite,
@@ -185,6 +186,8 @@ class TelemetryView:
 
     def field(self, record: TickRecord, robot: str, field: str) -> Any:
         """One of `FIELDS` of a robot at one tick."""
+        if field == "bends":
+            return bends_of(self.configs[robot], self.robots[robot], self._of(robot, record))
         return field_of(self.configs[robot], self._of(robot, record), field)
 
     def _robot(self, name: str, newest: TickRecord) -> Fields:

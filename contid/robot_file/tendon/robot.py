@@ -7,7 +7,7 @@ from typing import ClassVar, Final, Literal
 from pydantic import model_validator
 
 from contid.robot_file.base import Quantity
-from contid.robot_file.robot import RobotDescription
+from contid.robot_file.robot import RobotDescription, SectionLength
 from contid.robot_file.tendon.sections import TendonRobotGeometry, TendonRobotLimits
 from contid.robot_file.tendon.statics import TendonFriction, TendonResidual, TendonRodStatics, Tension
 from contid.targets import Actuation, Vec3
@@ -127,13 +127,19 @@ class TendonRobot(RobotDescription):
 
     @property
     def accepts(self) -> frozenset[str]:
-        """A tip; from three sections on also a direction, its whole frame or a mid-point."""
+        """A tip, or bends; from three sections on also a direction, its whole frame or a mid-point."""
         more = {"direction", "mid"} if self.sections > 2 else set()
         if self.rod is not None:
             more = more | {"load"}
         elif self.sections > 2:
             more = more | {"rotation"}
-        return frozenset({"tip", "actuation"} | more)
+        return super().accepts | more
+
+    @property
+    def section_lengths(self) -> tuple[SectionLength, ...]:
+        """Sections keep their length; none where loads bend them away from arcs."""
+        lengths_mm = () if self.rod is not None else (each.length_mm for each in self.geometry.sections)
+        return tuple(SectionLength(length_mm / MM_PER_M, changes=False) for length_mm in lengths_mm)
 
     @property
     def kinematics(self) -> str:

@@ -109,6 +109,14 @@ def test_keys_move_tip_and_axes_and_space_stops() -> None:
             until(lambda: states(client) == {"HOLD"}, "it is armed again")
             jog.press(b"s", 8)
             until(lambda: commanded(client)[1] < stopped[1] - 0.5, "it moves again")
+            until(lambda: states(client) == {"HOLD"}, "it stands")
+            stood = commanded(client)
+            jog.press(b"\t")
+            jog.press(b"\t")
+            jog.shows("bends s1: 10 deg/s, step 1.5 deg")
+            jog.press(b"w", 5)
+            until(lambda: commanded(client)[1] - commanded(client)[0] > stood[1] - stood[0] + 0.2, "it bends")
+            assert sum(commanded(client)) == pytest.approx(sum(stood), abs=0.05)
             jog.press(b"q")
             assert jog.process.wait(20) == 0
         assert client.status()["lease"]["holder"] is None

@@ -13,12 +13,14 @@ from contid.control.engine.wiring import chain_guards, clearance_guard
 from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.errors import ContidError
 from contid.kinematics.array import Array
+from contid.kinematics.model import Bending
 from contid.remote.protocol.wire import Fields
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import LoadedFile, load_robot_file
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tri_rack import TriRack
-from contid.targets import Actuation
+from contid.targets import Actuation, Target
+from contid.trajectory.arc_columns import arc_names, arc_values
 from contid.trajectory.columns import column_groups
 from contid.units import MM_PER_M
 from contid_panel.obstacles import obstacle_shape
@@ -103,6 +105,7 @@ class PanelGeometry:
             "planar": robot.planar,
             "tip_columns": groups.get("tip", []),
             "axis_columns": [*groups.get("actuation", []), *groups.get("extra", [])],
+            "bends": _bends(robot, description, f"{config.name}." if several else ""),
             "length_mm": robot.length_mm,
             "radius_mm": _radius_mm(description) or robot.length_mm * SLENDERNESS,
             "up": list(robot.up),
@@ -166,6 +169,29 @@ class PanelGeometry:
         configs = tuple(robot.config for robot in self.scene.robots)
         guards, clearance = chain_guards(self.loaded), self._clearance
         return Preflight(configs, guards, Unreachable.REFUSE, commands, clearance)
+
+
+def _bends(robot: RobotScene, description: RobotDescription, prefix: str) -> list[Fields]:
+    """The columns of the bends of sections, with the range that a slider shows of each.
+
+    A bend of a spatial robot begins at 0, because it has an azimuth beside it.
+    """
+    model = robot.config.model
+    if "arcs" not in description.accepts or not isinstance(model, Bending):
+        return []
+    inside = [model.inverse(Target(actuation=each), each).actuation for each in drawn(robot)]
+    shapes = [model.arcs(each) for each in (robot.config.rest, *inside)]
+    rows = np.array([arc_values(description, shape.tolist()) for shape in shapes])
+    found = []
+    for column, values in zip(arc_names(description), rows.T, strict=True):
+        name, _, unit = column.rpartition("_")
+        low, high = float(np.floor(values.min())), float(np.ceil(values.max()))
+        if name.endswith("azimuth"):
+            low, high = -180.0, 180.0
+        elif name.endswith("bend") and description.dimension == 3:
+            low = 0.0
+        found.append({"column": prefix + column, "name": name, "minimum": low, "maximum": high, "unit": unit})
+    return found
 
 
 def actuation_of(robot: RobotScene, values: Sequence[float]) -> Actuation:

@@ -87,7 +87,10 @@ class PageOrders:
         return await self._go(target)
 
     async def _jog(self, request: RequestFields) -> Fields:
-        """Follow a row; a first row, or one of other columns, begins a stream."""
+        """Follow a row; a first row, or one of other columns, begins a stream.
+
+        A tip that leads out of reach goes along its edge, as by the keys of a terminal.
+        """
         columns, row = request.names("columns"), request.rows("rows")
         request.end()
         if not columns or any(name.endswith("t_s") for name in columns):
@@ -97,7 +100,7 @@ class PageOrders:
             if self._move is None or self._move[1] != columns:
                 self._move = None
                 await _require_lease(client)
-                begun = await client.request("move", columns=list(columns))
+                begun = await client.request("move", columns=list(columns), nearest=True)
                 self._move = int(begun["move"]), columns
             return await self._rows(client, self._move[0], row)
 

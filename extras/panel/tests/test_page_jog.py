@@ -27,6 +27,9 @@ pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 #: What a coordinate that was not touched may change by [mm].
 UNTOUCHED_MM = 1e-6
+#: From the straight pose a tip goes along the surface of its reach, which bends away by the square of the way
+#: over twice the length of these arms: less than this [1/mm] times the square.
+CURVED_PER_MM = 1.0 / 100.0
 PRESSES = 6
 
 
@@ -50,6 +53,15 @@ def shipped(name: str) -> Iterator[Running]:
     finally:
         process.kill()
         process.communicate()
+
+
+def bends(running: Running) -> list[float]:
+    """The commanded bends of the only robot."""
+    with running.client() as client:
+        for frame in client.telemetry(50.0, fields=("bends",)):
+            (robot,) = frame["robots"].values()
+            return list(robot["bends"])
+    raise AssertionError("no telemetry")
 
 
 class Orders:
@@ -122,8 +134,9 @@ def test_keys_change_one_coordinate_of_the_tip(at_rest: tuple[OpenPage, Running,
         before = at_standstill(running)
         press(it, slider, "ArrowRight")
         assert orders.rows
-        assert others_mm(orders.rows, number, before) < UNTOUCHED_MM
-        assert 0.0 < max(row[number] for row in orders.rows) - before[number] <= PRESSES * 1e-3 * span + 1e-6
+        moved_mm = max(row[number] for row in orders.rows) - before[number]
+        assert 0.0 < moved_mm <= PRESSES * 1e-3 * span + 1e-6
+        assert others_mm(orders.rows, number, before) < UNTOUCHED_MM + CURVED_PER_MM * moved_mm**2
         it.page.wait_for_selector(".robot[data-state=HOLD]")
     z = it.page.locator(".robot input[aria-label=z]")
     low, high = (float(z.get_attribute(name) or "nan") for name in ("min", "max"))
@@ -135,7 +148,7 @@ def test_keys_change_one_axis(at_rest: tuple[OpenPage, Running, Orders]) -> None
     with running.client() as client:
         (robot,) = client.describe()["robots"].values()
     for number in (0, len(robot["axes"]) - 1):
-        slider = it.page.locator(".robot fieldset").nth(1).locator("input").nth(number)
+        slider = it.page.locator(".robot fieldset").nth(2).locator("input").nth(number)
         orders.rows.clear()
         before = fields(running)["command"]
         press(it, slider, "ArrowRight")
@@ -157,4 +170,34 @@ def test_a_mouse_on_a_slider_changes_one_coordinate(at_rest: tuple[OpenPage, Run
     it.page.mouse.up()
     it.page.wait_for_timeout(300)
     assert orders.rows
-    assert others_mm(orders.rows, 0, before) < UNTOUCHED_MM
+    moved_mm = max(abs(row[0] - before[0]) for row in orders.rows)
+    assert others_mm(orders.rows, 0, before) < UNTOUCHED_MM + CURVED_PER_MM * moved_mm**2
+
+
+def test_the_first_key_moves_an_arm_at_the_edge_of_its_reach(browser: Browser) -> None:
+    with shipped("trirack") as running, panel(running) as served, opened(browser, served) as it:
+        it.page.wait_for_selector(".robot[data-state=HOLD]")
+        it.take_control()
+        it.page.wait_for_selector(".robot input:enabled")
+        rest = at_standstill(running)
+        for name, number in (("x", 0), ("y", 1)):
+            press(it, it.page.locator(f".robot input[aria-label={name}]"), "ArrowRight")
+            it.page.wait_for_selector(".robot[data-state=HOLD]")
+            assert at_standstill(running)[number] - rest[number] > 0.5
+            assert it.page.locator(".robot .refused").inner_text() == ""
+        before = bends(running)
+        press(it, it.page.locator(".robot input[aria-label='s1.bend']"), "ArrowRight")
+        it.page.wait_for_selector(".robot[data-state=HOLD]")
+        at_standstill(running)
+        after = bends(running)
+        assert after[0] > before[0] + 0.1
+        assert after[1] == pytest.approx(before[1], abs=1e-4)
+        assert before[2] < after[2] < before[2] + 2.0  # at its shortest it grows as it bends
+        # Down, out of its reach: the reason stays until something else is ordered.
+        for _ in range(2):
+            press(it, it.page.locator(".robot input[aria-label=z]"), "PageDown")
+        it.page.wait_for_function(
+            "document.querySelector('.robot .refused').textContent.includes('out of reach')"
+        )
+        it.page.wait_for_timeout(800)
+        assert "out of reach" in it.page.locator(".robot .refused").inner_text()

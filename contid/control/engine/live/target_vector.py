@@ -25,18 +25,20 @@ def kind_of(target: Target) -> Kind:
         target.rotation is not None,
         target.mid_m is not None,
         0 if target.actuation is None else len(target.actuation),
+        target.arcs is not None,
         tuple(target.extra),
     )
 
 
 def vector_of(target: Target) -> Vector:
-    """The coordinates of a target: tip, direction, frame, mid-point, axes, load, extra axes."""
+    """The coordinates of a target: tip, direction, frame, mid-point, axes, bends, load, extra axes."""
     return (
         *(target.tip_m or ()),
         *(target.direction or ()),
         *(target.rotation or ()),
         *(target.mid_m or ()),
         *(target.actuation or ()),
+        *(target.arcs or ()),
         *target.load_n,
         *target.extra.values(),
     )
@@ -54,11 +56,12 @@ def target_of(vector: Vector, like: Target) -> Target:
     rotation = None if like.rotation is None else _frame(take(9)) or like.rotation
     mid_m = None if like.mid_m is None else vec3(take(3))
     actuation = None if like.actuation is None else take(len(like.actuation))
+    arcs = None if like.arcs is None else take(len(like.arcs))
     load_n = vec3(take(3))
     extra = dict(zip(like.extra, parts, strict=True)) if like.extra else like.extra
     return replace(
         like, tip_m=tip_m, direction=direction, rotation=rotation, mid_m=mid_m, actuation=actuation,
-        load_n=load_n, extra=extra, measured_tip_m=None, measured_direction=None,
+        arcs=arcs, load_n=load_n, extra=extra, measured_tip_m=None, measured_direction=None,
     )  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import starmap
 from typing import Final
 
 from contid.control.tick.config import RobotConfig
@@ -96,10 +97,10 @@ def explain(config: RobotConfig, target: Target, solution: Solution) -> str:
     beyond = _beyond(config, target)
     if beyond and solution.residual_m <= NEAR_M:
         return f"{config.name}: {'; '.join(beyond)}"
-    where = "actuation" if target.actuation is not None else "tip"
+    where = "actuation" if target.actuation is not None else "shape" if target.arcs is not None else "tip"
     limits = f" (limited by {', '.join(solution.limited_by)})" if solution.limited_by else ""
     note = f"; {solution.note}" if solution.note else ""
-    miss = "" if target.actuation is not None else f" by {m_to_mm(solution.residual_m):.6g} mm"
+    miss = "" if target.tip_m is None else f" by {m_to_mm(solution.residual_m):.6g} mm"
     return f"{config.name}: {where} {shown(config, target)} is out of reach{miss}{limits}{note}"
 
 
@@ -123,4 +124,14 @@ def shown(config: RobotConfig, target: Target) -> str:
     if target.actuation is not None:
         unit = config.quantity.unit
         return "(" + ", ".join(f"{v * config.quantity.per_si:.6g}" for v in target.actuation) + f") {unit}"
+    if target.arcs is not None:
+        sections = zip(*(iter(target.arcs),) * 3, strict=True)
+        return "(" + "; ".join(starmap(_bend, sections)) + ")"
     return "(" + ", ".join(f"{m_to_mm(v):.6g}" for v in target.tip_m or ()) + ") mm"
+
+
+def _bend(u: float, v: float, length_m: float) -> str:
+    """A bend by its components [rad], and the length of the section [m]; 0 for none."""
+    bend, azimuth = math.degrees(math.hypot(u, v)), math.degrees(math.atan2(v, u))
+    long = f", {m_to_mm(length_m):.6g} mm long" if length_m else ""
+    return f"{bend:.6g} deg towards {azimuth:.6g} deg{long}"

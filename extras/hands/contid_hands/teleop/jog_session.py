@@ -12,6 +12,7 @@ from contid.errors import ContidError
 from contid.remote.client.described_robot import DescribedRobot, columns_of
 from contid.remote.client.servo import Controller
 from contid.robot_file.findings import allowed_names
+from contid_hands.teleop.jog_space import BEGIN, JogSpace, Space
 from contid_hands.teleop.jogger import Jogger
 from contid_hands.teleop.keys import Keyboard
 
@@ -22,20 +23,12 @@ RATE_HZ: Final = 50.0
 #: A stream ends when no key came for this time; the next key begins another.
 IDLE_S: Final = 0.5
 SHOW_PERIOD_S: Final = 0.1
-#: First speed of a tip [mm/s], and first speed of an axis as a share of its velocity limit.
-TIP_MM_S: Final = 10.0
-AXIS_SHARE: Final = 0.1
-#: Greatest speed of the tip of pneumatic arms, whose axes have a rate of pressure.
-MAX_TIP_MM_S: Final = 100.0
+#: Fields of telemetry from which a jog begins, and which are shown.
+FIELDS: Final = ("state", "fault", "tip_mm", "measured", *BEGIN.values())
 
-HELP: Final = "arrows/WASD R/F move, 1-9 axis, Tab tip/axes, +/- speed, space STOP, e resume, q quit"
-#: Keys to column and sign in tip space; without the third column R and F do nothing.
-_TIP: Final = {
-    "right": (0, 1), "d": (0, 1), "left": (0, -1), "a": (0, -1),
-    "up": (1, 1), "w": (1, 1), "down": (1, -1), "s": (1, -1),
-    "pageup": (2, 1), "r": (2, 1), "pagedown": (2, -1), "f": (2, -1),
-}  # fmt: skip
-_AXIS: Final = {key: sign for key, (_, sign) in _TIP.items()}
+HELP: Final = (
+    "arrows/WASD R/F move, 1-9 axis or section, Tab tip/bends/axes, +/- speed, space STOP, e resume, q quit"
+)
 
 
 class StopPressedError(ContidError):
@@ -80,6 +73,7 @@ class JogSession:
     Attributes:
         rate_hz: rate of set-points, unless the tick is slower.
         robot: the robot.
+        space: what the keys move.
 
     Args:
         client: connection to the daemon.
@@ -107,9 +101,7 @@ class JogSession:
         self._log = console.log
         self._show = console.show
         self._hold_s = options.hold_s
-        self._axes = options.axes or not self.robot.tip
-        self._speeds = {False: options.speed or TIP_MM_S, True: AXIS_SHARE * self.robot.rates[0]}
-        self._axis = 0
+        self.space = JogSpace(self.robot, options.axes, options.speed)
         self._shown_s = 0.0
         self._waiting: list[str] = []
         self._ended = False
@@ -135,7 +127,8 @@ class JogSession:
 
     def _idle(self) -> Mapping[str, Any] | None:
         """Read keys until one moves; the newest telemetry, None at the end."""
-        for frame in self._client.telemetry(min(RATE_HZ, self._rate_hz), robots=self.robot.robot):
+        rate_hz = min(RATE_HZ, self._rate_hz)
+        for frame in self._client.telemetry(rate_hz, robots=self.robot.robot, fields=FIELDS):
             state = frame["robots"][self.robot.robot]
             self._display(state, None)
             self._read()
@@ -165,22 +158,16 @@ class JogSession:
                 self._stop()
             case "q" | "escape":
                 self._ended = True
-            case "\t" | "m" if self.robot.tip:
-                self._axes = not self._axes
+            case "\t" | "m":
+                self.space.go_on()
             case "+" | "=" | "-":
-                self._change_speed(key, jogger)
+                self.space.change_speed(key == "-", jogger, self._hold_s)
             case "e":
                 self._order(lambda: self._client.resume(self.robot.robot, after_stop=True))
             case "h" | "?":
                 self._log(HELP)
-            case _ if key.isdigit() and 1 <= int(key) <= len(self.robot.axes):
-                self._axis = int(key) - 1
-                self._axes = True
-
-    def _change_speed(self, key: str, jogger: Jogger | None) -> None:
-        changed = jogger or self._jogger([0.0] * len(self.columns))
-        (changed.slower if key == "-" else changed.faster)()
-        self._speeds[self._axes] = changed.speed
+            case _ if key.isdigit() and int(key) > 0:
+                self.space.choose(int(key) - 1)
 
     def _stop(self) -> None:
         self._order(lambda: self._client.stop(self.robot.robot))
@@ -196,47 +183,31 @@ class JogSession:
 
     # -- moving --------------------------------------------------------------------------------------------
 
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """The columns that keys move now."""
-        return self.robot.axes if self._axes else self.robot.tip
-
     def _direction(self, key: str) -> tuple[int, float] | None:
         """Column and sign of a key that moves."""
-        if self._axes:
-            return (self._axis, _AXIS[key]) if key in _AXIS else None
-        column, sign = _TIP.get(key, (99, 0))
-        return (column, sign) if column < len(self.robot.tip) else None
-
-    def _jogger(self, start: list[float]) -> Jogger:
-        limits = (self.robot.minimum, self.robot.maximum) if self._axes else (None, None)
-        speed = self._speeds[self._axes]
-        fastest = self.robot.rates[0] if self._axes or self.robot.unit == "mm" else MAX_TIP_MM_S
-        scales = self._scales if self._axes else None
-        return Jogger(start, *limits, speed=speed, max_speed=fastest, hold_s=self._hold_s, scales=scales)
-
-    @property
-    def _scales(self) -> list[float]:
-        """Speed of every axis as a multiple of that of the model's axes: a wrist turns in degrees."""
-        return [rates[0] / self.robot.rates[0] for rates in self.robot.axis_rates]
+        return self.space.direction(key)
 
     def _move(self, frame: Mapping[str, Any]) -> None:
         state = frame["robots"][self.robot.robot]
-        start = state["command"] if self._axes else (state["tip_mm"] or ())[: len(self.robot.tip)]
-        if not start or any(value is None for value in start):
+        start = self.space.begin(state)
+        if start is None:
             self._waiting.clear()
             raise RemoteError(Code.NOT_ARMED, f"{self.robot.robot} is {state['state']} and was never armed")
-        self._client.servo(self._rate_hz, self._controller(self._jogger(list(start))))
+        controller = self._controller(self.space.jogger(start, self._hold_s))
+        self._client.servo(self._rate_hz, controller, nearest=self.space.space is not Space.AXES)
 
     def _controller(self, jogger: Jogger) -> Controller:
         """The controller of one stream: set-points of a jogger until nothing was pressed for a while."""
-        columns, pressed_s = self.columns, time.monotonic()
+        columns, pressed_s = self.space.columns, time.monotonic()
 
         def set_point(state: ServoState) -> dict[str, float] | None:
             nonlocal pressed_s
             if state.refused:
                 jogger.refuse()
                 self.refused(state.refused)
+            elif state.reached:
+                sent = zip(columns, jogger.reference, strict=True)
+                jogger.take([state.reached.get(column, value) for column, value in sent])
             elif state.step > 0:  # before that none was sent
                 jogger.accept()
             goes_on = self.step(jogger, state)
@@ -256,32 +227,28 @@ class JogSession:
     def step(self, jogger: Jogger, state: ServoState) -> bool:
         """One period of a stream: keys, then the line of state; False ends the stream."""
         now_s = time.monotonic()
-        columns = self.columns
+        columns = self.space.columns
         self._read()
         waiting, self._waiting = self._waiting, []
         for key in waiting:
-            direction = self._direction(key) if self.columns == columns else None
+            direction = self._direction(key) if self.space.columns == columns else None
             if direction is not None:
                 jogger.press(*direction, now_s)
             else:
                 self._other(key, jogger)
         self._display(state.robots[self.robot.robot], jogger)
-        return not self._ended and self.columns == columns
+        return not self._ended and self.space.columns == columns
 
     def _display(self, state: Mapping[str, Any], jogger: Jogger | None) -> None:
         if time.monotonic() - self._shown_s < SHOW_PERIOD_S:
             return
         self._shown_s = time.monotonic()
-        speed = self._speeds[self._axes]
-        space, unit = ("axes", self.robot.units[self._axis]) if self._axes else ("tip", "mm")
-        speed *= self._scales[self._axis] if self._axes else 1.0
-        which = f" {self.robot.axes[self._axis]}" if self._axes else ""
         tip = " ".join(f"{value:.1f}" for value in state["tip_mm"] or ())
         axes = " ".join(f"{value:.2f}" for value in state["measured"] or ())
         fault = f" fault {state['fault']}" if state["fault"] else ""
         self._show(
-            f"{self.robot.robot} {state['state']}{fault} | {space}{which}: {speed:.3g} {unit}/s, step "
-            f"{speed * self._hold_s:.3g} {unit}{self.note} | tip {tip} mm | axes {axes} {self.robot.unit}"
+            f"{self.robot.robot} {state['state']}{fault} | {self.space.label(self._hold_s)}{self.note} | "
+            f"tip {tip} mm | axes {axes} {self.robot.unit}"
         )
 
     @property

@@ -88,6 +88,11 @@ class Jogger:
         self._accepted = list(self.reference)
         self._taken = True
 
+    def take(self, values: Sequence[float]) -> None:
+        """The daemon took other values in place of the reference, from which it goes on."""
+        self.reference = list(values)
+        self.accept()
+
     def refuse(self) -> None:
         """The daemon refused the reference: back to the last one it took.
 

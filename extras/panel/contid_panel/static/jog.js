@@ -63,11 +63,12 @@ export class Jog {
         this.row = null;
         this.sentAt = performance.now();
         const { columns, values } = row.order;
-        const { refused } = await this.link.order("jog", { columns, rows: [values] }, row.pressed);
+        const { refused, reached } = await this.link.order("jog", { columns, rows: [values] }, row.pressed);
         const { robot } = row.order;
         if (!refused.length) {
-          this.taken = row.order;
+          this.taken = reached ? { ...row.order, values: columns.map((each, i) => reached[each] ?? values[i]) } : row.order;
           this.refusals.delete(robot);
+          if (this.newest === row.order) this.newest = this.taken; // it goes on from where it is led along the edge
         } else {
           this.refusals.set(robot, refused[0].replace(/^rows:\d+: /, ""));
           if (this.newest === row.order) this.newest = this.taken; // what was refused is ordered no more

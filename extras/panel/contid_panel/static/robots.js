@@ -104,6 +104,8 @@ export class RobotCard {
     this.jog = jog;
     this.tipColumns = drawing?.tip_columns ?? [];
     this.axisColumns = drawing?.axis_columns ?? [];
+    const bends = drawing?.bends ?? [];
+    this.bendColumns = bends.map((each) => each.column);
     this.commands = new Map(); // by columns
     const axes = Object.entries(description.axes);
     this.axes = axes.map(([axis, limit], i) => {
@@ -112,6 +114,8 @@ export class RobotCard {
     });
     const [low, high] = drawing?.bounds ?? [[], []];
     this.tip = this.tipColumns.map((column, i) => new Slider("xyz"[i], Math.floor(low[i]), Math.ceil(high[i]), "mm", this.hand(this.tipColumns, i)));
+    this.bends = bends.map((each, i) => new Slider(each.name, each.minimum, each.maximum, each.unit, this.hand(this.bendColumns, i)));
+    this.sliders = [...this.tip, ...this.bends, ...this.axes];
     this.state = h("span", { className: "state" });
     this.meaning = h("span", { className: "meaning" });
     this.fault = h("div", { className: "fault", hidden: true });
@@ -126,6 +130,7 @@ export class RobotCard {
       this.fault,
       h("div", { className: "orders" }, this.hold, this.resume, this.rest, this.recover, this.clear),
       this.tip.length ? h("fieldset", {}, h("legend", {}, "Tip"), ...this.tip.map((s) => s.row)) : null,
+      this.bends.length ? h("fieldset", {}, h("legend", {}, "Bends"), ...this.bends.map((s) => s.row)) : null,
       h("fieldset", {}, h("legend", {}, "Axes"), ...this.axes.map((s) => s.row)),
       this.note);
     this.element.dataset.robot = name;
@@ -171,12 +176,14 @@ export class RobotCard {
     setText(this.meaning, MEANING[robot.state] ?? "");
     this.element.dataset.state = robot.state;
     const jogging = this.link.mine && ARMED.has(robot.state);
-    for (const slider of [...this.tip, ...this.axes]) if (slider.input.disabled === jogging) slider.input.disabled = !jogging;
+    for (const slider of this.sliders) if (slider.input.disabled === jogging) slider.input.disabled = !jogging;
     this.commands.set(this.tipColumns, robot.command_tip_mm?.slice(0, this.tipColumns.length) ?? null);
     this.commands.set(this.axisColumns, robot.command);
+    this.commands.set(this.bendColumns, robot.bends);
     if (!MOVING.has(robot.state)) this.jog.arrived(this.name);
     const target = robot.target_mm ?? robot.command_tip_mm;
     this.tip.forEach((slider, i) => slider.show(target?.[i] ?? null, robot.tip_mm?.[i] ?? null, []));
+    this.bends.forEach((slider, i) => slider.show(robot.bends?.[i] ?? null, null, []));
     this.axes.forEach((slider, i) => slider.show(robot.command[i], robot.measured?.[i] ?? null, robot.limits[i] ?? []));
     const refusal = this.jog.refusals.get(this.name);
     setText(this.note, refusal ? `Refused, holds: ${refusal}` : "");
@@ -207,6 +214,6 @@ export class RobotCard {
     this.element.dataset.state = "LOST";
     setText(this.state, "UNKNOWN");
     setText(this.meaning, "no connection to the daemon");
-    for (const slider of [...this.tip, ...this.axes]) slider.input.disabled = true;
+    for (const slider of this.sliders) slider.input.disabled = true;
   }
 }

@@ -12,6 +12,7 @@ from contid.errors import ContidError
 from contid_hands.teleop.gamepad.mapping import BoundInput
 from contid_hands.teleop.gamepad.pad import ESTOP, Gamepad
 from contid_hands.teleop.jog_session import Console, JogOptions, JogSession, StopPressedError
+from contid_hands.teleop.jog_space import Space
 from contid_hands.teleop.jogger import Jogger
 
 #: Key of `JogSession` that does what an order of the mapping asks for. The order ``space`` switches between
@@ -38,9 +39,8 @@ class GamepadSession(JogSession):
     Every end of a stream is a hold: the robot brakes within its limits instead of going on to the last
     set-point. The next stream begins with the next press of the dead-man button.
 
-    It overrides methods of `JogSession` and uses its attributes: ``_client``, ``_log``, ``_axes`` (axis
-    space, not tip space), ``_axis`` (first axis that is moved), and ``_waiting`` (keys and orders not yet
-    handled).
+    It overrides methods of `JogSession` and uses its attributes: ``_client``, ``_log``, ``space`` (without
+    bends; its axis is the first one that is moved), and ``_waiting`` (keys and orders not yet handled).
 
     Args:
         client: connection to the daemon.
@@ -57,6 +57,7 @@ class GamepadSession(JogSession):
 
     def __init__(self, client: Client, console: Console, options: JogOptions, pad: Gamepad) -> None:
         super().__init__(client, console, replace(options, axes=options.axes or not any(pad.mapping.tip)))
+        self.space.spaces = [each for each in self.space.spaces if each is not Space.BENDS]
         self._pad = pad
         self._held = self._estops = False
         self._refused_s = float("-inf")
@@ -72,9 +73,9 @@ class GamepadSession(JogSession):
             StopPressedError: the stop button was pressed.
             DeviceLostError: the device is gone.
         """
-        first = self._axis
+        first = self.space.axis
         goes_on = super().step(jogger, state)
-        if not goes_on or not self._held or self._axis != first:
+        if not goes_on or not self._held or self.space.axis != first:
             raise ReleasedError("released")
         apply(jogger, self._pad, self._inputs(), time.monotonic())
         return True
@@ -94,10 +95,10 @@ class GamepadSession(JogSession):
 
     def _inputs(self) -> tuple[BoundInput | None, ...]:
         """The input of every column that can be moved now, None for a column without one."""
-        mapping, count = self._pad.mapping, len(self.columns)
-        if not self._axes:
+        mapping, count = self._pad.mapping, len(self.space.columns)
+        if self.space.space is Space.TIP:
             return mapping.tip[:count]
-        placed = ((None,) * self._axis + mapping.axes)[:count]
+        placed = ((None,) * self.space.axis + mapping.axes)[:count]
         return placed + (None,) * (count - len(placed))
 
     def _direction(self, key: str) -> tuple[int, float] | None:
@@ -121,8 +122,8 @@ class GamepadSession(JogSession):
                 raise StopPressedError(key)
             self._stop()
         elif key == "next_axes":
-            following = self._axis + len(self._pad.mapping.axes)
-            self._axis = following if following < len(self.robot.axes) else 0
+            following = self.space.axis + len(self._pad.mapping.axes)
+            self.space.axis = following if following < len(self.robot.axes) else 0
         else:
             super()._other(key, jogger)
 

@@ -1,0 +1,73 @@
+"""A step along the edge of the reach, in place of one that leads out of it.
+
+A person at keys or a slider moves a tip or a bend in small steps. Where the reach of an arm is a surface, or
+the arm is straight, which is the edge of its reach, no such step is in reach, but targets beside it are: the
+nearest point to a tip, and for bends the nearest lengths of the sections with which they are within limits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from contid.control.tick.config import RobotConfig
+from contid.kinematics.model import Bending
+from contid.targets import Actuation, Target
+
+#: Least share of a step that has to be left of it.
+_ONWARD: Final = 0.01
+#: Bisections between lengths out of the limits and lengths within them.
+_HALVINGS: Final = 40
+
+
+def along_the_edge(config: RobotConfig, target: Target, begin: Target, seed: Actuation) -> Target | None:
+    """The target within reach beside a tip, or bends, that are out of it, to go to in their place.
+
+    None for targets of other kinds, where the nearest one that was found is farther away than where the step
+    begins, and where it leads nowhere.
+
+    Args:
+        config: of the robot.
+        target: in the world frame, out of reach.
+        begin: where the step begins: the same kind of target.
+        seed: the last command.
+    """
+    if target.arcs is not None and begin.arcs is not None:
+        return _with_lengths(config, target, begin.arcs, seed)
+    if target.tip_m is None or begin.tip_m is None or target.direction or target.rotation or target.mid_m:
+        return None
+    in_base = config.frame.target_in_base(target)
+    found = config.model.inverse(in_base, seed).actuation
+    tip_m = config.frame.point_in_world(config.model.forward(found, in_base.load_n).tip_m)
+    if math.dist(tip_m, target.tip_m) < math.dist(begin.tip_m, target.tip_m):
+        return replace(target, tip_m=tip_m) if _leads_on(begin.tip_m, target.tip_m, tip_m) else None
+    return None
+
+
+def _with_lengths(
+    config: RobotConfig, target: Target, begin: Sequence[float], seed: Actuation
+) -> Target | None:
+    """The same bends with the nearest lengths, on the way to those of the model's choice, within limits."""
+    asked, model = target.arcs or (), config.model
+    free = replace(target, arcs=tuple([0.0 if k % 3 == 2 else each for k, each in enumerate(asked)]))
+    found = model.inverse(free, seed)
+    if not found.converged or not isinstance(model, Bending):
+        return None
+    chosen = model.arcs(found.actuation, target.load_n).ravel().tolist()
+    outside, inside = 0.0, 1.0
+    nearest = target
+    for _ in range(_HALVINGS):
+        share = 0.5 * (outside + inside)
+        lengths = zip(asked, chosen, strict=True)
+        arcs = [a + share * (b - a) if k % 3 == 2 else a for k, (a, b) in enumerate(lengths)]
+        if model.inverse(replace(target, arcs=tuple(arcs)), seed).converged:
+            inside, nearest = share, replace(target, arcs=tuple(arcs))
+        else:
+            outside = share
+    return nearest if nearest.arcs is not None and _leads_on(begin, asked, nearest.arcs) else None
+
+
+def _leads_on(begin: Sequence[float], asked: Sequence[float], found: Sequence[float]) -> bool:
+    return math.dist(begin, found) > _ONWARD * math.dist(begin, asked)
