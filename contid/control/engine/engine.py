@@ -196,6 +196,7 @@ class Engine:
         """The ticks of all robots; one that takes too long is a fault of its robot."""
         robots, samples_of, costs = self.robots, self.exchange.samples_of, self.costs
         outcomes: list[TickResult] = []
+        costs.watch(True)
         at_s = costs.now()
         for index, (config, state) in enumerate(zip(robots.configs, robots.states, strict=True)):
             name = config.name
@@ -215,6 +216,7 @@ class Engine:
             outcomes.append(outcome)
             before_s, at_s = at_s, costs.now()
             costs.robots_s[index] = at_s - before_s
+        costs.watch(False)
         return outcomes
 
     def _fail(self, stage: TickStage, error: Exception, now_s: float) -> None:

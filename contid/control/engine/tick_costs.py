@@ -21,6 +21,7 @@ class TickCosts:
         waited_s: time spent waiting for workers, up to their deadline.
         running: index of the robot whose tick runs, -1 for none.
         begun: ticks of robots begun so far.
+        watch: called before and after the ticks of all robots, with True and False.
     """
 
     def __init__(self, now: Callable[[], float], robots: int, buses: Sequence[str]) -> None:
@@ -30,6 +31,7 @@ class TickCosts:
         self.buses_s = dict.fromkeys(buses, 0.0)
         self.running = -1
         self.begun = 0
+        self.watch: Callable[[bool], None] = lambda begins: None
 
     def begin(self, index: int) -> None:
         """The tick of a robot begins."""

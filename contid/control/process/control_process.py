@@ -110,15 +110,13 @@ class ControlProcess:
         names = [config.name for config in engine.robots.configs]
         cause = SkipCause(engine.costs, names, self._ports, processor_wait)
         pace = Pace(self._setup.rate_hz, self._clock.now(), self._ring, cause.find)
-        alarm = TickAlarm(engine.costs, processor_wait, self._setup.rate_hz)
-        alarm.install()
+        TickAlarm(engine.costs, processor_wait, self._setup.rate_hz).install()
         stop_by_s = math.inf
         planned = PlannedStart(1.0 / self._setup.rate_hz)
         while not engine.finished:
             start_s = sleep_until(pace.deadline_s)
             timing = pace.begin(start_s, engine.preparing)
             cause.begin()
-            alarm.wind()
             for message in self._inbox.poll():
                 if isinstance(message, LogWritten | NoteWritten):
                     self._ring.event(message)
@@ -138,7 +136,6 @@ class ControlProcess:
             self._logs.write(self._ring, LOGS_PER_TICK)
             if start_s > stop_by_s:
                 break
-        alarm.stop()
         self._ring.event(pace.report())
 
 

@@ -1,4 +1,4 @@
-"""Interrupts the tick of a robot that takes too long: a timer of the process, started in every cycle.
+"""Interrupts the tick of a robot that takes too long: a timer of the process, started for the ticks.
 
 A model in Python, or one that sleeps, is interrupted at once; one in C when it returns. The time in which the
 process waited for a processor does not count, so a busy machine is no fault of a robot.
@@ -47,17 +47,14 @@ class TickAlarm:
         self._looked_s = self._waited_s = self._counted_s = 0.0
 
     def install(self) -> None:
-        """Handle SIGALRM from now on."""
+        """Watch the ticks from now on."""
         signal.signal(signal.SIGALRM, self.ring)
-        signal.siginterrupt(signal.SIGALRM, False)
+        self._costs.watch = self._wind
 
-    def wind(self) -> None:
-        """Start the timer again, at the beginning of a cycle."""
-        signal.setitimer(signal.ITIMER_REAL, self._interval_s, self._interval_s)
-
-    def stop(self) -> None:
-        """No alarm any more."""
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
+    def _wind(self, begins: bool) -> None:
+        """Start or stop the timer: it would also end a sleep or a system call of a bus in the same thread."""
+        interval_s = self._interval_s if begins else 0.0
+        signal.setitimer(signal.ITIMER_REAL, interval_s, interval_s)
 
     def ring(self, _signal: int, _frame: FrameType | None) -> None:
         """Count the time of the tick that runs.

@@ -240,12 +240,12 @@ def test_an_order_that_meets_a_defect_ends_nothing(order: Message) -> None:
 
 
 def sleep(*_: object) -> Any:
-    time.sleep(2.0)
+    time.sleep(60.0)
     return None
 
 
 def compute(*_: object) -> Any:
-    end_s = time.monotonic() + 2.0
+    end_s = time.monotonic() + 60.0
     while time.monotonic() < end_s:
         with suppress(Exception):  # an interrupt is none of the model's errors
             math.sqrt(2.0)
@@ -260,14 +260,12 @@ def test_a_tick_that_takes_too_long_costs_its_robot_only(sound: list[str], slow:
     costs.now = time.monotonic
     alarm, before = TickAlarm(costs, ProcessorWait(), 200.0), signal.getsignal(signal.SIGALRM)
     alarm.install()
-    alarm.wind()
     began_s = time.monotonic()
     try:
         records = run.go()
     finally:
-        alarm.stop()
         signal.signal(signal.SIGALRM, before)
-    assert time.monotonic() - began_s < 1.9
+    assert time.monotonic() - began_s < 30.0
     assert unharmed(records, sound)
     assert run.fault() == ("MODEL_TOO_SLOW", "its model was interrupted after 100 ms")
     assert {record.robots[1].mode for record in records[BROKEN_FROM + 1 :]} == {Mode.FAULT}

@@ -19,7 +19,7 @@ from contid.control.process.isolation.wire import HEAD, LONGEST, BusRequest
 CLOSE_S: Final = 2.0
 
 
-class BusLink:
+class KeptProcess:
     """A keeper and the bus process that it has forked, if any; at most one request is under way.
 
     Attributes:

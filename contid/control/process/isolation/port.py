@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from contid.control.engine.ports import BusJob, BusPort, BusReply
-from contid.control.process.isolation.link import BusLink
+from contid.control.process.isolation.link import KeptProcess
 from contid.control.process.isolation.wire import HEAD, BusRequest, BusWire
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect
@@ -86,7 +86,7 @@ class IsolatedPort(BusPort):
         self._wire = BusWire(axes)
         options = wiring.options
         assert isinstance(options, IsolatedBusOptions)
-        self._link = BusLink(wiring.name, options.body)
+        self._link = KeptProcess(wiring.name, options.body)
 
     # -- opening and closing -----------------------------------------------------------------------------
 
