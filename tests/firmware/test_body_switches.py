@@ -1,4 +1,4 @@
-"""Mechanical faults of emulated boards: what the shaft and the pressure do while the board reads something else."""
+"""Mechanical faults of emulated boards: what the body does while the board reads something else."""
 
 from __future__ import annotations
 
