@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -100,11 +101,15 @@ class DeviceRate:
         key: key of the axis in the robot file that sets it.
         value: the rate [rad/s or Pa/s].
         what: what it is, where the key does not hold the rate itself.
+        acceleration: the greatest acceleration of demands that it follows [rad/s^2 or Pa/s^2].
+        acceleration_key: key of the axis that sets that.
     """
 
     key: str
     value: float
     what: str = ""
+    acceleration: float = math.inf
+    acceleration_key: str = ""
 
 
 @runtime_checkable

@@ -38,12 +38,12 @@ class DeviceResponse:
 #: No geared servo or motor turns faster (Dynamixel XL330-M077: 383 rpm at 5 V).
 _FASTEST_RAD_S: Final = 500.0 * math.tau / 60.0
 #: Defaults by the kind of device. Adapters are late by up to 16 ms (FTDI's default latency timer); lags are
-#: those of the simulated devices and a fifth more (a servo: twice), not measured on real ones.
-#: The emulated motor board overshoots.
+#: those of the simulated devices and a fifth more (a servo, a motor: twice), not measured on real ones.
+#: The set-point of a motor board goes on for two intervals of its commands, which a late host lets it do.
 RESPONSES: Final[dict[DeviceKind, DeviceResponse]] = {
-    DeviceKind.SERVO: DeviceResponse(0.03, 0.04, _FASTEST_RAD_S),
-    DeviceKind.MOTOR: DeviceResponse(0.03, 0.12, _FASTEST_RAD_S, overshoot_s=0.04),
-    DeviceKind.REGULATOR: DeviceResponse(0.03, 0.06, 50.0 * BAR),
+    DeviceKind.SERVO: DeviceResponse(0.02, 0.04, _FASTEST_RAD_S),
+    DeviceKind.MOTOR: DeviceResponse(0.02, 0.02, _FASTEST_RAD_S, overshoot_s=0.02),
+    DeviceKind.REGULATOR: DeviceResponse(0.02, 0.06, 50.0 * BAR),
 }
 
 

@@ -63,6 +63,8 @@ class RobotDescription(Strict):
             1 if left out. A body that is farther off is a fault, and has not arrived.
         follow_bar: the same for pressures; 0.025 if left out.
         follow_deg: the same for axes of ``extra_deg``; 5 if left out.
+        follow_tip_mm: greatest distance of the tip of the measured axes from the way of the commanded tips;
+            not compared if left out.
         follow_delay_ms: longest dead time of a healthy axis; that of its kind of device if left out.
         follow_lag_ms: longest time constant of its answer behind that; likewise.
         placeholder: dotted keys whose values are not measured yet, e.g. ``geometry.tip_length_mm``.
@@ -87,6 +89,7 @@ class RobotDescription(Strict):
     follow_mm: Positive | None = None
     follow_bar: Positive | None = None
     follow_deg: Positive | None = None
+    follow_tip_mm: Positive | None = None
     follow_delay_ms: NonNegative | None = None
     follow_lag_ms: Positive | None = None
     placeholder: tuple[str, ...] = ()

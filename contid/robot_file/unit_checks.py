@@ -16,6 +16,9 @@ from contid.units import BAR, DEG, MM_PER_M
 
 #: An extra axis is a column with its unit; a dot would be a group of columns.
 _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+#: A device that limits its acceleration needs this times that of its commands, to catch up with them: with
+#: 4 % more the set-point of a board runs up to 10 mm past violent commands, with 26 % more 0.5 mm.
+CATCH_UP: Final = 1.2
 #: Columns of tips.
 _TAKEN: Final = frozenset({"x", "y", "z"})
 
@@ -60,7 +63,7 @@ def check_device_rates(
     robot: RobotDescription,
     limited: Mapping[str, tuple[AxisDescription, DeviceRate]],
 ) -> Iterator[Located]:
-    """Check that no device is commanded faster than it follows, at the robot's maximum velocity.
+    """Check that no device is commanded faster than it follows, at the robot's greatest rates.
 
     ``limited`` has the axes whose devices have a limit. Axes with a table (``mm_to_bar``) are not checked.
     """
@@ -68,25 +71,28 @@ def check_device_rates(
     shares = [sum(map(abs, row)) for row in robot.coupling or ()] or [1.0] * own
     shares += [1.0] * (len(robot.all_axis_names) - own)
     for name, quantity, share in zip(robot.all_axis_names, robot.quantities, shares, strict=True):
-        key = f"velocity_{quantity.unit}_s"
-        velocity: float | None = getattr(robot.rates, key)
-        if name not in limited or velocity is None:
+        if name not in limited:
             continue
         axis, limit = limited[name]
-        rate = quantity.to_si(velocity) * share
-        size, shown = DEG, "deg/s"
-        if quantity is Quantity.PRESSURE:
-            size, shown = BAR, "bar/s"
-        elif quantity is Quantity.LENGTH:
+        size, shown = (BAR, "bar") if quantity is Quantity.PRESSURE else (DEG, "deg")
+        if quantity is Quantity.LENGTH:
             if axis.mm_per_rev is None:
                 continue
-            rate *= 2.0 * math.pi * MM_PER_M / axis.mm_per_rev
-        if rate > limit.value * (1.0 + 1e-9):
-            message = (
-                f"{limit.what or f'{limit.key} is'} {limit.value / size:.4g} {shown}, but rates.{key} "
-                f"{velocity:g} needs {rate / size:.4g}: the device would follow late"
-            )
-            yield document.at_value((*at, "axes", name, limit.key), message)
+            share *= 2.0 * math.pi * MM_PER_M / axis.mm_per_rev
+        for what, per, key, most, reserve in (
+            ("velocity", "s", limit.key, limit.value, 1.0),
+            ("acceleration", "s2", limit.acceleration_key, limit.acceleration, CATCH_UP),
+        ):
+            rate_key = f"{what}_{quantity.unit}_{per}"
+            rate: float | None = getattr(robot.rates, rate_key)
+            needed = 0.0 if rate is None else quantity.to_si(rate) * share * reserve
+            if needed > most * (1.0 + 1e-9):
+                named = limit.what if limit.what and key == limit.key else f"{key} is"
+                message = (
+                    f"{named} {most / size:.4g} {shown}/{per}, but rates.{rate_key} "
+                    f"{rate:g} needs {needed / size:.4g}: the device would follow late"
+                )
+                yield document.at_value((*at, "axes", name, key), message)
 
 
 def _check_rest(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:

@@ -23,7 +23,12 @@ bool Plant::set(int channel, const std::string& name, double value) {
       {"raw_low", &r.raw_low},   {"low_pa", &r.low_pa},
       {"raw_high", &r.raw_high}, {"high_pa", &r.high_pa},
       {"pressure", &r.pressure}, {"missed", &m.missed},
+      {"encoder_share", &m.encoder_share},
   };
+  if (name == "encoder_jump") {
+    m.encoder += value;
+    return true;
+  }
   for (const auto& number : numbers) {
     if (name == number.name) {
       *number.value = value;
@@ -39,6 +44,7 @@ bool Plant::set(int channel, const std::string& name, double value) {
       {"wired_coast", &m.wired_coast}, {"leak", &r.leaking},
       {"wire", &r.wire_broken},        {"read_back_frozen", &r.frozen},
       {"encoder_track_a", &m.open_a},  {"encoder_track_b", &m.open_b},
+      {"valve_stuck", &r.stuck},
   };
   for (const auto& one : switches) {
     if (name == one.name) {

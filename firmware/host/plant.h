@@ -28,6 +28,7 @@ struct MotorPlant {
   double unseen = 0.0;  // motion since a track is open, by which the other one goes on
   bool stalled = false, bridge = false, stuck = false, reversed = false;
   bool open_a = false, open_b = false;  // a track of the encoder that keeps its level
+  double encoder_share = 1.0;           // of the motion that the encoder sees: a slipped horn, another pinion
   bool wired_coast = false;             // pulled down: it coasts while its lines are not driven
 
   void step(const Output& out, double dt) {
@@ -53,7 +54,7 @@ struct MotorPlant {
     }
     current_ma = coasts ? 0.0 : std::fabs(emf) / no_load * stall_ma;
     if (stuck) return;
-    const double seen = reversed ? before - shaft : shaft - before;
+    const double seen = encoder_share * (reversed ? before - shaft : shaft - before);
     if (open_a || open_b) {
       unseen += seen;
     } else {
@@ -89,6 +90,7 @@ struct RegulatorPlant {
   double swelling = 0.3;      // more volume per bar
   double flow = 1.0e6;        // [Pa/s]
   double leak_per_s = 20.0;   // while leaking
+  bool stuck = false;         // its valve: the pressure stands
   double raw_low = 0.0, low_pa = 0.0, raw_high = 4095.0, high_pa = 300000.0;
 
   double pressure = 0.0;
@@ -103,6 +105,7 @@ struct RegulatorPlant {
     if (rise > flow) rise = flow;
     if (rise < -flow) rise = -flow;
     if (leaking) rise -= leak_per_s * pressure;
+    if (stuck) rise = 0.0;
     rate = rise;
     pressure += rise * dt;
   }

@@ -80,3 +80,15 @@ def test_a_servo_of_an_extra_axis_and_its_profile(configs: Path) -> None:
     )
     (message,) = refusals(slow)
     assert "profile_velocity_deg_s is 90 deg/s" in message
+
+
+def test_a_motor_that_accelerates_less_than_its_rack(configs: Path) -> None:
+    """A board follows commands at its limit of acceleration only with a reserve for catching up."""
+    text = (configs / "trirack.emulated.yaml").read_text()
+    needed = 1.2 * 900 / (math.pi * 25) * 360
+    given = "channel: m1, mm_per_rev: 78.53981633974483, acceleration_deg_s2: {}"
+    weak = text.replace(given.format(5200), given.format(round(needed - 1)))
+    assert weak != text
+    (message,) = refusals(weak)
+    assert "acceleration_deg_s2 is 4949 deg/s2, but rates.acceleration_mm_s2 900 needs 4950" in message
+    assert parse_robot_file(text.replace(given.format(5200), given.format(round(needed + 1))), "")

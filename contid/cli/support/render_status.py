@@ -97,7 +97,7 @@ def _axes(robot: Fields) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column("axis")
     table.add_column("")
-    for heading in ("measured", "command"):
+    for heading in ("measured", "command", "off"):
         table.add_column(heading, justify="right")
     table.add_column("")
     table.add_column("notes")
@@ -113,6 +113,7 @@ def _axes(robot: Fields) -> Table:
             bar(measured, low, high),
             _shown(measured, ".3f"),
             _shown(axis[f"command_{unit}"], ".3f"),
+            _shown(axis.get(f"difference_{unit}"), "+.3f"),
             unit,
             ", ".join(notes),
         )

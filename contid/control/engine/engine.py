@@ -28,6 +28,7 @@ from contid.control.engine.target_selector import TargetSelector
 from contid.control.engine.tick_costs import TickCosts, TickTooLongError
 from contid.control.engine.watch.arrivals import Arrivals
 from contid.control.engine.watch.body_watch import BodyWatch
+from contid.control.engine.watch.tip_watch import TipWatch
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
@@ -102,6 +103,8 @@ class Engine:
             stages.append(contacts)
         self.body_watch = BodyWatch(self.robots, self.exchange)
         stages += [*stages_of_extras(parts), StallWatch(self.robots, rate_hz), self.body_watch]
+        if any(config.follow_tip_m is not None for config in configs):
+            stages.append(TipWatch(self.robots, self.exchange))
         arrivals = Arrivals(self.robots, self.body_watch, sink)
         stages.append(arrivals)
         self._before, self._after, self._settle = (

@@ -85,6 +85,7 @@ class RobotConfig:
         straight: approaches are straight lines of the axes, which keep limits that several axes share.
         shared: limits that the model's own axes share, None without.
         responses: how every axis answers its commands when it is healthy.
+        follow_tip_m: how far the tip of the measured axes may be off the way of the commands; None unwatched.
     """
 
     name: str
@@ -121,6 +122,7 @@ class RobotConfig:
     straight: bool = False
     shared: SharedLimits | None = None
     responses: tuple[AxisResponse, ...] = ()
+    follow_tip_m: float | None = None
 
     @property
     def measurements_move_targets(self) -> bool:
@@ -188,6 +190,7 @@ def robot_config(
         straight=getattr(model, "taut", None) is not None or getattr(model, "straight_approach", False),
         shared=getattr(model, "shared", None),
         responses=axis_responses(robot, transmission, devices, period_s),
+        follow_tip_m=None if robot.follow_tip_mm is None else robot.follow_tip_mm / 1e3,
     )
 
 

@@ -120,7 +120,8 @@ PAGES: Final[dict[Fault, FaultPage]] = {
     ),
     Fault.DOES_NOT_FOLLOW: FaultPage(
         "an axis was measured farther from where its commands should have brought it than follow_mm, "
-        "follow_bar or follow_deg, for 30 ms, or it was not there when the run ended",
+        "follow_bar or follow_deg, or the tip than follow_tip_mm, for 20 ms, or it was not there when the "
+        "run ended",
         _BY_POLICY,
         "see what holds it: a blocked shaft, a slipped horn, a hose that is off, a stuck valve, crossed "
         "wires, a dead encoder, a device slower than rates; clear-fault, then resume; if the device is only "
@@ -128,7 +129,7 @@ PAGES: Final[dict[Fault, FaultPage]] = {
     ),
     Fault.MOVES_UNASKED: FaultPage(
         "an axis that was commanded to stand was measured farther from its command than follow_mm, "
-        "follow_bar or follow_deg, for 30 ms",
+        "follow_bar or follow_deg, for 20 ms",
         _BY_POLICY,
         "see what moved it: a push, a leak, a horn or an encoder that slips; clear-fault, then resume",
     ),

@@ -199,6 +199,9 @@ class TelemetryView:
             axes[axis] = {
                 f"measured_{unit}": None if measured is None else measured[number] * scale,
                 f"command_{unit}": finite(sample.command * scale),
+                f"difference_{unit}": None
+                if measured is None
+                else finite((measured[number] - sample.command) * scale),
                 f"min_{unit}": config.model.lower[number] * scale,
                 f"max_{unit}": config.model.upper[number] * scale,
                 "valid": sample.valid == 1.0,

@@ -89,7 +89,12 @@ class DueDriver:
         """
         assert isinstance(axis, DueAxisOptions)
         if axis.kind is DeviceKind.MOTOR:
-            return DeviceRate("velocity_deg_s", axis.velocity_deg_s * DEG)
+            return DeviceRate(
+                "velocity_deg_s",
+                axis.velocity_deg_s * DEG,
+                acceleration=axis.acceleration_deg_s2 * DEG,
+                acceleration_key="acceleration_deg_s2",
+            )
         return DeviceRate("slew_bar_s", axis.slew_bar_s * BAR)
 
     def refused(self, options: BaseModel, axes: Sequence[tuple[str, BaseModel]]) -> Iterator[RefusedKey]:

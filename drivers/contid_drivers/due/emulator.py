@@ -25,8 +25,9 @@ from contid_drivers.due.wiring import DUE_ADC, Adc, axis_options
 
 ChannelFault: TypeAlias = Literal[
     "stall", "bridge", "encoder_stuck", "encoder_reversed", "encoder_track_a", "encoder_track_b",
-    "leak", "wire", "read_back_frozen",
+    "leak", "wire", "read_back_frozen", "valve_stuck",
 ]  # fmt: skip
+BodyFault: TypeAlias = Literal["encoder_share", "encoder_jump"]
 LineFault: TypeAlias = Literal["garbage", "mute", "supply_low"]
 BoardEvent: TypeAlias = Literal["reset", "brown_out", "power_cycle", "freeze", "unplug", "plug"]
 #: Distance of the emulated end stops beyond the travel.
@@ -44,12 +45,15 @@ class BoardFault(Strict):
         fault: fault of one channel, which ``silent`` takes off the board; of the line; or an event.
         channel: number of the channel, for faults of one.
         on: false ends a fault of a channel or of the line.
+        value: of ``encoder_share``, the part of the motion of the shaft that its encoder sees (0.33: the horn
+            slipped, -1: a wrong sign); of ``encoder_jump``, by how many counts it jumps.
         ms: duration of an event; without end if left out.
     """
 
-    fault: ChannelFault | Literal["silent"] | LineFault | BoardEvent
+    fault: ChannelFault | BodyFault | Literal["silent"] | LineFault | BoardEvent
     channel: int = Field(default=0, ge=0, lt=CHANNELS)
     on: bool = True
+    value: float = 1.0
     ms: int | None = Field(default=None, ge=0)
 
     @property
@@ -57,6 +61,8 @@ class BoardFault(Strict):
         """The line that switches it, as firmware/host/README.md has it."""
         if self.fault in get_args(ChannelFault):
             return f"set {self.channel} {self.fault} {self.on:d}"
+        if self.fault in get_args(BodyFault):
+            return f"set {self.channel} {self.fault} {self.value:.9g}"
         if self.fault == "silent":
             return f"silent {self.channel} {self.on:d}"
         if self.fault in get_args(LineFault):

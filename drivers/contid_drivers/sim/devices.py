@@ -16,11 +16,16 @@ from typing import Any, Final
 from contid.hal import RESPONSES, DeviceKind, DeviceResponse, Rest, Sample
 from contid.units import BAR
 from contid_drivers.sim.options import SimAxisOptions
-from contid_drivers.sim.profile import ProfileMotion
+from contid_drivers.sim.profile import MovingGoal, ProfileMotion
 
 RPM: Final = 2.0 * math.pi / 60.0
 AMBIENT_C: Final = 25.0
 _CONVERTER_STEPS: Final = 4095.0
+#: A motor board joins commands to a stream as its firmware does: those no farther apart than this [s] and no
+#: faster than this times its top speed; its set-point goes on for this number of their intervals.
+STREAM_GAP_S: Final = 0.1
+STREAM_EXCESS: Final = 2.5
+STREAM_INTERVALS: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +89,7 @@ _MOTOR: Final = Character(
     velocity=8.0,
     acceleration=80.0,
     vent_rate=math.inf,
-    tau_s=0.03,
+    tau_s=0.01,
     noise=0.0,
     current_limit_a=1.0,
     overload_s=0.5,
@@ -178,6 +183,8 @@ class SimDevice:
         self.motion = ProfileMotion(time_s, start, self.character.tau_s)
         self.goal = start
         self._top = self.character.velocity
+        #: Newest command of a stream and its time [s].
+        self._streamed = (start, -math.inf)
         #: True while the device follows goals: torque on, or regulator active.
         self.on = False
         self.rest = Rest.RELAX
@@ -232,6 +239,7 @@ class SimDevice:
     def switch_on(self, time_s: float) -> None:
         """Goal := present, then follow goals; arms the watchdog."""
         self.goal = self.motion.value
+        self._streamed = (self.goal, -math.inf)
         self.motion.freeze()
         self.on = True
         self.fed_at_s = time_s
@@ -243,6 +251,14 @@ class SimDevice:
         character = self.character
         steps = round(min(character.highest, max(character.lowest, value)) / character.quantum)
         self.goal = steps * character.quantum
+        (last, last_s), self._streamed = self._streamed, (value, self.motion.time_s)
+        gap_s = self.motion.time_s - last_s
+        if self.kind is DeviceKind.MOTOR and 0.0 < gap_s <= STREAM_GAP_S:
+            rate = (value - last) / gap_s
+            if abs(rate) <= STREAM_EXCESS * self._top:
+                line = MovingGoal(self.goal, rate, self.motion.time_s + STREAM_INTERVALS * gap_s)
+                self.motion.go_with(line, self._top, character.acceleration)
+                return
         self.motion.go(self.goal, self._top, character.acceleration)
 
     def slow(self, share: float) -> None:

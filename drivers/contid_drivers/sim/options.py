@@ -128,7 +128,7 @@ class SimAxisOptions(Strict):
         start_bar: initial pressure; by default the pressure of the travel nearest to 0.
         velocity_deg_s: speed limit of a shaft; 618 for a servo, 458 for a motor.
         acceleration_deg_s2: acceleration limit of a shaft; 28600 for a servo, 4580 for a motor.
-        response_ms: time constant of the response; 15 for a servo, 30 for a motor, 50 for a regulator.
+        response_ms: time constant of the response; 15 for a servo, 10 for a motor, 50 for a regulator.
         counts_per_rev: encoder counts per turn of a motor's shaft; 4776.
         noise_deg: standard deviation of a servo's readings; 0.026.
         noise_bar: standard deviation of a regulator's readings; 0.003.

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 
 class ProfileState(NamedTuple):
@@ -84,6 +84,47 @@ def plan(
     return (*phases, Phase(t_s, goal, 0.0, 0.0))
 
 
+#: Share of the top speed that a moving goal has at most: the rest is for catching up with it.
+_GOAL_SHARE: Final = 63.0 / 64.0
+
+
+@dataclass(frozen=True, slots=True)
+class MovingGoal:
+    """A goal on a straight line: where it is now, its velocity, and when it stands, where it is now.
+
+    The set-point of a motor board follows a stream in this way (``firmware/contid_due/src/core/setpoint.h``).
+    """
+
+    position: float
+    velocity: float
+    until_s: float
+
+
+def plan_to_moving(
+    t_s: float, position: float, velocity: float, goal: MovingGoal, v_max: float, a_max: float
+) -> tuple[Phase, ...]:
+    """Fastest motion that meets a moving goal, goes with it, and comes to rest once it stands.
+
+    Seen from the goal it is a motion to rest, with what is left of the top speed in its direction.
+    """
+    drift = min(max(goal.velocity, -_GOAL_SHARE * v_max), _GOAL_SHARE * v_max)
+    distance, speed = goal.position - position, velocity - drift
+    ahead = distance >= speed * abs(speed) / (2.0 * a_max)
+    seen = plan(t_s, -distance, speed, 0.0, v_max - drift if ahead else v_max + drift, a_max)
+    phases = [
+        Phase(
+            each.start_s,
+            goal.position + drift * (each.start_s - t_s) + each.position,
+            each.velocity + drift,
+            each.acceleration,
+        )
+        for each in seen
+        if each.start_s < goal.until_s
+    ]
+    end = phases[-1].at(goal.until_s)
+    return (*phases, *plan(goal.until_s, *end, goal.position, v_max, a_max))
+
+
 class ProfileMotion:
     """State of one simulated actuator: its profile and its own position."""
 
@@ -114,6 +155,10 @@ class ProfileMotion:
         """Go to a goal from the present state of the profile, without a jump of its velocity."""
         position, velocity = self.reference
         self._phases = plan(self.time_s, position, velocity, goal, v_max, a_max)
+
+    def go_with(self, goal: MovingGoal, v_max: float, a_max: float) -> None:
+        """Go to a moving goal, likewise."""
+        self._phases = plan_to_moving(self.time_s, *self.reference, goal, v_max, a_max)
 
     def stop(self) -> None:
         """End the profile where it is; the value follows with its response."""

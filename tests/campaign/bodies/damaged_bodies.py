@@ -1,10 +1,11 @@
 """Bodies that are damaged at a random time, and sound ones, against the watch of the bodies.
 
 ``python -m tests.campaign.bodies.damaged_bodies [--onsets N] [--hours H] [--robot NAME ...]``. The plants
-here share nothing with `contid.control.tick.follow`: servos are second-order, motors accelerate by at most a
-constant, regulators are first-order; all are integrated in steps of 2 ms, with dead times and readings that
-are late by 2 to 18 ms together, anew in every tick, with noise and steps of the encoder. Their numbers are
-those of the simulated devices, each wrong by up to 20 %. Motions are random ones within the file's rates.
+here share nothing with `contid.control.tick.follow`: servos are second-order, regulators first-order, the
+set-point of a motor goes on along its commands with limited acceleration, and its shaft follows it by a
+controller; all are integrated in steps of 2 ms, with dead times and readings that are late by 2 to 18 ms
+together, anew in every tick, with noise and steps of the encoder. Their numbers are those of the simulated
+devices, each wrong by up to 20 %. Motions are random ones within the file's rates.
 
 A fault counts once the damaged axis is measured farther from its sound twin than 2 mm, 0.05 bar or 10
 degrees within ten seconds; it shows from a tenth of that on (in an axis that stands, most do not show). It
@@ -64,9 +65,11 @@ class Axes:
     kinds: tuple[DeviceKind, ...]
     counts: Values
     tops: Values
+    pushes: Values
 
 
 def axes_of(loaded: LoadedFile) -> list[Axes]:
+    wired: dict[str, Any] = {axis: options for bus in loaded.buses.values() for axis, options in bus.axes}
     kinds = {
         axis: load_driver(bus.driver).kind(options)
         for bus in loaded.buses.values()
@@ -77,12 +80,14 @@ def axes_of(loaded: LoadedFile) -> list[Axes]:
         units = np.array([each.unit for each in config.responses])
         counts = np.array([COUNTS[quantity] for quantity in config.quantities]) / units
         tops = np.array([each.top for each in config.responses])
-        out.append(Axes(config, tuple(kinds[axis] for axis in config.axes), counts, tops))
+        limits = [getattr(wired[axis], "acceleration_deg_s2", np.inf) for axis in config.axes]
+        own = tuple(kinds[axis] for axis in config.axes)
+        out.append(Axes(config, own, counts, tops, np.deg2rad(limits)))
     return out
 
 
 def motion(config: RobotConfig, draw: random.Random) -> Iterator[tuple[float, ...]]:
-    """Random commands [m, Pa or rad] within the rates: trapezoids at any speed, and standstills."""
+    """Random commands [m, Pa or rad] within the rates: rounded trapezoids at any speed, and standstills."""
 
     def one(axis: int) -> Iterator[float]:
         limit = config.limits[axis]
@@ -111,7 +116,16 @@ def motion(config: RobotConfig, draw: random.Random) -> Iterator[tuple[float, ..
             for _ in range(int(draw.expovariate(1.0) * RATE_HZ)):
                 yield at
 
-    axes = [one(axis) for axis in range(len(config.axes))]
+    def smooth(axis: int) -> Iterator[float]:
+        """The same with limited jerk: the mean of the ticks in which the acceleration may rise."""
+        source = one(axis)
+        newest: deque[float] = deque([next(source)], maxlen=max(round(rises_s[axis] * RATE_HZ), 1))
+        while True:
+            yield sum(newest) / len(newest)
+            newest.append(next(source))
+
+    rises_s = [push / jerk for push, jerk in zip(config.acceleration, config.jerk, strict=True)]
+    axes = [smooth(axis) for axis in range(len(config.axes))]
     while True:
         yield tuple(next(axis) for axis in axes)
 
@@ -125,9 +139,11 @@ class Plant:
         off = lambda: rng.uniform(0.8, 1.2, n)  # noqa: E731
         kinds = np.array([each.value for each in axes.kinds])
         self._servo, self._motor = kinds == "servo", kinds == "motor"
-        tau = np.select([self._servo, self._motor], [0.015, 0.030], 0.050)
+        tau = np.select([self._servo, self._motor], [0.015, 0.008], 0.050)
         self._tau = tau * off()
-        self._push = np.where(self._motor, 80.0, 1e12) * off()
+        self._push = axes.pushes
+        #: Gain of the position controller of a motor, and what its speed is short of the asked one.
+        self._stiff, self._short = 20.0 * off(), 1.0 + 0.2 * (off() - 1.0)
         slow = np.where(np.isfinite(axes.tops), axes.tops, np.inf)
         self.top = np.tile(slow * off().clip(1.0), (2, 1))
         self._noise = np.select([self._servo, self._motor], [4.6e-4, 0.0], 0.003 * BAR) * off()
@@ -135,6 +151,10 @@ class Plant:
         self.at = np.tile(start, (2, 1))
         self.speed = np.zeros((2, n))
         self._inner = self.at.copy()
+        self._set_speed, self._set_push = np.zeros((2, n)), np.zeros((2, n))
+        self._rate = np.zeros((2, n))
+        self._last = self.at.copy()
+        self._since_s = 0.0
         self._past: deque[Values] = deque([self.at.copy()] * 10, maxlen=10)
         self._commands: deque[Values] = deque([self.at.copy()] * 10, maxlen=10)
         self.held = np.zeros(n, dtype=bool)
@@ -145,24 +165,39 @@ class Plant:
         for step in range(STEPS):
             self._commands.append(goals if step >= late - 1 else self._commands[-1])
             goal = self._commands[-1]
-            wish = np.where(self._motor, self._to_rest(goal - self.at), (goal - self._inner) / self._tau)
+            if step == late - 1:
+                self._rate, self._last, self._since_s = (goal - self._last) * RATE_HZ, goal, 0.0
+            self._follow_line(goal)
+            wish = np.where(
+                self._motor,
+                self._short * (self._set_speed + 0.008 * self._set_push)
+                + self._stiff * (self._inner - self.at),
+                (goal - self._inner) / self._tau,
+            )
             wish = np.clip(wish, -self.top, self.top)
-            change = np.where(self._motor, self._push * STEP_S, np.inf)
-            speed = np.clip(wish, self.speed - change, self.speed + change)
+            slow = np.where(self._motor, 1.0 - np.exp(-STEP_S / self._tau), 1.0)
+            speed = self.speed + slow * (wish - self.speed)
             speed[1, self.held] = 0.0
             self.speed = speed
-            self._inner = self._inner + STEP_S * speed
+            self._inner = self._inner + STEP_S * np.where(self._motor, self._set_speed, speed)
             # A servo has a second, faster lag; the gear train of a motor and a chamber have none.
             follow = np.where(self._servo, 1.0 - np.exp(-STEP_S / 0.008), 1.0)
-            new = self.at + follow * (self._inner - self.at)
+            new = np.where(self._motor, self.at + STEP_S * speed, self.at + follow * (self._inner - self.at))
             new[1, self.held] = self.at[1, self.held]
             self.at = new
             self._past.append(new)
 
-    def _to_rest(self, way: Values) -> Values:
-        """Speed from which an axis with limited acceleration still comes to rest at the end of a way."""
-        braking = np.sqrt(2.0 * self._push * np.abs(way))
-        return np.sign(way) * np.minimum(braking, np.abs(way) / self._tau)
+    def _follow_line(self, goal: Values) -> None:
+        """The set-point of a motor board: on along the commands for two periods, within its acceleration."""
+        moving = self._since_s < 2.0 / RATE_HZ - 1e-9
+        rate = self._rate if moving else np.zeros_like(self._rate)
+        self._since_s += STEP_S
+        way = goal + rate * self._since_s - self._inner - rate * STEP_S
+        push = np.where(self._motor, self._push, 1.0)
+        braking = np.minimum(np.sqrt(2.0 * push * np.abs(way)), np.abs(way) / (2.0 * STEP_S))
+        wish = rate + np.sign(way) * braking
+        change = np.clip(wish - self._set_speed, -push * STEP_S, push * STEP_S)
+        self._set_speed, self._set_push = self._set_speed + change, change / STEP_S
 
     def read(self) -> Values:
         """Readings of both twins, late by 0 to 12 ms, with the same noise."""

@@ -14,6 +14,8 @@ from contid.control.engine.messages import Goto, Message
 from contid.control.engine.report import RunReport
 from contid.control.engine.virtual import run_virtual
 from contid.control.tick.faults import Fault
+from contid.control.tick.follow.expected_range import AxisResponse
+from contid.control.tick.follow.tip_path import TipPath
 from contid.hal import Sample
 from contid.robot_file.load import LoadedFile, find_robot_file, load_robot_file, parse_robot_file
 from contid.targets import Target
@@ -165,3 +167,28 @@ def test_late_answers_and_noise_are_no_fault() -> None:
         for k in range(20, 90)
     )
     assert follow(load(1, options="faults:\n" + faults)).exit_code == 0
+
+
+@pytest.mark.parametrize(("fault", "exit_code"), [("play, by_deg: 9", 3), ("jump, by_deg: 0.1", 0)])
+def test_axes_that_lag_differently_bend_the_arm_elsewhere(fault: str, exit_code: int) -> None:
+    """Each rack is within its 1 mm; the tip is not within the 2 mm of the file."""
+    text = fingers(1, options=f"faults:\n  - {{at_s: 1.5, axis: f0.left, kind: {fault}}}\n")
+    report = follow(
+        parse_robot_file(text.replace("    rest_mm:", "    follow_tip_mm: 2\n    rest_mm:"), "f.yaml")
+    )
+    assert report.exit_code == exit_code
+    if exit_code:
+        assert report.robots["f0"]["fault"] == Fault.DOES_NOT_FOLLOW
+        assert "the tip of the measured axes is 2." in report.robots["f0"]["message"]
+
+
+def test_a_tip_is_measured_from_the_way_of_the_newest_commands() -> None:
+    path = TipPath([AxisResponse(1.0, 0.02, 0.02, 1.0, 1.0)], 0.01)
+    assert path.distance((1.0, 2.0, 3.0)) == 0.0
+    for x in range(30):
+        path.tips.append((float(x), 0.0, 0.0))
+    oldest = 30.0 - len(path.tips)
+    assert path.distance((26.5, 0.0, 0.0)) == 0.0
+    assert path.distance((26.5, 3.0, 4.0)) == pytest.approx(5.0)
+    assert path.distance((oldest - 2.0, 0.0, 0.0)) == pytest.approx(2.0)
+    assert 8 <= len(path.tips) <= 12

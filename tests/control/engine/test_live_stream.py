@@ -17,7 +17,7 @@ from contid.control.engine.sources import Live
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.tick.supervisor import Mode
 from contid.kinematics.array import Array
-from contid.robot_file.load import load_named, parse_robot_file, with_mock
+from contid.robot_file.load import load_named, with_mock
 from contid.targets import Target, Vec3
 
 #: A row: when it arrives, and the tip [s, m].
@@ -38,9 +38,7 @@ class Run:
     """A robot on a live stream."""
 
     def __init__(self, name: str) -> None:
-        # Simulated motors plan their own ways and lag far behind violent rows: the watch has its own tests.
-        text = load_named(name).text.replace("follow_mm: 4", "follow_mm: 1000")
-        loaded = with_mock(parse_robot_file(text, name))
+        loaded = with_mock(load_named(name))
         self.events: list[RunEvent] = []
         self.process = VirtualProcess(loaded, loaded.file.rate_hz, self, on_end=OnEnd.HOLD, attended=True)
         self.engine = self.process.engine

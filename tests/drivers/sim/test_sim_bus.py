@@ -86,6 +86,23 @@ def test_velocity_and_acceleration_stay_in_their_limits(tau_ms):
     assert max(map(abs, pulls)) <= math.radians(2000) * (1 + 1e-6)
 
 
+def test_a_motor_follows_a_stream_as_its_board_does():
+    """The set-point goes on with the commands instead of stopping at each: it lags by its response only."""
+    rig = Rig({"device": "motor", "velocity_deg_s": 470, "acceleration_deg_s2": 5200}).start()
+    at, speed, period_s, worst = 0.0, 0.0, 0.01, 0.0
+    for tick in range(600):
+        wish = 8.0 * math.copysign(1.0, math.sin(0.07 * tick + math.sin(0.031 * tick)))
+        speed += min(max(wish - speed, -0.72), 0.72)  # 72 rad/s2: 900 mm/s2 on a pinion of 25 mm
+        at += speed * period_s
+        rig.run(period_s, step_s=period_s, a=at)
+        worst = max(worst, abs(rig.value() - (at + speed * period_s)))
+    assert (
+        worst < 0.25
+    )  # 3 mm, with jumps of the acceleration; one that stops at each command is 17 mm behind
+    rig.run(1.0, a=at)
+    assert rig.value() == pytest.approx(at, abs=2e-3)
+
+
 def test_regulator_keeps_slew_ceiling_and_floor():
     options = {
         "device": "regulator",

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid_drivers.sim.profile import ProfileMotion, plan
+from contid_drivers.sim.profile import MovingGoal, ProfileMotion, plan, plan_to_moving
 
 finite = st.floats(-50.0, 50.0)
 limit = st.floats(0.5, 40.0)
@@ -110,3 +110,25 @@ def test_stop_and_freeze():
     here = moving.value
     moving.advance(9.0)
     assert moving.value == here
+
+
+@given(
+    position=finite,
+    velocity=st.floats(-8, 8),
+    goal=finite,
+    drift=st.floats(-8.0, 8.0),
+    a_max=st.floats(10.0, 500.0),
+)
+def test_a_moving_goal_is_met_within_the_limits(position, velocity, goal, drift, a_max):
+    phases = plan_to_moving(1.0, position, velocity, MovingGoal(goal, drift, 400.0), 9.0, a_max)
+    at, speed = position, velocity
+    for phase, after in itertools.pairwise(phases):
+        assert phase.position == pytest.approx(at, abs=1e-5)
+        assert phase.velocity == pytest.approx(speed, abs=1e-4)
+        assert abs(phase.acceleration) <= a_max * (1 + 1e-12)
+        at, speed = phase.at(after.start_s)
+        assert abs(speed) <= 9.0 * (1 + 1e-9)
+    assert phases[-1].position == goal
+    assert phases[-1].velocity == phases[-1].acceleration == 0.0
+    with_it = [phase for phase in phases if phase.start_s < 399.0][-1]
+    assert with_it.at(399.0).position == pytest.approx(goal + 398.0 * drift, abs=1e-3)

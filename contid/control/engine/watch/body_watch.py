@@ -2,7 +2,7 @@
 
 The commands of a tick move the range in which every healthy axis must be
 (`contid.control.tick.follow.expected_range`); the measurements that the next tick begins with are compared
-with it. One that stays outside by more than its tolerance for 30 ms is a fault: "moves unasked" where
+with it. One that stays outside by more than its tolerance for 20 ms is a fault: "moves unasked" where
 the command stood still, "does not follow" otherwise. A jump that no body is capable of, and a measurement
 from the future, are faults at once.
 

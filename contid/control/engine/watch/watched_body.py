@@ -14,7 +14,7 @@ from contid.hal import Sample
 from contid.robot_file.base import Quantity
 
 #: Time that an axis may be outside its range.
-CONFIRM_S: Final = 0.03
+CONFIRM_S: Final = 0.02
 #: A measurement dated farther ahead than this is from the future.
 FUTURE_S: Final = 0.1
 #: Measurements that are older are not compared: they show where the axis was.

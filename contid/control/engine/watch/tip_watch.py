@@ -1,0 +1,99 @@
+"""The tips of robots with ``follow_tip_mm``: where the measured axes put them, and where the commands did.
+
+Every axis may be within its own tolerance (`contid.control.engine.watch.body_watch`) while their differences
+bend the arm elsewhere. The tip of the model at the measured axes has to stay within ``follow_tip_mm`` of the
+way of the tips of the commands (`contid.control.tick.follow.tip_path`); both are without a load.
+"""
+
+from __future__ import annotations
+
+import math
+
+from contid.control.engine.cycle import Timing
+from contid.control.engine.exchange import Exchange
+from contid.control.engine.measured_tip import tip_in_world
+from contid.control.engine.robots import Robots
+from contid.control.engine.stages import Targets, TickStage
+from contid.control.engine.watch.watched_body import CONFIRM_S, OLD_S
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.faults import Fault
+from contid.control.tick.follow.tip_path import TipPath
+from contid.control.tick.robot_tick import TickResult
+from contid.targets import Actuation, Vec3
+from contid.units import m_to_mm
+
+
+class WatchedTip:
+    """The tip of one robot.
+
+    Attributes:
+        config: of the robot.
+        path: of the tips of its commands.
+    """
+
+    def __init__(self, config: RobotConfig) -> None:
+        assert config.follow_tip_m is not None
+        self.config = config
+        self.path = TipPath(config.responses, config.period_s)
+        self._tolerance_m = config.follow_tip_m
+        self._confirm = max(math.ceil(CONFIRM_S / config.period_s), 2)
+        self._outside = 0
+        self._known: tuple[Actuation, Vec3 | None] = ((), None)
+
+    def command(self, actuation: Actuation) -> None:
+        """Take a command; the tip of one that stands still is known."""
+        if actuation != self._known[0]:
+            self._known = (actuation, tip_in_world(self.config, actuation, (0.0, 0.0, 0.0)))
+        if (tip_m := self._known[1]) is not None:
+            self.path.tips.append(tip_m)
+
+    def rest(self) -> None:
+        """No command is to be compared with."""
+        self.path.tips.clear()
+        self._outside = 0
+
+    def off_m(self, measured: Actuation) -> float:
+        """How far the tip is off once that is confirmed [m], else 0."""
+        tip_m = tip_in_world(self.config, measured, (0.0, 0.0, 0.0))
+        off_m = 0.0 if tip_m is None else self.path.distance(tip_m)
+        self._outside = self._outside + 1 if off_m > self._tolerance_m else max(self._outside - 1, 0)
+        return off_m if off_m > self._tolerance_m and self._outside >= self._confirm else 0.0
+
+
+class TipWatch(TickStage):
+    """The tips of all robots that ask for it."""
+
+    def __init__(self, robots: Robots, exchange: Exchange) -> None:
+        self._robots = robots
+        self._exchange = exchange
+        self._tips = {
+            index: WatchedTip(config)
+            for index, config in enumerate(robots.configs)
+            if config.follow_tip_m is not None
+        }
+        self.robots = tuple(self._tips)
+
+    def before(self, targets: Targets, timing: Timing, now_s: float) -> Targets:
+        """See `TickStage.before`: compares the newest measurements."""
+        for index, tip in self._tips.items():
+            samples = self._exchange.samples_of(tip.config)
+            if not tip.path.tips or any(sample.age_s > OLD_S for sample in samples):
+                continue
+            measured = tip.config.measured_actuation(samples)
+            if measured is not None and (off_m := tip.off_m(measured)):
+                message = (
+                    f"the tip of the measured axes is {m_to_mm(off_m):.4g} mm off the way of the commanded "
+                    "tips: its axes are behind by different amounts"
+                )
+                self._robots.fail(index, Fault.DOES_NOT_FOLLOW, message, now_s)
+        return targets
+
+    def after(self, outcomes: list[TickResult], targets: Targets, now_s: float) -> None:
+        """See `TickStage.after`: takes the commands."""
+        for index, tip in self._tips.items():
+            outcome = outcomes[index]
+            state = outcome.state
+            if outcome.device and state.enabled and state.squeeze is None:
+                tip.command(state.command)
+            else:
+                tip.rest()
