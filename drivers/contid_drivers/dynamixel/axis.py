@@ -42,6 +42,7 @@ class Axis:
         watchdog_units: value last written to its Bus Watchdog, the time-out in units of 20 ms; 0 is off.
         turns: whole turns added to the servo's count; see `turns`.
         turn_known: ``turns`` was determined; cleared by whatever may have changed the servo's count.
+        mark: which servo it is, see `identity`; "" where that is not known.
         marked: the servo keeps the mark of this turn, so that a reset can be recognised.
         seen: last position [rad] while the turn was known.
         misses: consecutive exchanges without an answer.
@@ -72,6 +73,7 @@ class Axis:
     watchdog_units: int = 0
     turns: int = 0
     turn_known: bool = False
+    mark: str = ""
     marked: bool = False
     seen: float | None = None
     misses: int = 0

@@ -13,6 +13,7 @@ from contid.hal import AxisOnBus, Finding
 from contid_drivers.dynamixel import arming, duplicates
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.cycle_time import Slack
 from contid_drivers.dynamixel.exchange.answers import AnswerCounts
@@ -22,6 +23,7 @@ from contid_drivers.dynamixel.grip import read_own_limit
 from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.port import ServoPort
+from contid_drivers.remembered import accept_remedy, memory_of
 from contid_drivers.serial_ports import find_port, holders
 
 HOT_C: Final = 60
@@ -52,6 +54,7 @@ def examine(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus]) 
         client = ServoClient(name, port)
         for axis in axes:
             findings += _servo(client, Axis.of(axis, options), options)
+        findings += _identity(client, path, axes, options)
         configured, found = [Axis.of(axis, options).device for axis in axes], set(client.broadcast_ping())
         findings += exchanges(client, [device for device in configured if device in found], options)
         findings.append(_others(client, found.difference(configured), configured))
@@ -181,7 +184,7 @@ def _protections(client: ServoClient, device: int) -> Finding:
         changed.append(f"pwm limit (36) is {pwm} of {reg.PWM_LIMIT.default}: it is weak and slow")
     if not _TEMPERATURES_C[0] <= (hot := client.read(device, reg.TEMPERATURE_LIMIT)) <= _TEMPERATURES_C[1]:
         changed.append(f"temperature limit (31) is {hot} deg C")
-    remedy = "another program has set this: `contid servo factory-reset`" if changed else ""
+    remedy = "another program has set this: `contid servo reset`" if changed else ""
     message = "; ".join(changed) or "those of a new servo"
     return Finding(f"id {device} limits", True, message, remedy, warning=bool(changed))
 
@@ -214,6 +217,23 @@ def exchanges(client: ServoClient, devices: Sequence[int], options: DynamixelBus
             warning=bad > 0,
         )
     ]
+
+
+def _identity(
+    client: ServoClient, path: str, axes: Sequence[AxisOnBus], options: DynamixelBusOptions
+) -> list[Finding]:
+    """Whether the servos are those that the bus had before; empty for emulated ones, or silent ones."""
+    memory = memory_of(client.bus, options.port, path, axes)
+    if memory is None:
+        return []
+    subject = f"{client.bus} identity"
+    try:
+        problem = identity.examined(client, [Axis.of(axis, options) for axis in axes], memory)
+    except NoAnswerError:
+        return []
+    if problem:
+        return [Finding(subject, False, problem, accept_remedy(client.bus))]
+    return [Finding(subject, True, "no other servos than before")]
 
 
 def _others(client: ServoClient, others: Collection[int], configured: Collection[int]) -> Finding:

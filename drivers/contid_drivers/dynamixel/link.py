@@ -11,6 +11,7 @@ from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid_drivers.dynamixel import duplicates, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.cycle_time import Slack
 from contid_drivers.dynamixel.exchange.answers import AnswerCounts
@@ -21,6 +22,7 @@ from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.packets import sync_write
 from contid_drivers.dynamixel.port import ServoPort
+from contid_drivers.remembered import memory_of
 from contid_drivers.serial_ports import UsbIdentity, find_port, identity_of
 
 log = logging.getLogger(__name__)
@@ -69,6 +71,8 @@ class BusLink:
             client = ServoClient(self.name, port, {axis.device: axis.name for axis in self.axes})
             client.watched = self._watched
             handshake(client, self.axes, options)
+            memory = memory_of(self.name, options.port, path, self.axes)
+            identity.require_known(client, self.axes, memory)
             starts = [map_block(client, axis) for axis in self.axes]
             layout = common_layout(starts)
             for axis in self.axes:

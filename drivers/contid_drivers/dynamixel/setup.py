@@ -7,13 +7,19 @@ and the baud rate of its axis.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import closing
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, FoundDevice, Report
 from contid_drivers.dynamixel import commission
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.checks import identity
+from contid_drivers.dynamixel.client import ServoClient
+from contid_drivers.dynamixel.link import handshake
 from contid_drivers.dynamixel.options import DynamixelBusOptions
+from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.dynamixel.scan import OTHER_BAUDS, scan
+from contid_drivers.remembered import memory_of
 from contid_drivers.serial_ports import find_port
 
 
@@ -46,6 +52,21 @@ def setup(
             elif _number(path, fresh[0], axis, options, report):
                 numbered.add(axis.device)
                 break
+
+
+def accept(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus], report: Report) -> None:
+    """Take the servos that answer as those of the bus (`contid.hal.Identifies.accept`)."""
+    states = [Axis.of(axis, options) for axis in axes]
+    path = find_port(name, options.port)
+    memory = memory_of(name, options.port, path, axes)
+    if memory is None:
+        report(f"{name}: emulated devices are not remembered")
+        return
+    with closing(ServoPort(name, path, options.baud, options.usb_latency_ms / 1e3)) as port:
+        client = ServoClient(name, port, {axis.device: axis.name for axis in states})
+        handshake(client, states, options)
+        for line in identity.accept(client, states, memory):
+            report(line)
 
 
 def _new(
