@@ -19,7 +19,7 @@ from contid_drivers.due.options import DueBusOptions, Role
 from contid_drivers.due.session import ask_hello
 from contid_drivers.due.wiring import axis_options
 from contid_drivers.remembered import memory_of
-from contid_drivers.serial_ports import find_port, usb_ports
+from contid_drivers.serial_ports import find_port, port_name, usb_ports
 
 #: Exchanges timed by the doctor.
 _EXCHANGES = 50
@@ -41,6 +41,7 @@ def doctor(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> list
         remedy = f"plug the board in, or correct buses.{name}.port"
         return [Finding(f"{name} port", False, str(error), remedy)]
     findings = [Finding(f"{name} port", True, f"{path} -> {Path(path).resolve()}")]
+    findings += port_name(name, options.port, path)
     with closing(DueBus(name, options, axes, _Monotonic())) as bus:
         try:
             bus.open()

@@ -133,7 +133,7 @@ def arm(client: ServoClient, axis: Axis) -> None:
         raise DeviceError(
             client.name(device),
             f"hardware error: {reg.describe_hardware_error(bits)}",
-            "clear-fault reboots it",
+            f"{reg.remedy_of_hardware_error(bits)}; then clear-fault, which reboots it",
         )
     require_inside_travel(client, axis, client.read(device, reg.PRESENT_POSITION))
     hold_position(client, axis)
@@ -280,7 +280,7 @@ def recover(client: ServoClient, axis: Axis) -> None:
             raise DeviceError(
                 client.name(device),
                 f"hardware error persists: {reg.describe_hardware_error(bits)}",
-                "remove its cause",
+                reg.remedy_of_hardware_error(bits),
             )
     if client.read(device, reg.STATUS_RETURN_LEVEL) != reg.STATUS_RETURN_LEVEL.default:
         client.write(device, reg.STATUS_RETURN_LEVEL, reg.STATUS_RETURN_LEVEL.default)

@@ -23,6 +23,7 @@ TICK_SLACK_MS = 50.0
 TICK_SLACK = 0.05
 TORQUE_OFF_FAULT = "its torque was switched off from outside: does another program use this bus?"
 
+_UNREAD_ALERT = "hardware error: alert, cause not read yet"
 _JUMP = "another program reset its count of turns, or its encoder is faulty"
 
 
@@ -247,10 +248,11 @@ class Axis:
         if reading.hardware_error is not None:
             self.hardware_error = reading.hardware_error
         if reading.alert or reading.hardware_error:
-            message = reg.describe_hardware_error(self.hardware_error) or "hardware alert, cause not read yet"
-            if self.fault.endswith("cause not read yet"):
+            if self.fault == _UNREAD_ALERT:
                 self.fault = ""
-            self.latch(f"hardware error: {message}; torque is off if the shutdown mask includes it")
+            message = reg.describe_hardware_error(self.hardware_error)
+            remedy = reg.remedy_of_hardware_error(self.hardware_error)
+            self.latch(f"hardware error: {message}: {remedy}" if message else _UNREAD_ALERT)
         if self.enabled and reading.torque is False and reading.watchdog == self.watchdog_units:
             self.latch(TORQUE_OFF_FAULT)
         if not self.watchdog_units or reading.watchdog is None or reading.watchdog == self.watchdog_units:

@@ -183,3 +183,15 @@ def test_random_exchanges_never_move_the_other_robot(robots: Robots) -> None:
         emulator.servos = own
     assert robots.drive(0)
     assert robots.drive(1)
+
+
+def test_a_servo_that_moves_with_another_one_is_refused_by_name(robots: Robots) -> None:
+    stray = Servo(7)
+    stray.put(reg.RETURN_DELAY, 0)
+    stray.put(reg.SECONDARY_ID, 1)
+    robots.emulators[0].servos = (*robots.own[0], stray)
+    with pytest.raises(DeviceNotFoundError, match=r"id 7 has the secondary id \(12\) 1") as refused:
+        robots.bus(0).open()
+    assert "servo write 7 secondary_id 255" in refused.value.remedy
+    stray.put(reg.SECONDARY_ID, 255)
+    assert robots.drive(0)
