@@ -57,6 +57,7 @@ from contid.hal.driver import (
     load_driver,
 )
 from contid.hal.homing import Reference
+from contid.hal.identity import Identifies
 from contid.hal.optional import (
     Commissions,
     DeviceRate,
@@ -99,6 +100,7 @@ __all__ = [
     "FoundDevice",
     "Homed",
     "Homes",
+    "Identifies",
     "LimitsEffort",
     "LimitsRate",
     "MeasuresTips",

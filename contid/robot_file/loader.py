@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 from contid.errors import MAX_FINDINGS, Located
 from contid.hal import BUILT_IN, Driver, LimitsRate, Restricts, UnknownDriverError, driver_names, load_driver
 from contid.robot_file.base import AxisDescription
+from contid.robot_file.bus_ports import check_ports
 from contid.robot_file.chain import Chain, check_chain
 from contid.robot_file.checks import WiredAxis, check_name, check_robot
 from contid.robot_file.clearance import check_clearance
@@ -81,6 +82,7 @@ class Loader:
             if isinstance(robot, Chain):
                 self.findings += check_chain(self.document, ("robots", name), robot, described)
         if not self.recorded:
+            self.findings += check_ports(self.document, complete.values())
             self.findings += check_one_world(self.document, described)
         if whole is not None and whole.clearance is not None:
             self.findings += check_clearance(self.document, whole.clearance, described)

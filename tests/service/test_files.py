@@ -151,3 +151,39 @@ def test_asking_for_real_time_leaves_nothing_behind() -> None:
     assert host_checks.real_time().subject == "real time"
     assert os.sched_getscheduler(0) == before
     assert host_checks.shared_memory().message
+
+
+@pytest.mark.parametrize(
+    ("rule", "masked", "taken"),
+    [
+        ('ENV{PRODUCT}=="1a86/7523/*", GOTO="run"', False, True),
+        ('ENV{PRODUCT}=="1A86/7523/*", GOTO="run"', True, False),
+        ('# ENV{PRODUCT}=="10c4/ea60/*", GOTO="run"', False, False),
+    ],
+)
+def test_programs_that_take_serial_adapters_are_named(
+    tmp_path: Path, rule: str, masked: bool, taken: bool
+) -> None:
+    assert host_checks.port_takers(tmp_path) == []
+    rules = tmp_path / "usr/lib/udev/rules.d/85-brltty.rules"
+    rules.parent.mkdir(parents=True)
+    rules.write_text(rule + "\n")
+    if masked:
+        hidden = tmp_path / "etc/udev/rules.d/85-brltty.rules"
+        hidden.parent.mkdir(parents=True)
+        hidden.symlink_to("/dev/null")
+    manager = tmp_path / "usr/sbin/ModemManager"
+    manager.parent.mkdir(parents=True)
+    manager.touch()
+    found = {finding.subject: finding for finding in host_checks.port_takers(tmp_path)}
+    assert ("brltty" in found) == taken
+    assert found["ModemManager"].warning
+    shutil.copy(RULES, rules.parent)
+    assert not host_checks.port_takers(tmp_path)[-1].warning
+
+
+def test_the_rules_name_the_usual_adapters() -> None:
+    text = RULES.read_text()
+    for vendor, product in (("10c4", "ea60"), ("1a86", "7523"), ("1a86", "55d4"), ("fff1", "ff48")):
+        assert f'ATTRS{{idVendor}}=="{vendor}", ATTRS{{idProduct}}=="{product}"' in text
+    assert 'ATTRS{idVendor}=="2f5d"' in text

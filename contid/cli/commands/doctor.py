@@ -6,16 +6,20 @@ import dataclasses
 import json
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
-from contid.hal import Diagnoses, Finding
+from contid.hal import Diagnoses, Finding, Identifies
 from contid.robot_file.load import load_named
 from contid.robot_file.tick_rate import exchange_time, rate_finding
+
+if TYPE_CHECKING:
+    from contid.control.engine.wiring import WiredBus
 
 
 @click.command()
@@ -24,7 +28,8 @@ from contid.robot_file.tick_rate import exchange_time, rate_finding
 @click.option("--fix", is_flag=True, help="Install udev rules and real-time priority; asks before each file.")
 @click.option("--service", is_flag=True, help="With --fix: the unit as well.")
 @click.option("--yes", is_flag=True, help="With --fix: do not ask.")
-def command(robot_file: str, as_json: bool, fix: bool, service: bool, yes: bool) -> None:
+@click.option("--accept", metavar="BUS", help="Take the devices that answer on BUS as those of this file.")
+def command(robot_file: str, as_json: bool, fix: bool, service: bool, yes: bool, accept: str | None) -> None:
     """Examine the host and the buses and devices of ROBOT_FILE; moves nothing; exit code 4 on an ERROR."""
     from contid.control.engine.wiring import wired_buses
     from contid.control.process.host_checks import examine
@@ -47,12 +52,28 @@ def command(robot_file: str, as_json: bool, fix: bool, service: bool, yes: bool)
     if fix:
         _fix(service, yes)
     buses = wired_buses(loaded)
+    if accept is not None:
+        _accept(buses, accept)
     well = True
     for finding in findings():
         well = well and finding.ok
         _print(finding, as_json)
     if not well:
         sys.exit(4)
+
+
+def _accept(buses: Sequence[WiredBus], name: str) -> None:
+    """Accept other devices on a bus than it had before.
+
+    Raises:
+        ContidError: no such bus, or its driver does not know devices again.
+    """
+    bus = next((each for each in buses if each.wiring.name == name), None)
+    if bus is None:
+        listed = ", ".join(each.wiring.name for each in buses)
+        raise ContidError(f"no bus {name!r}; buses: {listed}")
+    driver = bus.capable(Identifies, "doctor --accept")  # type: ignore[type-abstract]
+    driver.accept(name, bus.wiring.options, bus.axes, lambda line: click.echo(line, err=True))
 
 
 def _fix(service: bool, yes: bool) -> None:

@@ -24,6 +24,10 @@ from contid.hal import Finding
 FIX: Final = "sudo $(command -v contid) doctor ROBOT.yaml --fix"
 #: A ring takes a few MB; below this the next one may not fit.
 ENOUGH_BYTES: Final = 64 << 20
+#: Where ModemManager is installed, by distribution.
+MODEM_MANAGER: Final = ("usr/sbin/ModemManager", "usr/bin/ModemManager")
+#: CH340 and CP210x as brltty before 6.5 has them, vendor and product (arduino/arduino-ide, issue 1788).
+BRLTTY_TAKES: Final = ("1a86/7523", "10c4/ea60")
 #: Required in the unit; without ``--disarmed`` robots could move when the service starts.
 UNIT_REQUIRES: Final = ("Type=notify", "WatchdogSec=", "LimitRTPRIO=", "ExecStart=/", "--disarmed")
 
@@ -34,7 +38,7 @@ def examine(root: Path = Path("/")) -> list[Finding]:
     Args:
         root: root of the folders of units and rules.
     """
-    return [real_time(), shared_memory(), unit(root), *clients(root), rules(root)]
+    return [real_time(), shared_memory(), unit(root), *clients(root), rules(root), *port_takers(root)]
 
 
 def real_time() -> Finding:
@@ -133,3 +137,33 @@ def rules(root: Path) -> Finding:
     if path.read_text(errors="replace") != shipped_text(RULES):
         return Finding("udev rules", True, f"{path} is not that of this version", FIX, warning=True)
     return Finding("udev rules", True, f"{path}")
+
+
+def port_takers(root: Path) -> list[Finding]:
+    """Programs of this machine that open serial adapters on their own; empty for none."""
+    found = []
+    if _brltty_takes_adapters(root):
+        message = "its udev rules take CP210x and CH34x adapters: the port vanishes soon after plugging in"
+        remedy = (
+            "without a braille display: sudo apt remove brltty; with one on another port: "
+            "sudo ln -s /dev/null /etc/udev/rules.d/85-brltty.rules, or brltty 6.5"
+        )
+        found.append(Finding("brltty", True, message, remedy, warning=True))
+    if any((root / path).exists() for path in MODEM_MANAGER):
+        ignored = installed(root, RULES_FOLDERS, RULES) is not None
+        message = "it opens new serial ports and writes to them" + (
+            "; the udev rules of contid keep it from its adapters" if ignored else ""
+        )
+        remedy = "" if ignored else FIX
+        found.append(Finding("ModemManager", True, message, remedy, warning=not ignored))
+    return found
+
+
+def _brltty_takes_adapters(root: Path) -> bool:
+    """Whether an active rule of brltty names a common adapter; one of /etc hides one of the same name."""
+    rules: dict[str, Path] = {}
+    for each in reversed(RULES_FOLDERS):
+        rules |= {path.name: path for path in (root / each.lstrip("/")).glob("*brltty*.rules")}
+    text = "\n".join(path.read_text(errors="replace") for path in rules.values())
+    active = [line for line in text.splitlines() if not line.lstrip().startswith("#")]
+    return any(adapter in line.lower() for line in active for adapter in BRLTTY_TAKES)

@@ -74,7 +74,7 @@ PAGES: Final[dict[Fault, FaultPage]] = {
     Fault.DEVICE_FAULT: FaultPage(
         "a device reports a fault of its own (overload, overheating, voltage, watchdog, torque lost)",
         _BY_POLICY,
-        "remove what blocks or overheats it; clear-fault also clears the device, then resume",
+        "do what the message of the device asks; clear-fault also clears the device, then resume",
     ),
     Fault.NO_SAMPLE: FaultPage(
         "no valid first sample came from every axis in time",

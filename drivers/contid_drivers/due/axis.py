@@ -27,6 +27,7 @@ class BoardAxis:
         channel: number of its channel on the board.
         units_per_si: units of the board per unit of the HAL: counts/rad of a motor, 1 Pa/Pa of a regulator.
         motor: True for a motor, False for a pressure regulator.
+        power_up_rad: where a motor without homing is parked.
         homes: True when the robot file has ``homing`` for it.
         has_current: True when the board measures the current of the motor.
         value, time_s: last valid position [rad] or pressure [Pa], and its time [monotonic s].
@@ -42,6 +43,7 @@ class BoardAxis:
         self.channel = options.number
         self.units_per_si = board_units(options)
         self.motor = options.kind is DeviceKind.MOTOR
+        self.power_up_rad = math.radians(options.power_up_deg)
         self.homes = options.homing is not None
         self.has_current = options.stall_current_ma > 0
         self.value: float | None = None

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Clock, Rest, Sample
-from contid_drivers.due import messages
+from contid_drivers.due import identity, messages
 from contid_drivers.due.axis import POSITION_LOST, BoardAxis
 from contid_drivers.due.codes import BoardState, Reason, RestCode, Type
 from contid_drivers.due.messages import Hello, Refused, Telemetry
@@ -40,6 +40,8 @@ class DueBus:
         #: Why the bus cannot be used, "" while it can.
         self._lost = "it is not open"
         self._boot_id: int | None = None
+        #: Where the motors stood at the last close, while no sample has come.
+        self._stood: Mapping[str, float | None] = {}
         self._answered_s = -math.inf
         self._exchanges = self._unanswered = 0
         self.telemetry: Telemetry | None = None
@@ -56,6 +58,12 @@ class DueBus:
         if self._boot_id not in (None, session.hello.boot_id):
             # A restarted board assumes parked shafts, which is wrong for shafts that this host has moved.
             self._park(session, [axis for axis in self._by_name.values() if axis.motor], parked=False)
+        elif session.memory is not None:
+            away = identity.unparked(session.hello, self._by_name.values(), session.memory)
+            self._park(session, away, parked=False)
+        if session.memory is not None:
+            self._stood = identity.stood_before(session.hello, session.memory)
+            identity.keep(session.hello, session.memory, {})
         self._boot_id = session.hello.boot_id
         self._answered_s = self._clock.now()
 
@@ -71,11 +79,25 @@ class DueBus:
         """
         if self._session is not None:
             self._session.close()
+            if self._session.memory is not None:
+                identity.keep(self._session.hello, self._session.memory, self._positions())
         self._session = None
         self._lost = "it is closed"
         for axis in self._by_name.values():
             axis.enabled = False
         self._pending_rest.clear()
+
+    def _positions(self) -> dict[str, float | None]:
+        """Where the motors without homing stand [rad]; None where their position is lost."""
+        axes = [axis for axis in self._by_name.values() if axis.motor and not axis.homes]
+        return {
+            axis.name: None
+            if axis.fault == POSITION_LOST
+            else self._stood.get(axis.name)
+            if axis.value is None
+            else axis.value
+            for axis in axes
+        }
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
         """Send the commands of a tick, and read every axis.

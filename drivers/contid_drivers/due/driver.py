@@ -134,6 +134,13 @@ class DueDriver:
         assert isinstance(options, DueBusOptions)
         return doctor(name, options, axes)
 
+    def accept(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], report: Report) -> None:
+        """Take the devices that answer as those of the bus (`contid.hal.Identifies`)."""
+        from contid_drivers.due.service import accept
+
+        assert isinstance(options, DueBusOptions)
+        accept(name, options, axes, report)
+
     def home(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
     ) -> list[Homed]:

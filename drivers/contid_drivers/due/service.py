@@ -12,12 +12,14 @@ from typing import Final
 from contid.errors import ContidError, DeviceError
 from contid.hal import AxisOnBus, Finding, FoundDevice, Homed, Report, Rest
 from contid_drivers import defer_signals
+from contid_drivers.due import identity
 from contid_drivers.due.bus import SILENCE_S, DueBus
 from contid_drivers.due.codes import Reason
 from contid_drivers.due.options import DueBusOptions, Role
 from contid_drivers.due.session import ask_hello
 from contid_drivers.due.wiring import axis_options
-from contid_drivers.serial_ports import find_port, usb_ports
+from contid_drivers.remembered import memory_of
+from contid_drivers.serial_ports import find_port, port_name, usb_ports
 
 #: Exchanges timed by the doctor.
 _EXCHANGES = 50
@@ -39,6 +41,7 @@ def doctor(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> list
         remedy = f"plug the board in, or correct buses.{name}.port"
         return [Finding(f"{name} port", False, str(error), remedy)]
     findings = [Finding(f"{name} port", True, f"{path} -> {Path(path).resolve()}")]
+    findings += port_name(name, options.port, path)
     with closing(DueBus(name, options, axes, _Monotonic())) as bus:
         try:
             bus.open()
@@ -93,6 +96,15 @@ def _timing(name: str, options: DueBusOptions, bus: DueBus) -> list[Finding]:
         remedy = "" if lost or not sample.fault else "remove the cause, then clear-fault"
         findings.append(Finding(axis, not sample.fault, sample.fault or f"reads {sample.value}", remedy))
     return findings
+
+
+def accept(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], report: Report) -> None:
+    """Take the board that answers as that of the bus (`contid.hal.Identifies.accept`)."""
+    memory = memory_of(name, options.port, find_port(name, options.port), axes)
+    if memory is None:
+        report(f"{name}: emulated devices are not remembered")
+        return
+    report(f"{name}: {identity.accept(ask_hello(name, options), memory)}")
 
 
 def home(

@@ -9,12 +9,13 @@ from typing import Final
 
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus, DeviceKind
-from contid_drivers.due import messages
+from contid_drivers.due import identity, messages
 from contid_drivers.due.codes import CURRENT_SENSE, PORTS, PROTOCOL_VERSION, Refusal, Type
 from contid_drivers.due.frames import DuePort, crc16
 from contid_drivers.due.messages import Answer, Configured, Hello, Refused, Telemetry
 from contid_drivers.due.options import Bridge, DueBusOptions
 from contid_drivers.due.wiring import Adc, axis_options, board_config, config_body
+from contid_drivers.remembered import memory_of
 from contid_drivers.serial_ports import find_port
 
 #: Bound of the drift of two crystals against each other, with their temperature (30 to 50 ppm each).
@@ -136,8 +137,11 @@ class DueConnection:
         self.clock = BoardClock()
         self.echo_ms = 0
         self._echo_s = -math.inf
+        self.memory = memory_of(name, options.port, self._port.path, axes)
         try:
             self.hello = _wait_for_hello(name, options, self._port)
+            if self.memory is not None:
+                identity.require_known(name, self._port.path, self.hello, self.memory)
             self._follow_clock(self.hello.uptime_ms, time.monotonic())
             self._check_board()
             self._check_role()

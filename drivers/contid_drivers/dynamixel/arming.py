@@ -12,6 +12,7 @@ from contid.hal import Rest
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel import turns
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.client import TRIES, NoAnswerError, ServoClient, ServoRefusedError
 from contid_drivers.dynamixel.grip import goal_current, limit_ma, read_own_limit
 from contid_drivers.dynamixel.mapping import map_block
@@ -132,7 +133,7 @@ def arm(client: ServoClient, axis: Axis) -> None:
         raise DeviceError(
             client.name(device),
             f"hardware error: {reg.describe_hardware_error(bits)}",
-            "clear-fault reboots it",
+            f"{reg.remedy_of_hardware_error(bits)}; then clear-fault, which reboots it",
         )
     require_inside_travel(client, axis, client.read(device, reg.PRESENT_POSITION))
     hold_position(client, axis)
@@ -270,6 +271,7 @@ def recover(client: ServoClient, axis: Axis) -> None:
     if axis.dead:
         # Every time-out of a dead servo would freeze the goals of the others on its bus.
         raise NoAnswerError(client.name(device), "no answer", "check its power")
+    identity.require_same(client, axis)
     if client.read(device, reg.HARDWARE_ERROR):
         if axis.turn_known:
             axis.seen = axis.to_rad(client.read(device, reg.PRESENT_POSITION))
@@ -278,7 +280,7 @@ def recover(client: ServoClient, axis: Axis) -> None:
             raise DeviceError(
                 client.name(device),
                 f"hardware error persists: {reg.describe_hardware_error(bits)}",
-                "remove its cause",
+                reg.remedy_of_hardware_error(bits),
             )
     if client.read(device, reg.STATUS_RETURN_LEVEL) != reg.STATUS_RETURN_LEVEL.default:
         client.write(device, reg.STATUS_RETURN_LEVEL, reg.STATUS_RETURN_LEVEL.default)

@@ -23,6 +23,7 @@ TICK_SLACK_MS = 50.0
 TICK_SLACK = 0.05
 TORQUE_OFF_FAULT = "its torque was switched off from outside: does another program use this bus?"
 
+_UNREAD_ALERT = "hardware error: alert, cause not read yet"
 _JUMP = "another program reset its count of turns, or its encoder is faulty"
 
 
@@ -42,6 +43,7 @@ class Axis:
         watchdog_units: value last written to its Bus Watchdog, the time-out in units of 20 ms; 0 is off.
         turns: whole turns added to the servo's count; see `turns`.
         turn_known: ``turns`` was determined; cleared by whatever may have changed the servo's count.
+        mark: which servo it is, see `identity`; "" where that is not known.
         marked: the servo keeps the mark of this turn, so that a reset can be recognised.
         seen: last position [rad] while the turn was known.
         misses: consecutive exchanges without an answer.
@@ -72,6 +74,7 @@ class Axis:
     watchdog_units: int = 0
     turns: int = 0
     turn_known: bool = False
+    mark: str = ""
     marked: bool = False
     seen: float | None = None
     misses: int = 0
@@ -245,10 +248,11 @@ class Axis:
         if reading.hardware_error is not None:
             self.hardware_error = reading.hardware_error
         if reading.alert or reading.hardware_error:
-            message = reg.describe_hardware_error(self.hardware_error) or "hardware alert, cause not read yet"
-            if self.fault.endswith("cause not read yet"):
+            if self.fault == _UNREAD_ALERT:
                 self.fault = ""
-            self.latch(f"hardware error: {message}; torque is off if the shutdown mask includes it")
+            message = reg.describe_hardware_error(self.hardware_error)
+            remedy = reg.remedy_of_hardware_error(self.hardware_error)
+            self.latch(f"hardware error: {message}: {remedy}" if message else _UNREAD_ALERT)
         if self.enabled and reading.torque is False and reading.watchdog == self.watchdog_units:
             self.latch(TORQUE_OFF_FAULT)
         if not self.watchdog_units or reading.watchdog is None or reading.watchdog == self.watchdog_units:

@@ -13,6 +13,7 @@ from contid.hal import AxisOnBus, Finding
 from contid_drivers.dynamixel import arming, duplicates
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.checks import identity, left_over
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.cycle_time import Slack
 from contid_drivers.dynamixel.exchange.answers import AnswerCounts
@@ -22,15 +23,13 @@ from contid_drivers.dynamixel.grip import read_own_limit
 from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.port import ServoPort
-from contid_drivers.serial_ports import find_port, holders
+from contid_drivers.remembered import accept_remedy, memory_of
+from contid_drivers.serial_ports import find_port, holders, port_name
 
 HOT_C: Final = 60
 #: Exchanges with all servos in a row, and the time after which there are enough of them.
 EXCHANGES: Final = 200
 EXCHANGES_S: Final = 1.0
-#: Errors after which every new servo drops its torque, and temperature limits of the models.
-_SHUTDOWN: Final = 0x34
-_TEMPERATURES_C: Final = (65, 80)
 _UDEV: Final = "install host/99-contid.rules (see docs/devices/dynamixel.md) and plug the adapter in again"
 
 
@@ -40,7 +39,7 @@ def examine(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus]) 
         path = find_port(name, options.port)
     except DeviceError as error:
         return [Finding(f"{name} port", False, error.message, error.remedy)]
-    findings = [_permission(name, path), _latency(name, path)]
+    findings = [*port_name(name, options.port, path), _permission(name, path), _latency(name, path)]
     try:
         port = ServoPort(name, path, options.baud, max(options.usb_latency_ms, 20.0) / 1e3)
     except DeviceError as error:
@@ -52,6 +51,7 @@ def examine(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus]) 
         client = ServoClient(name, port)
         for axis in axes:
             findings += _servo(client, Axis.of(axis, options), options)
+        findings += _identity(client, path, axes, options)
         configured, found = [Axis.of(axis, options).device for axis in axes], set(client.broadcast_ping())
         findings += exchanges(client, [device for device in configured if device in found], options)
         findings.append(_others(client, found.difference(configured), configured))
@@ -143,7 +143,7 @@ def _examine_servo(
             "hardware error",
             errors == 0,
             reg.describe_hardware_error(errors) or "none",
-            "remove the cause, `clear-fault`",
+            f"{reg.remedy_of_hardware_error(errors)}; then `clear-fault`",
         ),
         finding("operating mode", True, reg.MODE_NAMES.get(mode, str(mode)), ""),
         finding(
@@ -174,15 +174,9 @@ def _settings(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> 
 
 def _protections(client: ServoClient, device: int) -> Finding:
     """Limits that the robot file does not set, where another program has changed them."""
-    changed = []
-    if missing := _SHUTDOWN & ~client.read(device, reg.SHUTDOWN):
-        changed.append(f"shutdown (63) leaves the torque on after: {reg.describe_hardware_error(missing)}")
-    if (pwm := client.read(device, reg.PWM_LIMIT)) < reg.PWM_LIMIT.default:
-        changed.append(f"pwm limit (36) is {pwm} of {reg.PWM_LIMIT.default}: it is weak and slow")
-    if not _TEMPERATURES_C[0] <= (hot := client.read(device, reg.TEMPERATURE_LIMIT)) <= _TEMPERATURES_C[1]:
-        changed.append(f"temperature limit (31) is {hot} deg C")
-    remedy = "another program has set this: `contid servo factory-reset`" if changed else ""
-    message = "; ".join(changed) or "those of a new servo"
+    changed = left_over.changed_limits(client, device)
+    message = "; ".join(each.message for each in changed) or "those of a new servo"
+    remedy = "; ".join(each.remedy for each in changed)
     return Finding(f"id {device} limits", True, message, remedy, warning=bool(changed))
 
 
@@ -216,15 +210,27 @@ def exchanges(client: ServoClient, devices: Sequence[int], options: DynamixelBus
     ]
 
 
+def _identity(
+    client: ServoClient, path: str, axes: Sequence[AxisOnBus], options: DynamixelBusOptions
+) -> list[Finding]:
+    """Whether the servos are those that the bus had before; empty for emulated ones, or silent ones."""
+    memory = memory_of(client.bus, options.port, path, axes)
+    if memory is None:
+        return []
+    subject = f"{client.bus} identity"
+    try:
+        problem = identity.examined(client, [Axis.of(axis, options) for axis in axes], memory)
+    except NoAnswerError:
+        return []
+    if problem:
+        return [Finding(subject, False, problem, accept_remedy(client.bus))]
+    return [Finding(subject, True, "no other servos than before")]
+
+
 def _others(client: ServoClient, others: Collection[int], configured: Collection[int]) -> Finding:
     subject, ids = f"{client.bus} others", ", ".join(map(str, sorted(others)))
-    for device in sorted(others):
-        try:
-            second = client.read(device, reg.SECONDARY_ID)
-        except DeviceError:
-            continue
-        if second in configured:
-            message = f"id {device} has the secondary id (12) {second}: it moves with servo {second}"
-            return Finding(subject, False, message, "write 255 there in DYNAMIXEL Wizard, or disconnect it")
+    if moving := left_over.followers(client, others, configured):
+        message, remedy = ("; ".join(column) for column in zip(*moving, strict=True))
+        return Finding(subject, False, message, remedy)
     message = f"also on the bus: id {ids}" if others else "only the servos of the robot file"
     return Finding(subject, True, message)

@@ -109,6 +109,13 @@ class DynamixelDriver:
         assert isinstance(options, DynamixelBusOptions)
         return examine(name, options, axes)
 
+    def accept(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], report: Report) -> None:
+        """Take the devices that answer as those of the bus (`contid.hal.Identifies`)."""
+        from contid_drivers.dynamixel.setup import accept
+
+        assert isinstance(options, DynamixelBusOptions)
+        accept(name, options, axes, report)
+
     def home(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
     ) -> list[Homed]:

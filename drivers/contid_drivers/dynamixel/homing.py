@@ -20,11 +20,13 @@ from contid.hal.homing import BACKOFF_MIN_DEG
 from contid_drivers.dynamixel import arming, search, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.link import handshake
 from contid_drivers.dynamixel.options import DynamixelBusOptions, HardStop, SingleTurn, Tensioning
 from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.dynamixel.tensioning import tension
+from contid_drivers.remembered import memory_of
 from contid_drivers.serial_ports import find_port
 
 POLL_S: Final = 0.01
@@ -48,6 +50,7 @@ def home(
     with closing(ServoPort(name, path, options.baud, options.usb_latency_ms / 1e3)) as port:
         client = ServoClient(name, port, {axis.device: axis.name for axis in states})
         handshake(client, states, options)
+        identity.require_known(client, states, memory_of(name, options.port, path, axes))
         for axis in states:
             if client.read(axis.device, reg.TORQUE_ENABLE) and client.read(axis.device, reg.MOVING):
                 raise DeviceError(client.name(axis.device), "it is moving", "stop its robot first")

@@ -11,6 +11,7 @@ from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid_drivers.dynamixel import duplicates, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.checks import identity, left_over
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.cycle_time import Slack
 from contid_drivers.dynamixel.exchange.answers import AnswerCounts
@@ -21,6 +22,7 @@ from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.packets import sync_write
 from contid_drivers.dynamixel.port import ServoPort
+from contid_drivers.remembered import memory_of
 from contid_drivers.serial_ports import UsbIdentity, find_port, identity_of
 
 log = logging.getLogger(__name__)
@@ -56,6 +58,7 @@ class BusLink:
         self._identity: UsbIdentity | None = None
         self._opened: Opened | None = None
         self._lost: DeviceLostError | None = None
+        self._alone = False  # no other servo moves with these
 
     def open(self) -> None:
         """Connect, and check that the devices of the robot file answer (`contid.hal.Bus.open`)."""
@@ -69,6 +72,13 @@ class BusLink:
             client = ServoClient(self.name, port, {axis.device: axis.name for axis in self.axes})
             client.watched = self._watched
             handshake(client, self.axes, options)
+            memory = memory_of(self.name, options.port, path, self.axes)
+            identity.require_known(client, self.axes, memory)
+            self._name_left_over(client)
+            if memory is not None and not self._alone:
+                # A broadcast ping takes 0.8 s: once, and not for emulated servos.
+                self._require_no_followers(client)
+                self._alone = True
             starts = [map_block(client, axis) for axis in self.axes]
             layout = common_layout(starts)
             for axis in self.axes:
@@ -92,6 +102,23 @@ class BusLink:
         if layout is PLAIN:
             log.warning("%s: no common indirect addresses; reading %d bytes per servo", self.name, PLAIN.full)
         cyclic.fast = self.probe_fast()
+
+    def _name_left_over(self, client: ServoClient) -> None:
+        """Log the limits that other programs have changed."""
+        for axis in self.axes:
+            for each in left_over.changed_limits(client, axis.device):
+                log.warning("%s: %s; %s", client.name(axis.device), each.message, each.remedy)
+
+    def _require_no_followers(self, client: ServoClient) -> None:
+        """Refuse a bus with a servo that moves with one of the robot's.
+
+        Raises:
+            DeviceNotFoundError: one does.
+        """
+        configured = {axis.device for axis in self.axes}
+        others = client.broadcast_ping().keys() - configured
+        for each in left_over.followers(client, others, configured):
+            raise DeviceNotFoundError(self.name, each.message, each.remedy)
 
     def close(self) -> None:
         """Close the port. Idempotent; never changes torque (`contid.hal.Bus.close`)."""

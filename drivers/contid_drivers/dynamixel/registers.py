@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 TICKS_PER_REV: Final = 4096
 RAD_PER_TICK: Final = 2.0 * math.pi / TICKS_PER_REV
@@ -207,19 +207,46 @@ MODE_NAMES: Final[dict[int, str]] = {
 #: Fast Sync Read answers from this firmware on; older ones stay silent.
 FAST_READ_FIRMWARE: Final = 46
 
-HARDWARE_ERRORS: Final[dict[int, str]] = {
-    0x01: "input voltage out of its limits",
-    0x04: "overheated",
-    0x08: "encoder fault",
-    0x10: "electrical shock or too little power",
-    0x20: "overload",
+
+class HardwareError(NamedTuple):
+    """One bit of the Hardware Error Status, and what a person does about it."""
+
+    name: str
+    remedy: str
+
+
+#: e-manual of the X series, Hardware Error Status (70) and Shutdown (63).
+HARDWARE_ERRORS: Final[dict[int, HardwareError]] = {
+    0x01: HardwareError(
+        "input voltage out of its limits",
+        "measure the supply at its plug: a weak supply, a long chain, or the wrong voltage",
+    ),
+    0x04: HardwareError(
+        "overheated", "let it cool for 20 minutes, then lower its permanent load (current_limit_ma)"
+    ),
+    0x08: HardwareError(
+        "encoder fault", "its encoder does not work: switch its power off and on, else replace the servo"
+    ),
+    0x10: HardwareError(
+        "electrical shock or too little power",
+        "look for a short circuit and for wires that are too thin for its current",
+    ),
+    0x20: HardwareError("overload", "remove what blocks its shaft, or lower its load"),
 }
 WATCHDOG_TRIPPED: Final = 0xFF
 
 
 def describe_hardware_error(bits: int) -> str:
     """Hardware Error Status (register 70) as text, "" for none."""
-    names = [name for bit, name in HARDWARE_ERRORS.items() if bits & bit]
+    names = [error.name for bit, error in HARDWARE_ERRORS.items() if bits & bit]
     if unknown := bits & ~sum(HARDWARE_ERRORS):
         names.append(f"unknown bits 0x{unknown:02x}")
     return ", ".join(names)
+
+
+def remedy_of_hardware_error(bits: int) -> str:
+    """What a person does about a Hardware Error Status, "" for none."""
+    remedies = [error.remedy for bit, error in HARDWARE_ERRORS.items() if bits & bit]
+    if bits and not remedies:
+        remedies = ["DYNAMIXEL Wizard may know this error"]
+    return "; ".join(remedies)

@@ -84,7 +84,8 @@ def observe(client: ServoClient, axis: Axis) -> Observed:
 
     name = client.name(axis.device)
     if bits := value(reg.HARDWARE_ERROR):
-        raise DeviceError(name, f"hardware error while homing: {reg.describe_hardware_error(bits)}")
+        message = f"hardware error while homing: {reg.describe_hardware_error(bits)}"
+        raise DeviceError(name, message, reg.remedy_of_hardware_error(bits))
     if value(reg.BUS_WATCHDOG) != axis.watchdog_units:
         raise DeviceError(name, "its watchdog tripped or it reset itself while homing", "home again")
     return Observed(value(last), abs(value(reg.PRESENT_CURRENT)) * (axis.model.ma_per_unit or 0.0))

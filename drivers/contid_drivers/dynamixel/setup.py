@@ -1,20 +1,32 @@
 """``contid servo setup``: number the servos of a robot file, one after the other.
 
 Each servo is plugged in, alone or behind those numbered already; the one that is new on the port gets the id
-and the baud rate of its axis.
+and the baud rate of its axis. A 2XL430 or 2XC430 is two servos with an id each and one baud rate (e-manual):
+which is which shows when its shaft is turned.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import closing
+from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, FoundDevice, Report
 from contid_drivers.dynamixel import commission
+from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.checks import identity
+from contid_drivers.dynamixel.client import ServoClient
+from contid_drivers.dynamixel.link import handshake
 from contid_drivers.dynamixel.options import DynamixelBusOptions
+from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.dynamixel.scan import OTHER_BAUDS, scan
+from contid_drivers.remembered import memory_of
 from contid_drivers.serial_ports import find_port
+
+#: A shaft was turned by hand; the other one of its body hardly moves.
+TURNED_TICKS: Final = 200
 
 
 def setup(
@@ -39,6 +51,8 @@ def setup(
             if not fresh and numbered:
                 # The servos that are numbered answer at the usual rates, so the others were not asked.
                 fresh = _new(path, OTHER_BAUDS, options.baud, numbered, report)
+            if _is_pair(fresh):
+                fresh = _turned(path, fresh, axis, ask, report)
             if len(fresh) != 1:
                 report(_count_problem(fresh))
             elif fresh[0].model != axis.options.model:
@@ -46,6 +60,53 @@ def setup(
             elif _number(path, fresh[0], axis, options, report):
                 numbered.add(axis.device)
                 break
+
+
+def _is_pair(fresh: Sequence[FoundDevice]) -> bool:
+    """Whether these are the two servos in the body of one 2XL430 or 2XC430."""
+    return len(fresh) == 2 and fresh[0].model == fresh[1].model and fresh[0].model.startswith("2x")
+
+
+def _turned(
+    path: str, pair: Sequence[FoundDevice], axis: Axis, ask: Callable[[str], None], report: Report
+) -> list[FoundDevice]:
+    """The servo of a pair whose shaft a person turns; empty when none or both turned.
+
+    Its id is free afterwards: the other servo gives way to the next free one.
+    """
+    before = [_position(path, each) for each in pair]
+    ids = " and ".join(str(each.address) for each in pair)
+    ask(f"It has two shafts (id {ids}): turn that of {axis.name} by a quarter turn, by hand")
+    ways = [abs(_position(path, each) - at) for each, at in zip(pair, before, strict=True)]
+    if max(ways) < TURNED_TICKS or min(ways) * 2 > max(ways):
+        report(f"the shafts turned by {' and '.join(f'{way / reg.TICKS_PER_DEG:.0f}' for way in ways)} deg")
+        return []
+    chosen, other = pair if ways[0] > ways[1] else pair[::-1]
+    if other.address == axis.device:
+        with commission.sdk_bus(path, other.baud) as bus:
+            free = next(each for each in range(reg.ID.high, 0, -1) if not bus.answers(each))
+        commission.set_id(path, other.baud, int(other.address), free)
+    return [chosen]
+
+
+def _position(path: str, found: FoundDevice) -> int:
+    with commission.sdk_bus(path, found.baud) as bus:
+        return bus.read(int(found.address), reg.PRESENT_POSITION)
+
+
+def accept(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus], report: Report) -> None:
+    """Take the servos that answer as those of the bus (`contid.hal.Identifies.accept`)."""
+    states = [Axis.of(axis, options) for axis in axes]
+    path = find_port(name, options.port)
+    memory = memory_of(name, options.port, path, axes)
+    if memory is None:
+        report(f"{name}: emulated devices are not remembered")
+        return
+    with closing(ServoPort(name, path, options.baud, options.usb_latency_ms / 1e3)) as port:
+        client = ServoClient(name, port, {axis.device: axis.name for axis in states})
+        handshake(client, states, options)
+        for line in identity.accept(client, states, memory):
+            report(line)
 
 
 def _new(

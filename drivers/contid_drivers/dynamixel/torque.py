@@ -14,6 +14,7 @@ from contid.hal import Rest
 from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.link import BusLink, Opened
 
 log = logging.getLogger(__name__)
@@ -22,7 +23,7 @@ log = logging.getLogger(__name__)
 def enable(link: BusLink, axes: Sequence[Axis]) -> None:
     """Put axes under torque where they stand, or leave all of them as they were (`contid.hal.Bus.enable`).
 
-    1. No axis may have a fault.
+    1. No axis may have a fault, and each must be the servo of when the bus was opened.
     2. Each servo still has its count of turns, and gets the settings of the robot file that differ.
     3. Goal := present position, torque on, read back, one servo after the other.
     4. The watchdogs come on together; with them `Axis.enabled` becomes True.
@@ -42,6 +43,8 @@ def enable(link: BusLink, axes: Sequence[Axis]) -> None:
             raise DeviceError(link.name, f"{axis.name}: {axis.fault}", "clear the fault first")
     started: list[Axis] = []
     try:
+        for axis in chosen:
+            identity.require_same(client, axis)
         for axis in chosen:
             turns.require_kept(client, axis)
             arming.configure(client, axis, link.options)

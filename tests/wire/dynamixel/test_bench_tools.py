@@ -158,6 +158,25 @@ def test_setup_numbers_new_servos_one_after_the_other(emulated: Start) -> None:
     assert any("it is a xl330-m077" in line for line in lines)
 
 
+@pytest.mark.parametrize("ids", [(1, 2), (3, 4)])
+def test_setup_numbers_both_servos_of_one_body(emulated: Start, ids: tuple[int, int]) -> None:
+    """The first axis is the shaft of id 2; with ids 1 and 2 each wants the id that the other has."""
+    pair = [Servo(i, baud=57600, model=1090) for i in (1, 2)]
+    bus = emulated(*pair)
+    lines: list[str] = []
+    turned = iter([(), (1,), ()])
+
+    def ask(request: str) -> None:
+        if "two shafts" in request:
+            for i in next(turned):
+                pair[i].motion.position += 900.0
+
+    axes = [AxisOnBus(f"r.a{i}", DynamixelAxisOptions(id=i, model="2xl430-w250"), None) for i in ids]
+    setup("servos", DynamixelBusOptions(port=bus.port), axes, ask, lines.append)
+    assert "the shafts turned by 0 and 0 deg" in lines
+    assert [(servo.device, servo.baud) for servo in pair] == [(ids[1], BAUD), (ids[0], BAUD)]
+
+
 def test_setup_finds_a_servo_at_an_unusual_rate_beside_numbered_ones(emulated: Start) -> None:
     first, second = Servo(1, position_ticks=5.0), Servo(1, baud=2000000, position_ticks=900.0)
     bus = emulated(first)

@@ -30,6 +30,7 @@ def test_problems_of_a_person_have_a_remedy(rig: Callable[..., Any]) -> None:
     r.emulator.servo(1).supply_decivolt = 36
     findings = doctor(r)
     wrong = {subject for subject, finding in findings.items() if not finding.ok}
+    assert "remove what blocks its shaft" in findings["id 1 hardware error"].remedy
     assert wrong == {"id 1 voltage", "id 1 hardware error", "id 2 (r.a2) answers", "id 3 (r.a3)"}
     assert all(finding.remedy for finding in findings.values() if not finding.ok)
     assert "two servos have this id" in findings["id 2 (r.a2) answers"].message
@@ -130,6 +131,7 @@ def test_what_other_programs_leave_is_cured_or_named(rig: Callable[..., Any]) ->
     assert "goal pwm is 100, not 400" in settings.message
     assert limits.warning
     assert "overheated, overload" in limits.message
+    assert "write 1 shutdown 52" in limits.remedy
     assert "pwm limit (36) is 400 of 885" in limits.message
     assert "temperature limit (31) is 100 deg C" in limits.message
     assert not others.ok
@@ -138,3 +140,40 @@ def test_what_other_programs_leave_is_cured_or_named(rig: Callable[..., Any]) ->
     r.bus.enable(r.bus.axes)
     assert servo.get(reg.SECONDARY_ID) == 255
     assert servo.get(reg.GOAL_PWM) == 400
+
+
+def test_limits_of_other_programs_are_logged_when_the_bus_opens(
+    rig: Callable[..., Any], caplog: pytest.LogCaptureFixture
+) -> None:
+    r = rig(1)
+    r.bus.open()
+    assert "limit (" not in caplog.text
+    r.bus.close()
+    r.emulator.servo(1).put(reg.PWM_LIMIT, 300)
+    r.bus.open()
+    assert "pwm limit (36) is 300 of 885" in caplog.text
+    assert "servo write 1 pwm_limit 885" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("bits", "asked"),
+    [
+        (0x01, "measure the supply"),
+        (0x04, "let it cool"),
+        (0x08, "replace the servo"),
+        (0x10, "short circuit"),
+        (0x20, "remove what blocks"),
+        (0x80, "DYNAMIXEL Wizard"),
+    ],
+)
+def test_every_hardware_error_has_its_own_remedy(bits: int, asked: str) -> None:
+    everything = " ".join(map(reg.remedy_of_hardware_error, (0x01, 0x04, 0x08, 0x10, 0x20, 0x80)))
+    assert asked in reg.remedy_of_hardware_error(bits)
+    assert everything.count(asked) == 1
+
+
+def test_a_low_voltage_asks_for_the_supply(rig: Callable[..., Any]) -> None:
+    r = rig(1)
+    r.bus.open()
+    r.emulator.set("alert", 1, bits=0x01)
+    assert "input voltage out of its limits: measure the supply" in r.tick()["r.a1"].fault

@@ -1,0 +1,1 @@
+"""Checks of the servos of a bus before they may move."""
