@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import wraps
 from typing import TYPE_CHECKING, Final, TypeVar
 
-from contid.targets import Actuation, Solution, Target, Vec3
+from contid.targets import REACH, Actuation, Solution, Target, Vec3
 
 if TYPE_CHECKING:
     from contid.kinematics.model import Model
@@ -45,6 +45,8 @@ def any_target(
             if of_arcs is None:
                 raise ValueError("this robot takes no bends of its sections")
             actuation = of_arcs(target.arcs, seed, target.load_n)
+            if not all(map(math.isfinite, actuation)):
+                return Solution(seed, math.inf, False, (REACH,), note="no actuation has these bends")
             target = replace(target, arcs=None, actuation=actuation)
         tip, mid = target.tip_m, target.mid_m
         if tip is None or (_within(tip) and (mid is None or _within(mid))):
