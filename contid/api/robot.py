@@ -17,9 +17,13 @@ from contid.api.placed import PlacedRows
 from contid.api.row_arguments import Records, RowArguments, records, renamed
 from contid.api.workspace import Workspace, draw_backbones, draw_points, measure_workspace, new_axes
 from contid.kinematics.array import Array
-from contid.kinematics.batch import POSE, Table, Targets, forward_many, inverse_many
+from contid.kinematics.batch import POSE, Solutions, Table, Targets, forward_many, inverse_many
+from contid.kinematics.batch.loop import inverse_each
 from contid.kinematics.frames import BaseFrame
-from contid.kinematics.model import Compliant, Model, UnderWrenches, build_model
+from contid.kinematics.model import Bending, Compliant, Model, UnderWrenches, build_model
+from contid.robot_file.base import Quantity
+from contid.trajectory.arc_columns import arc_names, arc_values
+from contid.trajectory.rows import RowReader
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -165,7 +169,10 @@ class Robot(DescribedRobots):
         if follow and seed != "previous":
             raise ArgumentError(f"seed={seed!r}; allowed: an array, None, 'previous'")
         seeds = self._rows.seeds(None if follow else seed, shape)
-        answers = inverse_many(self._model, tasks, seeds, chained=follow)
+        return self._answers(inverse_many(self._model, tasks, seeds, chained=follow), shape)
+
+    def _answers(self, answers: Solutions, shape: Shape) -> Records:
+        """What `ik` returns."""
         # The answers' own memory: a million rows are 70 MB.
         found = answers.rows
         self.units.change_from_si(found["actuation"], self.description.quantity)
@@ -180,6 +187,68 @@ class Robot(DescribedRobots):
             limited_by="limited_by",
             iterations="iterations",
         )
+
+    @property
+    def bend_columns(self) -> tuple[str, ...]:
+        """Columns of the bends of the sections: ``s1.bend_deg, s1.azimuth_deg, s1.length_mm``, or in SI.
+
+        Empty for a robot whose sections have no bends that a target may state.
+        """
+        names = arc_names(self.description)
+        if not self.units.si:
+            return tuple(names)
+        return tuple(name.replace("_deg", "_rad").replace("_mm", "_m") for name in names)
+
+    def bends(self, actuation: ArrayLike, *, load: ArrayLike | None = None) -> Array:
+        """Bends of the sections at actuations, columns `bend_columns`.
+
+        Args:
+            actuation: columns `axes`.
+            load: known force on the tip [N], columns x, y, z.
+
+        Raises:
+            ArgumentError: wrong shape, not finite, or a model whose sections have no bends.
+        """
+        rows, shape = self._rows.actuations(actuation)
+        model = self._bending()
+        pairs = self._rows.pairs(rows, load, shape)
+        found = [arc_values(self.description, model.arcs(*each).tolist()) for each in pairs]
+        columns = len(self.bend_columns)
+        return (np.reshape(found, (-1, columns)) / self._per_edge()).reshape(*shape, columns)
+
+    def ik_bends(
+        self, bends: ArrayLike, *, load: ArrayLike | None = None, seed: ArrayLike | None = None
+    ) -> Records:
+        """Actuations inside the limits that have bends of the sections; as `ik` otherwise.
+
+        Args:
+            bends: columns `bend_columns`.
+            load: known force on the tip [N], columns x, y, z.
+            seed: where a search begins, columns `axes`; None: the rest pose.
+
+        Raises:
+            ArgumentError: wrong shape, not finite, or a model whose sections have no bends.
+        """
+        self._bending()
+        rows, shape = as_rows("bends", bends, self.bend_columns)
+        reader = RowReader(",".join(arc_names(self.description)), "bends", {self.name: self.description})
+        targets = [
+            reader.layout.targets(reader.row(row, number))[self.name]
+            for number, row in enumerate((rows * self._per_edge()).tolist(), 1)
+        ]
+        loads, seeds = self._rows.loads(load, shape), self._rows.seeds(seed, shape)
+        return self._answers(inverse_each(self._model, targets, seeds, loads), shape)
+
+    def _bending(self) -> Bending:
+        if "arcs" not in self.description.accepts or not isinstance(self._model, Bending):
+            kind = self.description.model
+            raise ArgumentError(f"bends: sections of model {kind} of {self.name} have no bends of their own")
+        return self._model
+
+    def _per_edge(self) -> Array:
+        """Units of files per unit of the library, of `bend_columns`."""
+        quantities = [Quantity.LENGTH if "length" in name else Quantity.ANGLE for name in self.bend_columns]
+        return np.array([each.per_si if self.units.si else 1.0 for each in quantities])
 
     def jacobian(self, actuation: ArrayLike, *, load: ArrayLike | None = None) -> Array:
         """Derivative of the tip by the actuation, shape ``(..., 3, axes)`` (2 for planar robots).

@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import wraps
 from typing import TYPE_CHECKING, Final, TypeVar
 
-from contid.targets import Actuation, Solution, Target, Vec3
+from contid.targets import REACH, Actuation, Solution, Target, Vec3
 
 if TYPE_CHECKING:
     from contid.kinematics.model import Model
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 #: Largest coordinate of a target that models compute with [m].
 FAR_M: Final = 1e4
+_TOLERANCE: Final = "reach_tolerance_m"
 
 
 def any_target(
@@ -30,7 +31,7 @@ def any_target(
 
     A target farther away gets the answer to the one at `FAR_M` in its direction; the error is that to the
     target itself. With a target that is not finite the last command is held. Bends of sections become the
-    actuation that has them.
+    actuation that has them. A tip that is missed by no more than what `tolerate` allows counts as met.
 
     Raises:
         ValueError: from the answer, for bends where the model has no `contid.kinematics.model.Bending`.
@@ -45,10 +46,17 @@ def any_target(
             if of_arcs is None:
                 raise ValueError("this robot takes no bends of its sections")
             actuation = of_arcs(target.arcs, seed, target.load_n)
+            if not all(map(math.isfinite, actuation)):
+                return Solution(seed, math.inf, False, (REACH,), note="no actuation has these bends")
             target = replace(target, arcs=None, actuation=actuation)
         tip, mid = target.tip_m, target.mid_m
-        if tip is None or (_within(tip) and (mid is None or _within(mid))):
+        if tip is None:
             return inverse(self, target, seed)
+        if _within(tip) and (mid is None or _within(mid)):
+            found = inverse(self, target, seed)
+            if found.converged or found.residual_m > tolerance_of(self):
+                return found
+            return replace(found, converged=True)
         mid_near = None if mid is None else _brought_near(mid)
         found = inverse(self, replace(target, tip_m=_brought_near(tip), mid_m=mid_near), seed)
         pose = self.forward(found.actuation, target.load_n)
@@ -57,6 +65,17 @@ def any_target(
         return replace(found, residual_m=left_m, converged=False, note=note)
 
     return answer
+
+
+def tolerate(model: object, tolerance_m: float) -> None:
+    """Let a model count tips as met that it misses by no more than this [m]."""
+    setattr(model, _TOLERANCE, tolerance_m)
+
+
+def tolerance_of(model: object) -> float:
+    """What `tolerate` allows [m], -1 for nothing."""
+    tolerance_m: float = getattr(model, _TOLERANCE, -1.0)
+    return tolerance_m
 
 
 def _within(point_m: Vec3) -> bool:

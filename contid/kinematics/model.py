@@ -12,10 +12,12 @@ from importlib import import_module
 from typing import Final, Protocol, runtime_checkable
 
 from contid import kernels
+from contid.kinematics.any_target import tolerate
 from contid.kinematics.array import Array
 from contid.robot_file.model_plugins import load_plugin
 from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3, Wrench6
+from contid.units import MM_PER_M
 
 
 class Model(Protocol):
@@ -108,6 +110,8 @@ def build_model(robot: RobotDescription) -> Model:
         return built
     module, _, name = MODELS[robot.kinematics].partition(":")
     model: Model = getattr(import_module(module), name)(robot)
+    if robot.reach_tolerance_mm is not None:
+        tolerate(model, robot.reach_tolerance_mm / MM_PER_M)
     return model
 
 

@@ -59,6 +59,8 @@ class RobotDescription(Strict):
         extra_deg: ``[min, max]`` angle of extra axes that are servos or motors without
             pinion, of any robot; they follow the others, with ``velocity_deg_s`` and so on in ``rates``.
         feedback: closed loop on measured tip positions; off when left out.
+        reach_tolerance_mm: a target out of reach by up to this counts as met, and the robot goes to the point
+            of its reach that is nearest to it; only what the solver reaches does when left out.
         follow_mm: greatest distance of a measured length from where its command should have brought it;
             1 if left out. A body that is farther off is a fault, and has not arrived.
         follow_bar: the same for pressures; 0.025 if left out.
@@ -86,6 +88,7 @@ class RobotDescription(Strict):
     extra_bar: dict[str, Interval] = Field(default_factory=dict)
     extra_deg: dict[str, Interval] = Field(default_factory=dict)
     feedback: TipFeedback | None = None
+    reach_tolerance_mm: Positive | None = None
     follow_mm: Positive | None = None
     follow_bar: Positive | None = None
     follow_deg: Positive | None = None

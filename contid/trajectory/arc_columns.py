@@ -8,8 +8,8 @@ have these two angles at the edge and the components of the bend inside,
 which have no jump where the azimuth wraps, nor at the straight section, where it has no meaning: a curve
 through rows is one through components. A planar robot bends in its plane: it has no azimuth, and a negative
 bend is one to the other side. A length that does not change has no column; where the column of one that does
-is left out, it is the one within the limits that is nearest to the rest pose. ``s1.curvature_per_m`` is the
-bend per length, in place of the bend.
+is left out, it is the one nearest to the rest pose with which the section may bend so far to any side.
+``s1.curvature_per_m`` is the bend per length, in place of the bend.
 """
 
 from __future__ import annotations

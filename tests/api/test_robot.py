@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from contid import Robot
+from contid.errors import ContidError
 from tests.support.command import contid
 
 ARMS = [
@@ -193,3 +194,20 @@ def test_rows_without_previous_do_not_depend_on_each_other() -> None:
     follow = robot.ik(tips, seed="previous")
     step = robot.ik(tips[3], seed=follow.actuation[2])
     assert follow.actuation[3].tolist() == step.actuation.tolist()
+
+
+@pytest.mark.parametrize("si", [False, True])
+def test_bends_of_sections_lead_to_axes_and_back(si: bool) -> None:
+    robot = Robot("cbha", si=si)
+    unit = np.array([math.pi / 180.0, math.pi / 180.0, 1e-3] * 2) if si else np.ones(6)
+    bends = unit * np.array([[10.0, 30.0, 120.0, 5.0, -40.0, 112.0], [5.0, 0.0, 125.0, 2.0, 90.0, 110.0]])
+    assert robot.bend_columns[0] == ("s1.bend_rad" if si else "s1.bend_deg")
+    found = robot.ik_bends(bends)
+    assert found.converged.all()
+    np.testing.assert_allclose(robot.bends(found.actuation), bends, atol=1e-9)
+    assert robot.ik_bends(bends[0]).actuation.tolist() == found.actuation[0].tolist()
+    beyond = robot.ik_bends(unit * np.array([300.0, 0.0, 120.0, 0.0, 0.0, 112.0]))
+    assert not beyond.converged
+    assert robot.limits_in(int(beyond.limited_by))
+    with pytest.raises(ContidError, match=r"expected: \(6,\) or \(N, 6\) with columns s1.bend_"):
+        robot.ik_bends([1.0, 2.0])

@@ -123,7 +123,7 @@ def test_the_solver_runs_from_the_command(selected: Path) -> None:
     """The whole chain: planned, checked, followed; every row met within what the file allows."""
     robot = load_robot_file(selected).file.robots["cbha"]
     assert isinstance(robot, TriTube)
-    assert robot.accepts == {"tip", "direction", "actuation"}
+    assert robot.accepts == {"tip", "direction", "actuation", "arcs"}
     options = ("--size", "60", "--height", "240", "--period", "2", "--rate", "50")
     path = contid("path", "circle", *options, "--for", str(selected))
     assert path.returncode == 0, path.stderr

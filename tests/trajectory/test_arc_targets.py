@@ -22,7 +22,8 @@ from contid.errors import BadInputError
 from contid.kinematics.extra_axes import WithExtraAxes
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Bending, Model, build_model
-from contid.robot_file.load import load_named
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.load import load_named, parse_robot_file
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.sections import SectionRobot
 from contid.targets import Target
@@ -103,29 +104,31 @@ def test_bends_lead_to_the_tip_of_the_oracle_and_back(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["finger", "trirack", "trirack2", "cbha"])
-def test_a_length_that_is_left_out_is_the_one_nearest_to_rest_within_the_limits(name: str) -> None:
+def test_a_length_that_is_left_out_is_the_one_nearest_to_rest_that_turns_within_the_limits(name: str) -> None:
     robot = robot_of(name)
     model = build_model(robot)
     assert isinstance(model, Bending)
     names = [each for each in arc_names(robot) if not each.endswith("length_mm")]
     reader = RowReader(",".join(names), "rows", {"r": robot})
-    axes = len(model.axis_names)
-    rest = robot.rest[:axes]
+    rest = robot.rest[: len(model.axis_names)]
+
+    def met(bend_rad: float, azimuth: float, lengths: Sequence[float]) -> bool:
+        u, v = bend_rad * math.cos(azimuth), bend_rad * math.sin(azimuth)
+        arcs = tuple(value for length in lengths for value in (u, v, length))
+        return model.inverse(Target(arcs=arcs), rest).converged
+
+    turns = np.linspace(0.0, 2.0 * math.pi, 24).tolist() if robot.dimension == 3 else [0.0, math.pi]
     for bend in (0.0, 2.0, 12.0):
         target = reader.layout.targets(reader.row([bend] * len(names), 1))["r"]
         found = model.inverse(target, rest)
         assert found.converged
-        assert target.arcs is not None
-        for k, (arc, length) in enumerate(
-            zip(model.arcs(found.actuation), robot.section_lengths, strict=True)
-        ):
-            for nearer in (arc[2] + 0.1 * (length.rest_m - arc[2]),):
-                if abs(nearer - arc[2]) < 1e-9:
-                    continue
-                other = np.array(model.arcs(found.actuation))
-                other[k, 2] = nearer
-                asked = replace(target, arcs=tuple(other.ravel().tolist()))
-                assert not model.inverse(asked, rest).converged
+        lengths = model.arcs(found.actuation)[:, 2].tolist()
+        bend_rad = math.radians(bend)
+        assert all(met(bend_rad, azimuth, lengths) for azimuth in turns)
+        for k, length in enumerate(robot.section_lengths):
+            nearer = [*lengths[:k], lengths[k] + 0.05 * (length.rest_m - lengths[k]), *lengths[k + 1 :]]
+            if abs(nearer[k] - lengths[k]) > 1e-9:
+                assert not all(met(bend_rad, azimuth, nearer) for azimuth in turns)
     with pytest.raises(BadInputError, match=r"needs 's1.length_mm'"):
         RowReader(
             ",".join(each.replace("bend_deg", "curvature_per_m") for each in names), "rows", {"r": robot}
@@ -192,9 +195,62 @@ def test_a_bend_beyond_the_limits_is_not_met_and_names_one(name: str, limit: str
 
 
 def test_a_model_without_bends_refuses_them() -> None:
+    robot, loaded = robot_of("tendon3"), load_named("tendon3")
+    text = Path(loaded.path).read_text().replace("tension:", "rod: {weight_n_per_m: [0.5]}\n    tension:", 1)
+    rod = next(iter(parse_robot_file(text, "rod.yaml").file.robots.values()))
+    assert "arcs" not in rod.accepts
+    with pytest.raises(BadInputError, match=r"unknown column 's1.bend_deg'"):
+        RowReader(",".join(arc_names(robot)), "rows", {"arm": rod})
+
+
+@pytest.mark.parametrize("name", ["stiffflop1", "stiffflop2"])
+def test_bends_of_a_pneumatic_arm_without_loads_are_arcs(name: str) -> None:
+    robot = robot_of(name)
+    model = build_model(robot)
+    assert isinstance(robot, Cosserat)
+    assert isinstance(model, Bending)
+    rigid = tuple(section.link_mm / 1e3 for section in robot.geometry.sections)
+    rng = np.random.default_rng(3)
+    for _ in range(10):
+        bends = rng.uniform(-0.7, 0.7, (len(rigid), 2))
+        asked = np.column_stack((bends, np.zeros(len(rigid))))
+        found = model.inverse(Target(arcs=tuple(asked.ravel().tolist())), robot.rest)
+        assert found.converged
+        arcs = model.arcs(found.actuation)
+        np.testing.assert_allclose(arcs[:, :2], bends, atol=1e-7)
+        # A length that is left open takes the lowest pressures that a turn of the bend needs.
+        above = np.reshape(found.actuation, (-1, 3)) - robot.lower[0]
+        assert np.sqrt(2.0) * above.std(axis=1) == pytest.approx(above.mean(axis=1), abs=1.0)
+        placed = Chain(lambda _, arcs=arcs: arcs, rigid).placed(np.zeros(1))  # type: ignore[misc]
+        np.testing.assert_allclose(model.forward(found.actuation).tip_m, placed.tip, atol=1e-8)
+        whole = tuple(arcs.ravel().tolist())
+        assert model.inverse(Target(arcs=whole), robot.rest).actuation == pytest.approx(
+            found.actuation, abs=0.5
+        )
+
+
+def test_bends_of_a_pneumatic_arm_under_a_load_are_those_of_its_ends() -> None:
     robot = robot_of("stiffflop1")
-    with pytest.raises(ValueError, match="takes no bends"):
-        build_model(robot).inverse(Target(arcs=(0.1, 0.0, 0.05)), robot.rest)
+    model = build_model(robot)
+    assert isinstance(model, Bending)
+    load = (0.02, -0.04, 0.05)
+    seed = robot.rest
+    for azimuth in np.linspace(0.0, 6.0, 7).tolist():
+        u, v = 0.4 * math.cos(azimuth), 0.4 * math.sin(azimuth)
+        found = model.inverse(Target(arcs=(u, v, 0.054), load_n=load), seed)
+        assert found.converged
+        seed = found.actuation
+        x, y, z = model.forward(seed, load).direction
+        assert math.acos(z) == pytest.approx(0.4, abs=1e-6)
+        assert math.remainder(math.atan2(y, x) - azimuth, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-6)
+        line = model.shape(seed, 801, load)
+        assert np.linalg.norm(np.diff(line, axis=0), axis=1).sum() == pytest.approx(0.054, abs=1e-5)
+
+
+def test_bends_that_no_pressures_have_hold_the_last_command() -> None:
+    robot = robot_of("stiffflop1")
+    found = build_model(robot).inverse(Target(arcs=(9.0, 0.0, 0.0)), robot.rest)
+    assert (found.actuation, found.converged, found.limited_by) == (robot.rest, False, ("reach",))
 
 
 def test_bends_pass_through_frames_live_vectors_recorded_orders_and_extra_axes() -> None:

@@ -156,14 +156,17 @@ class SectionModel:
         """Lengths that have these bends (`contid.kinematics.model.Bending`).
 
         A length that is left open is the one nearest to that of the rest pose with which the tubes of the
-        section are in their interval, and its bend radius is kept.
+        section are in their interval whatever the azimuth, if there is one, and its bend radius is kept. So
+        a bend that turns around does not change it.
         """
         rows = np.reshape(arcs, (-1, 3)).copy()
         least, most, per_length = self.feasible.low[::3], self.feasible.high[::3], self.sections.to_lengths
         for k in np.flatnonzero(rows[:, 2] == 0.0).tolist():
-            apart = per_length[k, :, :2] @ rows[k, :2]
-            low = max(least[k] - apart.min(), math.hypot(*rows[k, :2]) / self.feasible.curvature_max)
-            rows[k, 2] = min(max(self._rest_lengths[k], low), most[k] - apart.max())
+            bend = math.hypot(*rows[k, :2])
+            swing, apart = self.sections.radius_m[k] * bend, per_length[k, :, :2] @ rows[k, :2]
+            shortest = max(least[k] + swing, bend / self.feasible.curvature_max)
+            length = min(max(self._rest_lengths[k], shortest), most[k] - swing)
+            rows[k, 2] = min(max(length, least[k] - apart.min()), most[k] - apart.max())
         found: list[float] = np.einsum("nij,nj->ni", per_length, rows).ravel().tolist()
         return tuple(found)
 

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from contid.kinematics.any_target import tolerance_of
 from contid.kinematics.batch import loop
 from contid.kinematics.batch.rows import POSE, Solutions, Table, Targets, matrix
 from contid.kinematics.model import Model
@@ -76,7 +77,10 @@ def inverse_many(
     if batch is not None and targets.rotation is None and targets.computable:
         # Kernels take a row each, also where one seed serves all.
         found = batch.inverse(model, targets, np.ascontiguousarray(starts), chained, count)
-    return loop.inverse(model, targets, starts, chained) if found is None else found
+    if found is None:
+        return loop.inverse(model, targets, starts, chained)
+    found.rows["converged"] |= found.rows["residual_m"] <= tolerance_of(model)
+    return found
 
 
 def _batch_of(model: Model) -> ModuleType | None:

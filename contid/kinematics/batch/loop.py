@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,13 +28,36 @@ def forward(model: Model, actuations: Array, load_n: Array | None) -> Table:
 
 def inverse(model: Model, targets: Targets, seeds: Array, chained: bool) -> Solutions:
     """`Model.inverse` of every row; limits are numbered as the model lists them, others as they appear."""
+    return inverse_each(model, [target_of(targets, k) for k in range(len(targets))], seeds, None, chained)
+
+
+def inverse_each(
+    model: Model,
+    targets: Sequence[Target],
+    seeds: Array,
+    loads: Array | None = None,
+    chained: bool = False,
+) -> Solutions:
+    """`Model.inverse` of targets of any kind; see `inverse`.
+
+    Args:
+        model: any.
+        targets: in the base frame.
+        seeds: one for all ``(axes,)``, or one per target.
+        loads: forces on the tip ``(targets, 3)`` [N]; None: those of the targets.
+        chained: each begins with the answer of the one before.
+    """
     rows = np.zeros(len(targets), solution_dtype(len(model.axis_names)))
+    if seeds.ndim == 1:
+        seeds = np.broadcast_to(seeds, (len(targets), len(seeds)))
     names = list(getattr(model, "limit_names", ()))
     seed: tuple[float, ...] = ()
-    for k in range(len(targets)):
+    for k, target in enumerate(targets):
         if k == 0 or not chained:
             seed = tuple(seeds[k].tolist())
-        found = model.inverse(target_of(targets, k), seed)
+        if loads is not None:
+            target = replace(target, load_n=vec3(loads[k].tolist()))
+        found = model.inverse(target, seed)
         seed = found.actuation
         names += [name for name in dict.fromkeys(found.limited_by) if name not in names]
         if len(names) > _BITS:
