@@ -101,13 +101,20 @@ def test_a_length_at_its_limit_is_refused_and_one_beyond_it_goes_there() -> None
     start = (0.0, 0.0, 0.05)
     shorter = Target(arcs=(0.0, 0.0, 0.049))
     assert along_the_edge(config, shorter, Target(arcs=start), rest) is None
-    inside = Target(arcs=(0.2, 0.0, 0.2))
-    beyond = Target(arcs=(0.2, 0.0, 0.04))
+    inside = Target(arcs=(0.2, 0.0, 0.0565))
+    beyond = Target(arcs=(0.2, 0.0, 0.052))
     found = along_the_edge(config, beyond, inside, rest)
     assert found is not None
     assert found.arcs is not None
     lengths = config.model.inverse(found, rest).actuation
     assert min(lengths) == pytest.approx(0.05, abs=1e-9)
+    assert along_the_edge(config, Target(arcs=(0.2, 0.0, 0.02)), inside, rest) is None  # no step
+
+
+def test_what_is_far_away_is_no_step() -> None:
+    config = config_of("finger")
+    tip = config.model.forward(config.rest).tip_m
+    assert along_the_edge(config, Target(tip_m=(5.0, 0.075, 0.0)), Target(tip_m=tip), config.rest) is None
 
 
 def test_a_direction_is_not_led_along_the_edge() -> None:

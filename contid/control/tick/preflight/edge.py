@@ -18,6 +18,9 @@ from contid.targets import Actuation, Target
 
 #: Least share of a step that has to be left of it.
 _ONWARD: Final = 0.01
+#: What is longer is no step but an order to somewhere else: share of the distance of the tip from the base,
+#: or of the lengths of the sections.
+_LONGEST: Final = 0.1
 #: Bisections between lengths out of the limits and lengths within them.
 _HALVINGS: Final = 40
 
@@ -25,8 +28,8 @@ _HALVINGS: Final = 40
 def along_the_edge(config: RobotConfig, target: Target, begin: Target, seed: Actuation) -> Target | None:
     """The target within reach beside a tip, or bends, that are out of it, to go to in their place.
 
-    None for targets of other kinds, where the nearest one that was found is farther away than where the step
-    begins, and where it leads nowhere.
+    None for targets of other kinds and for those that are far away, where the nearest one that was found is
+    farther away than where the step begins, and where it leads nowhere.
 
     Args:
         config: of the robot.
@@ -41,6 +44,9 @@ def along_the_edge(config: RobotConfig, target: Target, begin: Target, seed: Act
     in_base = config.frame.target_in_base(target)
     found = config.model.inverse(in_base, seed).actuation
     tip_m = config.frame.point_in_world(config.model.forward(found, in_base.load_n).tip_m)
+    longest_m = _LONGEST * math.dist(begin.tip_m, config.frame.origin_in_world)
+    if math.dist(begin.tip_m, target.tip_m) > longest_m:
+        return None
     if math.dist(tip_m, target.tip_m) < math.dist(begin.tip_m, target.tip_m):
         return replace(target, tip_m=tip_m) if _leads_on(begin.tip_m, target.tip_m, tip_m) else None
     return None
@@ -51,6 +57,8 @@ def _with_lengths(
 ) -> Target | None:
     """The same bends with the nearest lengths, on the way to those of the model's choice, within limits."""
     asked, model = target.arcs or (), config.model
+    if math.dist(begin[2::3], asked[2::3]) > _LONGEST * sum(begin[2::3]):
+        return None
     free = replace(target, arcs=tuple([0.0 if k % 3 == 2 else each for k, each in enumerate(asked)]))
     found = model.inverse(free, seed)
     if not found.converged or not isinstance(model, Bending):
