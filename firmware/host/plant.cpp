@@ -14,15 +14,24 @@ bool Plant::set(int channel, const std::string& name, double value) {
     const char* name;
     double* value;
   } const numbers[] = {
-      {"no_load", &m.no_load},   {"tau", &m.tau},
-      {"friction", &m.friction}, {"low", &m.low},
-      {"high", &m.high},         {"stall_ma", &m.stall_ma},
-      {"shaft", &m.shaft},       {"full_scale_ma", &m.full_scale_ma},
-      {"full_pa", &r.full_pa},   {"lag", &r.tau},
-      {"swelling", &r.swelling}, {"flow", &r.flow},
-      {"raw_low", &r.raw_low},   {"low_pa", &r.low_pa},
-      {"raw_high", &r.raw_high}, {"high_pa", &r.high_pa},
-      {"pressure", &r.pressure}, {"missed", &m.missed},
+      {"no_load", &m.no_load},
+      {"tau", &m.tau},
+      {"friction", &m.friction},
+      {"low", &m.low},
+      {"high", &m.high},
+      {"stall_ma", &m.stall_ma},
+      {"shaft", &m.shaft},
+      {"full_scale_ma", &m.full_scale_ma},
+      {"full_pa", &r.full_pa},
+      {"lag", &r.tau},
+      {"swelling", &r.swelling},
+      {"flow", &r.flow},
+      {"raw_low", &r.raw_low},
+      {"low_pa", &r.low_pa},
+      {"raw_high", &r.raw_high},
+      {"high_pa", &r.high_pa},
+      {"pressure", &r.pressure},
+      {"missed", &m.missed},
       {"encoder_share", &m.encoder_share},
   };
   if (name == "encoder_jump") {

@@ -86,8 +86,8 @@ inline AxisCommand chased(const Axis& axis, double last, double last_step, doubl
   if (step != asked) flags |= kAcceleration;
   if (std::fabs(step) > axis.step) step = std::copysign(axis.step, step), flags |= kVelocity;
   // At a limit there is no room outwards: the position wins over the acceleration.
-  const double braked = std::min(std::max(step, -brake_step(last - axis.lower, axis.change)),
-                                 brake_step(axis.upper - last, axis.change));
+  const double braked =
+      std::min(std::max(step, -brake_step(last - axis.lower, axis.change)), brake_step(axis.upper - last, axis.change));
   if (braked != step) flags |= kPosition;
   if (braked == inside - last) return {inside, flags};
   return {std::min(std::max(last + braked, axis.lower), axis.upper), flags};

@@ -74,8 +74,9 @@ nb::tuple allowed_steps(nb::handle limits, double last, double last_step) {
 }
 
 void make(contid::TautPulls* self, Grid demand, Grid pull_matrix, Grid bends_by_pulls, Grid variables_by_pulls,
-          Row slack_free, Row rest, Row stiffness, nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig> section_of,
-          Row bend_max, double floor, double limit) {
+          Row slack_free, Row rest, Row stiffness,
+          nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig> section_of, Row bend_max, double floor,
+          double limit) {
   const std::size_t tendons = slack_free.shape(0), sections = bend_max.shape(0);
   if (tendons > contid::kMostTendons) throw nb::value_error("too many tendons");
   const auto is = [](const Grid& grid, std::size_t rows, std::size_t columns) {
@@ -83,11 +84,10 @@ void make(contid::TautPulls* self, Grid demand, Grid pull_matrix, Grid bends_by_
   };
   if (!is(demand, tendons, 2 * sections) || !is(pull_matrix, tendons, 2 * sections) ||
       !is(bends_by_pulls, 2 * sections, tendons) || !is(variables_by_pulls, 2 * sections, tendons) ||
-      rest.shape(0) != tendons || stiffness.shape(0) != tendons || section_of.shape(0) != tendons ||
-      sections > tendons)
+      rest.shape(0) != tendons || stiffness.shape(0) != tendons || section_of.shape(0) != tendons || sections > tendons)
     throw nb::value_error("shapes that do not fit each other");
-  contid::TautPulls made{static_cast<int>(tendons), static_cast<int>(sections), floor, limit, {}, {}, {}, {}, {}, {},
-                         {}, {}, {}};
+  contid::TautPulls made{
+      static_cast<int>(tendons), static_cast<int>(sections), floor, limit, {}, {}, {}, {}, {}, {}, {}, {}, {}};
   const auto copy = [](auto& to, const auto& from) { to.assign(from.data(), from.data() + from.size()); };
   copy(made.demand, demand), copy(made.pull_matrix, pull_matrix), copy(made.bends_by_pulls, bends_by_pulls);
   copy(made.variables_by_pulls, variables_by_pulls), copy(made.slack_free, slack_free), copy(made.rest_n, rest);
@@ -123,8 +123,7 @@ nb::tuple limit_taut(const contid::TautPulls& self, nb::handle limits, nb::handl
     robot.toward(to, paces, next);
   }
   int after[contid::kMostTendons];
-  for (int t = 0; t < count; ++t)
-    after[t] = static_cast<int>(bits[t]) | all | (next[t] != candidate[t] ? kTension : 0);
+  for (int t = 0; t < count; ++t) after[t] = static_cast<int>(bits[t]) | all | (next[t] != candidate[t] ? kTension : 0);
   return nb::make_tuple(contid::tuple_of(next, count), numbers_of(after, count));
 }
 

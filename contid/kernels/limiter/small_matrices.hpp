@@ -85,8 +85,8 @@ inline void least_squares(SmallMatrix& a, double* b, double* x) {
   }
 }
 
-// Minimum of |A x - b| with low <= x <= high, by a primal active set. `held` are the bounds that hold (-1, 0, 1): those of
-// a similar problem before, those of this one after.
+// Minimum of |A x - b| with low <= x <= high, by a primal active set. `held` are the bounds that hold (-1, 0, 1): those
+// of a similar problem before, those of this one after.
 inline void bounded_least_squares(const SmallMatrix& a, const double* b, const double* low, const double* high,
                                   signed char* held, double* x) {
   constexpr double kKeeps = 1e-14;  // slope of a bound that keeps nothing, by the greatest number of b

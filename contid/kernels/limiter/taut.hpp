@@ -1,15 +1,15 @@
 // The next command of the tendons of a robot that keeps every tension inside its bounds.
 //
-// The robot moves in the bends and the tightness of its sections, in which the limits are convex. After each step it can
-// still stop on a straight line in these coordinates that ends inside every limit; as the limits are convex, all of
+// The robot moves in the bends and the tightness of its sections, in which the limits are convex. After each step it
+// can still stop on a straight line in these coordinates that ends inside every limit; as the limits are convex, all of
 // that line is inside. From a step sigma of the coordinates the stop takes n ticks with the steps
 //
 //     sigma (1 - 1/n), sigma (1 - 2/n), ...,      whose sum is  sigma (n - 1) / 2.
 //
 // The axis that needs the most ticks to brake determines n. The next step lies between this stop and the motion to the
-// answer, as near to the motion as the limits of axes and tensions allow; as the stop itself is allowed, there is always
-// one. The idea is that of the safe sets of invariant braking: F. Blanchini, "Set invariance in control", Automatica
-// 35(11), 1999.
+// answer, as near to the motion as the limits of axes and tensions allow; as the stop itself is allowed, there is
+// always one. The idea is that of the safe sets of invariant braking: F. Blanchini, "Set invariance in control",
+// Automatica 35(11), 1999.
 //
 // A step is the change of a value in one tick, the pace of a value is its step where it moves steadily.
 #pragma once
@@ -19,8 +19,8 @@
 
 namespace contid {
 
-// A pull changes its pace along a straight line of bends and tightness, and this takes a part of the change of step that
-// its axis may make. At least this share of it is left for braking:
+// A pull changes its pace along a straight line of bends and tightness, and this takes a part of the change of step
+// that its axis may make. At least this share of it is left for braking:
 constexpr double kMinBrakeShare = 0.2;
 constexpr double kPlannedBrakeShare = 0.8;  // of an axis's change of step that a motion to the answer brakes with
 constexpr double kDifference = 1e-3;        // the pace at an end of a line: difference quotient over this part of it
@@ -101,8 +101,10 @@ class TautLimiter {
     between(0.0, best);
     for (int k = 0; k < kBisections && low != high; ++k) {
       between(share, candidate);
-      if (allows(candidate)) low = share, std::copy_n(candidate, n_, best);
-      else high = share;
+      if (allows(candidate))
+        low = share, std::copy_n(candidate, n_, best);
+      else
+        high = share;
       share = 0.5 * (low + high);
     }
     tighten(best, out);
@@ -182,8 +184,9 @@ class TautLimiter {
       reach[t] = std::max(std::fabs((begin[t] - here[t]) / kDifference), std::fabs((there[t] - end[t]) / kDifference));
   }
 
-  // The stop from coordinates `from` after a step `moved` of them. Pulls are convex along the line of the stop, so their
-  // pace lies between that of the step and that at the end. The difference of these paces is not available for braking.
+  // The stop from coordinates `from` after a step `moved` of them. Pulls are convex along the line of the stop, so
+  // their pace lies between that of the step and that at the end. The difference of these paces is not available for
+  // braking.
   void stop_from(const double* from, const double* moved, Stop& stop) const {
     Pulls before, then, end, reach;
     joined(from, moved, 0.0, before), joined(from, moved, -1.0, then);
