@@ -6,14 +6,12 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-from functools import cached_property, partial
 from typing import Final
 
 import numpy as np
 
 from contid.kinematics.any_target import any_target
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.bends import SectionBends
 from contid.kinematics.cosserat.compliance import sweep, tip_compliance
 from contid.kinematics.cosserat.engine import NO_SNAP, Limits, RodSetup, RodSolver
 from contid.kinematics.cosserat.identified import Regulators, identified_sections
@@ -96,7 +94,6 @@ class CosseratModel:
         self.regulators = Regulators(robot)
         self.setup = build_setup(robot)
         self.engine = RodSolver(self.setup)
-        self._bends = SectionBends(self.setup.rod)
         #: Reference arc lengths of the backbone [mm].
         self._stations = self.setup.rod.stations(POINTS_PER_ELEMENT * self.setup.elements)
 
@@ -230,36 +227,6 @@ class CosseratModel:
         lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
         evenly = np.linspace(0.0, lengths[-1], points)
         return np.stack([np.interp(evenly, lengths, line[:, i]) for i in range(3)], axis=1) / MM_PER_M
-
-    def arcs(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
-        """Bends and lengths of the sections (`contid.kinematics.cosserat.bends`)."""
-        found = self._bends_at(self.regulators.chambers(actuation), self.setup.loads(load_n))
-        return found / (1.0, 1.0, MM_PER_M)
-
-    def of_arcs(self, arcs: Sequence[float], seed: Actuation, load_n: Vec3 = ZERO3) -> Actuation:
-        """Pressures that have these bends (`contid.kinematics.cosserat.bends`); NaN where none were found."""
-        asked = np.reshape(arcs, (-1, 3)) * (1.0, 1.0, MM_PER_M)
-        start, lower = np.array(seed) / BAR, np.array(self.lower) / BAR
-        bends_of = partial(self._bends_of, loads=self.setup.loads(load_n))
-        try:
-            found = self._bends.solve(asked, bends_of, start.tolist(), lower.tolist(), self._slope)
-        except ArithmeticError:
-            found = None
-        return (math.nan,) * len(seed) if found is None else tuple((found * BAR).tolist())
-
-    @cached_property
-    def _slope(self) -> Array:
-        """Derivatives of bends and lengths by pressures, without loads in the middle of the limits."""
-        middle = 0.5 * (np.array(self.lower) + np.array(self.upper)) / BAR
-        return self._bends.slope(partial(self._bends_of, loads=self.setup.loads(ZERO3)), middle)
-
-    def _bends_of(self, pressures_bar: Array, loads: Loads) -> Array:
-        return self._bends_at(self.regulators.at_bar(pressures_bar.tolist()), loads)
-
-    def _bends_at(self, chambers_bar: Sequence[float], loads: Loads) -> Array:
-        frames = np.empty((len(self._bends.stations), 12))
-        self.engine.statics(chambers_bar, loads, self._bends.stations, frames)
-        return self._bends.read(frames)
 
     def critical_load_n(self, actuation: Actuation, load_n: Vec3, max_factor: float = 1.0) -> float | None:
         """Magnitude of the tip force along ``load_n`` at which the arm buckles at these pressures [N].
