@@ -8,6 +8,7 @@ its ``on_host_loss`` policy.
 
 from __future__ import annotations
 
+import gc
 import logging
 import math
 import signal
@@ -156,6 +157,7 @@ def main(descriptor: int) -> int:
         with handle_logs(setup.log_level, logs):
             return _serve(setup, inbox, parent_watch, ring, logs, isolated)
     finally:
+        gc.unfreeze()  # what `disable_gc` froze is collected at the exit: models of the kernels are in cycles
         logs.write(ring)
         ring.finish()
         ring.close()
