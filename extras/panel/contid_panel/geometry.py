@@ -179,7 +179,8 @@ def _bends(robot: RobotScene, description: RobotDescription, prefix: str) -> lis
     model = robot.config.model
     if "arcs" not in description.accepts or not isinstance(model, Bending):
         return []
-    inside = [model.inverse(Target(actuation=each), each).actuation for each in drawn(robot)]
+    own = len(robot.config.axes) - robot.config.extra_axes
+    inside = [model.inverse(Target(actuation=each[:own]), each).actuation for each in drawn(robot)]
     shapes = [model.arcs(each) for each in (robot.config.rest, *inside)]
     rows = np.array([arc_values(description, shape.tolist()) for shape in shapes])
     found = []
