@@ -37,7 +37,10 @@ MISTAKES: dict[str, tuple[Callable[[], object], str]] = {
     "huge": (lambda: ARM.ik([1e300, 0, 0]), "x_mm in row 0 is 1e+300, above 1e+10"),
     "seeds": (lambda: FINGER.ik([[1, 2]] * 4, seed=[[1, 2]] * 3), "allowed: (4, 2), or (2,) for all rows"),
     "seed": (lambda: FINGER.ik([1, 2], seed="last"), "seed='last'; allowed: an array, None, 'previous'"),
-    "direction": (lambda: FINGER.ik([1, 2], direction=[0, 1]), "takes no direction; allowed: actuation, arcs, tip"),
+    "direction": (
+        lambda: FINGER.ik([1, 2], direction=[0, 1]),
+        "takes no direction; allowed: actuation, arcs, tip",
+    ),
     "zero": (
         lambda: ARM.ik([[1, 2, 3]] * 2, direction=[[0, 0, 1], [0, 0, 0]]),
         "direction: row 1 is the zero vector",
