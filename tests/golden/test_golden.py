@@ -58,7 +58,7 @@ def test_a_thousandth_of_a_millimetre_is_noticed(session: Session) -> None:
 
 def test_golden_sessions_are_small_and_machine_independent() -> None:
     for path in FOLDER.glob("*.mcap"):
-        assert path.stat().st_size < 200_000
+        assert path.stat().st_size < 150_000
         session = Session(path)
         assert session.metadata["contid"]["host"] == "golden"
         assert not Path(session.metadata["robot_file"]["name"]).is_absolute()

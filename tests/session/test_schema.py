@@ -98,8 +98,7 @@ def test_sessions_of_every_revision_are_read_and_replayed(path: Path) -> None:
     session = Session(path)
     assert session.metadata["contid"].get("revision", "0") == path.stem
     assert not Path(session.metadata["robot_file"]["name"]).is_absolute()
-    # The stop of revision 0 began without an acceleration, as stops did then: 0.004 mm.
-    result = replay(session, session.robot_file(), 5e-3 if path.stem == "0" else TOLERANCE)
+    result = replay(session, session.robot_file(), TOLERANCE)
     assert session.end.clean
     assert (result.divergence, result.stopped) == (None, "")
     assert result.ticks > 50

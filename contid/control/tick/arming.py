@@ -41,14 +41,11 @@ def next_arming(
             return fail(config, state, Fault.NO_SAMPLE, message, now_s)
     if state.mode is Mode.READY and state.arm_requested:
         # Old commands are dropped: an interrupted arming must not return to them.
-        cleared = replace(
-            state, command=(), increments=(), before=(), reference=(), motion=None, lead=NO_LEAD
-        )
+        cleared = replace(state, command=(), increments=(), reference=(), motion=None, lead=NO_LEAD)
         return replace(moved(config, cleared, Event.ARM, now_s), pending=Effect.ENABLE, enabled=False)
     if state.mode is Mode.ARMING and state.enabled and present is not None:
         still = (0.0,) * len(present)
-        state = replace(state, command=present, reference=present, increments=still, before=still)
-        state = replace(state, motion=None)
+        state = replace(state, command=present, reference=present, increments=still, motion=None)
         if state.recovering:
             return inwards(config, moved(config, state, Event.ARMED, now_s), now_s)
         if far := outside(config, present):

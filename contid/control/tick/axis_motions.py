@@ -34,17 +34,6 @@ def speed(config: RobotConfig, state: RobotState) -> Actuation:
     return tuple(step / config.period_s for step in state.increments)
 
 
-def _rates(config: RobotConfig, state: RobotState) -> tuple[Actuation, Actuation]:
-    """Velocity and acceleration at the last command [1/s, 1/s^2], of the parabola through the last three.
-
-    A motion that begins with them keeps the jerk from its first tick on.
-    """
-    h, before = config.period_s, state.before or state.increments
-    changes = [step - was for step, was in zip(state.increments, before, strict=True)]
-    velocity = tuple([(s + 0.5 * c) / h for s, c in zip(state.increments, changes, strict=True)])
-    return velocity, tuple([c / (h * h) for c in changes])
-
-
 def motion_to(
     config: RobotConfig, start: Actuation, velocity: Actuation, goal: Actuation, share: float = 1.0
 ) -> Approach:
@@ -88,8 +77,7 @@ def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """
     if not any(state.increments):
         return replace(state, motion=None, reference=state.command, squeeze=None)
-    velocity, acceleration = _rates(config, state)
-    motion = JerkLimitedStop(state.command, velocity, config.acceleration, config.jerk, acceleration)
+    motion = JerkLimitedStop(state.command, speed(config, state), config.acceleration, config.jerk)
     if _leaves(config, state.command, motion):
         return braking_at_once(config, state, now_s)
     return planned(state, motion, now_s - config.period_s)

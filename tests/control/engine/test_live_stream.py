@@ -12,7 +12,7 @@ import pytest
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.run import StreamDelayed
-from contid.control.engine.messages import EndOfRows, Hold, Rows, Stop
+from contid.control.engine.messages import EndOfRows, Rows
 from contid.control.engine.sources import Live
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.tick.supervisor import Mode
@@ -252,26 +252,3 @@ def test_a_stream_that_ended_is_over_on_its_last_row() -> None:
         run.tick()
     state = run.engine.robots.states[0]
     assert math.dist(run.config.model.forward(state.command).tip_m, at(0.98)) < 1e-9
-
-
-@pytest.mark.parametrize("verb", [Hold(), Stop()])
-@pytest.mark.parametrize("name", ["finger", "trirack", "stiffflop1"])
-def test_an_order_to_stop_begins_with_the_present_acceleration(name: str, verb: Hold | Stop) -> None:
-    """At the turning points of a fast line the acceleration is greatest."""
-    run = Run(name)
-    x, y, z = middle(run)
-
-    def at(time_s: float) -> Vec3:
-        return x + 0.004 * (1.0 - math.cos(2.0 * math.pi * time_s / 0.8)), y, z
-
-    run.at_rest_on(at(0.0))
-    axes = list(run.follow([(k / 100.0, at(k / 100.0)) for k in range(300)], 1.9).axes)
-    run.engine.obey(verb, run.process.tick)
-    for _ in range(round(1.0 / run.config.period_s)):
-        run.tick()
-        if run.mode is Mode.OFF:
-            break
-        axes.append(np.array(run.engine.robots.states[0].command))
-    _, acceleration, jerk = run.rates(Followed(np.array([]), np.array(axes), np.array([]), np.array([])))
-    assert acceleration <= 1.0 + 1e-6
-    assert jerk <= 1.0 + 1e-6
