@@ -106,12 +106,12 @@ def nothing_left_behind(garbage_of_other_modules: None) -> Iterator[None]:
     children = _children()
     descriptors = _descriptors()
     yield
-    gc.collect()
-    # Threads and sockets may need a moment to end after their owner closed them.
+    # What only a cycle keeps is found here and collected; threads and sockets may need a moment to end after
+    # their owner closed them.
     deadline = time.monotonic() + 2.0
     while (rest := _left_behind(threads, children, descriptors)) and time.monotonic() < deadline:
-        time.sleep(0.02)
         gc.collect()
+        time.sleep(0.02)
     assert not rest, f"left behind: {rest}"
 
 
