@@ -122,7 +122,7 @@ def test_answers_and_forward_agree(arm: CosseratModel) -> None:
     rng, met = np.random.default_rng(7), 0
     for grams in (5.0, 10.0):
         load = (0.0, 0.0, grams * GRAM)
-        for _ in range(60):
+        for _ in range(20):
             x, y, z = rng.uniform((-0.09, -0.09, 0.0), (0.09, 0.09, 0.14))
             found = arm.inverse(Target(tip_m=(x, y, z), load_n=load), (0.5 * BAR,) * 6)
             pose = arm.forward(found.actuation, load)
@@ -130,7 +130,7 @@ def test_answers_and_forward_agree(arm: CosseratModel) -> None:
             assert pose.stable
             assert math.dist(pose.tip_m, (x, y, z)) == pytest.approx(found.residual_m, abs=5e-5)
             assert found.converged or found.limited_by
-    assert met > 20
+    assert met > 6
 
 
 def test_the_bounded_optimum_is_not_a_local_one(arm: CosseratModel) -> None:

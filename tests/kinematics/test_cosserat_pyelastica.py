@@ -17,7 +17,7 @@ from contid.kinematics.array import Array
 from contid.kinematics.cosserat.section import Loads, Rod, Section
 from tests.kinematics.cosserat_cases import standing
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.campaign]
 
 LENGTH, RADIUS, YOUNG_PA = 0.2, 0.005, 1e6
 AREA, INERTIA = math.pi * RADIUS**2, math.pi * RADIUS**4 / 4.0

@@ -5,6 +5,7 @@ takes the grey value of the print there. Only the bits of the tags are OpenCV's.
 """
 
 from dataclasses import dataclass, field
+from functools import cache
 
 import cv2
 import numpy as np
@@ -12,9 +13,11 @@ from scipy.ndimage import gaussian_filter
 
 #: Rays per side of a pixel.
 RAYS = 4
+#: Rows of rays that are inverted at a time: their arrays stay in the cache of the processor.
+ROWS = 8
 
 
-@dataclass
+@dataclass(frozen=True)
 class Lens:
     """A camera: focal lengths, centre and k1, k2, p1, p2, k3."""
 
@@ -38,19 +41,23 @@ class Lens:
         x, y = self.bent(points[:, 0] / points[:, 2], points[:, 1] / points[:, 2])
         return np.stack([x * self.focal[0] + self.center[0], y * self.focal[1] + self.center[1]], axis=1)
 
+    @cache  # noqa: B019 -- a few lenses per run
     def rays(self):
-        """Directions ``(height * RAYS, width * RAYS, 2)`` of all rays, by fixed-point inversion."""
+        """Directions ``(2, height * RAYS, width * RAYS)`` of all rays, by fixed-point inversion."""
         width, height = self.size
         u = (np.arange(width * RAYS) + 0.5) / RAYS - 0.5
         v = (np.arange(height * RAYS) + 0.5) / RAYS - 0.5
-        seen_x, seen_y = np.meshgrid(
-            (u - self.center[0]) / self.focal[0], (v - self.center[1]) / self.focal[1]
-        )
-        x, y = seen_x.copy(), seen_y.copy()
-        for _ in range(20):
-            bent_x, bent_y = self.bent(x, y)
-            x, y = x + seen_x - bent_x, y + seen_y - bent_y
-        return np.stack([x, y], axis=-1)
+        found = np.empty((2, len(v), len(u)))
+        for row in range(0, len(v), ROWS):
+            seen_x, seen_y = np.meshgrid(
+                (u - self.center[0]) / self.focal[0], (v[row : row + ROWS] - self.center[1]) / self.focal[1]
+            )
+            x, y = seen_x, seen_y
+            for _ in range(20):
+                bent_x, bent_y = self.bent(x, y)
+                x, y = x + seen_x - bent_x, y + seen_y - bent_y
+            found[:, row : row + ROWS] = x, y
+        return found
 
 
 @dataclass
@@ -126,14 +133,14 @@ class Studio:
         u1, v1 = np.minimum(np.ceil(pixels.max(axis=0)).astype(int) + 3, [width, height])
         if u0 >= u1 or v0 >= v1:
             return
-        rays = self._rays[v0 * RAYS : v1 * RAYS, u0 * RAYS : u1 * RAYS]
-        directions = np.concatenate([rays, np.ones((*rays.shape[:2], 1))], axis=-1)
-        normal = each.rotation[:, 2]
-        depth = (normal @ each.center) / (directions @ normal)
-        local = (directions * depth[..., None] - each.center) @ each.rotation[:, :2]
+        x, y = self._rays[:, v0 * RAYS : v1 * RAYS, u0 * RAYS : u1 * RAYS]
+        # Of each ray along the axes of the print, on the plane of the print: z is where it meets the plane.
+        local_x, local_y, local_z = (x * a + (y * b + c) for a, b, c in each.rotation.T)
+        from_x, from_y, from_z = each.center @ each.rotation
+        depth = from_z / local_z
         rows, columns = each.grey.shape
-        column = np.floor((local[..., 0] / each.size[0] + 0.5) * columns).astype(int)
-        row = np.floor((0.5 - local[..., 1] / each.size[1]) * rows).astype(int)
+        column = np.floor(((local_x * depth - from_x) / each.size[0] + 0.5) * columns).astype(int)
+        row = np.floor((0.5 - (local_y * depth - from_y) / each.size[1]) * rows).astype(int)
         inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
         value = each.grey[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
         shape = (v1 - v0, RAYS, u1 - u0, RAYS)
