@@ -1,0 +1,312 @@
+// See rod_motion.hpp for the equations.
+#include "rod_motion.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "equations.hpp"
+
+namespace contid {
+
+namespace {
+
+constexpr int kNewton = 12;           // iterations of a step
+constexpr double kExact = 1e-10;      // last change of a strain in a step [rad]
+constexpr int kHalvings = 6;          // of a step
+constexpr int kSettling = 200;        // iterations for an equilibrium
+constexpr double kLargestTurn = 0.3;  // of an element in one of them [rad]
+constexpr double kBalanced = 1e-12;   // moments left over that end the search, as a share of the greatest stiffness
+constexpr double kAtRest = 1e-8;      // and those of an equilibrium: sums of many elements are rounded
+constexpr double kLeastShare = 1e-4;  // of a change of the strains
+constexpr double kDifference = 1e-6;  // of a strain, for derivatives of the balance
+
+}  // namespace
+
+RodMotion::RodMotion(MotionSetup setup)
+    : s_(std::move(setup)), per_(s_.strains), size_(per_ * s_.elements), now_(s_.elements), next_(s_.elements) {
+  const int n = s_.elements;
+  stiffness = damping = strain = std::vector<double>(kMaxStrains * n, 0.0);
+  momentum.assign(size_, 0.0), tensions.assign(s_.tendons, 0.0);
+  loads.nodes.resize(n), loads.strains.assign(kMaxStrains * n, 0.0), loads.pulls.assign(s_.tendons, 0.0);
+  last_.assign(size_, 0.0), trial_ = middle_ = strain;
+  right_.resize(size_), force_.resize(size_), matrix_.resize(size_ * size_), base_.resize(size_);
+  dl_.resize(size_ * std::max(1, s_.tendons));
+  beyond_.resize(n + 1), sums_.resize(n + 1);
+  for (Placed* p : {&now_, &next_}) p->frames[0] = identity(), p->points[0] = {0.0, 0.0, s_.base};
+  place(strain.data(), s_.lengths, s_.rigid, per_, now_);
+}
+
+void RodMotion::put(const double* strains) {
+  std::copy(strains, strains + strain.size(), strain.begin());
+  std::fill(momentum.begin(), momentum.end(), 0.0);
+  std::fill(last_.begin(), last_.end(), 0.0);
+  place(strain.data(), s_.lengths, s_.rigid, per_, now_);
+}
+
+bool RodMotion::step(double h) { return advance(h, 0); }
+
+bool RodMotion::advance(double h, int depth) {
+  if (solve(h)) return true;
+  if (depth == kHalvings) return false;
+  // The last change was that of a longer step.
+  for (double& each : last_) each *= 0.5;
+  return advance(0.5 * h, depth + 1) && advance(0.5 * h, depth + 1);
+}
+
+bool RodMotion::solve(double h) {
+  const int n = s_.elements;
+  external(now_, force_.data());
+  for (int i = 0; i < size_; ++i) base_[i] = momentum[i] + 0.5 * h * force_[i];
+  spread(last_.data(), 1.0, trial_.data());
+  std::fill(matrix_.begin(), matrix_.end(), 0.0);
+  mass(now_, 1.0 / h, matrix_.data());
+  spread(last_.data(), 0.5, middle_.data());
+  add_curvature(middle_.data(), 0.25 * h, matrix_.data());
+  for (int e = 0; e < n; ++e)
+    for (int k = 0; k < per_; ++k) {
+      const int i = index(e, k);
+      matrix_[i * size_ + i] += 0.5 * damping[kMaxStrains * e + k] + slow(e, k, h);
+    }
+  if (!factorise(matrix_.data(), size_)) return false;
+  double change = 0.0;
+  for (int round = 0; round < kNewton; ++round) {
+    place(trial_.data(), s_.lengths, s_.rigid, per_, next_);
+    moved(now_, now_, next_, 1.0 / h, right_.data());
+    for (std::size_t i = 0; i < strain.size(); ++i) middle_[i] = 0.5 * (strain[i] + trial_[i]);
+    gradient(middle_.data(), force_.data());
+    for (int e = 0; e < n; ++e)
+      for (int k = 0; k < per_; ++k) {
+        const int i = index(e, k), j = kMaxStrains * e + k;
+        // What pulls back: the same in both equations.
+        force_[i] = 0.5 * h * force_[i] + 0.5 * damping[j] * (trial_[j] - strain[j]);
+        right_[i] = base_[i] - right_[i] - force_[i] - slow(e, k, h) * (trial_[j] - strain[j]);
+      }
+    if (round > 0 && change <= kExact) break;
+    solve_factored(matrix_.data(), size_, right_.data());
+    change = 0.0;
+    for (int i = 0; i < size_; ++i) change = std::max(change, std::fabs(right_[i]));
+    if (!(change < 1.0)) return false;
+    for (int e = 0; e < n; ++e)
+      for (int k = 0; k < per_; ++k) trial_[kMaxStrains * e + k] += right_[index(e, k)];
+    if (round == kNewton - 1 && change > 1e3 * kExact) return false;
+  }
+  moved(next_, now_, next_, 1.0 / h, right_.data());
+  external(next_, base_.data());
+  for (int e = 0; e < n; ++e)
+    for (int k = 0; k < per_; ++k) {
+      const int i = index(e, k), j = kMaxStrains * e + k;
+      momentum[i] = right_[i] - force_[i] + 0.5 * h * base_[i] + slow(e, k, h) * (trial_[j] - strain[j]);
+      last_[i] = trial_[j] - strain[j];
+    }
+  std::swap(strain, trial_);
+  std::swap(now_, next_);
+  return true;
+}
+
+bool RodMotion::settle() {
+  const std::vector<double> began = strain;
+  double most = 0.0;
+  for (int e = 0; e < s_.elements; ++e) most = std::max(most, stiffness[kMaxStrains * e]);
+  std::vector<double> left(size_), way(size_), by(size_ * size_), ignored(size_ * size_);
+  const auto balance = [&](std::vector<double>& out) {
+    place(strain.data(), s_.lengths, s_.rigid, per_, now_);
+    gradient(strain.data(), out.data());
+    external(now_, force_.data());
+    double sum = 0.0;
+    for (int i = 0; i < size_; ++i) out[i] -= force_[i], sum += out[i] * out[i];
+    return std::sqrt(sum);
+  };
+  double size = balance(left);
+  for (int round = 0; round < kSettling && size > kBalanced * most; ++round) {
+    linearise(ignored.data(), by.data());
+    way = left;
+    if (!solve_any(by.data(), size_, way.data())) break;
+    double turn = 1e-300;
+    for (double each : way) turn = std::max(turn, std::fabs(each));
+    const std::vector<double> from = strain;
+    const double before = size;
+    for (double share = std::min(1.0, kLargestTurn / turn); share > kLeastShare; share *= 0.5) {
+      for (int e = 0; e < s_.elements; ++e)
+        for (int k = 0; k < per_; ++k)
+          strain[kMaxStrains * e + k] = from[kMaxStrains * e + k] - share * way[index(e, k)];
+      size = balance(left);
+      if (size < (1.0 - 1e-3 * share) * before) break;
+    }
+    if (!(size < before)) break;
+  }
+  if (size <= kAtRest * most) {
+    std::fill(momentum.begin(), momentum.end(), 0.0);
+    std::fill(last_.begin(), last_.end(), 0.0);
+    return true;
+  }
+  strain = began;
+  place(strain.data(), s_.lengths, s_.rigid, per_, now_);
+  return false;
+}
+
+double RodMotion::kinetic() {
+  std::fill(matrix_.begin(), matrix_.end(), 0.0);
+  mass(now_, 1.0, matrix_.data());
+  std::vector<double> rate = momentum;
+  if (!factorise(matrix_.data(), size_)) return NAN;
+  solve_factored(matrix_.data(), size_, rate.data());
+  double sum = 0.0;
+  for (int i = 0; i < size_; ++i) sum += 0.5 * rate[i] * momentum[i];
+  return sum;
+}
+
+double RodMotion::potential() {
+  const int n = s_.elements, m = s_.tendons;
+  double sum = 0.0;
+  gradient(strain.data(), right_.data());  // the tensions
+  for (int j = 0; j < m; ++j) sum += 0.5 * tensions[j] * tensions[j] / s_.tendon[j];
+  for (int e = 0; e < n; ++e) {
+    for (int k = 0; k < per_; ++k) {
+      const double x = strain[kMaxStrains * e + k];
+      sum += (0.5 * stiffness[kMaxStrains * e + k] * x - loads.strains[kMaxStrains * e + k]) * x;
+    }
+    sum -= s_.middles[e].mass * dot(loads.gravity, now_.middles[e].at);
+    sum -= s_.ends[e].mass * dot(loads.gravity, now_.ends[e].at) + dot(loads.nodes[e].force, now_.ends[e].at);
+  }
+  return sum;
+}
+
+void RodMotion::linearise(double* mass_out, double* stiffness_out) {
+  std::fill(mass_out, mass_out + size_ * size_, 0.0);
+  mass(now_, 1.0, mass_out);
+  std::vector<double> x = strain, low(size_), high(size_), force(size_);
+  for (int e = 0; e < s_.elements; ++e)
+    for (int k = 0; k < per_; ++k) {
+      const int j = kMaxStrains * e + k, c = index(e, k);
+      for (double sign : {-1.0, 1.0}) {
+        x[j] = strain[j] + sign * kDifference;
+        place(x.data(), s_.lengths, s_.rigid, per_, next_);
+        std::vector<double>& out = sign < 0.0 ? low : high;
+        gradient(x.data(), out.data());
+        external(next_, force.data());
+        for (int i = 0; i < size_; ++i) out[i] -= force[i];
+      }
+      x[j] = strain[j];
+      for (int i = 0; i < size_; ++i) stiffness_out[i * size_ + c] = (high[i] - low[i]) / (2.0 * kDifference);
+    }
+}
+
+void RodMotion::moved(const Placed& at, const Placed& from, const Placed& to, double scale, double* out) {
+  const int n = s_.elements;
+  Wrench6 beyond;
+  for (int e = n - 1; e >= 0; --e) {
+    add(beyond, contid::momentum(s_.ends[e], at.ends[e], to.ends[e] - from.ends[e]));
+    const Wrench6 middle = contid::momentum(s_.middles[e], at.middles[e], to.middles[e] - from.middles[e]);
+    for (int k = 0; k < per_; ++k) {
+      const int j = kMaxStrains * e + k;
+      out[index(e, k)] = scale * (work(at.whole[j], beyond) + work(at.half[j], middle));
+    }
+    add(beyond, middle);
+  }
+}
+
+void RodMotion::external(const Placed& at, double* out) {
+  const auto weighing = [&](const Inertia& i, const Body& b) {
+    const Vec weight = i.mass * loads.gravity;
+    return Wrench6{weight, cross(b.at, weight)};
+  };
+  Wrench6 beyond;
+  for (int e = s_.elements - 1; e >= 0; --e) {
+    const Wrench6& node = loads.nodes[e];
+    add(beyond, {node.force, node.moment + cross(at.ends[e].at, node.force)});
+    add(beyond, weighing(s_.ends[e], at.ends[e]));
+    const Wrench6 middle = weighing(s_.middles[e], at.middles[e]);
+    for (int k = 0; k < per_; ++k) {
+      const int j = kMaxStrains * e + k;
+      out[index(e, k)] = work(at.whole[j], beyond) + work(at.half[j], middle);
+    }
+    add(beyond, middle);
+  }
+}
+
+// Derivative of the strains' energy; also the tensions and, for add_curvature, the derivatives of the tendons' lengths.
+void RodMotion::gradient(const double* x, double* out) {
+  const int n = s_.elements, m = s_.tendons;
+  for (int e = 0; e < n; ++e)
+    for (int k = 0; k < per_; ++k) {
+      const int j = kMaxStrains * e + k;
+      out[index(e, k)] = stiffness[j] * x[j] - loads.strains[j];
+    }
+  if (m == 0) return;
+  std::fill(tensions.begin(), tensions.end(), 0.0);
+  std::fill(dl_.begin(), dl_.end(), 0.0);
+  for (int e = 0; e < n; ++e) {
+    const double *strains = x + kMaxStrains * e, h = s_.lengths[e];
+    for (int j = 0; j < m; ++j) {
+      const double* arm = &s_.arms[2 * (e * m + j)];
+      if (std::isnan(arm[0])) continue;
+      const double squared = (arm[0] * arm[0] + arm[1] * arm[1]) / (h * h);
+      const double along = 1.0 + strains[3] - (arm[0] * strains[0] + arm[1] * strains[1]) / h;
+      const double root = std::sqrt(along * along + squared * strains[2] * strains[2]), ratio = along / root;
+      const double by[4] = {-arm[0] * ratio, -arm[1] * ratio, h * squared * strains[2] / root, h * ratio};
+      for (int k = 0; k < std::min(per_, 4); ++k) dl_[index(e, k) * m + j] = by[k];
+      tensions[j] += h * (1.0 - root);  // shortening so far
+    }
+  }
+  for (int j = 0; j < m; ++j) tensions[j] = std::max(0.0, s_.rest[j] + s_.tendon[j] * (loads.pulls[j] - tensions[j]));
+  for (int i = 0; i < size_; ++i)
+    for (int j = 0; j < m; ++j) out[i] += tensions[j] * dl_[i * m + j];
+}
+
+// Second derivative of the strains' energy: without the turn of the tendons in their element, which is small.
+void RodMotion::add_curvature(const double* x, double scale, double* matrix) {
+  const int m = s_.tendons;
+  for (int e = 0; e < s_.elements; ++e)
+    for (int k = 0; k < per_; ++k) {
+      const int i = index(e, k);
+      matrix[i * size_ + i] += scale * stiffness[kMaxStrains * e + k];
+    }
+  if (m == 0) return;
+  gradient(x, force_.data());
+  for (int i = 0; i < size_; ++i)
+    for (int c = 0; c <= i; ++c) {
+      double sum = 0.0;
+      for (int j = 0; j < m; ++j)
+        if (tensions[j] > 0.0) sum += s_.tendon[j] * dl_[i * m + j] * dl_[c * m + j];
+      matrix[i * size_ + c] += scale * sum;
+      if (c != i) matrix[c * size_ + i] += scale * sum;
+    }
+}
+
+void RodMotion::mass(const Placed& at, double scale, double* matrix) {
+  Together beyond;
+  for (int f = s_.elements - 1; f >= 0; --f) {
+    beyond.add(s_.ends[f], at.ends[f]);
+    Together middle;
+    middle.add(s_.middles[f], at.middles[f]);
+    for (int l = 0; l < per_; ++l) {
+      const int j = kMaxStrains * f + l, c = index(f, l);
+      const Wrench6 whole = beyond.times(at.whole[j]), half = middle.times(at.half[j]);
+      for (int k = 0; k <= l; ++k) {
+        const int own = kMaxStrains * f + k, i = index(f, k);
+        const double value = scale * (work(at.whole[own], whole) + work(at.half[own], half));
+        matrix[i * size_ + c] += value;
+        if (i != c) matrix[c * size_ + i] += value;
+      }
+      const Wrench6 both{whole.force + half.force, whole.moment + half.moment};
+      for (int e = 0; e < f; ++e)
+        for (int k = 0; k < per_; ++k) {
+          const double value = scale * work(at.whole[kMaxStrains * e + k], both);
+          matrix[index(e, k) * size_ + c] += value;
+          matrix[c * size_ + index(e, k)] += value;
+        }
+    }
+    beyond.add(s_.middles[f], at.middles[f]);
+  }
+}
+
+void RodMotion::spread(const double* free, double share, double* strains) const {
+  for (int e = 0; e < s_.elements; ++e)
+    for (int k = 0; k < per_; ++k) {
+      const int j = kMaxStrains * e + k;
+      strains[j] = strain[j] + share * free[index(e, k)];
+    }
+}
+
+}  // namespace contid

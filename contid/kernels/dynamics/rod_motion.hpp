@@ -1,0 +1,106 @@
+// Motion of a rod in its strains q: a variational integrator with forces at the middle of each step.
+//
+// The discrete Lagrangian of a step of time h is the energy of the masses on their chords, less the energy of the
+// strains half-way (J. E. Marsden and M. West, "Discrete mechanics and variational integrators", Acta Numerica 10,
+// 2001):
+//
+//     L(q, r) = sum m |p(r) - p(q)|^2 / (2 h) - h U((q + r) / 2),
+//
+// where p are the bodies of chain.hpp. With the momentum y = J(q)^T m p', the damping D of Kelvin and Voigt and loads f
+// at the beginning of the step, r and the next momentum are the answers of
+//
+//     J(q)^T m (p(r) - p(q)) / h + h/2 U'((q + r) / 2) + D (r - q) / 2 = y + h J(q)^T f
+//     y_next = J(r)^T m (p(r) - p(q)) / h - h/2 U'((q + r) / 2) - D (r - q) / 2.
+//
+// It is symplectic, of second order, stable for stiff strains, and rests where U' = J^T f: in the equilibrium of the
+// statics. U has the stiffness of the backbone, the moments of chambers (tau) and tendons as springs that only pull.
+// The first equation is solved by Newton's method with the matrix M(q) / h + h/4 U'' + D/2 of the step's beginning.
+//
+// Loads act for half a step at its beginning and at its end, so that the momentum is that of the time of q.
+// Twist and stretch of thin rods ring at 10^4 Hz, far above what a step resolves, and with almost no inertia their
+// momenta would alternate from step to step without end. Their rates get an inertia of their own, h^2 / 4 times the
+// stiffness: no such wave is faster than 2 / h, slow motion changes by the square of (frequency x h / 2), and energy is
+// kept.
+#pragma once
+
+#include <vector>
+
+#include "chain.hpp"
+
+namespace contid {
+
+constexpr double kSlow = 0.25;  // inertia of the rates of twist and stretch, in stiffness times the square of the step
+
+struct MotionSetup {
+  int elements = 0, tendons = 0;
+  int strains = 3;                         // of an element: 3, 4 with stretch, 6 with shear
+  std::vector<double> lengths, rigid;      // of elements [m]
+  std::vector<Inertia> middles, ends;      // of elements [kg, kg m^2]
+  std::vector<double> arms, tendon, rest;  // as in tendon/rod.hpp
+  double base = 0.0;                       // length before the first element [m]
+};
+
+// Loads that do not depend on the strains during a step.
+struct MotionLoads {
+  Vec gravity{0, 0, 0};                // acceleration [m/s^2]
+  std::vector<Wrench6> nodes;          // dead force and moment on the end of each element [N, N m]
+  std::vector<double> strains, pulls;  // tau: elements x 6 [N m, N]; pulls of the tendons [m]
+};
+
+class RodMotion {
+ public:
+  explicit RodMotion(MotionSetup setup);
+
+  const MotionSetup& setup() const { return s_; }
+  MotionLoads loads;
+  // Of the strains, elements x 6 [N m, N]; damping is that times a time [s].
+  std::vector<double> stiffness, damping;
+
+  // The state: strains (elements x 6) and the momenta of the free ones.
+  std::vector<double> strain, momentum;
+  const Placed& placed() const { return now_; }
+  std::vector<double> tensions;  // of the last evaluation of the strains' energy [N]
+
+  // Take other strains at rest.
+  void put(const double* strains);
+
+  // One step of `h` seconds; halved, up to 2^6 parts, where Newton's method needs more. False: none was found.
+  bool step(double h);
+
+  // The equilibrium under the loads from the present strains; false: none was found, and nothing has changed.
+  bool settle();
+
+  // Of the state [J]: energy of the motion, and of strains, gravity and loads on nodes together.
+  double kinetic();
+  double potential();
+
+  // Mass matrix and derivative of the balance at the present strains, free x free.
+  void linearise(double* mass, double* stiffness);
+
+  int free() const { return size_; }
+
+ private:
+  const MotionSetup s_;
+  const int per_, size_;
+  Placed now_, next_;
+  std::vector<double> last_, trial_, middle_, right_, force_, matrix_, base_;
+  std::vector<double> dl_;
+  std::vector<Together> beyond_;
+  std::vector<Wrench6> sums_;
+
+  int index(int e, int k) const { return per_ * e + k; }
+  // Inertia of the rate of a strain over h: twist and stretch only.
+  double slow(int e, int k, double h) const { return k < 2 ? 0.0 : kSlow * h * stiffness[kMaxStrains * e + k]; }
+  bool advance(double h, int depth);
+  bool solve(double h);
+
+  // J(q)^T of momenta of the motion from `from` to `to`, at the places `at`.
+  void moved(const Placed& at, const Placed& from, const Placed& to, double scale, double* out);
+  void external(const Placed& at, double* out);
+  void gradient(const double* strains, double* out);
+  void add_curvature(const double* strains, double scale, double* matrix);
+  void mass(const Placed& at, double scale, double* matrix);
+  void spread(const double* free, double share, double* strains) const;
+};
+
+}  // namespace contid
