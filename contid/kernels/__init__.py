@@ -16,7 +16,8 @@ __all__ = ["KernelMissingError", "in_use", "load", "require"]
 
 #: The kernels of a complete build; some are compiled a second time for AVX2.
 KERNELS: Final = (
-    "arc", "clearance", "cosserat", "dynamics", "finger", "limiter", "ph_curve", "plant", "tendon", "tendon_rod", "text",
+    "arc", "clearance", "cosserat", "dynamics", "finger", "limiter", "ph_curve", "plant", "tendon",
+    "tendon_rod", "text",
 )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar, Final, Literal
 from pydantic import Field, model_validator
 
 from contid.robot_file.base import Interval, Positive, Quantity, Strict
+from contid.robot_file.dynamics import Dynamics
 from contid.robot_file.pneumatic.geometry import CosseratGeometry
 from contid.robot_file.pneumatic.sense import ModelErrors, Sense
 from contid.robot_file.pneumatic.simulated import SimulatedArm
@@ -79,6 +80,7 @@ class Cosserat(RobotDescription):
         sense: the force on the tip from a tracker; off when left out.
         load: ``estimated``: the solver gets the force that ``sense.load`` finds, in place of the one that
             targets state; ``known``: what targets state.
+        dynamics: masses, damping and answer of the actuators, for the arm in motion; off when left out.
         sim: payload, wall, errors and tracker of the simulated arm, for ``--mock`` and ``driver: sim``.
     """
 
@@ -91,6 +93,7 @@ class Cosserat(RobotDescription):
     solver: CosseratSolver = CosseratSolver()
     sense: Sense | None = None
     load: Literal["known", "estimated"] = "known"
+    dynamics: Dynamics | None = None
     sim: SimulatedArm | None = None
 
     @property
@@ -145,6 +148,9 @@ class Cosserat(RobotDescription):
             raise ValueError("load: estimated needs sense.load; `contid calibrate load` writes it")
         if self.sense is not None:
             self._check_calibration(self.sense.load.calibration)
+        if self.dynamics is not None:
+            weighed = all(each.density_kg_m3 > 0.0 for each in self.geometry.sections)
+            self.dynamics.check(len(self.geometry.sections), len(self.axis_names), weighed)
         if self.sim is not None and len(self.sim.errors.modulus_percent) > len(self.geometry.sections):
             raise ValueError(
                 f"sim.errors.modulus_percent: {len(self.sim.errors.modulus_percent)} numbers for "

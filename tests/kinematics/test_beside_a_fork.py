@@ -77,7 +77,8 @@ def test_forward_is_on_the_side_of_the_walk() -> None:
 
 
 @pytest.mark.parametrize(
-    ("bar", "force"), [SWINGING[0], *(pytest.param(*case, marks=pytest.mark.campaign) for case in SWINGING[1:])]
+    ("bar", "force"),
+    [SWINGING[0], *(pytest.param(*case, marks=pytest.mark.campaign) for case in SWINGING[1:])],
 )
 def test_an_arm_that_swings_fast_is_followed(bar: tuple[float, ...], force: Vec3) -> None:
     setup = models()[0].setup

@@ -72,7 +72,7 @@ struct Rod {
   // Damping is the stiffness times `damping_s`.
   void stiffen(Given stiffness, double damping_s) {
     fill(motion.stiffness, stiffness, "stiffness: six numbers per element");
-    for (size_t i = 0; i < motion.stiffness.size(); ++i) motion.damping[i] = damping_s * motion.stiffness[i];
+    motion.damping_s = damping_s;
   }
 
   void put(Given strains) {
@@ -89,10 +89,10 @@ struct Rod {
   // Steps of `step` seconds; after each `every` of them a row of `poses` (rows, nodes, 12). Steps made: fewer than
   // asked for where one had no answer.
   int run(double step, int every, nb::handle nodes, Rows poses) {
-    const std::vector<int> wanted = nb::cast<std::vector<int>>(nodes);
-    if (poses.ndim() != 3 || poses.shape(1) != wanted.size() || poses.shape(2) != kPose || every < 1 || !(step > 0.0))
+    const std::vector<int> asked = nb::cast<std::vector<int>>(nodes);
+    if (poses.ndim() != 3 || poses.shape(1) != asked.size() || poses.shape(2) != kPose || every < 1 || !(step > 0.0))
       throw nb::value_error("poses: rows x nodes x 12 numbers; steps above 0");
-    for (int node : wanted)
+    for (int node : asked)
       if (node < 0 || node > motion.setup().elements) throw nb::value_error("nodes: 0 to the number of elements");
     int made = 0;
     for (size_t row = 0; row < poses.shape(0); ++row) {
@@ -100,7 +100,7 @@ struct Rod {
         if (!motion.step(step)) return made;
         if (made % kInterrupt == 0 && PyErr_CheckSignals() != 0) throw nb::python_error();
       }
-      for (size_t i = 0; i < wanted.size(); ++i) pose(wanted[i], poses.data() + kPose * (row * wanted.size() + i));
+      for (size_t i = 0; i < asked.size(); ++i) pose(asked[i], poses.data() + kPose * (row * asked.size() + i));
     }
     return made;
   }

@@ -12,7 +12,7 @@ namespace contid {
 namespace {
 
 constexpr int kNewton = 12;           // iterations of a step
-constexpr double kExact = 1e-10;      // last change of a strain in a step [rad]
+constexpr double kExact = 1e-9;       // last change of a strain in a step [rad]
 constexpr int kHalvings = 6;          // of a step
 constexpr int kSettling = 200;        // iterations for an equilibrium
 constexpr double kLargestTurn = 0.3;  // of an element in one of them [rad]
@@ -26,7 +26,7 @@ constexpr double kDifference = 1e-6;  // of a strain, for derivatives of the bal
 RodMotion::RodMotion(MotionSetup setup)
     : s_(std::move(setup)), per_(s_.strains), size_(per_ * s_.elements), now_(s_.elements), next_(s_.elements) {
   const int n = s_.elements;
-  stiffness = damping = strain = std::vector<double>(kMaxStrains * n, 0.0);
+  stiffness = strain = std::vector<double>(kMaxStrains * n, 0.0);
   momentum.assign(size_, 0.0), tensions.assign(s_.tendons, 0.0);
   loads.nodes.resize(n), loads.strains.assign(kMaxStrains * n, 0.0), loads.pulls.assign(s_.tendons, 0.0);
   last_.assign(size_, 0.0), trial_ = middle_ = strain;
@@ -62,11 +62,11 @@ bool RodMotion::solve(double h) {
   std::fill(matrix_.begin(), matrix_.end(), 0.0);
   mass(now_, 1.0 / h, matrix_.data());
   spread(last_.data(), 0.5, middle_.data());
-  add_curvature(middle_.data(), 0.25 * h, matrix_.data());
+  add_curvature(middle_.data(), 0.25 * h, 0.25 * h + 0.5 * damping_s, matrix_.data());
   for (int e = 0; e < n; ++e)
     for (int k = 0; k < per_; ++k) {
       const int i = index(e, k);
-      matrix_[i * size_ + i] += 0.5 * damping[kMaxStrains * e + k] + slow(e, k, h);
+      matrix_[i * size_ + i] += 0.5 * damping_s * stiffness[kMaxStrains * e + k] + slow(e, k, h);
     }
   if (!factorise(matrix_.data(), size_)) return false;
   double change = 0.0;
@@ -75,11 +75,12 @@ bool RodMotion::solve(double h) {
     moved(now_, now_, next_, 1.0 / h, right_.data());
     for (std::size_t i = 0; i < strain.size(); ++i) middle_[i] = 0.5 * (strain[i] + trial_[i]);
     gradient(middle_.data(), force_.data());
+    damp_tendons(h);
     for (int e = 0; e < n; ++e)
       for (int k = 0; k < per_; ++k) {
         const int i = index(e, k), j = kMaxStrains * e + k;
         // What pulls back: the same in both equations.
-        force_[i] = 0.5 * h * force_[i] + 0.5 * damping[j] * (trial_[j] - strain[j]);
+        force_[i] = 0.5 * h * force_[i] + 0.5 * damping_s * stiffness[j] * (trial_[j] - strain[j]);
         right_[i] = base_[i] - right_[i] - force_[i] - slow(e, k, h) * (trial_[j] - strain[j]);
       }
     if (round > 0 && change <= kExact) break;
@@ -254,8 +255,22 @@ void RodMotion::gradient(const double* x, double* out) {
     for (int j = 0; j < m; ++j) out[i] += tensions[j] * dl_[i * m + j];
 }
 
+// Tendons that pull are damped as the backbone is: a tension of the damping time and stiffness times the rate of
+// length.
+void RodMotion::damp_tendons(double h) {
+  for (int j = 0; j < s_.tendons; ++j) {
+    if (!(tensions[j] > 0.0)) continue;
+    double longer = 0.0;
+    for (int e = 0; e < s_.elements; ++e)
+      for (int k = 0; k < per_; ++k)
+        longer += dl_[index(e, k) * s_.tendons + j] * (trial_[kMaxStrains * e + k] - strain[kMaxStrains * e + k]);
+    const double more = damping_s * s_.tendon[j] * longer / h;
+    for (int i = 0; i < size_; ++i) force_[i] += more * dl_[i * s_.tendons + j];
+  }
+}
+
 // Second derivative of the strains' energy: without the turn of the tendons in their element, which is small.
-void RodMotion::add_curvature(const double* x, double scale, double* matrix) {
+void RodMotion::add_curvature(const double* x, double scale, double tendons, double* matrix) {
   const int m = s_.tendons;
   for (int e = 0; e < s_.elements; ++e)
     for (int k = 0; k < per_; ++k) {
@@ -269,8 +284,8 @@ void RodMotion::add_curvature(const double* x, double scale, double* matrix) {
       double sum = 0.0;
       for (int j = 0; j < m; ++j)
         if (tensions[j] > 0.0) sum += s_.tendon[j] * dl_[i * m + j] * dl_[c * m + j];
-      matrix[i * size_ + c] += scale * sum;
-      if (c != i) matrix[c * size_ + i] += scale * sum;
+      matrix[i * size_ + c] += tendons * sum;
+      if (c != i) matrix[c * size_ + i] += tendons * sum;
     }
 }
 

@@ -53,8 +53,8 @@ class RodMotion {
 
   const MotionSetup& setup() const { return s_; }
   MotionLoads loads;
-  // Of the strains, elements x 6 [N m, N]; damping is that times a time [s].
-  std::vector<double> stiffness, damping;
+  std::vector<double> stiffness;  // of the strains, elements x 6 [N m, N]
+  double damping_s = 0.0;         // damping is that times the stiffness of strains and tendons
 
   // The state: strains (elements x 6) and the momenta of the free ones.
   std::vector<double> strain, momentum;
@@ -98,7 +98,8 @@ class RodMotion {
   void moved(const Placed& at, const Placed& from, const Placed& to, double scale, double* out);
   void external(const Placed& at, double* out);
   void gradient(const double* strains, double* out);
-  void add_curvature(const double* strains, double scale, double* matrix);
+  void damp_tendons(double h);
+  void add_curvature(const double* strains, double scale, double tendons, double* matrix);
   void mass(const Placed& at, double scale, double* matrix);
   void spread(const double* free, double share, double* strains) const;
 };

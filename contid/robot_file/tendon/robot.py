@@ -7,6 +7,7 @@ from typing import ClassVar, Final, Literal
 from pydantic import model_validator
 
 from contid.robot_file.base import Quantity
+from contid.robot_file.dynamics import Dynamics
 from contid.robot_file.robot import RobotDescription, SectionLength
 from contid.robot_file.tendon.sections import TendonRobotGeometry, TendonRobotLimits
 from contid.robot_file.tendon.statics import TendonFriction, TendonResidual, TendonRodStatics, Tension
@@ -31,6 +32,7 @@ class TendonRobot(RobotDescription):
         friction: friction of the tendons; off when left out.
         rod: statics of the backbone under loads; off when left out.
         residual: correction of the tip from a calibration; off when left out.
+        dynamics: masses, damping and answer of the actuators, for the robot in motion; off when left out.
     """
 
     quantity: ClassVar[Quantity] = Quantity.LENGTH
@@ -43,6 +45,7 @@ class TendonRobot(RobotDescription):
     friction: TendonFriction | None = None
     rod: TendonRodStatics | None = None
     residual: TendonResidual | None = None
+    dynamics: Dynamics | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> TendonRobot:
@@ -60,6 +63,11 @@ class TendonRobot(RobotDescription):
         if self.friction is not None:
             rows.append(("friction.capstan", self.friction.capstan))
             self._check_capstan(self.friction)
+        if self.dynamics is not None:
+            if self.tension is None:
+                raise ValueError("dynamics needs tension, which has the stiffness of backbone and tendons")
+            weighed = self.rod is not None and all(self.per_section(self.rod.weight_n_per_m))
+            self.dynamics.check(count, len(self.axis_names), weighed)
         for what, values in rows:
             if len(values) not in (1, count):
                 raise ValueError(f"{what} has {len(values)} entries; allowed: 1 or {count}, one per section")

@@ -1,0 +1,210 @@
+"""Robots of a file in motion: tendon robots and pneumatic arms with ``dynamics`` as moving rods."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from contid.errors import ContidError
+from contid.kinematics.array import Array
+from contid.kinematics.cosserat.model import CosseratModel
+from contid.kinematics.cosserat.section import Section
+from contid.kinematics.model import build_model
+from contid.kinematics.tendon.loaded import rod_of
+from contid.kinematics.tendon.model import TendonModel
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.tendon.robot import TendonRobot
+from contid.robot_file.tendon.statics import TendonRodStatics
+from contid.targets import ZERO3, Vec3, vec3
+from contid.units import BAR, MM_PER_M
+from contid_dynamics.rod import STRAINS, MovingElements, MovingRod, spread_mass
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from contid.robot_file.dynamics import Dynamics
+    from contid.robot_file.robot import RobotDescription
+
+#: Standard acceleration of gravity [m/s^2], of weights in robot files.
+GRAVITY: Final = 9.80665
+GRAM: Final = 1e-3
+
+
+@dataclass(frozen=True)
+class Chambers:
+    """A pneumatic section whose pressures stiffen, stretch and bend its elements; N, mm and bar.
+
+    Attributes:
+        section: of the statics.
+        rows: its elements.
+        length_mm: of an element.
+    """
+
+    section: Section
+    rows: slice
+    length_mm: float
+
+
+class MovingArm:
+    """A robot of a file whose body moves; forces and poses are in its base frame.
+
+    Args:
+        robot: its description, with ``dynamics``.
+        payload_kg: mass on the tip besides that of the file, with its weight.
+
+    Raises:
+        ContidError: its model has no moving body, or its file no ``dynamics``.
+    """
+
+    def __init__(self, robot: RobotDescription, payload_kg: float = 0.0) -> None:
+        if not isinstance(robot, (Cosserat, TendonRobot)):
+            raise ContidError(f"model {robot.model!r} has no moving body; allowed: cosserat, tendon")
+        if robot.dynamics is None:
+            raise ContidError(
+                "dynamics: missing; the body in motion needs it: mass_g_per_m and damping_ms at least "
+                "(docs/robots/dynamics.md)"
+            )
+        self.robot, self.dynamics = robot, robot.dynamics
+        tip_kg = payload_kg + GRAM * robot.dynamics.tip_mass_g
+        down = GRAVITY * np.array(robot.down_in_base)
+        self._gravity: Vec3 = vec3(down.tolist()) if robot.has_weight else ZERO3
+        # Without weight of its own the arm still carries that of its payload.
+        self._payload_n = np.zeros(3) if robot.has_weight else payload_kg * down
+        if isinstance(robot, TendonRobot):
+            self.rod, self.offset_m = _tendon_rod(robot, robot.dynamics, tip_kg)
+        else:
+            self._chambers, self._model, self.rod = _pneumatic_rod(robot, robot.dynamics, tip_kg)
+            self.offset_m = np.zeros(3)
+
+    def command(self, actuation: Sequence[float], tip_force_n: Vec3 = ZERO3) -> None:
+        """What the actuators do from now on: pulls [m] or pressures [Pa], and a force on the tip."""
+        wrench = self._tip_wrench(tip_force_n)
+        if isinstance(self.robot, TendonRobot):
+            self.rod.load(
+                gravity_m_s2=self._gravity,
+                wrenches={self.rod.count - 1: wrench},
+                pulls_m=np.array(actuation, dtype=np.float64),
+            )
+            return
+        bars = np.array(self._model.regulators.chambers(tuple(actuation)))
+        stiffness, strains = _inflated(self._chambers, bars, self.rod.count)
+        self.rod.stiffen(stiffness)
+        self.rod.load(gravity_m_s2=self._gravity, wrenches={self.rod.count - 1: wrench}, strains=strains)
+
+    def settle(self, actuation: Sequence[float], tip_force_n: Vec3 = ZERO3, steps: int = 8) -> None:
+        """Go from the straight arm to the equilibrium for an actuation, by parts of it.
+
+        Raises:
+            ArithmeticError: none was found.
+        """
+        self.rod.put(np.zeros((self.rod.count, STRAINS)))
+        for share in np.linspace(1.0 / steps, 1.0, steps):
+            part = [share * each for each in actuation]
+            x, y, z = tip_force_n
+            self.command(part, (share * x, share * y, share * z))
+            self.rod.settle()
+
+    @property
+    def tip_m(self) -> Array:
+        """The tip ``(3,)``."""
+        (tip,) = self.tips_of(self.rod.poses[-1:])
+        return np.asarray(tip)
+
+    def tips_of(self, poses: Array) -> Array:
+        """Tips ``(n, 3)`` of poses of the last node ``(n, 12)``."""
+        tips: Array = poses[:, :3] + poses[:, 3:].reshape(-1, 3, 3) @ self.offset_m
+        return tips
+
+    def _tip_wrench(self, force_n: Vec3) -> list[float]:
+        """A force on the tip as force and moment on the last node, as the node stands now."""
+        force = np.array(force_n) + self._payload_n
+        turned = self.rod.poses[-1, 3:].reshape(3, 3) @ self.offset_m
+        return [*force.tolist(), *np.cross(turned, force).tolist()]
+
+
+def _tendon_rod(robot: TendonRobot, dynamics: Dynamics, tip_kg: float) -> tuple[MovingRod, Array]:
+    model = build_model(robot.model_copy(update={"residual": None, "friction": None, "rod": None}))
+    assert isinstance(model, TendonModel)
+    assert model.statics is not None
+    statics = robot.rod if robot.rod is not None else TendonRodStatics()
+    described = robot.model_copy(update={"rod": statics.model_copy(update={"elements": dynamics.elements})})
+    discrete = rod_of(described, model.geometry, model.statics).discrete
+    count = len(discrete.lengths)
+    per_m = dynamics.mass_g_per_m
+    masses = np.array(
+        robot.per_section(statics.weight_n_per_m if per_m is None else per_m), dtype=np.float64
+    ) * (1.0 / GRAVITY if per_m is None else GRAM)
+    radius_m = dynamics.radius_mm / MM_PER_M if dynamics.radius_mm is not None else _mean_arm(discrete.arms)
+    middles, ends = spread_mass(
+        discrete.lengths, np.repeat(masses, dynamics.elements), np.full(count, radius_m)
+    )
+    ends[-1, 0] += tip_kg
+    stiffness = np.zeros((count, STRAINS))
+    stiffness[:, :4] = discrete.stiffness
+    elements = MovingElements(
+        discrete.lengths, discrete.rigid, 4 if discrete.stretches else 3, middles, ends,
+        np.ascontiguousarray(discrete.arms), discrete.tendon, discrete.rest, discrete.base_m,
+    )  # fmt: skip
+    return MovingRod(elements, stiffness, dynamics.damping_ms * 1e-3), np.array(discrete.offset)
+
+
+def _mean_arm(arms: Array) -> float:
+    return float(np.nanmean(np.hypot(arms[..., 0], arms[..., 1])))
+
+
+def _pneumatic_rod(
+    robot: Cosserat, dynamics: Dynamics, tip_kg: float
+) -> tuple[list[Chambers], CosseratModel, MovingRod]:
+    model = build_model(robot)
+    assert isinstance(model, CosseratModel)
+    n = dynamics.elements
+    chambers, lengths, rigid, masses, radii = [], [], [], [], []
+    sections = model.setup.rod.sections
+    for i, (section, described) in enumerate(zip(sections, robot.geometry.sections, strict=True)):
+        chambers.append(Chambers(section, slice(i * n, (i + 1) * n), section.length / n))
+        lengths += [section.length / n / MM_PER_M] * n
+        rigid += [0.0] * (n - 1) + [section.link / MM_PER_M]
+        if dynamics.mass_g_per_m is None:
+            per_m = described.density_kg_m3 * section.area * 1e-6
+        else:
+            per_m = GRAM * dynamics.mass_g_per_m[i if len(dynamics.mass_g_per_m) > 1 else 0]
+        masses += [per_m] * n
+        radii += [(dynamics.radius_mm or described.radius_mm) / MM_PER_M] * n
+    middles, ends = spread_mass(np.array(lengths), np.array(masses), np.array(radii))
+    for i, described in enumerate(robot.geometry.sections):
+        ends[(i + 1) * n - 1, 0] += GRAM * described.link_mass_g
+    ends[-1, 0] += tip_kg
+    count = len(lengths)
+    elements = MovingElements(
+        np.array(lengths), np.array(rigid), 6, middles, ends,
+        np.zeros((count, 0, 2)), np.zeros(0), np.zeros(0),
+    )  # fmt: skip
+    stiffness, _ = _inflated(chambers, np.zeros(3 * len(sections)), count)
+    return chambers, model, MovingRod(elements, stiffness, dynamics.damping_ms * 1e-3)
+
+
+def _inflated(chambers: Sequence[Chambers], bars: Array, count: int) -> tuple[Array, Array]:
+    """Stiffness and moments of the strains, both ``(elements, 6)`` [N m, N], for pressures [bar].
+
+    Pressure shifts the strains at which an element is free of stress, `Section.inflated`; a moment of
+    stiffness times that shift does the same. Curvature (x, y) turns by w = (-v, u).
+    """
+    stiffness, strains = np.zeros((count, STRAINS)), np.zeros((count, STRAINS))
+    for i, each in enumerate(chambers):
+        found = each.section.inflated(bars[3 * i : 3 * i + 3])
+        h = each.length_mm
+        # N mm of a turn become N m; N times mm of a strain become N m.
+        rigidity = np.array(
+            [1.0 / found.bend / h, 1.0 / found.bend / h, 1.0 / found.twist / h, h / found.axial,
+             h / found.shear, h / found.shear]
+        ) / MM_PER_M  # fmt: skip
+        free = np.array([found.curvature[1] * h, -found.curvature[0] * h, 0.0, found.strain, 0.0, 0.0])
+        stiffness[each.rows], strains[each.rows] = rigidity, rigidity * free
+    return stiffness, strains
+
+
+def actuation_of_file_units(robot: RobotDescription, values: Sequence[float]) -> tuple[float, ...]:
+    """Numbers in mm or bar as m or Pa."""
+    return tuple(value * BAR if isinstance(robot, Cosserat) else value / MM_PER_M for value in values)

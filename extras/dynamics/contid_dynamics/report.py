@@ -1,0 +1,125 @@
+"""Modes of a robot at a pose and over its workspace, for ``contid modes``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Final
+
+import numpy as np
+
+from contid.kinematics.array import Array
+from contid.robot_file.robot import RobotDescription
+from contid.units import MM_PER_M
+from contid_dynamics.arm import MovingArm
+from contid_dynamics.rod import STRAINS, Modes
+
+#: Change of the strains by which shapes are drawn, in modal coordinates at unit mass [sqrt(kg) m].
+_STEP: Final = 1e-6
+#: Share of the length of a mode's shape below which the tip stands still.
+_STANDS: Final = 1e-3
+SEED: Final = 1
+
+
+@dataclass(frozen=True)
+class VibrationMode:
+    """One mode.
+
+    Attributes:
+        frequency_hz: damped frequency; 0 where the damping is above critical.
+        ratio: damping ratio.
+        settles_s: time until 1 % of a swing is left.
+        direction: unit vector along which the tip moves, empty where it stands.
+        shape_mm: displacement of every node for a displacement of 1 mm of the one that moves most.
+    """
+
+    frequency_hz: float
+    ratio: float
+    settles_s: float
+    direction: tuple[float, ...]
+    shape_mm: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class PoseModes:
+    """The slowest modes at a pose.
+
+    Attributes:
+        tip_mm: the tip in the base frame.
+        nodes_mm: the backbone, from the base on.
+        modes: slowest first.
+    """
+
+    tip_mm: tuple[float, ...]
+    nodes_mm: tuple[tuple[float, ...], ...]
+    modes: tuple[VibrationMode, ...]
+
+    def to_json(self) -> dict[str, object]:
+        """The numbers for ``--json``."""
+        return asdict(self)
+
+
+def pose_modes(
+    robot: RobotDescription, actuation: Sequence[float], count: int, payload_g: float = 0.0
+) -> PoseModes:
+    """Modes of a robot that rests under an actuation [m or Pa].
+
+    Raises:
+        ContidError: the robot has no moving body.
+        ArithmeticError: no equilibrium was found.
+    """
+    arm = MovingArm(robot, payload_g * 1e-3)
+    arm.settle(actuation)
+    found = arm.rod.modes()
+    nodes = arm.rod.poses
+    strain = arm.rod.strain
+    modes = tuple(_mode(arm, found, k, nodes, strain) for k in range(min(count, len(found.ratio))))
+    return PoseModes(
+        tuple((MM_PER_M * arm.tip_m).tolist()),
+        tuple(tuple(point) for point in (MM_PER_M * nodes[:, :3]).tolist()),
+        modes,
+    )
+
+
+def range_over_poses(
+    robot: RobotDescription, poses: int, count: int, payload_g: float = 0.0
+) -> list[tuple[float, float]]:
+    """Least and greatest frequency [Hz] of each mode over random actuations within the limits."""
+    rng = np.random.default_rng(SEED)
+    arm = MovingArm(robot, payload_g * 1e-3)
+    low, high = np.array(robot.lower), np.array(robot.upper)
+    rows = []
+    for _ in range(poses):
+        actuation = low + rng.random(len(low)) * (high - low)
+        try:
+            arm.settle(actuation.tolist())
+        except ArithmeticError:
+            continue  # tendons that pull against each other beyond what bends the backbone
+        rows.append(arm.rod.modes().frequency_hz[:count])
+    if not rows:
+        return [(math.nan, math.nan)] * count
+    return list(zip(np.min(rows, axis=0).tolist(), np.max(rows, axis=0).tolist(), strict=True))
+
+
+def _mode(arm: MovingArm, found: Modes, k: int, nodes: Array, strain: Array) -> VibrationMode:
+    free = arm.rod.elements.strains
+    change = np.zeros((arm.rod.count, STRAINS))
+    change[:, :free] = found.strain[k].reshape(-1, free)
+    arm.rod.put(strain + _STEP * change)
+    moved = (arm.rod.poses - nodes) / _STEP
+    tip = arm.tips_of(moved[-1:])[0]
+    arm.rod.put(strain)
+    most = max(float(np.linalg.norm(moved[:, :3], axis=1).max()), 1e-12)
+    length = float(np.linalg.norm(tip))
+    ratio, undamped = float(found.ratio[k]), float(found.frequency_hz[k])
+    rate = 2.0 * math.pi * undamped
+    # Above critical damping the slower of the two exponentials counts.
+    decay = ratio * rate if ratio < 1.0 else rate * (ratio - math.sqrt(ratio * ratio - 1.0))
+    return VibrationMode(
+        undamped * math.sqrt(max(0.0, 1.0 - ratio * ratio)),
+        ratio,
+        math.log(100.0) / decay if decay > 0.0 else math.inf,
+        tuple((tip / length).tolist()) if length > _STANDS * most else (),
+        tuple(tuple(point) for point in (moved[:, :3] / most).tolist()),
+    )

@@ -1,0 +1,111 @@
+"""Robots of a file in motion: equilibria of their statics, modes from another derivation, `contid modes`."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from contid.errors import ContidError
+from contid.kinematics.model import build_model
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.load import load_named, parse_robot_file
+from contid.robot_file.tendon.robot import TendonRobot
+from contid.targets import Target
+from contid_dynamics.arm import MovingArm
+from contid_dynamics.report import pose_modes
+
+SHIPPED = ("stiffflop1", "stiffflop2", "tendon3", "ftdcr_v4")
+
+
+def robot_of(name: str, **changes: object) -> Cosserat | TendonRobot:
+    (robot,) = load_named(name).file.robots.values()
+    assert isinstance(robot, (Cosserat, TendonRobot))
+    assert robot.dynamics is not None
+    return robot.model_copy(update={"dynamics": robot.dynamics.model_copy(update=changes)})
+
+
+def actuation_of(robot: Cosserat | TendonRobot, seed: int) -> list[float]:
+    """Pulls of a random bend, pressures at random."""
+    rng = np.random.default_rng(seed)
+    if isinstance(robot, Cosserat):
+        pressures: list[float] = rng.uniform(0.0, 1.2e5, len(robot.axis_names)).tolist()
+        return pressures
+    model = build_model(robot)
+    pose = model.forward(tuple(rng.uniform(-2e-3, 2e-3, 9)))
+    found = model.inverse(Target(tip_m=pose.tip_m, direction=pose.direction), robot.rest)
+    assert found.converged
+    return list(found.actuation)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_robot_in_motion_comes_to_rest_in_the_equilibrium_of_its_statics(name: str) -> None:
+    robot = robot_of(name)
+    arm, model = MovingArm(robot), build_model(robot)
+    for seed in range(3):
+        actuation = actuation_of(robot, seed)
+        arm.settle(actuation)
+        assert np.linalg.norm(arm.tip_m - model.forward(tuple(actuation)).tip_m) < 5e-5
+
+
+@pytest.mark.parametrize(("name", "elements"), [("stiffflop1", 16), ("stiffflop2", 12)])
+def test_a_force_on_the_tip_bends_it_as_in_the_statics(name: str, elements: int) -> None:
+    robot = robot_of(name, elements=elements)
+    arm, model = MovingArm(robot), build_model(robot)
+    force = (0.01, -0.005, 0.02)
+    actuation = actuation_of(robot, 1)
+    arm.settle(actuation, force)
+    assert np.linalg.norm(arm.tip_m - model.forward(tuple(actuation), force).tip_m) < 1e-4
+
+
+def test_the_first_frequency_of_a_pneumatic_arm_is_that_of_a_beam() -> None:
+    """Of one section at rest: Euler's beam with E I of the file; shear and rotary inertia slow it."""
+    robot = robot_of("stiffflop1", elements=16)
+    assert isinstance(robot, Cosserat)
+    (section,) = robot.geometry.sections
+    solid = section.radius_mm**4 - section.channel_radius_mm**4 - 6 * section.chamber_radius_mm**4
+    chambers = 3.0 * section.chamber_placement_mm**2 * np.pi * section.chamber_radius_mm**2
+    inertia = (np.pi / 4.0 * solid - chambers) * 1e-12
+    beam = (
+        1.8751**2
+        / (2 * np.pi * (section.length_mm * 1e-3) ** 2)
+        * np.sqrt(section.modulus_pa[4] * inertia / 0.133)
+    )
+    found = pose_modes(robot, robot.rest, 2).modes[0]
+    assert 0.9 * beam < found.frequency_hz / np.sqrt(1.0 - found.ratio**2) < beam
+
+
+def test_a_payload_slows_the_arm_and_hangs_straight() -> None:
+    robot = robot_of("stiffflop2")
+    light, heavy = pose_modes(robot, robot.rest, 1), pose_modes(robot, robot.rest, 1, payload_g=10.0)
+    assert heavy.modes[0].frequency_hz < 0.8 * light.modes[0].frequency_hz
+    assert heavy.tip_mm[2] > light.tip_mm[2]
+
+
+@pytest.mark.process
+def test_the_command_prints_modes_and_names_what_is_missing(
+    contid: Callable[..., subprocess.CompletedProcess[str]],
+) -> None:
+    done = contid("modes", "tendon3", "--at", "s1.t1_mm=3", "--count", "2", "--json")
+    assert done.returncode == 0, done.stderr
+    arm = json.loads(done.stdout)["arm"]
+    assert len(arm["modes"]) == 2
+    assert len(arm["nodes_mm"]) == len(arm["modes"][0]["shape_mm"]) == 13
+    assert "7.6" in contid("modes", "tendon3").stdout
+    none = contid("modes", "finger")
+    assert none.returncode == 2
+    assert "no robot has 'dynamics'" in none.stderr
+    wrong = contid("modes", "stiffflop2", "--at", "p=3")
+    assert wrong.returncode == 2
+    assert "allowed: s1.p1_bar" in wrong.stderr
+
+
+def test_mistakes_in_dynamics_are_located() -> None:
+    text = load_named("stiffflop2").text
+    with pytest.raises(ContidError, match="mass_g_per_m has 3 numbers; allowed: 1 or 2, one per section"):
+        parse_robot_file(text.replace("mass_g_per_m: [133]", "mass_g_per_m: [1, 2, 3]"), "arm.yaml")
+    with pytest.raises(ContidError, match="dynamics needs mass_g_per_m"):
+        parse_robot_file(text.replace("mass_g_per_m: [133]", ""), "arm.yaml")
