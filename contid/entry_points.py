@@ -11,8 +11,9 @@ contid imports no extra: the metadata of a distribution names what it adds, and 
 | ``contid.workspaces`` | `contid.api.workspace.MeasureWorkspace`, of robots in the plane and in space |
 | ``contid.addresses`` | a function from a text ``NAME:...`` to a `contid.remote.client.wires.Address` |
 
-Drivers (``contid.drivers``), models (``contid.models``) and stages of the tick (``contid.stages``) are found
-in the same way, by `contid.hal.driver`, `contid.robot_file.model_plugins`, `contid.control.engine.stages`.
+Drivers (``contid.drivers``), bodies in motion of simulated robots (``contid.bodies``), models
+(``contid.models``) and stages of the tick (``contid.stages``) are found in the same way, by
+`contid.hal.driver`, `contid.robot_file.model_plugins`, `contid.control.engine.stages`.
 """
 
 from __future__ import annotations

@@ -151,6 +151,8 @@ class Cosserat(RobotDescription):
         if self.dynamics is not None:
             weighed = all(each.density_kg_m3 > 0.0 for each in self.geometry.sections)
             self.dynamics.check(len(self.geometry.sections), len(self.axis_names), weighed)
+        if self.sim is not None and self.sim.dynamics and self.dynamics is None:
+            raise ValueError("sim.dynamics needs dynamics, which has the masses")
         if self.sim is not None and len(self.sim.errors.modulus_percent) > len(self.geometry.sections):
             raise ValueError(
                 f"sim.errors.modulus_percent: {len(self.sim.errors.modulus_percent)} numbers for "

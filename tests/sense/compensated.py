@@ -12,7 +12,8 @@ from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.base import TipFeedback
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import load_named, with_mock
-from contid.robot_file.pneumatic.simulated import SimulatedArm, SimulatedTracker
+from contid.robot_file.pneumatic.simulated import SimulatedArm
+from contid.robot_file.simulated_body import SimulatedTracker
 from contid.targets import Target
 from contid_drivers.sim.bus import SimBus
 from tests.sense.observed import ERRORS, GRAM_N, Loaded, calibrated, pascal

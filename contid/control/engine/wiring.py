@@ -139,7 +139,7 @@ def build_buses(loaded: LoadedFile, clock: Clock) -> dict[str, Bus]:
 def simulated_bodies(loaded: LoadedFile) -> Iterator[tuple[str, BaseModel, set[str]]]:
     """Robots whose bodies a simulated bus computes, by name, and the buses of their axes."""
     for name, robot in loaded.driven.items():
-        if isinstance(robot, Cosserat | RackFinger) and robot.sim is not None:
+        if isinstance(robot, Cosserat | RackFinger | TendonRobot) and robot.sim is not None:
             yield name, robot, {robot.axes[axis].bus for axis in robot.axis_names}
 
 

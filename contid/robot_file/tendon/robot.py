@@ -9,6 +9,7 @@ from pydantic import model_validator
 from contid.robot_file.base import Quantity
 from contid.robot_file.dynamics import Dynamics
 from contid.robot_file.robot import RobotDescription, SectionLength
+from contid.robot_file.simulated_body import SimulatedTendons
 from contid.robot_file.tendon.sections import TendonRobotGeometry, TendonRobotLimits
 from contid.robot_file.tendon.statics import TendonFriction, TendonResidual, TendonRodStatics, Tension
 from contid.targets import Actuation, Vec3
@@ -33,6 +34,7 @@ class TendonRobot(RobotDescription):
         rod: statics of the backbone under loads; off when left out.
         residual: correction of the tip from a calibration; off when left out.
         dynamics: masses, damping and answer of the actuators, for the robot in motion; off when left out.
+        sim: payload and tracker of the simulated robot in motion, for ``--mock`` and ``driver: sim``.
     """
 
     quantity: ClassVar[Quantity] = Quantity.LENGTH
@@ -46,6 +48,7 @@ class TendonRobot(RobotDescription):
     rod: TendonRodStatics | None = None
     residual: TendonResidual | None = None
     dynamics: Dynamics | None = None
+    sim: SimulatedTendons | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> TendonRobot:
@@ -68,6 +71,8 @@ class TendonRobot(RobotDescription):
                 raise ValueError("dynamics needs tension, which has the stiffness of backbone and tendons")
             weighed = self.rod is not None and all(self.per_section(self.rod.weight_n_per_m))
             self.dynamics.check(count, len(self.axis_names), weighed)
+        if self.sim is not None and self.dynamics is None:
+            raise ValueError("sim needs dynamics, which has the masses")
         for what, values in rows:
             if len(values) not in (1, count):
                 raise ValueError(f"{what} has {len(values)} entries; allowed: 1 or {count}, one per section")

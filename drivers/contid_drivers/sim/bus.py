@@ -16,7 +16,8 @@ from contid.errors import ContidError, DeviceError, DeviceLostError, DeviceNotFo
 from contid.hal import AxisOnBus, Clock, DeviceKind, Rest, Sample, TipMeasured
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
-from contid_drivers.sim.arm.body import TrackedArm
+from contid.robot_file.tendon.robot import TendonRobot
+from contid_drivers.sim.arm.tracked import TrackedBody
 from contid_drivers.sim.body_faults import BodyFaults
 from contid_drivers.sim.devices import SimDevice
 from contid_drivers.sim.faults import Switches, append_event
@@ -44,7 +45,7 @@ class SimBus:
         self._lost = ""
         self._enabled: set[str] = set()
         self._samples: dict[str, Sample] = {}
-        self.arms: list[TrackedArm] = []
+        self.arms: list[TrackedBody] = []
         self.fingers: list[FingerBody] = []
         now = clock.now()
         self.devices = {axis.name: _device(name, options, axis, now) for axis in axes}
@@ -157,8 +158,8 @@ class SimBus:
         if isinstance(description, RackFinger):
             self.fingers.append(FingerBody(robot, description))
             return
-        assert isinstance(description, Cosserat)
-        self.arms.append(TrackedArm(robot, description))
+        assert isinstance(description, Cosserat | TendonRobot)
+        self.arms.append(TrackedBody(robot, description))
 
     def measured_tips(self) -> Sequence[TipMeasured]:
         """What arrived since the last call, in the order of time; callable from any thread."""
@@ -226,7 +227,7 @@ class SimBus:
                 arm.capture(self._values(arm.axes), capture_s, capture_s - self._opened_s)
         self._advance_to(to_s)
         for arm in self.arms:
-            arm.body.follow(self._values(arm.axes))
+            arm.body.follow(self._values(arm.axes), to_s - self._opened_s)
         for finger in self.fingers:
             shafts = [self.devices[axis] for axis in finger.axes]
             settled = finger.settle(self._values(finger.axes), to_s - self._opened_s)

@@ -78,6 +78,14 @@ def test_the_first_frequency_of_a_pneumatic_arm_is_that_of_a_beam() -> None:
     assert 0.9 * beam < found.frequency_hz / np.sqrt(1.0 - found.ratio**2) < beam
 
 
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_first_frequency_is_that_of_many_elements(name: str) -> None:
+    robot = robot_of(name)
+    many = pose_modes(robot_of(name, elements=32), robot.rest, 1).modes[0]
+    found = pose_modes(robot, robot.rest, 1).modes[0]
+    assert found.frequency_hz == pytest.approx(many.frequency_hz, rel=0.005)
+
+
 def test_a_payload_slows_the_arm_and_hangs_straight() -> None:
     robot = robot_of("stiffflop2")
     light, heavy = pose_modes(robot, robot.rest, 1), pose_modes(robot, robot.rest, 1, payload_g=10.0)
@@ -93,8 +101,8 @@ def test_the_command_prints_modes_and_names_what_is_missing(
     assert done.returncode == 0, done.stderr
     arm = json.loads(done.stdout)["arm"]
     assert len(arm["modes"]) == 2
-    assert len(arm["nodes_mm"]) == len(arm["modes"][0]["shape_mm"]) == 13
-    assert "7.6" in contid("modes", "tendon3").stdout
+    assert len(arm["nodes_mm"]) == len(arm["modes"][0]["shape_mm"]) == 37
+    assert "7.4" in contid("modes", "tendon3").stdout
     none = contid("modes", "finger")
     assert none.returncode == 2
     assert "no robot has 'dynamics'" in none.stderr

@@ -1,12 +1,10 @@
-"""A simulated pneumatic arm: regulators with errors, hysteresis, a payload, a wall, and its tracked tip."""
+"""A simulated pneumatic arm at rest: regulators with errors, hysteresis, a payload, a wall."""
 
 from __future__ import annotations
 
 import random
-from collections import deque
 from typing import Final
 
-from contid.hal import TipMeasured
 from contid.robot_file.cosserat import Cosserat
 from contid.units import BAR, MM_PER_M, STANDARD_GRAVITY
 from contid_drivers.sim.arm.statics import Numbers, PlantEquilibrium, arm_solver
@@ -48,8 +46,13 @@ class SimulatedBody:
         self.push_n = 0.0
         self.lost = False
 
-    def follow(self, regulators_pa: list[float]) -> None:
-        """The regulators reached pressures [Pa]; the chambers follow as far as the hysteresis lets them."""
+    def follow(self, regulators_pa: list[float], t_s: float = 0.0) -> None:
+        """The regulators reached pressures [Pa]; the chambers follow as far as the hysteresis lets them.
+
+        Args:
+            regulators_pa: pressures.
+            t_s: time since the bus was opened; this arm is at rest at every instant.
+        """
         pressures = [p / BAR for p in regulators_pa]
         if not self._acting:
             self._acting = pressures
@@ -60,9 +63,7 @@ class SimulatedBody:
 
     def payload_n(self, t_s: float) -> tuple[float, float, float]:
         """Force of the payload on the tip in the base frame [N], a time after the bus was opened."""
-        sim = self._sim
-        on = sim.payload_at_s <= t_s and (sim.payload_until_s is None or t_s < sim.payload_until_s)
-        weight = sim.payload_g * 1e-3 * STANDARD_GRAVITY if on else 0.0
+        weight = self._sim.payload_kg(t_s) * STANDARD_GRAVITY
         x, y, z = self._down
         return (weight * x, weight * y, weight * z)
 
@@ -119,48 +120,3 @@ class SimulatedBody:
             for i in range(3)
         )
         return x, y, z
-
-
-class TrackedArm:
-    """One simulated arm and its tracker.
-
-    Args:
-        robot: its name.
-        description: description with a ``sim``.
-
-    Attributes:
-        axes: names of its axes on the bus.
-        body: follows their pressures, also between two captures: its hysteresis depends on all of them.
-    """
-
-    def __init__(self, robot: str, description: Cosserat) -> None:
-        assert description.sim is not None
-        self._robot = robot
-        self._tracker = description.sim.tracker
-        self._noise = random.Random(f"{self._tracker.seed}:{robot}")
-        self._captures = 0
-        self._underway: deque[TipMeasured] = deque()
-        self.axes = [f"{robot}.{axis}" for axis in description.axis_names]
-        self.body = SimulatedBody(description)
-
-    def next_capture_s(self, opened_s: float) -> float:
-        """When the tracker of a bus opened at ``opened_s`` captures next."""
-        return opened_s + self._captures / self._tracker.rate_hz
-
-    def capture(self, regulators_pa: list[float], now_s: float, t_s: float) -> None:
-        """Measure the tip now, ``t_s`` after the bus was opened."""
-        self._captures += 1
-        self.body.follow(regulators_pa)
-        if any(begin <= t_s < end for begin, end in self._tracker.hidden_s):
-            return
-        sigma = self._tracker.noise_mm / MM_PER_M
-        x, y, z = (v + self._noise.gauss(0.0, sigma) for v in self.body.tip_in_world_m(t_s))
-        self._underway.append(TipMeasured(self._robot, (x, y, z), now_s))
-
-    def take_arrived(self, now_s: float) -> list[TipMeasured]:
-        """Measurements whose latency is over."""
-        out = []
-        latency_s = self._tracker.latency_ms / 1e3
-        while self._underway and self._underway[0].time_s + latency_s <= now_s:
-            out.append(self._underway.popleft())
-        return out
