@@ -1,4 +1,4 @@
-"""A rod that is let go, beside PyElastica's explicit Cosserat rod from the same shape, as both are refined."""
+"""A rod that is let go, beside PyElastica's explicit rod from the same shape, as both are refined."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pytest
 import tqdm
 
 from contid.kinematics.array import Array
-from extras.dynamics.tests.test_rod_motion import bar
 from tests.oracles.elastic_rods import RODS
+from tests.support.moving_bars import bar
 
 pytestmark = [pytest.mark.slow, pytest.mark.campaign]
 

@@ -11,32 +11,13 @@ import pytest
 
 from contid import ElasticRod, Wrench
 from contid.kinematics.array import Array
-from contid_dynamics.rod import STRAINS, MovingElements, MovingRod, spread_mass
+from contid_dynamics.rod import STRAINS, MovingRod
 from tests.oracles.elastic_rods import RODS, TO_MODEL
+from tests.support.moving_bars import bar
 from tests.support.shared_data import shared_data
 
 #: First roots of cos x cosh x = -1 of a clamped and free beam.
 BEAM_ROOTS = (1.875104068711961, 4.694091132974174, 7.854757438237613)
-
-
-def elements_of(count: int, length: float, mass_per_m: float, radius: float) -> MovingElements:
-    lengths = np.full(count, length / count)
-    # The second moment of a full section of this radius is a quarter of its mass times the radius squared.
-    middles, ends = spread_mass(lengths, np.full(count, mass_per_m), np.full(count, radius))
-    none = np.zeros(0)
-    return MovingElements(lengths, np.zeros(count), 3, middles, ends, np.zeros((count, 0, 2)), none, none)
-
-
-def bar(
-    count: int, length: float, radius: float, modulus: float, poisson: float, density: float, damping_s: float
-) -> MovingRod:
-    """A round bar."""
-    inertia = 0.25 * math.pi * radius**4
-    h = length / count
-    turns = modulus * inertia / h
-    stiffness = np.zeros((count, STRAINS))
-    stiffness[:, :3] = turns, turns, turns / (1.0 + poisson)
-    return MovingRod(elements_of(count, length, density * math.pi * radius**2, radius), stiffness, damping_s)
 
 
 def rod_of(name: str, count: int, damping_s: float) -> MovingRod:

@@ -14,7 +14,7 @@ from contid.robot_file.tendon.robot import TendonRobot
 from contid.units import MM_PER_M
 from contid_drivers.sim.arm.body import SimulatedBody
 
-#: Group of entry points of bodies in motion: a function of a robot description, which returns a `SimulatedMotion`.
+#: Group of entry points of bodies in motion: from a robot description to a `SimulatedMotion`.
 BODIES: Final = "contid.bodies"
 
 
