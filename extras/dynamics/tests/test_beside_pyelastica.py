@@ -10,8 +10,8 @@ import pytest
 import tqdm
 
 from contid.kinematics.array import Array
+from tests.kernels.moving_bars import bar
 from tests.oracles.elastic_rods import RODS
-from tests.support.moving_bars import bar
 
 pytestmark = [pytest.mark.slow, pytest.mark.campaign]
 
@@ -32,7 +32,7 @@ def released(count: int) -> tuple[Array, Array]:
     return poses, rod.run(SECONDS, step, every=round(SECONDS / ROWS / step))[:, 0, :3]
 
 
-class Tips(ea.CallBackBaseClass):
+class Tips(ea.CallBackBaseClass):  # type: ignore[type-arg]
     """Keeps the tip at even times."""
 
     def __init__(self, every: int, rows: list[Array]) -> None:

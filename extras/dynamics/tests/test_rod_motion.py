@@ -12,8 +12,8 @@ import pytest
 from contid import ElasticRod, Wrench
 from contid.kinematics.array import Array
 from contid_dynamics.rod import STRAINS, MovingRod
+from tests.kernels.moving_bars import bar
 from tests.oracles.elastic_rods import RODS, TO_MODEL
-from tests.support.moving_bars import bar
 from tests.support.shared_data import shared_data
 
 #: First roots of cos x cosh x = -1 of a clamped and free beam.
