@@ -1,4 +1,4 @@
-"""Robots in motion: rods with mass and damping, their modes."""
+"""Robots in motion: rods with mass and damping, their modes, models for other simulators."""
 
 from __future__ import annotations
 
@@ -6,5 +6,7 @@ from typing import Final
 
 #: Commands of this extra, see `contid.cli.support.table`.
 COMMANDS: Final = {
+    "export mjcf": ("contid_dynamics.export_command:mjcf", "a robot as a model for MuJoCo"),
+    "export": ("contid_dynamics.export_command", "a robot as a model for other simulators"),
     "modes": ("contid_dynamics.command", "frequencies, damping and shapes of a robot's body"),
 }

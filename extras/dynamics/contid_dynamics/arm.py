@@ -112,6 +112,29 @@ class MovingArm:
         (tip,) = self.tips_of(self.rod.poses[-1:])
         return np.asarray(tip)
 
+    @property
+    def radius_m(self) -> float:
+        """Radius of the body, for drawings."""
+        if self.dynamics.radius_mm is not None:
+            return self.dynamics.radius_mm / MM_PER_M
+        if isinstance(self.robot, Cosserat):
+            return self.robot.geometry.sections[0].radius_mm / MM_PER_M
+        return _mean_arm(self.rod.elements.arms)
+
+    def moments_per_bar(self) -> Array:
+        """What each pressure of a pneumatic arm adds to the strains' moments, ``(axes, elements, 6)``.
+
+        The stiffness is the present one: moments are linear in the pressures beside it.
+        """
+        out = np.zeros((len(self.robot.axis_names), self.rod.count, STRAINS))
+        for i, each in enumerate(self._chambers):
+            push, h = each.section.pair_force, each.length_mm
+            for k in range(3):
+                x, y, _ = each.section.pair_moment[:, k]
+                # N mm of the turns and N times mm of the stretch become N m.
+                out[3 * i + k, each.rows] = np.array([y, -x, 0.0, push * h, 0.0, 0.0]) / MM_PER_M
+        return out
+
     def tips_of(self, poses: Array) -> Array:
         """Tips ``(n, 3)`` of poses of the last node ``(n, 12)``."""
         tips: Array = poses[:, :3] + poses[:, 3:].reshape(-1, 3, 3) @ self.offset_m

@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 from contid.cli.support.parameters import robot_names
+from contid_dynamics.pose_option import POSE, actuation_at
 
 if TYPE_CHECKING:
-    from contid.robot_file.robot import RobotDescription
     from contid_dynamics.report import PoseModes
 
 
 @click.command()
 @click.argument("robot_file", shell_complete=robot_names)
-@click.option(
-    "--at", multiple=True, metavar="AXIS=VALUE", help="An axis of the pose [mm or bar]; at rest if left out."
-)
+@POSE
 @click.option("--count", type=click.IntRange(1, 24), default=4, show_default=True, help="Modes of a pose.")
 @click.option(
     "--payload-g", type=click.FloatRange(0.0), default=0.0, help="A mass on the tip besides the file's."
@@ -49,7 +47,7 @@ def command(
         )
     found: dict[str, object] = {}
     for name, robot in moving.items():
-        actuation = _pose(robot, name, at)
+        actuation = actuation_at(robot, name, at)
         modes = pose_modes(robot, actuation, count, payload_g)
         ranges = range_over_poses(robot, poses, count, payload_g) if poses else None
         if as_json:
@@ -58,25 +56,6 @@ def command(
             _print(name, modes, ranges)
     if as_json:
         click.echo(json.dumps(found))
-
-
-def _pose(robot: RobotDescription, name: str, at: tuple[str, ...]) -> list[float]:
-    """The actuation of ``--at`` in SI; other axes are at rest."""
-    columns = [f"{axis}_{robot.quantity.unit}" for axis in robot.axis_names]
-    actuation = list(robot.rest[: len(columns)])
-    for part in at:
-        column, _, text = part.partition("=")
-        own = column.removeprefix(f"{name}.")
-        try:
-            value = float(text)
-        except ValueError as error:
-            raise click.UsageError(
-                f"--at {part!r}; allowed: COLUMN=NUMBER, such as {columns[0]}=1"
-            ) from error
-        if own not in columns:
-            raise click.UsageError(f"--at {part!r}: no such axis; allowed: {', '.join(columns)}")
-        actuation[columns.index(own)] = robot.quantity.to_si(value)
-    return actuation
 
 
 def _print(name: str, modes: PoseModes, ranges: list[tuple[float, float]] | None) -> None:

@@ -127,18 +127,22 @@ class MovingRod:
         elements: its elements.
         stiffness: of the strains, ``(elements, 6)`` [N m for bends and twist, N m for the others].
         damping_s: time by which stiffness becomes damping [s].
+
+    Attributes:
+        stiffness: the present one.
     """
 
     def __init__(self, elements: MovingElements, stiffness: Array, damping_s: float) -> None:
         self.elements, self.damping_s = elements, damping_s
         self.count = len(elements.lengths)
         self._kernel: MotionKernel = load("dynamics").Rod(elements)
-        self._kernel.stiffen(np.ascontiguousarray(stiffness), damping_s)
+        self.stiffen(stiffness)
         self.load()
 
     def stiffen(self, stiffness: Array) -> None:
         """Take another stiffness of the strains, as chambers under other pressures have it."""
-        self._kernel.stiffen(np.ascontiguousarray(stiffness), self.damping_s)
+        self.stiffness = np.ascontiguousarray(stiffness)
+        self._kernel.stiffen(self.stiffness, self.damping_s)
 
     def load(
         self,
