@@ -44,13 +44,18 @@ class AcceptedTrajectory:
         return f"{rows} in {self.duration_s:g} s: within reach and limits of {names} ({self.robot_file})"
 
 
-def check_trajectory(robot_file: str, trajectory: str) -> AcceptedTrajectory:
+def check_trajectory(robot_file: str, trajectory: str, text: TextIO | None = None) -> AcceptedTrajectory:
     """Check a trajectory (``-``: stdin) for a robot file, at the rate of the file.
+
+    Args:
+        robot_file: path, or name of a shipped file.
+        trajectory: path of a file, or name of ``text``.
+        text: the trajectory; None to read the file.
 
     Raises:
         ContidError: the robot file or the trajectory is wrong, or a robot cannot follow it.
     """
-    loaded, source = _read(robot_file, trajectory)
+    loaded, source = _read(robot_file, trajectory, text)
     try:
         _check(loaded, source, trajectory)
     except TooFastError as error:

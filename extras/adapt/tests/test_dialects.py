@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,18 +24,28 @@ QTM = (
     "NO_OF_FRAMES\t2\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nTIME_STAMP\t2020-01-01, 10:00:00\n"
     "MARKER_NAMES\ttip\tbase\n{}1\t0.00\t1\t2\t3\t4\t5\t6\n2\t0.01\t1\t2\t3\t4\t5\t6\n"
 )
-CASES = {
-    "motive": (MOTIVE, {"Time": [0.0, 0.01, 0.02], "Tip.Position.Z": [0.3, 0.3, None], "Tip.Rotation.W": [1, 1, None]}),
+CASES: dict[str, tuple[str, dict[str, list[Any]]]] = {
+    "motive": (
+        MOTIVE,
+        {"Time": [0.0, 0.01, 0.02], "Tip.Position.Z": [0.3, 0.3, None], "Tip.Rotation.W": [1, 1, None]},
+    ),
     "vicon": (
         "Trajectories\n100\n,,S:TIP,,,S:BASE,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n,,mm,mm,mm,mm,mm,mm\n"
         "1,0,1.5,2,3,4,5,6\n2,0,1.5,2,3,4,5,6\n",
         {"S_TIP.X": [1.5, 1.5], "S_BASE.Z": [6.0, 6.0]},
     ),
-    "qtm": (QTM.format("Frame\tTime\ttip X\ttip Y\ttip Z\tbase X\tbase Y\tbase Z\n"), {"tip_X": [1, 1], "base_Z": [6, 6]}),
+    "qtm": (
+        QTM.format("Frame\tTime\ttip X\ttip Y\ttip Z\tbase X\tbase Y\tbase Z\n"),
+        {"tip_X": [1, 1], "base_Z": [6, 6]},
+    ),
     "qtm without names": (QTM.format(""), {"Time": [0, 0.01], "tip_X": [1, 1], "base_Z": [6, 6]}),
     "euroc": (
         "#timestamp [ns], p_RS_R_x [m], q_RS_w []\n1403636580838555648,4.6,0.5\n1403636580843555328,4.7,0.6\n",
-        {"timestamp": [1403636580838555648, 1403636580843555328], "p_RS_R_x": [4.6, 4.7], "q_RS_w": [0.5, 0.6]},
+        {
+            "timestamp": [1403636580838555648, 1403636580843555328],
+            "p_RS_R_x": [4.6, 4.7],
+            "q_RS_w": [0.5, 0.6],
+        },
     ),
     "rostopic -p": (
         "%time,field.header.seq,field.header.frame_id,field.pose.position.x\n"
@@ -52,10 +63,19 @@ CASES = {
     "pandas index": (",t,x\n0,0.0,1.5\n1,0.1,1.6\n", {"t": [0.0, 0.1], "x": [1.5, 1.6], "c1": [0, 1]}),
     "one name fewer": ("t x y\n1 0.0 1.5 2\n2 0.1 1.6 2\n", {"t": [0.0, 0.1], "y": [2, 2]}),
     "separator behind": ("t,x\n0,1,\n1,2,\n", {"t": [0, 1], "x": [1, 2]}),
-    "lists in cells": ('t,y\n0.1,"[1e-4, 2, 3]"\n0.2,"[1e-4, 2, 4]"\n', {"y[0]": [1e-4, 1e-4], "y[2]": [3, 4]}),
+    "lists in cells": (
+        't,y\n0.1,"[1e-4, 2, 3]"\n0.2,"[1e-4, 2, 4]"\n',
+        {"y[0]": [1e-4, 1e-4], "y[2]": [3, 4]},
+    ),
     "tuples in cells": ("t;p\n0.1;(1.0, 2.0)\n0.2;(1.0, 2.5)\n", {"t": [0.1, 0.2], "p[1]": [2.0, 2.5]}),
-    "turned": ("t," + ",".join(map(str, range(30))) + "\nx [mm]," + ",".join(["7"] * 30) + "\n", {"x": [7.0] * 30}),
-    "ndjson": ('{"t":1,"pose":{"x":1}, "s":[1,2]}\n{"t":2,"pose":{"x":3},"s":[1,4]}\n', {"pose.x": [1, 3], "s[1]": [2, 4]}),
+    "turned": (
+        "t," + ",".join(map(str, range(30))) + "\nx [mm]," + ",".join(["7"] * 30) + "\n",
+        {"x": [7.0] * 30},
+    ),
+    "ndjson": (
+        '{"t":1,"pose":{"x":1}, "s":[1,2]}\n{"t":2,"pose":{"x":3},"s":[1,4]}\n',
+        {"pose.x": [1, 3], "s[1]": [2, 4]},
+    ),
     "json of lists": ('{"t": [0, 1], "p": [[1, 2], [3, 4]]}', {"t": [0, 1], "p[1]": [2, 4]}),
     "cr cr lf": ("t,x\r\r\n0,1\r\r\n1,2\r\r\n", {"t": [0, 1], "x": [1, 2]}),
     "bars": ("| t | x |\n|---|---|\n| 0 | 1 |\n| 1 | 2 |\n", {"t": [0, 1], "x": [1, 2]}),
@@ -67,7 +87,7 @@ CASES = {
         "Tools,Port 1: 8700339,Frame,State,Q0,Tx\n1,Port1,100,OK,1,10\n1,Port1,101,Missing,,\n1,Port1,102,OK,1,11\n",
         {"Tx": [10, None, 11], "Frame": [100, 101, 102]},
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", CASES)

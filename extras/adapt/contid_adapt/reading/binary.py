@@ -48,8 +48,8 @@ def _columns(source: Source) -> Iterator[Column]:
         if any(name.startswith("xl/") for name in names):
             yield from _of_sheet(source)
         elif all(name.endswith(".npy") for name in names):
-            with np.load(data, allow_pickle=False) as arrays:
-                yield from _of_arrays(dict(arrays))
+            with np.load(data, allow_pickle=False) as archive:
+                yield from _of_arrays(dict(archive))
         else:
             message = "an archive: unpack it and give the table inside"
             raise BadInputError([Located(source.name, 1, 1, message)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -193,7 +193,7 @@ def _counts_up(lines: Sequence[str], dialect: Dialect) -> bool:
     return len(own) > 2 and own == [str(place) for place in range(len(own))] and dialect.decimal in behind
 
 
-def _transposed(lines: Sequence[str]) -> Any:
+def _transposed(lines: Sequence[str]) -> Callable[[str], Table] | None:
     """A reader of a table whose lines are columns: a name, then many numbers; None for others."""
     given = [(index, line) for index, line in enumerate(lines) if line.strip()]
     if not 2 <= len(given) <= 60:

@@ -1,0 +1,211 @@
+"""The three steps in a row: read, mean, place, and then the check of the robot."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contid.errors import BadInputError, ContidError, Located
+from contid_adapt.meaning.clock import check_order, pick_session, times_of
+from contid_adapt.meaning.expression import evaluate, names_in
+from contid_adapt.meaning.mapping import Mapping, read_mapping
+from contid_adapt.meaning.smooth import held_rows, smooth
+from contid_adapt.meaning.values import Values, check_finite, check_time_units, nothing_moves, values_of
+from contid_adapt.placing.frame import place, read_frame
+from contid_adapt.reading.read import read_table
+from contid_adapt.reading.table import Table
+
+Floats: TypeAlias = NDArray[np.float64]
+
+#: Digits of a written number behind the point: nanometres, nanoseconds.
+_DIGITS: Final = {"t_s": 9}
+_USUAL_DIGITS: Final = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Adapted:
+    """A trajectory made of a table.
+
+    Attributes:
+        names: of its columns, ``t_s`` first.
+        rows: shape ``(n, columns)`` in the units of the names.
+        lines: for each row, the line of the file that it comes from.
+        notes: one sentence for everything that was decided or left out.
+        file: the table.
+        accepted: what the check of the robot said, "" before it.
+    """
+
+    names: tuple[str, ...]
+    rows: Floats
+    lines: NDArray[np.int64]
+    file: str
+    notes: list[str] = field(default_factory=list)
+    accepted: str = ""
+
+    def text(self) -> str:
+        """The trajectory as CSV."""
+        formats = [f"%.{_DIGITS.get(name, _USUAL_DIGITS)}f" for name in self.names]
+        line = ",".join(formats).__mod__
+        columns = (column.tolist() for column in (self.rows + 0.0).T)
+        return "\n".join([",".join(self.names), *map(line, zip(*columns, strict=True))]) + "\n"
+
+
+def adapt(path: str | Path, robot_file: str, mapping_text: str, mapping_file: str = "mapping") -> Adapted:
+    """A trajectory for a robot from the table of another program, checked as before a run.
+
+    Args:
+        path: the table.
+        robot_file: path, or name of a shipped file.
+        mapping_text: at most eight lines of YAML, see docs/your-data.md.
+        mapping_file: its name in messages.
+
+    Raises:
+        ContidError: with line and column what is wrong, or that nothing moves, or that the robot cannot.
+    """
+    table = read_table(path)
+    return check(mean(table, robot_file, mapping_text, mapping_file), robot_file)
+
+
+def mean(table: Table, robot_file: str, mapping_text: str, mapping_file: str = "mapping") -> Adapted:
+    """The trajectory of a table, placed, without the check of the robot.
+
+    Raises:
+        ContidError: see `adapt`.
+    """
+    known, prefix, rest = _robot(robot_file)
+    mapping = read_mapping(mapping_text, mapping_file, known)
+    notes = [*table.notes]
+    check_time_units(table, mapping)
+    if mapping.rows is not None:
+        table = _condition(table, mapping, notes)
+    table = pick_session(table, mapping)
+    times = times_of(table, mapping, notes)
+    values = values_of(table, mapping, prefix, notes)
+    check_finite(values, table)
+    found: NDArray[np.bool_] = np.isfinite(values.rows).all(axis=1)
+    if not found.all():
+        notes.append(f"{int((~found).sum())} of {len(found)} rows are lost samples and were left out")
+    table, times = table.chosen(found), times[found]
+    values = Values(values.names, values.rows[found], values.mirrored)
+    keep = check_order(table, times, mapping, values.rows, notes)
+    table, times = table.chosen(keep), times[keep]
+    values = Values(values.names, values.rows[keep], values.mirrored)
+    if still := nothing_moves(values, mapping):
+        raise ContidError(f"{table.file}: {still}")
+    frame = read_frame(mapping, values, times, rest, prefix)
+    notes.append(f"frame: {frame.says}")
+    rows, lines = place(frame, values), table.lines
+    names = [*values.names]
+    own = [place_of for place_of, name in enumerate(names) if name in known]
+    if len(own) < len(names):
+        notes.append(f"the robot has no {', '.join(n for n in names if n not in known)}: left out")
+        names, rows = [names[at] for at in own], rows[:, own]
+    times, rows, lines = _smoothed(names, times, rows, lines, mapping, notes)
+    return Adapted(("t_s", *names), np.column_stack([times, rows]), lines, table.file, notes)
+
+
+def check(adapted: Adapted, robot_file: str) -> Adapted:
+    """The same trajectory after the check that `contid check ROBOT TRAJECTORY` makes.
+
+    Raises:
+        ContidError: the robot cannot follow; findings have lines of the table.
+    """
+    from contid.control.daemon.check_trajectory import check_trajectory
+
+    try:
+        accepted = check_trajectory(robot_file, adapted.file, io.StringIO(adapted.text()))
+    except BadInputError as error:
+        raise BadInputError(
+            _with_remedy([_at_table(each, adapted) for each in error.findings], adapted)
+        ) from error
+    done = (adapted.names, adapted.rows, adapted.lines, adapted.file, adapted.notes)
+    return Adapted(*done, accepted=str(accepted))
+
+
+def _at_table(found: Located, adapted: Adapted) -> Located:
+    row = found.line - 2
+    line = int(adapted.lines[row]) if 0 <= row < len(adapted.lines) else found.line
+    return Located(found.file, line, 1, found.message)
+
+
+def _with_remedy(findings: list[Located], adapted: Adapted) -> list[Located]:
+    """Findings of a path that is too fast begin with how it can be smoothed, where it was not."""
+    if not any("slow down" in each.message for each in findings) or any(
+        "smoothed" in note for note in adapted.notes
+    ):
+        return findings
+    held = any("held" in note for note in adapted.notes)
+    why = "samples are held for several rows" if held else "noise of a tracker is fast"
+    message = f"too fast; {why}: `smooth_mm: 0.5` in the mapping smooths within 0.5 mm"
+    return [Located(findings[0].file, findings[0].line, 1, message), *findings]
+
+
+def _condition(table: Table, mapping: Mapping, notes: list[str]) -> Table:
+    assert mapping.rows is not None
+    keep = evaluate(mapping.rows.node, table)
+    if keep.dtype != np.bool_:
+        raise mapping.wrong(
+            "rows", f"rows is a condition, such as `{(names_in(mapping.rows.node) or ['id'])[0]} == 1`"
+        )
+    if not keep.any():
+        raise mapping.wrong("rows", f"no row has {mapping.rows.text}")
+    notes.append(f"{int(keep.sum())} of {len(keep)} rows have {mapping.rows.text}")
+    return table.chosen(keep)
+
+
+def _smoothed(
+    names: list[str],
+    times: Floats,
+    rows: Floats,
+    lines: NDArray[np.int64],
+    mapping: Mapping,
+    notes: list[str],
+) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    keep, held = held_rows(rows)
+    within = mapping.numbers.get("smooth_mm")
+    if held > 1:
+        what = f"samples are held for {held} rows ({int((~keep).sum())} of {len(rows)} repeat the one before)"
+        notes.append(f"{what}: {'left out' if within else '`smooth_mm:` leaves them out'}")
+    if within is None or len(rows) < 5:
+        return times, rows, lines
+    times, rows, lines = times[keep], rows[keep], lines[keep]
+    groups: dict[str, list[int]] = {}
+    for at, name in enumerate(names):
+        if name.endswith(("x_mm", "y_mm", "z_mm")):
+            groups.setdefault(name[:-4], []).append(at)
+    found = smooth(times, rows, list(groups.values()), within)
+    if found.width_s == 0.0:
+        notes.append(f"nothing to be smoothed within {within:g} mm")
+        return times, rows, lines
+    notes.append(
+        f"smoothed over {found.width_s * 1e3:.3g} ms: points moved by {found.rms:.3g} mm rms, "
+        f"{found.greatest:.3g} mm at most (allowed {within:g} mm)"
+    )
+    return found.times, found.rows, lines[found.nearest]
+
+
+def _robot(robot_file: str) -> tuple[list[str], str, Floats | None]:
+    """The columns of the robots of a file, the prefix of the one that takes tips, and its tip at rest [mm]."""
+    from contid import Robot
+    from contid.robot_file.load import load_named
+    from contid.trajectory.columns import vocabulary
+
+    loaded = load_named(robot_file)
+    robots = loaded.driven
+    alone = len(loaded.file.robots) == 1
+    names = [own if alone else f"{name}.{own}" for name, robot in robots.items() for own in vocabulary(robot)]
+    takers = [name for name, robot in robots.items() if "tip" in robot.accepts]
+    # A planar robot takes no z, but the table may need it to be turned.
+    names += [own for own in ("z_mm",) if alone and takers and robots[takers[0]].dimension == 2]
+    if not takers:
+        return names, "", None
+    first = Robot(robot_file) if alone else Robot(robot_file)[takers[0]]
+    rest = np.zeros(3)
+    tip = np.asarray(first.fk(first.limits.rest)["tip"]).reshape(-1)
+    rest[: len(tip)] = tip
+    return names, "" if alone else f"{takers[0]}.", rest
