@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ Floats: TypeAlias = NDArray[np.float64]
 #: Digits of a written number behind the point: nanometres, nanoseconds.
 _DIGITS: Final = {"t_s": 9}
 _USUAL_DIGITS: Final = 6
+#: Findings of the check of the robot that are shown.
+_SHOWN: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +79,7 @@ def mean(table: Table, robot_file: str, mapping_text: str, mapping_file: str = "
     Raises:
         ContidError: see `adapt`.
     """
-    known, prefix, rest = _robot(robot_file)
+    known, prefix, rest, planar = _robot(robot_file)
     mapping = read_mapping(mapping_text, mapping_file, known)
     notes = [*table.notes]
     check_time_units(table, mapping)
@@ -87,7 +89,7 @@ def mean(table: Table, robot_file: str, mapping_text: str, mapping_file: str = "
     times = times_of(table, mapping, notes)
     values = values_of(table, mapping, prefix, notes)
     check_finite(values, table)
-    found: NDArray[np.bool_] = np.isfinite(values.rows).all(axis=1)
+    found: NDArray[np.bool_] = np.all(np.isfinite(values.rows), axis=1, keepdims=True)[:, 0]
     if not found.all():
         notes.append(f"{int((~found).sum())} of {len(found)} rows are lost samples and were left out")
     table, times = table.chosen(found), times[found]
@@ -101,9 +103,11 @@ def mean(table: Table, robot_file: str, mapping_text: str, mapping_file: str = "
     notes.append(f"frame: {frame.says}")
     rows, lines = place(frame, values), table.lines
     names = [*values.names]
-    own = [place_of for place_of, name in enumerate(names) if name in known]
+    own = [at for at, name in enumerate(names) if name in known and not (planar and name == "z_mm")]
+    for name in (name for at, name in enumerate(names) if at not in own):
+        span = np.ptp(rows[:, names.index(name)])
+        notes.append(f"the robot has no {name}: left out, though it changes by {span:.3g}")
     if len(own) < len(names):
-        notes.append(f"the robot has no {', '.join(n for n in names if n not in known)}: left out")
         names, rows = [names[at] for at in own], rows[:, own]
     times, rows, lines = _smoothed(names, times, rows, lines, mapping, notes)
     return Adapted(("t_s", *names), np.column_stack([times, rows]), lines, table.file, notes)
@@ -121,7 +125,7 @@ def check(adapted: Adapted, robot_file: str) -> Adapted:
         accepted = check_trajectory(robot_file, adapted.file, io.StringIO(adapted.text()))
     except BadInputError as error:
         raise BadInputError(
-            _with_remedy([_at_table(each, adapted) for each in error.findings], adapted)
+            _with_remedy([_at_table(each, adapted) for each in _shortened([*error.findings])], adapted)
         ) from error
     done = (adapted.names, adapted.rows, adapted.lines, adapted.file, adapted.notes)
     return Adapted(*done, accepted=str(accepted))
@@ -143,6 +147,11 @@ def _with_remedy(findings: list[Located], adapted: Adapted) -> list[Located]:
     why = "samples are held for several rows" if held else "noise of a tracker is fast"
     message = f"too fast; {why}: `smooth_mm: 0.5` in the mapping smooths within 0.5 mm"
     return [Located(findings[0].file, findings[0].line, 1, message), *findings]
+
+
+def _shortened(findings: list[Located]) -> list[Located]:
+    """The first findings and the last, which counts: the same cause repeats in every row."""
+    return findings if len(findings) <= _SHOWN else [*findings[: _SHOWN - 1], findings[-1]]
 
 
 def _condition(table: Table, mapping: Mapping, notes: list[str]) -> Table:
@@ -189,8 +198,16 @@ def _smoothed(
     return found.times, found.rows, lines[found.nearest]
 
 
-def _robot(robot_file: str) -> tuple[list[str], str, Floats | None]:
-    """The columns of the robots of a file, the prefix of the one that takes tips, and its tip at rest [mm]."""
+class _Known(NamedTuple):
+    """The columns of the robots of a file; prefix, tip at rest [mm] and plane of one that takes tips."""
+
+    names: list[str]
+    prefix: str
+    rest_mm: Floats | None
+    planar: bool
+
+
+def _robot(robot_file: str) -> _Known:
     from contid import Robot
     from contid.robot_file.load import load_named
     from contid.trajectory.columns import vocabulary
@@ -201,11 +218,12 @@ def _robot(robot_file: str) -> tuple[list[str], str, Floats | None]:
     names = [own if alone else f"{name}.{own}" for name, robot in robots.items() for own in vocabulary(robot)]
     takers = [name for name, robot in robots.items() if "tip" in robot.accepts]
     # A planar robot takes no z, but the table may need it to be turned.
-    names += [own for own in ("z_mm",) if alone and takers and robots[takers[0]].dimension == 2]
+    planar = bool(alone and takers and robots[takers[0]].dimension == 2)
+    names += ["z_mm"] * planar
     if not takers:
-        return names, "", None
+        return _Known(names, "", None, False)
     first = Robot(robot_file) if alone else Robot(robot_file)[takers[0]]
     rest = np.zeros(3)
     tip = np.asarray(first.fk(first.limits.rest)["tip"]).reshape(-1)
     rest[: len(tip)] = tip
-    return names, "" if alone else f"{takers[0]}.", rest
+    return _Known(names, "" if alone else f"{takers[0]}.", rest, planar)

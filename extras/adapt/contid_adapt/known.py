@@ -64,8 +64,8 @@ def propose(table: Table, robot_file: str) -> Proposal:
         lines.append("# rate_hz: ?")
         missing.append("rate_hz, rows per second" + _stated_rate(table))
     points = _points(table) or _points(table, "xy")
-    unit = {"QTM": "mm", "NDI": "mm"}.get(program, "")
-    own = points[0] if points else []
+    unit = {"QTM": "mm", "NDI": "mm", "opencr-mujoco": "mm"}.get(program, "")
+    own = points[-1 if program == "trunk-stack" else 0] if points else []
     if own:
         units = [column.unit or unit for column in own]
         if own and not all(units):
@@ -80,7 +80,7 @@ def propose(table: Table, robot_file: str) -> Proposal:
         names = ", ".join(f"{axis}_mm" for axis in "xyz"[: len(parts)])
         lines.append(f"{names}: [{', '.join(parts)}]")
         if len(points) > 1:
-            others = ", ".join(each[0].alias for each in points[1:6])
+            others = ", ".join(each[0].alias for each in points[:6] if each is not own)
             lines.append(f"# other bodies begin with: {others}")
     else:
         lines.append("# x_mm, y_mm, z_mm: [?, ?, ?]")

@@ -1,4 +1,4 @@
-"""Small files in the dialects of trackers, robots and programs, as their manuals and public exports have them."""
+"""Small files in the dialects of trackers, robots and programs, as manuals and public exports have them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from contid_adapt.reading.read import read_table
 
 #: docs.optitrack.com, "Data Export: CSV"; headers of public takes.
 MOTIVE = (
-    "Format Version,1.23,Take Name,a,Capture Frame Rate,120.000000,Total Exported Frames,3,Length Units,Meters\n\n"
+    "Format Version,1.23,Take Name,a,Capture Frame Rate,120.000000,Total Exported Frames,3,"
+    "Length Units,Meters\n\n"
     ",,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body\n"
     ",,Tip,Tip,Tip,Tip,Tip,Tip,Tip,Tip\n" + ",," + ",".join(["9F0011223344"] * 8) + "\n"
     ",,Rotation,Rotation,Rotation,Rotation,Position,Position,Position,Mean Marker Error\n"
@@ -40,7 +41,7 @@ CASES: dict[str, tuple[str, dict[str, list[Any]]]] = {
     ),
     "qtm without names": (QTM.format(""), {"Time": [0, 0.01], "tip_X": [1, 1], "base_Z": [6, 6]}),
     "euroc": (
-        "#timestamp [ns], p_RS_R_x [m], q_RS_w []\n1403636580838555648,4.6,0.5\n1403636580843555328,4.7,0.6\n",
+        {"timestamp": [1403636580838555648, 1403636580843555328], "p_RS_R_x": [4.6, 4.7]},
         {
             "timestamp": [1403636580838555648, 1403636580843555328],
             "p_RS_R_x": [4.6, 4.7],
@@ -84,7 +85,8 @@ CASES: dict[str, tuple[str, dict[str, list[Any]]]] = {
     "empty behind": ("t_s,x_mm,,\n0,20,,\n1,21,,\n,,,\n", {"t_s": [0, 1], "x_mm": [20, 21]}),
     "two sessions": ("t,x\n0,1\n1,2\nt,x\n0,3\n1,4\n", {"x": [1, 2, 3, 4]}),
     "NDI": (
-        "Tools,Port 1: 8700339,Frame,State,Q0,Tx\n1,Port1,100,OK,1,10\n1,Port1,101,Missing,,\n1,Port1,102,OK,1,11\n",
+        "Tools,Port 1: 8700339,Frame,State,Q0,Tx\n"
+        "1,Port1,100,OK,1,10\n1,Port1,101,Missing,,\n1,Port1,102,OK,1,11\n",
         {"Tx": [10, None, 11], "Frame": [100, 101, 102]},
     ),
 }

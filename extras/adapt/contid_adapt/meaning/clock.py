@@ -1,4 +1,4 @@
-"""Times of rows: units, epochs, wraps, clocks that are rounded, sessions, and times that repeat or run back."""
+"""Times of rows: units, epochs, wraps, rounded clocks, sessions, times that repeat or run back."""
 
 from __future__ import annotations
 
@@ -101,12 +101,12 @@ def times_of(table: Table, mapping: Mapping, notes: list[str]) -> Floats:
         )
         raise mapping.wrong("t_s", what)
     _check_rate(stated, usual, mapping)
+    begins = first
     if abs(first) >= _EPOCH_S:
-        notes.append(
-            f"time: {np.floor(first):.0f} s were taken away, so it begins at {first - np.floor(first):.6g} s"
-        )
-        return times + (first - np.floor(first))
-    return times + first
+        begins = first - float(np.floor(first))
+        notes.append(f"time: {np.floor(first):.0f} s were taken away, so it begins at {begins:.6g} s")
+    result: Floats = times + begins
+    return result
 
 
 def check_order(
@@ -149,7 +149,9 @@ def check_order(
     return keep
 
 
-def _seconds(table: Table, mapping: Mapping, line: Line, notes: list[str]) -> tuple[Floats, float]:
+def _seconds(
+    table: Table, mapping: Mapping, line: Line, notes: list[str]
+) -> tuple[NDArray[np.float64], float]:
     """Seconds since the first row, and the time of the first row; integers are subtracted as integers."""
     used = names_in(line.node)
     if not used:
@@ -158,8 +160,10 @@ def _seconds(table: Table, mapping: Mapping, line: Line, notes: list[str]) -> tu
     form = affine(line.node)
     if form is None:
         values: Floats = evaluate(line.node, table)
-        return values - values[0], float(values[0])
-    times, first = np.zeros(len(table)), form.constant
+        since_first: Floats = values - values[0]
+        return since_first, float(values[0])
+    times: Floats = np.zeros(len(table))
+    first = form.constant
     for name, factor in form.factors.items():
         values = numbers_of(table, name).values
         since = (values - values[0]).astype(float)

@@ -1,10 +1,10 @@
 """Samples that are held, and smoothing within a stated distance.
 
-Smoothing is a symmetric average with a kernel that keeps parabolas (a Gaussian times a quadratic), whose width
-is chosen by leave-one-out cross-validation: the sample in the middle is predicted from all others,
-``r_i = (y_i - s_i) / (1 - k_0)``, and the width with the least sum of squares is taken (Craven and Wahba,
-"Smoothing noisy data with spline functions", 1978, for a kernel in place of a spline). Noise that is not there
-is not smoothed away.
+Smoothing is a symmetric average with a kernel that keeps parabolas (a Gaussian times a quadratic). Its width
+is chosen by leave-one-out cross-validation: each sample is predicted from all others,
+``r_i = (y_i - s_i) / (1 - k_0)``, and the width with the least sum of squares is taken. Noise that is not
+there is not smoothed away. Source: P. Craven and G. Wahba, "Smoothing noisy data with spline functions",
+Numer. Math. 31, 1978, for a kernel in place of a spline.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def smooth(times: Floats, rows: Floats, points: list[list[int]], within: float) 
         if loss < best:
             best, chosen, width = loss, found, sigma
     distances = _distances(times, rows, even, chosen, points)
-    nearest = np.clip(np.searchsorted(times, even + 0.5 * step * 0.0), 0, len(times) - 1)
+    nearest = np.clip(np.searchsorted(times, even), 0, len(times) - 1)
     rms = float(np.sqrt(np.mean(distances**2))) if distances.size else 0.0
     return Smoothed(even, chosen, nearest, float(distances.max(initial=0.0)), rms, width * step)
 
@@ -136,7 +136,7 @@ def _kernel(sigma: float) -> Floats:
 
 
 def _averaged(rows: Floats, kernel: Floats) -> Floats:
-    """The average of every row with its neighbours; beyond the ends the curve goes on turned by half a turn."""
+    """The average of every row with its neighbours; beyond its ends the curve is turned by half a turn."""
     reach = len(kernel) // 2
     reach = min(reach, len(rows) - 1)
     kernel = kernel[len(kernel) // 2 - reach : len(kernel) // 2 + reach + 1]

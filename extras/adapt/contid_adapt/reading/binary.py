@@ -115,7 +115,7 @@ def _of_sheet(source: Source) -> Iterator[Column]:
 
     if find_spec("openpyxl") is None:
         raise ContidError(
-            f"{source.name}: reading Excel files needs openpyxl: pip install openpyxl, or save the sheet as CSV"
+            f"{source.name}: Excel files need openpyxl: pip install openpyxl, or save the sheet as CSV"
         )
     from importlib import import_module
 

@@ -14,10 +14,10 @@ from contid_adapt.reading.dialect import Dialect, is_comment
 
 _IN_BRACKETS: Final = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]()]*)\s*[\])]\s*$")
 #: Rows of Motive and others that name kinds or numbers of things, never columns.
-_KINDS: Final = frozenset(
-    ("type", "id", "parent", "marker", "bone", "skeleton", "solved", "rigid body", "rigid body marker")
-    + ("marker set", "force plate", "unlabeled", "trajectories")
-)
+_KINDS: Final = frozenset({
+    *("type", "id", "parent", "marker", "bone", "skeleton", "solved", "rigid body", "rigid body marker"),
+    *("marker set", "force plate", "unlabeled", "trajectories"),
+})  # fmt: skip
 _NUMBERED: Final = re.compile(r"^[0-9A-Fa-f:]{6,}$|^\d+$|^ROOT$|^id\d+$", re.IGNORECASE)
 
 
