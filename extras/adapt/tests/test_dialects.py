@@ -41,12 +41,8 @@ CASES: dict[str, tuple[str, dict[str, list[Any]]]] = {
     ),
     "qtm without names": (QTM.format(""), {"Time": [0, 0.01], "tip_X": [1, 1], "base_Z": [6, 6]}),
     "euroc": (
+        "#timestamp [ns], p_RS_R_x [m], q_RS_w []\n1403636580838555648,4.6,0.5\n1403636580843555328,4.7,0.6\n",
         {"timestamp": [1403636580838555648, 1403636580843555328], "p_RS_R_x": [4.6, 4.7]},
-        {
-            "timestamp": [1403636580838555648, 1403636580843555328],
-            "p_RS_R_x": [4.6, 4.7],
-            "q_RS_w": [0.5, 0.6],
-        },
     ),
     "rostopic -p": (
         "%time,field.header.seq,field.header.frame_id,field.pose.position.x\n"

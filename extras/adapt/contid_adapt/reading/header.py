@@ -76,6 +76,7 @@ def read_header(lines: Sequence[str], dialect: Dialect, file: str) -> Header:
         if len(cells) == fields - 1 and len(_trimmed(cells)) == len(cells) and cells[0] and first[-1].strip():
             names = ["?", *cells]  # One name fewer: the first column counts rows.
         repeated = len({*filter(None, names)}) < len([*filter(None, names)])
+        repeated = repeated or (place > 0 and not above[place - 1][1][0] and len(above[place - 1][1]) > 2)
         levels: list[list[str]] = []
         while repeated and place > 0 and index - above[place - 1][0] == 1:
             place -= 1
