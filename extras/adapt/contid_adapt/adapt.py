@@ -39,7 +39,7 @@ class Adapted:
         lines: for each row, the line of the file that it comes from.
         notes: one sentence for everything that was decided or left out.
         file: the table.
-        accepted: what the check of the robot said, "" before it.
+        accepted: the verdict of the check of the robot, "" before it.
     """
 
     names: tuple[str, ...]
@@ -100,7 +100,7 @@ def mean(table: Table, robot_file: str, mapping_text: str, mapping_file: str = "
     if still := nothing_moves(values, mapping):
         raise ContidError(f"{table.file}: {still}")
     frame = read_frame(mapping, values, times, rest, prefix)
-    notes.append(f"frame: {frame.says}")
+    notes.append(f"frame: {frame.shown}")
     rows, lines = place(frame, values), table.lines
     names = [*values.names]
     own = [at for at, name in enumerate(names) if name in known and not (planar and name == "z_mm")]

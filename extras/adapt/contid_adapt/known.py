@@ -9,7 +9,7 @@ from typing import Final
 from contid_adapt.meaning.units import factor_to
 from contid_adapt.meaning.values import letter_of
 from contid_adapt.reading.cells import number
-from contid_adapt.reading.table import Column, Table
+from contid_adapt.reading.table import Table, TableColumn
 
 _FRAME: Final = "frame: {up: %s, origin: rest, at: rest}"
 _TIMES: Final = (
@@ -33,7 +33,7 @@ class Proposal:
     Attributes:
         program: what the table seems to come from, "" for unknown.
         text: YAML; lines that are unknown are comments.
-        missing: what only the owner of the table knows, "" for nothing.
+        missing: what the table does not state, "" for nothing.
     """
 
     program: str
@@ -54,7 +54,7 @@ class Proposal:
 
 
 def propose(table: Table, robot_file: str) -> Proposal:
-    """The mapping that fits what the names of a table say; nothing is guessed from numbers."""
+    """The mapping that fits what the names of a table state; nothing is guessed from numbers."""
     program = _program(table)
     lines, missing = [], []
     time = _time(table, program)
@@ -115,8 +115,8 @@ def _program(table: Table) -> str:
 
 
 def _time(table: Table, program: str) -> str:
-    wanted = ("field.header.stamp",) if program == "rostopic -p" else ()
-    for name in (*wanted, *_TIMES):
+    first = ("field.header.stamp",) if program == "rostopic -p" else ()
+    for name in (*first, *_TIMES):
         for each in table.columns:
             if each.alias.lower() != name.strip("%").lower() or each.is_text:
                 continue
@@ -133,11 +133,11 @@ def _time(table: Table, program: str) -> str:
 def _stated_rate(table: Table) -> str:
     for key in ("FREQUENCY", "Export Frame Rate", "Capture Frame Rate"):
         if value := number(table.facts.get(key, "none given")):
-            return f" (the file says {key} {value:g})"
+            return f" (the file states {key} {value:g})"
     return ""
 
 
-def _points(table: Table, axes: str = "xyz") -> list[list[Column]]:
+def _points(table: Table, axes: str = "xyz") -> list[list[TableColumn]]:
     """Columns side by side that are called x, y, z at their ends; positions before anything else."""
     found = []
     for start in range(len(table.columns) - len(axes) + 1):
@@ -151,10 +151,17 @@ def _points(table: Table, axes: str = "xyz") -> list[list[Column]]:
     return sorted(found, key=lambda each: not first.search(each[0].name))
 
 
-def _quaternion(table: Table, point: list[Column]) -> str:
-    """The quaternion whose names say their order, of the body of a position."""
+def _quaternion(table: Table, point: list[TableColumn]) -> str:
+    """The quaternion whose names state their order, of the body of a position."""
     body = point[0].name.rpartition("osition")[0][:-1] if point else ""
-    columns = [each for each in table.columns if not each.is_text and each.name.startswith(body)]
+    columns = [
+        each
+        for each in table.columns
+        if not each.is_text
+        and each.name.startswith(body)
+        and all(each is not own for own in point)
+        and not each.unit
+    ]
     for four in zip(columns, columns[1:], columns[2:], columns[3:], strict=False):
         letters = "".join(letter_of(each.name) for each in four)
         if letters in ("wxyz", "xyzw"):
@@ -170,14 +177,14 @@ def _takes_direction(robot_file: str) -> bool:
     return any("direction" in robot.accepts for robot in load_named(robot_file).driven.values())
 
 
-def _times(factor: float | None, column: Column, table: Table) -> str:
+def _times(factor: float | None, column: TableColumn, table: Table) -> str:
     twice = sum(each.alias == column.alias for each in table.columns) > 1
     plain = re.fullmatch(r"[A-Za-z_][\w.]*(\[\d+\](\.[A-Za-z_]\w*)*)*", column.alias)
     name = f"c{column.position}" if twice or not plain else column.alias
     return name if factor == 1.0 else f"{factor:g}*{name}" if factor else f"?*{name}"
 
 
-def _shown(column: Column) -> str:
+def _shown(column: TableColumn) -> str:
     values = column.values[:3]
     if column.is_text:
         return ", ".join(str(each)[:20] for each in values) + " .."

@@ -169,8 +169,8 @@ def test_noise_is_smoothed_as_by_the_spline_of_scipy(made) -> None:
     for column, values in zip(found.rows[:, 1:].T, noisy, strict=True):
         spline = interpolate.make_smoothing_spline(T, values)
         assert np.abs(spline(found.rows[:, 0]) - column).max() < 0.1
-    said = next(note for note in found.notes if "smoothed" in note)
-    moved = float(re.search(r"([\d.]+) mm at most", said)[1])  # type: ignore[index]
+    note = next(note for note in found.notes if "smoothed" in note)
+    moved = float(re.search(r"([\d.]+) mm at most", note)[1])  # type: ignore[index]
     assert moved == pytest.approx(np.hypot(*(found.rows[:, 1:].T - np.array(noisy))).max(), rel=0.01)
 
 
@@ -200,7 +200,7 @@ def test_a_quaternion_gives_the_direction_and_its_mistakes_are_refused(made) -> 
         run("quaternion_xyzw: [qx, qy, qz, qw, z]", broken)
 
 
-def test_a_rigid_fit_finds_the_frame_and_says_its_residual(made) -> None:
+def test_a_rigid_fit_finds_the_frame_and_states_its_residual(made) -> None:
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     points = np.column_stack([X, Y, 0 * X])
     own = (points - [5.0, 6.0, 7.0]) @ turn

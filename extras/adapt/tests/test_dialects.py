@@ -41,7 +41,8 @@ CASES: dict[str, tuple[str, dict[str, list[Any]]]] = {
     ),
     "qtm without names": (QTM.format(""), {"Time": [0, 0.01], "tip_X": [1, 1], "base_Z": [6, 6]}),
     "euroc": (
-        "#timestamp [ns], p_RS_R_x [m], q_RS_w []\n1403636580838555648,4.6,0.5\n1403636580843555328,4.7,0.6\n",
+        "#timestamp [ns], p_RS_R_x [m], q_RS_w []\n"
+        "1403636580838555648,4.6,0.5\n1403636580843555328,4.7,0.6\n",
         {"timestamp": [1403636580838555648, 1403636580843555328], "p_RS_R_x": [4.6, 4.7]},
     ),
     "rostopic -p": (
@@ -90,11 +91,11 @@ CASES: dict[str, tuple[str, dict[str, list[Any]]]] = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_dialect_is_read(name: str, tmp_path: Path) -> None:
-    text, wanted = CASES[name]
+    text, required = CASES[name]
     path = tmp_path / "a.csv"
     path.write_bytes(text.encode())
     table = read_table(path)
-    for column, values in wanted.items():
+    for column, values in required.items():
         want = np.array([np.nan if each is None else each for each in values])
         np.testing.assert_array_equal(table.column(column).values, want)
 

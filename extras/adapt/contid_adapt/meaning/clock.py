@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from contid.errors import BadInputError
 from contid_adapt.meaning.expression import affine, evaluate, names_in, numbers_of
-from contid_adapt.meaning.mapping import Line, Mapping
+from contid_adapt.meaning.mapping import Mapping, MappingLine
 from contid_adapt.reading.cells import number
 from contid_adapt.reading.table import Table
 
@@ -18,7 +18,7 @@ Floats: TypeAlias = NDArray[np.float64]
 #: Times between rows that clocks of trackers and robots have [s].
 _LEAST_S: Final = 4e-4
 _GREATEST_S: Final = 2.0
-#: Longest time without a sample where the mapping says nothing: this, or so many usual times [s].
+#: Longest time without a sample where the mapping states nothing: this, or this number of usual times [s].
 _GAP_S: Final = 0.5
 _GAP_ROWS: Final = 4.0
 #: Times beyond this one are epochs: whole seconds are taken away [s].
@@ -28,7 +28,7 @@ _WRAP: Final = 2**32
 
 
 def pick_session(table: Table, mapping: Mapping) -> Table:
-    """The rows of the wanted session.
+    """The rows of the chosen session.
 
     Raises:
         BadInputError: there are several and the mapping names none, or one that is not there.
@@ -38,16 +38,16 @@ def pick_session(table: Table, mapping: Mapping) -> Table:
         steps = np.diff(_seconds(table, mapping, mapping.time, [])[0])
         sessions = 1 + np.concatenate(([0], np.cumsum(steps < -1e-9)))
     count = int(sessions.max())
-    wanted = mapping.numbers.get("session")
-    if wanted is None:
+    chosen = mapping.numbers.get("session")
+    if chosen is None:
         if count == 1:
             return table
         row = int(np.flatnonzero(np.diff(sessions))[0]) + 1
         found = f"{count} sessions: another header stands above this row; write `session: 1` to {count}"
         raise BadInputError([table.at(row, None, found)])
-    if wanted != int(wanted) or not 1 <= wanted <= count:
-        raise mapping.wrong("session", f"no session {wanted:g}; the file has {count}")
-    return table.chosen(sessions == int(wanted))
+    if chosen != int(chosen) or not 1 <= chosen <= count:
+        raise mapping.wrong("session", f"no session {chosen:g}; the file has {count}")
+    return table.chosen(sessions == int(chosen))
 
 
 def times_of(table: Table, mapping: Mapping, notes: list[str]) -> Floats:
@@ -59,7 +59,7 @@ def times_of(table: Table, mapping: Mapping, notes: list[str]) -> Floats:
     rate = mapping.numbers.get("rate_hz")
     stated = [(key, number(table.facts[key])) for key in _RATES if number(table.facts.get(key, "none given"))]
     if mapping.time is None and rate is None:
-        hint = "".join(f" (the file says {key} {value:g})" for key, value in stated)
+        hint = "".join(f" (the file states {key} {value:g})" for key, value in stated)
         names = table.named("time")
         message = f"no time: write `t_s:` and the column, or `rate_hz:` with rows per second{hint}; {names}"
         raise mapping.wrong("t_s", message)
@@ -67,7 +67,7 @@ def times_of(table: Table, mapping: Mapping, notes: list[str]) -> Floats:
         if mapping.time is not None:
             raise mapping.wrong("rate_hz", "a time and a rate; one of them")
         if stated and all(value is None or abs(value - rate) > 1e-3 * rate for _, value in stated):
-            raise mapping.wrong("rate_hz", f"{rate:g}, but the file says {stated[0][0]} {stated[0][1]:g}")
+            raise mapping.wrong("rate_hz", f"{rate:g}, but the file states {stated[0][0]} {stated[0][1]:g}")
         for each in table.columns:
             if each.name.lower() in ("frame", "frame#", "frame_index", "k") and not each.is_text:
                 steps = np.diff(each.values.astype(float))
@@ -150,7 +150,7 @@ def check_order(
 
 
 def _seconds(
-    table: Table, mapping: Mapping, line: Line, notes: list[str]
+    table: Table, mapping: Mapping, line: MappingLine, notes: list[str]
 ) -> tuple[NDArray[np.float64], float]:
     """Seconds since the first row, and the time of the first row; integers are subtracted as integers."""
     used = names_in(line.node)
@@ -180,7 +180,7 @@ def _check_rate(stated: list[tuple[str, float | None]], usual: float, mapping: M
     rates = [value for _, value in stated if value]
     if rates and usual > 0.0 and all(abs(usual * value - 1.0) > 0.05 for value in rates):
         key, value = stated[0]
-        raise mapping.wrong("t_s", f"rows are {usual:.4g} s apart, but the file says {key} {value:g}")
+        raise mapping.wrong("t_s", f"rows are {usual:.4g} s apart, but the file states {key} {value:g}")
 
 
 def _smaller(step: float) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contid.errors import BadInputError, ContidError
-from contid_adapt.reading.table import Column, Table
+from contid_adapt.reading.table import Table, TableColumn
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -49,12 +49,12 @@ _LINEAR: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class Node:
+class ExpressionNode:
     """One step of an expression: ``kind`` is number, name, text, a sign, "neg" or the name of a function."""
 
     kind: str
     value: float | str = 0.0
-    parts: tuple[Node, ...] = ()
+    parts: tuple[ExpressionNode, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,13 +87,13 @@ class _Parser:
         word = kind == "name" and text in ("and", "or")
         return text if kind == "sign" or word else ""
 
-    def whole(self) -> Node:
+    def whole(self) -> ExpressionNode:
         node = self.levels(0)
         if self.at < len(self.tokens):
             raise ContidError(f"{self.text!r}: {self.tokens[self.at][1]!r} is not expected there")
         return node
 
-    def levels(self, level: int, depth: int = 0) -> Node:
+    def levels(self, level: int, depth: int = 0) -> ExpressionNode:
         """Binary signs, the weakest first."""
         signs = (("or",), ("and",), ("==", "!=", "<", ">", "<=", ">="), ("+", "-"), ("*", "/"))
         if depth > _MAX_DEPTH:
@@ -103,10 +103,10 @@ class _Parser:
         node = self.levels(level + 1, depth)
         while (sign := self.sign()) in signs[level] and sign:
             self.at += 1
-            node = Node(sign, 0.0, (node, self.levels(level + 1, depth)))
+            node = ExpressionNode(sign, 0.0, (node, self.levels(level + 1, depth)))
         return node
 
-    def unit(self, depth: int) -> Node:
+    def unit(self, depth: int) -> ExpressionNode:
         if self.at >= len(self.tokens):
             raise ContidError(f"{self.text!r} ends too early")
         kind, text, place = self.tokens[self.at]
@@ -115,11 +115,11 @@ class _Parser:
             if depth > _MAX_DEPTH:
                 raise ContidError(f"{self.text[:40]!r}: nested too deeply")
             inner = self.unit(depth + 1)
-            return Node("neg", 0.0, (inner,)) if text == "-" else inner
+            return ExpressionNode("neg", 0.0, (inner,)) if text == "-" else inner
         if kind == "number":
-            return Node("number", float(text))
+            return ExpressionNode("number", float(text))
         if kind == "text":
-            return Node("text", text[1:-1])
+            return ExpressionNode("text", text[1:-1])
         if text == "(" or (kind == "name" and self.sign() == "("):
             self.at += text != "("
             inner = self.levels(0, depth + 1)
@@ -128,13 +128,13 @@ class _Parser:
             self.at += 1
             if text != "(" and text not in FUNCTIONS:
                 raise ContidError(f"{self.text!r}: no function {text!r}; allowed: {', '.join(FUNCTIONS)}")
-            return inner if text == "(" else Node(text, 0.0, (inner,))
+            return inner if text == "(" else ExpressionNode(text, 0.0, (inner,))
         if kind in ("name", "quoted") and text not in ("and", "or"):
-            return Node("name", text)
+            return ExpressionNode("name", text)
         raise ContidError(f"{self.text!r}: {text!r} at {place} is not expected there")
 
 
-def parse(text: str) -> Node:
+def parse(text: str) -> ExpressionNode:
     """Parse an expression.
 
     Raises:
@@ -143,13 +143,13 @@ def parse(text: str) -> Node:
     return _Parser(text).whole()
 
 
-def names_in(node: Node) -> list[str]:
+def names_in(node: ExpressionNode) -> list[str]:
     """The columns that an expression uses."""
     own = [str(node.value)] if node.kind == "name" else []
     return own + [name for part in node.parts for name in names_in(part)]
 
 
-def affine(node: Node) -> Affine | None:
+def affine(node: ExpressionNode) -> Affine | None:
     """The factors of an expression that is linear in its columns, or None."""
     if node.kind == "number":
         return Affine(float(node.value), {})
@@ -180,7 +180,7 @@ def _scaled(form: Affine, factor: float) -> Affine:
     return Affine(form.constant * factor, {name: each * factor for name, each in form.factors.items()})
 
 
-def numbers_of(table: Table, name: str) -> Column:
+def numbers_of(table: Table, name: str) -> TableColumn:
     """A column of numbers.
 
     Raises:
@@ -188,7 +188,7 @@ def numbers_of(table: Table, name: str) -> Column:
     """
     column = table.column(name)
     if column.is_text:
-        raise BadInputError([table.at(0, column, f"column {name!r} has words, not numbers")])
+        raise BadInputError([table.at(0, column, f"column {name!r} has text, not numbers")])
     if column.bad:
         raise BadInputError([
             table.at(row, column, f"{name}: {cell[:40]!r} is not a number") for row, cell in column.bad[:20]
@@ -196,7 +196,7 @@ def numbers_of(table: Table, name: str) -> Column:
     return column
 
 
-def evaluate(node: Node, table: Table) -> Any:
+def evaluate(node: ExpressionNode, table: Table) -> Any:
     """The values of an expression, shape ``(rows,)``; comparisons give booleans.
 
     Raises:

@@ -1,4 +1,4 @@
-"""A mapping: at most eight lines of YAML that say which columns of a table mean what."""
+"""A mapping: at most eight lines of YAML that state which columns of a table mean what."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Final
 import yaml
 
 from contid.errors import BadInputError, ContidError, Located
-from contid_adapt.meaning.expression import Node, parse
+from contid_adapt.meaning.expression import ExpressionNode, parse
 
 MAX_LINES: Final = 8
 #: Keys that are no columns of the robot: name, and what stands behind it.
@@ -29,12 +29,12 @@ KEYS: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class MappingLine:
     """One expression of a mapping and where it stands."""
 
     name: str
     text: str
-    node: Node
+    node: ExpressionNode
     line: int
 
 
@@ -53,12 +53,12 @@ class Mapping:
     """
 
     file: str
-    time: Line | None = None
-    columns: dict[str, Line] = field(default_factory=dict)
-    quaternion: tuple[str, tuple[Line, ...]] | None = None
+    time: MappingLine | None = None
+    columns: dict[str, MappingLine] = field(default_factory=dict)
+    quaternion: tuple[str, tuple[MappingLine, ...]] | None = None
     tool_axis: str = "z"
     frame: Any = None
-    rows: Line | None = None
+    rows: MappingLine | None = None
     numbers: dict[str, float] = field(default_factory=dict)
     lines: dict[str, int] = field(default_factory=dict)
 
@@ -73,7 +73,7 @@ def read_mapping(text: str, file: str, robot_columns: Sequence[str]) -> Mapping:
     Args:
         text: YAML.
         file: its name in messages.
-        robot_columns: names that the robot knows, see `contid check ROBOT`.
+        robot_columns: names of the robot, see `contid check ROBOT`.
 
     Raises:
         BadInputError: more than eight lines, no YAML, unknown keys, or no expressions.
@@ -110,7 +110,7 @@ def read_mapping(text: str, file: str, robot_columns: Sequence[str]) -> Mapping:
 
 
 def plain(node: Any, depth: int = 0) -> Any:
-    """Words, lists and dictionaries of a YAML node, nothing else: ``y`` stays a letter."""
+    """Texts, lists and dictionaries of a YAML node, nothing else: ``y`` stays a letter."""
     if depth > 5:
         raise ContidError("nested too deeply")
     if isinstance(node, yaml.MappingNode):
@@ -169,10 +169,10 @@ def _take(mapping: Mapping, key: str, value: Any, line: int, robot_columns: Sequ
             mapping.columns[name] = _line(name, each, line)
 
 
-def _line(name: str, value: Any, line: int) -> Line:
+def _line(name: str, value: Any, line: int) -> MappingLine:
     if not isinstance(value, str) or not value.strip():
         raise ContidError(f"{name} is one expression, such as 1000*x")
-    return Line(name, value, parse(value), line)
+    return MappingLine(name, value, parse(value), line)
 
 
 def _unknown(name: str, robot_columns: Sequence[str]) -> None:

@@ -105,13 +105,13 @@ def _is_even(times: Floats) -> bool:
     return bool(np.abs(steps - steps.mean()).max(initial=0.0) < 0.01 * steps.mean())
 
 
-def _at(times: Floats, rows: Floats, wanted: Floats) -> Floats:
+def _at(times: Floats, rows: Floats, required: Floats) -> Floats:
     """Values of the cubic through rows at other times."""
     if len(times) < 3:
-        return np.column_stack([np.interp(wanted, times, column) for column in rows.T])
+        return np.column_stack([np.interp(required, times, column) for column in rows.T])
     parts = cubic(times, rows)
-    place = np.clip(np.searchsorted(times, wanted, side="right") - 1, 0, len(times) - 2)
-    u = (wanted - times[place])[:, None]
+    place = np.clip(np.searchsorted(times, required, side="right") - 1, 0, len(times) - 2)
+    u = (required - times[place])[:, None]
     c = parts[place]
     found: Floats = ((c[:, 3] * u + c[:, 2]) * u + c[:, 1]) * u + c[:, 0]
     return found

@@ -15,7 +15,7 @@ UNITS: Final[dict[str, tuple[str, float]]] = {
     "mpa": ("bar", 10.0), "psi": ("bar", 0.0689475729), "atm": ("bar", 1.01325),
     "n": ("n", 1.0), "mn": ("n", 1e-3), "kn": ("n", 1e3),
 }  # fmt: skip
-_WORDS: Final = {
+_SPELLINGS: Final = {
     "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "millis": "ms",
     "milliseconds": "ms", "usec": "us", "microseconds": "us", "µs": "us", "nsec": "ns", "nsecs": "ns",
     "nanosec": "ns", "nanoseconds": "ns", "nanosecs": "ns", "minutes": "min",
@@ -23,14 +23,14 @@ _WORDS: Final = {
     "millimetres": "mm", "centimeters": "cm", "centimetres": "cm", "inch": "in", "inches": "in",
     "degree": "deg", "degrees": "deg", "°": "deg", "radian": "rad", "radians": "rad", "newton": "n",
 }  # fmt: skip
-#: Words at the end of a name that are units only there.
+#: Ends of a name that are units only there.
 _ENDS: Final = re.compile(r"(?:^|[_. ])([A-Za-z]+)$")
 
 
 def unit_word(text: str) -> str:
     """The short form of a unit in brackets or alone; what is none comes back in lower case."""
     bare = text.strip().strip("[]()").strip()
-    return _WORDS.get(bare.lower(), bare.lower())
+    return _SPELLINGS.get(bare.lower(), bare.lower())
 
 
 def unit_of_name(name: str) -> str:
@@ -42,11 +42,13 @@ def unit_of_name(name: str) -> str:
     if name[found.start()] == "_":
         unit = unit_word(word)
     else:
-        unit = _WORDS.get(word.lower(), "") if len(word) > 3 else ""
+        unit = _SPELLINGS.get(word.lower(), "") if len(word) > 3 else ""
     return unit if unit in UNITS and unit not in ("in", "n") else ""
 
 
-def factor_to(unit: str, wanted: str) -> float | None:
-    """How many of the wanted unit one of a unit is; None for other kinds."""
+def factor_to(unit: str, required: str) -> float | None:
+    """How many of the required unit one of a unit is; None for other kinds."""
     kind = UNITS.get(unit)
-    return kind[1] / UNITS[wanted][1] if kind and wanted in UNITS and kind[0] == UNITS[wanted][0] else None
+    return (
+        kind[1] / UNITS[required][1] if kind and required in UNITS and kind[0] == UNITS[required][0] else None
+    )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from contid.errors import BadInputError, ContidError, Located
 from contid_adapt.meaning.expression import affine, evaluate, names_in
-from contid_adapt.meaning.mapping import Line, Mapping
+from contid_adapt.meaning.mapping import Mapping, MappingLine
 from contid_adapt.meaning.units import UNITS, factor_to
 from contid_adapt.reading.table import Table
 
@@ -73,7 +73,7 @@ def values_of(table: Table, mapping: Mapping, prefix: str, notes: list[str]) -> 
     return Values(tuple(names), rows, _is_mirrored(mapping))
 
 
-def _check_units(table: Table, mapping: Mapping, line: Line) -> None:
+def _check_units(table: Table, mapping: Mapping, line: MappingLine) -> None:
     form, unit = affine(line.node), line.name.rpartition("_")[2]
     used = [table.column(name) for name in names_in(line.node)]
     for column in used:
@@ -106,7 +106,7 @@ def check_time_units(table: Table, mapping: Mapping) -> None:
             raise mapping.wrong("t_s", f"{name!r} is in {column.unit}: its factor is {factor:g}, not {own:g}")
 
 
-def _at_line(mapping: Mapping, line: Line, message: str) -> BadInputError:
+def _at_line(mapping: Mapping, line: MappingLine, message: str) -> BadInputError:
     return BadInputError([Located(mapping.file, line.line, 1, message)])
 
 
@@ -125,7 +125,7 @@ def _lost_as_zeros(names: list[str], rows: Floats, notes: list[str]) -> None:
 
 
 def _direction(
-    table: Table, mapping: Mapping, order: str, lines: tuple[Line, ...], notes: list[str]
+    table: Table, mapping: Mapping, order: str, lines: tuple[MappingLine, ...], notes: list[str]
 ) -> Floats:
     key = f"quaternion_{order}"
     for letter, line in zip(order, lines, strict=True):
@@ -133,7 +133,7 @@ def _direction(
             own = letter_of(table.column(name).name)
             if own and own != letter:
                 what = f"{name!r} stands where {order} has {letter!r}"
-                raise mapping.wrong(key, f"{what}: its name says {own!r}")
+                raise mapping.wrong(key, f"{what}: its name has {own!r}")
     parts = dict(zip(order, (evaluate(line.node, table) for line in lines), strict=True))
     w, x, y, z = (np.asarray(parts[letter], float) for letter in "wxyz")
     norm = np.sqrt(w * w + x * x + y * y + z * z)

@@ -36,21 +36,21 @@ _NAME: Final = re.compile(r"^(?P<prefix>.*?)(?P<kind>a|b|load\.f)?(?P<axis>[xyz]
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class TableFrame:
     """From the table to the world of the robot.
 
     Attributes:
         turn: shape ``(3, 3)``, rows are the robot's axes in those of the table; a mirror has determinant -1.
         scale: of lengths.
         origin_mm, at_mm: a point of the table and where it lies in the world.
-        says: what was found, for the report.
+        shown: what was found, for the report.
     """
 
     turn: Floats
     scale: float
     origin_mm: Floats
     at_mm: Floats
-    says: str
+    shown: str
 
     def points(self, points: Floats) -> Floats:
         """Positions in the world, shape ``(n, 3)`` [mm]."""
@@ -58,7 +58,9 @@ class Frame:
         return found
 
 
-def read_frame(mapping: Mapping, values: Values, times: Floats, rest_mm: Floats | None, prefix: str) -> Frame:
+def read_frame(
+    mapping: Mapping, values: Values, times: Floats, rest_mm: Floats | None, prefix: str
+) -> TableFrame:
     """Interpret the frame of a mapping.
 
     Args:
@@ -77,7 +79,7 @@ def read_frame(mapping: Mapping, values: Values, times: Floats, rest_mm: Floats 
         raise mapping.wrong("frame", f"no frame; {_HELP}")
     try:
         if given == "axes" and not positions:
-            return Frame(np.eye(3), 1.0, np.zeros(3), np.zeros(3), "columns of axes: no frame")
+            return TableFrame(np.eye(3), 1.0, np.zeros(3), np.zeros(3), "columns of axes: no frame")
         if given == "robot":
             given = {}
         if not isinstance(given, dict):
@@ -90,7 +92,7 @@ def read_frame(mapping: Mapping, values: Values, times: Floats, rest_mm: Floats 
         raise mapping.wrong("frame", str(error)) from error
 
 
-def place(frame: Frame, values: Values) -> Floats:
+def place(frame: TableFrame, values: Values) -> Floats:
     """Rows in the world of the robot: positions moved and turned, directions and forces turned."""
     rows = values.rows.copy()
     groups: dict[tuple[str, str], dict[str, int]] = {}
@@ -122,7 +124,7 @@ def _tips(values: Values, prefix: str) -> Floats:
 
 def _stated(
     given: dict[str, Any], values: Values, times: Floats, rest_mm: Floats | None, tips: Floats
-) -> Frame:
+) -> TableFrame:
     axes = ["x", "y", "z"]
     if "up" in given:
         if given["up"] not in _UP or {"x", "y", "z"} & given.keys():
@@ -137,13 +139,13 @@ def _stated(
     if abs(np.linalg.det(turn)) < 0.5:
         raise ContidError(f"the axes {', '.join(axes)} are not three different ones")
     mirror = bool(np.linalg.det(turn) < 0.0) != values.mirrored
-    wanted = str(given.get("mirrored", "no")).lower() in ("yes", "true")
-    if mirror and not wanted:
+    required = str(given.get("mirrored", "no")).lower() in ("yes", "true")
+    if mirror and not required:
         raise ContidError(
             "the signs and axes turn a right hand into a left one: one sign is wrong, or the table is "
             "left-handed, then write `mirrored: yes` in the frame"
         )
-    if wanted and not mirror:
+    if required and not mirror:
         raise ContidError("`mirrored: yes`, but the signs and axes mirror nothing")
     scale = number_of(given.get("scale", "1"), "scale")
     if scale <= 0.0:
@@ -158,7 +160,9 @@ def _stated(
         at_mm = _vector(at, "at")
     shown = f"x, y, z are {', '.join(axes)} of the table" + (f", scale {scale:g}" if scale != 1.0 else "")
     where = ", ".join(f"{value:.3f}" for value in origin), ", ".join(f"{value:.3f}" for value in at_mm)
-    return Frame(turn, scale, origin, at_mm, f"{shown}; ({where[0]}) mm of it lies at ({where[1]}) mm{note}")
+    return TableFrame(
+        turn, scale, origin, at_mm, f"{shown}; ({where[0]}) mm of it lies at ({where[1]}) mm{note}"
+    )
 
 
 def _origin(given: Any, times: Floats, tips: Floats) -> tuple[Floats, str]:
@@ -189,7 +193,7 @@ def _vector(given: Any, what: str) -> Floats:
     return np.array([*numbers, *[0.0] * (3 - len(numbers))])
 
 
-def _fitted(given: dict[str, Any], values: Values) -> Frame:
+def _fitted(given: dict[str, Any], values: Values) -> TableFrame:
     pairs = given["fit"]
     if (
         not isinstance(pairs, list)
@@ -208,7 +212,7 @@ def _fitted(given: dict[str, Any], values: Values) -> Frame:
     if sizes[1] < 1e-6 * max(sizes[0], 1e-12):
         raise ContidError("the points of the fit lie on a line; a plane at least is needed")
     turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
-    frame = Frame(turn, 1.0, origin, at, "")
+    frame = TableFrame(turn, 1.0, origin, at, "")
     rms = float(np.sqrt(np.mean(np.sum((frame.points(own) - world) ** 2, axis=1))))
     within = number_of(given.get("within_mm", str(_WITHIN_MM)), "within_mm")
     if rms > within:
@@ -217,4 +221,4 @@ def _fitted(given: dict[str, Any], values: Values) -> Frame:
         )
     if values.mirrored:
         raise ContidError("the signs of the mapping turn a right hand into a left one; a rigid fit cannot")
-    return Frame(turn, 1.0, origin, at, f"rigid fit to {len(pairs)} points, residual {rms:.3g} mm rms")
+    return TableFrame(turn, 1.0, origin, at, f"rigid fit to {len(pairs)} points, residual {rms:.3g} mm rms")

@@ -12,7 +12,7 @@ import numpy as np
 from contid.errors import BadInputError, ContidError, Located, require_extra
 from contid_adapt.reading.objects import column_of, flat
 from contid_adapt.reading.source import Source
-from contid_adapt.reading.table import Column, Table
+from contid_adapt.reading.table import Table, TableColumn
 
 
 def read_binary(source: Source) -> Table:
@@ -39,7 +39,7 @@ def read_binary(source: Source) -> Table:
     return Table(source.name, tuple(columns), np.arange(1, rows + 1), ones, notes=notes)
 
 
-def _columns(source: Source) -> Iterator[Column]:
+def _columns(source: Source) -> Iterator[TableColumn]:
     data = io.BytesIO(source.data)
     if source.kind == "npy":
         yield from _of_array("c", np.load(data, allow_pickle=False), 0)
@@ -85,7 +85,7 @@ def _columns(source: Source) -> Iterator[Column]:
         yield from _of_arrays(arrays)
 
 
-def _of_arrays(arrays: dict[str, Any]) -> Iterator[Column]:
+def _of_arrays(arrays: dict[str, Any]) -> Iterator[TableColumn]:
     place = 0
     for name, each in arrays.items():
         array = np.asarray(each)
@@ -95,10 +95,10 @@ def _of_arrays(arrays: dict[str, Any]) -> Iterator[Column]:
                 yield column
 
 
-def _of_array(name: str, array: Any, place: int) -> Iterator[Column]:
+def _of_array(name: str, array: Any, place: int) -> Iterator[TableColumn]:
     if array.dtype.names:
         for at, field in enumerate(array.dtype.names, place + 1):
-            yield Column(field, at, np.asarray(array[field], float))
+            yield TableColumn(field, at, np.asarray(array[field], float))
         return
     if array.ndim == 2 and array.shape[0] < array.shape[1] and array.shape[0] <= 12:
         array = array.T
@@ -107,10 +107,10 @@ def _of_array(name: str, array: Any, place: int) -> Iterator[Column]:
         exact = table.dtype.kind in "iu" and np.abs(table[:, at]).max(initial=0) > 2**53
         values = table[:, at].astype(np.int64 if exact else float)
         alone = name if table.shape[1] == 1 else (f"{name}{at + 1}" if name == "c" else f"{name}[{at}]")
-        yield Column(alone, place + at + 1, values)
+        yield TableColumn(alone, place + at + 1, values)
 
 
-def _of_sheet(source: Source) -> Iterator[Column]:
+def _of_sheet(source: Source) -> Iterator[TableColumn]:
     from importlib.util import find_spec
 
     if find_spec("openpyxl") is None:

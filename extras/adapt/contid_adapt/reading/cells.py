@@ -69,7 +69,7 @@ def unquoted(cell: str) -> str:
 
 
 def number(cell: str, decimal: str = ".") -> float | None:
-    """A finite number, NaN where the cell says that the sample was lost, or None."""
+    """A finite number, NaN where the sample was lost, or None."""
     cell = cell.strip()
     if decimal != "." and decimal in cell:
         if "." in cell:

@@ -86,7 +86,7 @@ def is_row(cells: Sequence[str], fields: int, numeric: Sequence[bool], decimal: 
     """True for a line of numbers: half of the cells that should be numbers are, and no name is among them."""
     if len(cells) != fields:
         return False
-    own = [cell for cell, is_wanted in zip(cells, numeric, strict=True) if is_wanted]
+    own = [cell for cell, is_own in zip(cells, numeric, strict=True) if is_own]
     right = sum(is_number(cell, decimal) for cell in own)
     lost = sum(cell.strip().lower() in LOST for cell in own)
     return right > 0 and 2 * (right + lost) > len(own) and 2 * right >= len(own) - lost

@@ -22,7 +22,7 @@ _NUMBERED: Final = re.compile(r"^[0-9A-Fa-f:]{6,}$|^\d+$|^ROOT$|^id\d+$", re.IGN
 
 
 @dataclass(slots=True)
-class Header:
+class TableHeader:
     """What stands above the rows.
 
     Attributes:
@@ -40,13 +40,13 @@ class Header:
     lines: frozenset[str] = frozenset()
 
 
-def read_header(lines: Sequence[str], dialect: Dialect, file: str) -> Header:
+def read_header(lines: Sequence[str], dialect: Dialect, file: str) -> TableHeader:
     """Interpret the lines above the first row.
 
     Raises:
         BadInputError: a line of numbers with another count of cells stands above the rows.
     """
-    header = Header(facts=_facts(lines[: dialect.start], dialect.separator))
+    header = TableHeader(facts=_facts(lines[: dialect.start], dialect.separator))
     above: list[tuple[int, list[str]]] = []
     for index in range(dialect.start):
         line = lines[index]
@@ -141,7 +141,7 @@ def _is_level(cells: Sequence[str], fields: int) -> bool:
 
 
 def _is_kind(cells: Sequence[str]) -> bool:
-    """A row that tells kinds (Rigid Body) or numbers of things."""
+    """A row of kinds (Rigid Body) or numbers of things."""
     given = [cell for cell in cells if cell]
     if cells[0] == "" and given and given[0] in ("Type", "ID", "Parent"):
         return True

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from contid.errors import BadInputError, Located
-from contid_adapt.reading.table import Column, Table
+from contid_adapt.reading.table import Table, TableColumn
 
 _MAX_DEPTH: Final = 8
 
@@ -101,13 +101,13 @@ def _of_rows(rows: Sequence[tuple[int, dict[str, Any]]], file: str, lines: Seque
     return Table(file, tuple(columns), count, np.ones(len(rows), np.int64), (), names_line=rows[0][0])
 
 
-def column_of(name: str, position: int, values: Sequence[Any]) -> Column:
+def column_of(name: str, position: int, values: Sequence[Any]) -> TableColumn:
     """A column of JSON values."""
     from contid_adapt.meaning.units import unit_of_name
 
-    words = sum(isinstance(each, str) for each in values)
-    if 2 * words > len(values):
-        return Column(name, position, np.array([str(each) for each in values], dtype=object))
+    texts = sum(isinstance(each, str) for each in values)
+    if 2 * texts > len(values):
+        return TableColumn(name, position, np.array([str(each) for each in values], dtype=object))
     bad, found = [], np.empty(len(values))
     for row, each in enumerate(values):
         right = isinstance(each, int | float) or each is None
@@ -116,5 +116,5 @@ def column_of(name: str, position: int, values: Sequence[Any]) -> Column:
             bad.append((row, str(each)))
     whole = all(isinstance(each, int) and abs(each) < 2**62 for each in values)
     if whole and len(values) and np.abs(found).max() > 2**53:
-        return Column(name, position, np.array(values, dtype=np.int64), unit_of_name(name))
-    return Column(name, position, found, unit_of_name(name), tuple(bad))
+        return TableColumn(name, position, np.array(values, dtype=np.int64), unit_of_name(name))
+    return TableColumn(name, position, found, unit_of_name(name), tuple(bad))

@@ -18,7 +18,7 @@ _NOT_A_NAME: Final = re.compile(r"[^A-Za-z0-9_.\[\]]+")
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class TableColumn:
     """One column.
 
     Attributes:
@@ -63,7 +63,7 @@ class Table:
     """
 
     file: str
-    columns: tuple[Column, ...]
+    columns: tuple[TableColumn, ...]
     lines: NDArray[np.int64]
     sessions: NDArray[np.int64]
     text: Sequence[str] = ()
@@ -76,12 +76,12 @@ class Table:
         """Number of rows."""
         return len(self.lines)
 
-    def at(self, row: int, column: Column | None, message: str) -> Located:
+    def at(self, row: int, column: TableColumn | None, message: str) -> Located:
         """A finding at the cell of a row."""
         line = int(self.lines[row]) if len(self.lines) else 1
         return Located(self.file, line, self._place(line, column), message)
 
-    def column(self, name: str) -> Column:
+    def column(self, name: str) -> TableColumn:
         """A column by its name, its alias, or its position (``c3``).
 
         Raises:
@@ -113,7 +113,7 @@ class Table:
         """The table with some of its rows."""
         kept, number = np.flatnonzero(keep), np.cumsum(keep) - 1
         columns = tuple(
-            Column(
+            TableColumn(
                 each.name, each.position, each.values[kept], each.unit,
                 tuple((int(number[row]), cell) for row, cell in each.bad if keep[row]),
             )
@@ -122,7 +122,7 @@ class Table:
         rest = (self.text, self.separator, self.facts, self.notes, self.names_line)
         return Table(self.file, columns, self.lines[kept], self.sessions[kept], *rest)
 
-    def _place(self, line: int, column: Column | None) -> int:
+    def _place(self, line: int, column: TableColumn | None) -> int:
         """Column of a cell in its line, from 1."""
         if column is None or not 1 <= line <= len(self.text):
             return 1

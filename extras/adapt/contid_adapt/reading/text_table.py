@@ -12,8 +12,8 @@ from contid.errors import BadInputError, Located
 from contid_adapt.meaning.units import UNITS, unit_of_name, unit_word
 from contid_adapt.reading.cells import begins, is_list, is_number, listed, number, numbers, split, unquoted
 from contid_adapt.reading.dialect import Dialect, find_dialect, is_comment
-from contid_adapt.reading.header import Header, read_header
-from contid_adapt.reading.table import LOST, Column, Table
+from contid_adapt.reading.header import TableHeader, read_header
+from contid_adapt.reading.table import LOST, Table, TableColumn
 
 #: Rows that are turned into numbers at a time.
 _CHUNK: Final = 20_000
@@ -46,7 +46,7 @@ def read_text(lines: list[str], file: str, whole_end: bool = True) -> Table:
 
 
 def _rows(
-    lines: list[str], dialect: Dialect, header: Header, file: str, start: int, whole_end: bool
+    lines: list[str], dialect: Dialect, header: TableHeader, file: str, start: int, whole_end: bool
 ) -> Table:
     separator, fields = dialect.separator, dialect.fields
     numbered: list[int] = []
@@ -111,10 +111,10 @@ def _rows(
 
 
 def _columns(
-    parts: list[list[Any]], bad: list[list[tuple[int, str]]], header: Header, dialect: Dialect,
+    parts: list[list[Any]], bad: list[list[tuple[int, str]]], header: TableHeader, dialect: Dialect,
     numbered: Sequence[int], file: str,
-) -> list[Column]:  # fmt: skip
-    columns: list[Column] = []
+) -> list[TableColumn]:  # fmt: skip
+    columns: list[TableColumn] = []
     for place in range(dialect.fields):
         values = np.concatenate(parts[place]) if len({each.dtype for each in parts[place]}) == 1 else (
             np.concatenate([each.astype(object if each.dtype == object else float) for each in parts[place]])
@@ -135,13 +135,13 @@ def _columns(
         else:
             if values.dtype != object and len(bad[place]) * 2 > len(values):
                 values = values.astype(object)
-            columns.append(Column(name, place + 1, values, unit, tuple(bad[place])))
+            columns.append(TableColumn(name, place + 1, values, unit, tuple(bad[place])))
     return columns
 
 
 def _expanded(
     name: str, place: int, values: Any, unit: str, numbered: Sequence[int], file: str
-) -> list[Column]:
+) -> list[TableColumn]:
     """Columns of cells that hold lists: ``name[0]``, ``name[1]``."""
     pairs = [listed(cell) for cell in values]
     keys = [key for key, _ in pairs[0] or ()]
@@ -150,7 +150,7 @@ def _expanded(
             what = f"column {place + 1} ({name}): {values[row][:40]!r} is no list of {len(keys)} numbers"
             raise BadInputError([Located(file, numbered[row], 1, what)])
     table = np.array([[value for _, value in each or ()] for each in pairs])
-    return [Column(f"{name}{key}", place + 1, table[:, at], unit) for at, key in enumerate(keys)]
+    return [TableColumn(f"{name}{key}", place + 1, table[:, at], unit) for at, key in enumerate(keys)]
 
 
 def _miscounted(
@@ -223,7 +223,7 @@ def _transposed(lines: Sequence[str]) -> Callable[[str], Table] | None:
                 found = re.match(r"^(.*?)\s*[\[(]\s*([^\[\]()]*)\s*[\])]\s*$", name)
                 unit = unit_word(found[2]) if found and unit_word(found[2]) in UNITS else ""
                 name = found[1] if found and unit else name
-                columns.append(Column(name, place + 1, values, unit or unit_of_name(name), tuple(wrong)))
+                columns.append(TableColumn(name, place + 1, values, unit or unit_of_name(name), tuple(wrong)))
             count = len(cells[0]) - 1
             ones = np.ones(count, np.int64)
             note = "each line is a column: the table was turned"
