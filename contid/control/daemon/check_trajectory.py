@@ -59,7 +59,7 @@ def check_trajectory(robot_file: str, trajectory: str, text: TextIO | None = Non
     try:
         _check(loaded, source, trajectory)
     except TooFastError as error:
-        raise with_remedy(error) from error
+        raise with_remedy(error, source) from error
     moved = tuple(name for name in loaded.driven if name in source.targets_of_row(0))
     return AcceptedTrajectory(loaded.file.name, len(source), source.end_s - source.start_s, moved)
 

@@ -38,8 +38,8 @@ ABOVE: Final = 512
 ROOM: Final = 4096
 #: What is imported where it is installed. `contid_view` and `contid_camera` import libraries with threads.
 PACKAGES: Final = (
-    *("contid", "contid_adapt", "contid_drivers", "contid_fit", "contid_fleet", "contid_hands", "contid_panel"),
-    "contid_reach",
+    *("contid", "contid_drivers", "contid_fit", "contid_fleet", "contid_hands", "contid_panel"),
+    *("contid_adapt", "contid_reach"),
 )
 #: What functions of contid import when they are called.
 LIBRARIES: Final = (
