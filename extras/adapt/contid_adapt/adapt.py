@@ -109,6 +109,7 @@ def mean(table: Table, robot_file: str, mapping_text: str, mapping_file: str = "
         notes.append(f"the robot has no {name}: left out, though it changes by {span:.3g}")
     if len(own) < len(names):
         names, rows = [names[at] for at in own], rows[:, own]
+    notes.append(_extent(names, times, rows))
     times, rows, lines = _smoothed(names, times, rows, lines, mapping, notes)
     return Adapted(("t_s", *names), np.column_stack([times, rows]), lines, table.file, notes)
 
@@ -129,6 +130,17 @@ def check(adapted: Adapted, robot_file: str) -> Adapted:
         ) from error
     done = (adapted.names, adapted.rows, adapted.lines, adapted.file, adapted.notes)
     return Adapted(*done, accepted=str(accepted))
+
+
+def _extent(names: list[str], times: Floats, rows: Floats) -> str:
+    """Size and pace of a path, which show a wrong unit at a glance."""
+    spans = [
+        f"{name} {low:.5g} to {high:.5g}"
+        for name, low, high in zip(names, rows.min(0), rows.max(0), strict=True)
+    ]
+    usual = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    pace = f"{len(times)} rows, {usual:.4g} s apart, {times[-1] - times[0]:.5g} s in all"
+    return f"path: {pace}; {', '.join(spans[:9])}"
 
 
 def _at_table(found: Located, adapted: Adapted) -> Located:

@@ -91,6 +91,9 @@ def test_a_plain_table_is_written_as_it_is(made) -> None:
             table(T, X, Y).replace("0.030000,20", "0.030000;20"), MAP, "a.csv:5", "2 cells", id="separator"
         ),
         pytest.param(table(T, X, Y)[:-13], MAP, "a.csv:401", "ends within a row", id="cut"),
+        pytest.param(
+            table(T, X, Y, names=",t,x,y"), MAP, "a.csv:1:1", "4 names above rows of 3", id="shifted"
+        ),
         pytest.param(table(T, X, Y, names="t,x,x"), MAP, "a.csv:1:5", "write c2 or c3", id="names twice"),
         pytest.param(table(T, X, Y, names="x,y,t"), MAP, "map.yaml:1", "a second", id="names shifted"),
         pytest.param(table(T, X + 500, Y), MAP, "a.csv:2", "out of reach", id="out of reach"),

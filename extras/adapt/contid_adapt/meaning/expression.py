@@ -207,7 +207,8 @@ def evaluate(node: ExpressionNode, table: Table) -> Any:
     if node.kind == "name":
         return numbers_of(table, str(node.value)).values.astype(float)
     if node.kind in FUNCTIONS:
-        return FUNCTIONS[node.kind](evaluate(node.parts[0], table))
+        with np.errstate(invalid="ignore", over="ignore"):
+            return FUNCTIONS[node.kind](evaluate(node.parts[0], table))
     if node.kind == "text":
         raise ContidError(f"{node.value!r}: a word can only be compared with == or != to a column")
     if node.kind in ("==", "!=") and any(part.kind == "text" for part in node.parts):

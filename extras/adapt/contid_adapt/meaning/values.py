@@ -21,6 +21,7 @@ Floats: TypeAlias = NDArray[np.float64]
 _NORM: Final = 0.02
 #: Trackers of NDI write -3.7e28 for a lost sample.
 _ABSURD: Final = 1e20
+_UNIT: Final = re.compile(r"_(mm|cm|m)$")
 _POINT: Final = re.compile(r"^(.*?)([xyz])_mm$")
 
 
@@ -157,6 +158,7 @@ def _direction(
 
 def letter_of(name: str) -> str:
     """The axis that a name ends with: ``qx``, ``orientation.w``, ``Rotation.Z``; "" for none."""
+    name = _UNIT.sub("", name)
     found = re.search(r"(?:^|[^A-Za-z]|[a-z](?=[XYZW]$)|^[qptrQPTR])([wxyzWXYZ])\d*$", name)
     return found[1].lower() if found else ""
 

@@ -71,9 +71,9 @@ def unquoted(cell: str) -> str:
 def number(cell: str, decimal: str = ".") -> float | None:
     """A finite number, NaN where the sample was lost, or None."""
     cell = cell.strip()
-    if decimal != "." and decimal in cell:
+    if decimal != ".":
         if "." in cell:
-            return None
+            return None  # A separator of thousands, or the other decimal sign.
         cell = cell.replace(decimal, ".", 1)
     if _NUMBER.fullmatch(cell):
         value = float(cell.replace("d", "e").replace("D", "e"))

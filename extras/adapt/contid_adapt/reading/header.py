@@ -87,15 +87,39 @@ def read_header(lines: Sequence[str], dialect: Dialect, file: str) -> TableHeade
         header.names = _joined(names, [each for each in levels if not _is_kind(each)], fields)
     else:
         header.names = _of_markers(header.facts, fields)
+        if place >= 0 and not any(header.names) and above[place][0] == dialect.start - 1:
+            _check_count(above[place][1], above[place][0], fields, header.facts, file)
     found = [_unit_in(name) for name in header.names]
     header.names = [name for name, _ in found]
     units = units or [""] * fields
-    header.units = [own or unit or unit_of_name(name) for own, (name, unit) in zip(units, found, strict=True)]
+    header.units = [
+        own or unit or unit_of_name(name) or _stated_unit(name, header.facts)
+        for own, (name, unit) in zip(units, found, strict=True)
+    ]
     return header
+
+
+def _check_count(cells: Sequence[str], index: int, fields: int, facts: dict[str, str], file: str) -> None:
+    """Refuse names of another count than rows have, which would stand above the wrong columns."""
+    names = _trimmed(cells)
+    if len(names) > 2 and names[0] not in facts:
+        what = f"{len(names)} names above rows of {fields} cells"
+        remedy = "correct the header, or delete it and name columns c1, c2, .."
+        raise BadInputError([Located(file, index + 1, 1, f"{what}; {remedy}")])
+
+
+def _stated_unit(name: str, facts: dict[str, str]) -> str:
+    """The unit of a position that a line above the header states, or the manual of the program."""
+    if "Position." in name and "Length Units" in facts:
+        return unit_word(facts["Length Units"])
+    if "MARKER_NAMES" in facts or "BODY_NAMES" in facts:
+        return "mm" if re.search(r"(^|[ .])[XYZ]$", name) else ""
+    return ""
 
 
 def _facts(lines: Sequence[str], separator: str) -> dict[str, str]:
     facts: dict[str, str] = {}
+    before = ""
     for line in lines:
         cells = [cell.strip() for cell in split(line.lstrip("#% "), separator)]
         if cells[0].isupper() and len(cells) > 1:  # QTM: MARKER_NAMES<tab>A<tab>B
@@ -107,6 +131,9 @@ def _facts(lines: Sequence[str], separator: str) -> dict[str, str]:
             facts[key.strip()] = value.strip().strip(separator)
         elif len(cells) == 2:
             facts[cells[0]] = cells[1]
+        elif (cells[0].isdigit() and not any(cells[1:])) and before in ("Trajectories", "Segments"):
+            facts["FREQUENCY"] = cells[0]  # Vicon Nexus: the rate below the kind of the table.
+        before = cells[0]
     return facts
 
 

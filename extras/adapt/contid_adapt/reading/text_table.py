@@ -38,7 +38,7 @@ def read_text(lines: list[str], file: str, whole_end: bool = True) -> Table:
         return turned(file)
     dialect = find_dialect(lines, file)
     header = read_header(lines, dialect, file)
-    if not header.line and _counts_up(lines, dialect):
+    if not header.line and not any(header.names) and _counts_up(lines, dialect):
         header.names = [cell.strip() for cell in split(lines[dialect.start], dialect.separator)]
         header.line = dialect.start + 1
         return _rows(lines, dialect, header, file, dialect.start + 1, whole_end)
