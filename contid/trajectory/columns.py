@@ -38,6 +38,8 @@ _UNITS: Final[Mapping[str, Mapping[str, float]]] = {
 _AXES: Final = ("x", "y", "z")
 #: A header with more mistakes is another file; the search for the nearest name takes a millisecond each.
 MAX_FINDINGS: Final = 20
+#: From this number of unknown columns on, and most of all, a table is one of another program.
+MIN_FOREIGN: Final = 4
 
 
 def vocabulary(robot: RobotDescription) -> dict[str, Meaning]:
@@ -192,6 +194,7 @@ def read_layout(
     """
     vocabularies = {robot: vocabulary(description) for robot, description in robots.items()}
     findings: list[Located] = []
+    foreign = _foreign(names, vocabularies)
     seen: dict[tuple[str, str, int], tuple[int, str]] = {}
     factors, divisors = [1.0] * len(names), [1.0] * len(names)
     for index, (name, column) in enumerate(names):
@@ -199,6 +202,8 @@ def read_layout(
             raise BadInputError(findings)
         owner, message = _owner(name, vocabularies)
         if message:
+            if foreign:
+                raise BadInputError([Located(file, line, column, f"{message}; {foreign}")])
             findings.append(Located(file, line, column, message))
             continue
         meaning = Meaning("time", 0) if name == TIME else vocabularies[owner][name.removeprefix(f"{owner}.")]
@@ -228,6 +233,16 @@ def read_layout(
     return ColumnLayout(names_only, time[0] if time else None, tuple(factors), tuple(divisors), tuple(groups))
 
 
+def _foreign(names: Sequence[tuple[str, int]], vocabularies: Mapping[str, Mapping[str, Meaning]]) -> str:
+    """What to do with the table of another program, which one finding names; "" for a table with mistakes."""
+    known = {TIME, *(name for own in vocabularies.values() for name in own)}
+    known |= {f"{robot}.{name}" for robot, own in vocabularies.items() for name in own}
+    unknown = sum(name not in known for name, _ in names)
+    if unknown < MIN_FOREIGN or 2 * unknown <= len(names):
+        return ""
+    return f"{unknown} columns are unknown: contid adapt FILE --for ROBOT reads the tables of other programs"
+
+
 def _owner(name: str, vocabularies: Mapping[str, Mapping[str, Meaning]]) -> tuple[str, str]:
     """The robot a column belongs to ("" for the time), or a message."""
     if name == TIME:
@@ -251,7 +266,9 @@ def _format_hint(name: str) -> str:
     if "\0" in name or "\ufffd" in name:
         return " (is this UTF-8 text? save it as CSV in UTF-8)"
     if {";", "\t"} & {*name}:
-        return " (columns are separated by commas, not by semicolons or tabs)"
+        return (
+            " (columns are separated by commas, not by semicolons or tabs; contid adapt reads other tables)"
+        )
     with suppress(ValueError):
         float(name)
         return " (a number: the header is missing; the first line names the columns)"

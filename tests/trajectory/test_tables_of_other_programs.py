@@ -59,3 +59,10 @@ def test_the_same_rows_in_other_clothes(text: str) -> None:
 def test_the_habit_is_named(text: str, expected: str) -> None:
     with pytest.raises(BadInputError, match=expected):
         read(text)
+
+
+def test_the_table_of_another_program_has_one_message_and_the_command_that_reads_it() -> None:
+    with pytest.raises(BadInputError) as refused:
+        read("Frame,Time,X,Y,Z,QX\n0,0,1,2,3,4\n")
+    assert len(refused.value.findings) == 1
+    assert "6 columns are unknown: contid adapt FILE --for ROBOT" in str(refused.value)

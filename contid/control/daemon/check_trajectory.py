@@ -44,17 +44,22 @@ class AcceptedTrajectory:
         return f"{rows} in {self.duration_s:g} s: within reach and limits of {names} ({self.robot_file})"
 
 
-def check_trajectory(robot_file: str, trajectory: str) -> AcceptedTrajectory:
+def check_trajectory(robot_file: str, trajectory: str, text: TextIO | None = None) -> AcceptedTrajectory:
     """Check a trajectory (``-``: stdin) for a robot file, at the rate of the file.
+
+    Args:
+        robot_file: path, or name of a shipped file.
+        trajectory: path of a file, or name of ``text``.
+        text: the trajectory; None to read the file.
 
     Raises:
         ContidError: the robot file or the trajectory is wrong, or a robot cannot follow it.
     """
-    loaded, source = _read(robot_file, trajectory)
+    loaded, source = _read(robot_file, trajectory, text)
     try:
         _check(loaded, source, trajectory)
     except TooFastError as error:
-        raise with_remedy(error) from error
+        raise with_remedy(error, source) from error
     moved = tuple(name for name in loaded.driven if name in source.targets_of_row(0))
     return AcceptedTrajectory(loaded.file.name, len(source), source.end_s - source.start_s, moved)
 

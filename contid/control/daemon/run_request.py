@@ -143,7 +143,7 @@ def _checked(
         return preflight.trajectory(source, request.trajectory or "stdin", progress)
     except TooFastError as error:
         if not request.stretch:
-            raise with_remedy(error) from error
+            raise with_remedy(error, source) from error
         slower, factor = stretch(source, preflight, error, reader.check)
         if request.log_level <= logging.INFO:
             before_s, now_s = (each.end_s - each.start_s for each in (source, slower))

@@ -12,6 +12,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from contid.control.tick.preflight.rows import Preflight, TooFastError
 from contid.trajectory.timed import Trajectory
 
@@ -19,12 +21,19 @@ from contid.trajectory.timed import Trajectory
 ACCURACY: Final = 1.01
 #: No trajectory is slowed down further.
 MAX_SLOWDOWN: Final = 1e4
+#: Share of rows that repeat the one before, from which on a tracker seems to have held its samples.
+_HELD: Final = 0.25
 
 
-def with_remedy(refused: TooFastError) -> TooFastError:
-    """The same error; its last finding names the option."""
+def with_remedy(refused: TooFastError, trajectory: Trajectory) -> TooFastError:
+    """The same error; its last finding names the option, or what smooths samples that a tracker held."""
     *others, last = refused.findings
     message = f"{last.message}, or contid run --stretch"
+    changes = np.delete(np.diff(trajectory.rows, axis=0), trajectory.layout.time or 0, axis=1)
+    repeated = int(np.count_nonzero(~np.any(changes, axis=1)))
+    if repeated > _HELD * len(trajectory):
+        what = f"{repeated} of {len(trajectory)} rows repeat the one before, as held samples do"
+        message += f"; {what}: contid adapt smooths them (smooth_mm)"
     return TooFastError([*others, replace(last, message=message)], refused.slowdown)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from mkdocs.structure.files import File, Files, InclusionLevel
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parent.parent.parent
 #: Where files of the repository that pages link to are on the site.
 OUTSIDE = "repository"
 LINK = re.compile(r"(?<=\]\()([^)\s#]+)")

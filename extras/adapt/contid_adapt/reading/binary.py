@@ -1,0 +1,126 @@
+"""Tables in Parquet, NumPy, MATLAB and HDF5 files, read where the library of each is installed."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from contid.errors import BadInputError, ContidError, Located, require_extra
+from contid_adapt.reading.objects import column_of, flat
+from contid_adapt.reading.source import Source
+from contid_adapt.reading.table import Table, TableColumn
+
+
+def read_binary(source: Source) -> Table:
+    """The table of a file that is no text.
+
+    Raises:
+        MissingExtraError: the library that reads it is not installed.
+        BadInputError: damaged, or without a table.
+    """
+    try:
+        columns = list(_columns(source))
+    except ContidError:
+        raise
+    except Exception as error:  # Libraries raise what they like on damaged files.
+        message = f"a damaged {source.kind} file: {str(error)[:120]}"
+        raise BadInputError([Located(source.name, 1, 1, message)]) from error
+    sizes = [len(each.values) for each in columns]
+    if not sizes:
+        raise BadInputError([Located(source.name, 1, 1, f"no table in this {source.kind} file")])
+    rows = max({*sizes}, key=sizes.count)
+    columns = [each for each in columns if len(each.values) == rows]
+    ones = np.ones(rows, np.int64)
+    notes = [f"{source.kind} file with {rows} rows"]
+    return Table(source.name, tuple(columns), np.arange(1, rows + 1), ones, notes=notes)
+
+
+def _columns(source: Source) -> Iterator[TableColumn]:
+    data = io.BytesIO(source.data)
+    if source.kind == "npy":
+        yield from _of_array("c", np.load(data, allow_pickle=False), 0)
+    elif source.kind == "zip":
+        names = zipfile.ZipFile(data).namelist()
+        if any(name.startswith("xl/") for name in names):
+            yield from _of_sheet(source)
+        elif all(name.endswith(".npy") for name in names):
+            with np.load(data, allow_pickle=False) as archive:
+                yield from _of_arrays(dict(archive))
+        else:
+            message = "an archive: unpack it and give the table inside"
+            raise BadInputError([Located(source.name, 1, 1, message)])
+    elif source.kind == "parquet":
+        require_extra("reading Parquet", "pyarrow")
+        import pyarrow.parquet
+
+        table = pyarrow.parquet.read_table(data)
+        place = 0
+        for name in table.column_names:
+            rows = [dict(flat(each, name)) for each in table.column(name).to_pylist()]
+            for key in rows[0] if rows else ():
+                place += 1
+                yield column_of(key, place, [row.get(key) for row in rows])
+    elif source.kind == "mat":
+        require_extra("reading MATLAB files", "scipy")
+        import scipy.io
+
+        found = scipy.io.loadmat(data, squeeze_me=True, struct_as_record=False)
+        yield from _of_arrays({name: each for name, each in found.items() if not name.startswith("__")})
+    else:
+        require_extra("reading HDF5 and MATLAB 7.3 files", "h5py")
+        import h5py
+
+        arrays: dict[str, Any] = {}
+        with h5py.File(data, "r") as file:
+
+            def keep(name: str, each: Any) -> None:
+                if isinstance(each, h5py.Dataset) and each.dtype.kind in "fiu" and each.ndim in (1, 2):
+                    arrays[name.replace("/", ".")] = np.asarray(each)
+
+            file.visititems(keep)
+        yield from _of_arrays(arrays)
+
+
+def _of_arrays(arrays: dict[str, Any]) -> Iterator[TableColumn]:
+    place = 0
+    for name, each in arrays.items():
+        array = np.asarray(each)
+        if array.dtype.kind in "fiu" and array.ndim in (1, 2):
+            for column in _of_array(name, array, place):
+                place = column.position
+                yield column
+
+
+def _of_array(name: str, array: Any, place: int) -> Iterator[TableColumn]:
+    if array.dtype.names:
+        for at, field in enumerate(array.dtype.names, place + 1):
+            yield TableColumn(field, at, np.asarray(array[field], float))
+        return
+    if array.ndim == 2 and array.shape[0] < array.shape[1] and array.shape[0] <= 12:
+        array = array.T
+    table = array.reshape(len(array), -1)
+    for at in range(table.shape[1]):
+        exact = table.dtype.kind in "iu" and np.abs(table[:, at]).max(initial=0) > 2**53
+        values = table[:, at].astype(np.int64 if exact else float)
+        alone = name if table.shape[1] == 1 else (f"{name}{at + 1}" if name == "c" else f"{name}[{at}]")
+        yield TableColumn(alone, place + at + 1, values)
+
+
+def _of_sheet(source: Source) -> Iterator[TableColumn]:
+    from importlib.util import find_spec
+
+    if find_spec("openpyxl") is None:
+        raise ContidError(
+            f"{source.name}: Excel files need openpyxl: pip install openpyxl, or save the sheet as CSV"
+        )
+    from importlib import import_module
+
+    book = import_module("openpyxl").load_workbook(io.BytesIO(source.data), read_only=True, data_only=True)
+    rows = [["" if cell is None else str(cell) for cell in row] for row in book.active.values]
+    from contid_adapt.reading.text_table import read_text
+
+    yield from read_text(["\t".join(row) for row in rows], source.name).columns

@@ -1,0 +1,125 @@
+"""What separates the cells of a text, its decimal sign, and where its rows of numbers begin.
+
+Judged on lines from the whole file: those of rows outnumber those of headers.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from contid.errors import BadInputError, Located
+from contid_adapt.reading.cells import is_number, split
+from contid_adapt.reading.table import LOST
+
+#: Lines that are looked at to decide.
+SAMPLE: Final = 120
+_SEPARATORS: Final = (",", ";", "\t", "|", " ")
+_COMMENT: Final = ("#", "%", "//")
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """How a text is written.
+
+    Attributes:
+        separator: of cells; " " for any run of blanks.
+        decimal: sign, "." or ",".
+        fields: cells of a row.
+        numeric: for each field, whether its cells are numbers.
+        start: index of the first line with numbers.
+    """
+
+    separator: str
+    decimal: str
+    fields: int
+    numeric: tuple[bool, ...]
+    start: int
+
+
+def is_comment(line: str) -> bool:
+    """True for a line that begins with a sign of comments."""
+    return line.lstrip().startswith(_COMMENT)
+
+
+def find_dialect(lines: Sequence[str], file: str) -> Dialect:
+    """Find the dialect of a text.
+
+    Raises:
+        BadInputError: no rows of numbers.
+    """
+    first = re.match(r'^"?sep=(.)"?', lines[0])
+    rows = [index for index, line in enumerate(lines) if line.strip() and not is_comment(line)]
+    if first:
+        rows = rows[1:]
+    if not rows:
+        raise BadInputError([Located(file, 1, 1, "no rows: every line is a comment or empty")])
+    # From the second half, where headers are behind, and some of the first for short files.
+    behind = rows[len(rows) // 2 :] if len(rows) > 8 else rows
+    step = max(len(behind) // SAMPLE, 1)
+    sample = [lines[index] for index in behind[::step]][: SAMPLE + 1]
+    best: tuple[float, str, str] | None = None
+    for separator in (first[1],) if first else _SEPARATORS:
+        for decimal in (".",) if separator == "," else (".", ","):
+            score = _score(sample, separator, decimal)
+            if best is None or score > best[0]:
+                best = (score, separator, decimal)
+    assert best is not None
+    score, separator, decimal = best
+    if score <= 0.0:
+        raise BadInputError([Located(file, rows[0] + 1, 1, "no rows of numbers were found")])
+    split_lines = [split(line, separator) for line in sample]
+    rows_only = [cells for cells in split_lines if _mostly_numbers(cells, decimal)] or split_lines
+    fields = _usual_count(rows_only, decimal)
+    typical = [cells for cells in rows_only if len(cells) == fields]
+    numeric = tuple(_is_numeric([cells[place] for cells in typical], decimal) for place in range(fields))
+    for index in rows:
+        if is_row(split(lines[index], separator), fields, numeric, decimal):
+            return Dialect(separator, decimal, fields, numeric, index)
+    raise BadInputError([Located(file, rows[0] + 1, 1, "no rows of numbers were found")])
+
+
+def is_row(cells: Sequence[str], fields: int, numeric: Sequence[bool], decimal: str) -> bool:
+    """True for a line of numbers: half of the cells that should be numbers are, and no name is among them."""
+    if len(cells) != fields:
+        return False
+    own = [cell for cell, is_own in zip(cells, numeric, strict=True) if is_own]
+    right = sum(is_number(cell, decimal) for cell in own)
+    lost = sum(cell.strip().lower() in LOST for cell in own)
+    return right > 0 and 2 * (right + lost) > len(own) and 2 * right >= len(own) - lost
+
+
+def _usual_count(rows: Sequence[Sequence[str]], decimal: str) -> int:
+    """The count of cells of most numbers: lines of a key and a number are short."""
+    found: Counter[int] = Counter()
+    for cells in rows:
+        found[len(cells)] += 1 + sum(is_number(cell, decimal) for cell in cells)
+    return found.most_common(1)[0][0]
+
+
+def _mostly_numbers(cells: Sequence[str], decimal: str) -> bool:
+    given = [cell for cell in cells if cell.strip().lower() not in LOST]
+    right = sum(is_number(cell, decimal) for cell in given)
+    return right > 0 and 2 * right >= len(given)
+
+
+def _score(sample: Sequence[str], separator: str, decimal: str) -> float:
+    rows = [split(line, separator) for line in sample]
+    rows_only = [cells for cells in rows if _mostly_numbers(cells, decimal)] or rows
+    fields = _usual_count(rows_only, decimal)
+    total = 0.0
+    for cells in rows:
+        if len(cells) == fields:
+            right = sum(is_number(cell, decimal) for cell in cells)
+            lost = sum(cell.strip().lower() in LOST for cell in cells)
+            total += right * (right + lost) / len(cells)
+    # One cell of a line is a table of one column only when nothing else fits.
+    return total / len(rows) * (1.0 if fields > 1 else 0.1)
+
+
+def _is_numeric(cells: Sequence[str], decimal: str) -> bool:
+    given = [cell for cell in cells if cell.strip().lower() not in LOST]
+    return not given or 2 * sum(is_number(cell, decimal) for cell in given) > len(given)

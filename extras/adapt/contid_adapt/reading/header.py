@@ -1,0 +1,205 @@
+"""The lines above the rows: names of columns, units, rows of names above names, and stated facts."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from contid.errors import BadInputError, Located
+from contid_adapt.meaning.units import UNITS, unit_of_name, unit_word
+from contid_adapt.reading.cells import is_number, split
+from contid_adapt.reading.dialect import Dialect, is_comment
+
+_IN_BRACKETS: Final = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]()]*)\s*[\])]\s*$")
+#: Rows of Motive and others that name kinds or numbers of things, never columns.
+_KINDS: Final = frozenset({
+    *("type", "id", "parent", "marker", "bone", "skeleton", "solved", "rigid body", "rigid body marker"),
+    *("marker set", "force plate", "unlabeled", "trajectories"),
+})  # fmt: skip
+_NUMBERED: Final = re.compile(r"^[0-9A-Fa-f:]{6,}$|^\d+$|^ROOT$|^id\d+$", re.IGNORECASE)
+
+
+@dataclass(slots=True)
+class TableHeader:
+    """What stands above the rows.
+
+    Attributes:
+        names: one for each field.
+        units: one for each field, "" for none.
+        line: of the names, from 1; 0 where there are none.
+        facts: of lines with a key and a value.
+        lines: as written, which would begin another session where they come again.
+    """
+
+    names: list[str] = field(default_factory=list)
+    units: list[str] = field(default_factory=list)
+    line: int = 0
+    facts: dict[str, str] = field(default_factory=dict)
+    lines: frozenset[str] = frozenset()
+
+
+def read_header(lines: Sequence[str], dialect: Dialect, file: str) -> TableHeader:
+    """Interpret the lines above the first row.
+
+    Raises:
+        BadInputError: a line of numbers with another count of cells stands above the rows.
+    """
+    header = TableHeader(facts=_facts(lines[: dialect.start], dialect.separator))
+    above: list[tuple[int, list[str]]] = []
+    for index in range(dialect.start):
+        line = lines[index]
+        if not line.strip() or line.startswith("sep="):
+            continue
+        bare = re.sub(r"^\s*(#|%|//)+\s?", "", line)
+        cells = [cell.strip() for cell in split(bare, dialect.separator)]
+        if len(cells) == 1 and is_comment(line) and dialect.separator != " ":
+            cells = [cell.strip() for cell in split(bare, ",")]
+        right = sum(is_number(cell, dialect.decimal) for cell in cells)
+        if not is_comment(line) and len(cells) > 2 and 2 * right > sum(map(bool, cells)):
+            message = (
+                f"a line of {len(cells)} numbers above rows of {dialect.fields}; is its separator right?"
+            )
+            raise BadInputError([Located(file, index + 1, 1, message)])
+        above.append((index, cells))
+    fields, place = dialect.fields, len(above) - 1
+    units: list[str] = []
+    if place > 0 and _are_units(above[place][1], fields):
+        units = _filled([unit_word(cell) for cell in above[place][1]], fields)
+        place -= 1
+    if place >= 0 and _fits(above[place][1], fields, header.facts):
+        index, cells = above[place]
+        header.line, header.lines = index + 1, frozenset({lines[index]})
+        first = split(lines[dialect.start], dialect.separator)
+        names = _filled(cells, fields)
+        if len(cells) == fields - 1 and len(_trimmed(cells)) == len(cells) and cells[0] and first[-1].strip():
+            names = ["?", *cells]  # One name fewer: the first column counts rows.
+        repeated = len({*filter(None, names)}) < len([*filter(None, names)])
+        repeated = repeated or (place > 0 and not above[place - 1][1][0] and len(above[place - 1][1]) > 2)
+        levels: list[list[str]] = []
+        while repeated and place > 0 and index - above[place - 1][0] == 1:
+            place -= 1
+            index, cells = above[place]
+            if not _is_level(cells, fields):
+                break
+            levels.insert(0, cells)
+        header.names = _joined(names, [each for each in levels if not _is_kind(each)], fields)
+    else:
+        header.names = _of_markers(header.facts, fields)
+        if place >= 0 and not any(header.names) and above[place][0] == dialect.start - 1:
+            _check_count(above[place][1], above[place][0], fields, header.facts, file)
+    found = [_unit_in(name) for name in header.names]
+    header.names = [name for name, _ in found]
+    units = units or [""] * fields
+    header.units = [
+        own or unit or unit_of_name(name) or _stated_unit(name, header.facts)
+        for own, (name, unit) in zip(units, found, strict=True)
+    ]
+    return header
+
+
+def _check_count(cells: Sequence[str], index: int, fields: int, facts: dict[str, str], file: str) -> None:
+    """Refuse names of another count than rows have, which would stand above the wrong columns."""
+    names = _trimmed(cells)
+    if len(names) > 2 and names[0] not in facts:
+        what = f"{len(names)} names above rows of {fields} cells"
+        remedy = "correct the header, or delete it and name columns c1, c2, .."
+        raise BadInputError([Located(file, index + 1, 1, f"{what}; {remedy}")])
+
+
+def _stated_unit(name: str, facts: dict[str, str]) -> str:
+    """The unit of a position that a line above the header states, or the manual of the program."""
+    if "Position." in name and "Length Units" in facts:
+        return unit_word(facts["Length Units"])
+    if "MARKER_NAMES" in facts or "BODY_NAMES" in facts:
+        return "mm" if re.search(r"(^|[ .])[XYZ]$", name) else ""
+    return ""
+
+
+def _facts(lines: Sequence[str], separator: str) -> dict[str, str]:
+    facts: dict[str, str] = {}
+    before = ""
+    for line in lines:
+        cells = [cell.strip() for cell in split(line.lstrip("#% "), separator)]
+        if cells[0].isupper() and len(cells) > 1:  # QTM: MARKER_NAMES<tab>A<tab>B
+            facts[cells[0]] = "\t".join(cells[1:]).strip()
+        elif cells[0] == "Format Version":  # Motive: key, value, key, value
+            facts |= dict(zip(cells[::2], cells[1::2], strict=False))
+        elif ":" in line and len(cells) < 3:
+            key, _, value = line.lstrip("#% ").partition(":")
+            facts[key.strip()] = value.strip().strip(separator)
+        elif len(cells) == 2:
+            facts[cells[0]] = cells[1]
+        elif (cells[0].isdigit() and not any(cells[1:])) and before in ("Trajectories", "Segments"):
+            facts["FREQUENCY"] = cells[0]  # Vicon Nexus: the rate below the kind of the table.
+        before = cells[0]
+    return facts
+
+
+def _are_units(cells: Sequence[str], fields: int) -> bool:
+    given = [cell for cell in cells if cell]
+    names = sum(unit_word(cell) in UNITS or cell in "[]-()" for cell in given)
+    return bool(given) and len(cells) <= fields + 1 and 10 * names >= 6 * len(given)
+
+
+def _fits(cells: Sequence[str], fields: int, facts: dict[str, str]) -> bool:
+    trimmed = _trimmed(cells)
+    if len(trimmed) < 2 and fields > 1:
+        return False
+    if trimmed and trimmed[0] in facts and trimmed[0].isupper() and len(trimmed[0]) > 4:
+        return False
+    return fields - 1 <= len(trimmed) <= fields or len(cells) == fields
+
+
+def _trimmed(cells: Sequence[str]) -> list[str]:
+    kept = list(cells)
+    while kept and not kept[-1]:
+        kept.pop()
+    return kept
+
+
+def _filled(cells: Sequence[str], fields: int) -> list[str]:
+    return [*cells, *[""] * fields][:fields]
+
+
+def _is_level(cells: Sequence[str], fields: int) -> bool:
+    return len(cells) > 2 and len(_trimmed(cells)) <= fields and "Format Version" not in cells
+
+
+def _is_kind(cells: Sequence[str]) -> bool:
+    """A row of kinds (Rigid Body) or numbers of things."""
+    given = [cell for cell in cells if cell]
+    if cells[0] == "" and given and given[0] in ("Type", "ID", "Parent"):
+        return True
+    return all(cell.lower() in _KINDS or _NUMBERED.match(cell) for cell in given)
+
+
+def _joined(names: list[str], levels: Sequence[Sequence[str]], fields: int) -> list[str]:
+    """Names with those above in front; an empty cell of a row above continues the one before it."""
+    for level in reversed(levels):
+        above, last = [], ""
+        for place, cell in enumerate(_filled(level, fields)):
+            last = cell or (last if place < len(names) and names[place] else "")
+            above.append("" if last == "Name" else last)
+        names = [f"{up}.{name}" if up and name and up != name else name or up
+                 for up, name in zip(above, names, strict=True)]  # fmt: skip
+    return names
+
+
+def _of_markers(facts: dict[str, str], fields: int) -> list[str]:
+    """Names from the MARKER_NAMES of QTM where there is no other header."""
+    markers = facts.get("MARKER_NAMES", "").split("\t")
+    first = ["Frame", "Time"]
+    if markers[0] and fields in (3 * len(markers), 3 * len(markers) + 2):
+        own = [f"{marker} {axis}" for marker in markers for axis in "XYZ"]
+        return [*(first if fields > 3 * len(markers) else ()), *own]
+    return [""] * fields
+
+
+def _unit_in(name: str) -> tuple[str, str]:
+    """A name without its unit in brackets, and the unit."""
+    found = _IN_BRACKETS.match(name)
+    if found and found[1] and (unit_word(found[2]) in UNITS or not found[2].strip()):
+        return found[1], unit_word(found[2])
+    return name, ""
