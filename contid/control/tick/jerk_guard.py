@@ -60,11 +60,14 @@ def guarded(config: RobotConfig, state: RobotState, answer: Actuation) -> Guarde
         answer: of the model to the target of this tick; finite.
     """
     before = state.guard
-    if before is None or before.joined_s != state.since_s:
-        before = GuardState(state.since_s, state.increments, (0.0,) * len(answer), None)
+    joins = before is None or before.joined_s != state.since_s
+    if before is None or joins:
+        before = GuardState(state.since_s, (0.0,) * len(answer), None)
+    # Motion rules 0 take the acceleration of the tick in which a robot begins to follow for zero.
+    last_steps = state.increments if joins and config.motion_rules == 0 else state.before or state.increments
     paces = tuple([new - old for new, old in zip(answer, state.reference, strict=True)])
-    changes = tuple([s - was for s, was in zip(state.increments, before.steps, strict=True)])
-    after = GuardState(state.since_s, state.increments, paces, None)
+    changes = tuple([s - was for s, was in zip(state.increments, last_steps, strict=True)])
+    after = GuardState(state.since_s, paces, None)
     unguarded = config.taut is not None or not optimal()  # tendons have a limiter that keeps tensions
     if unguarded or _on(config, state, changes, answer, before.paces):
         return Guarded(answer, after)
@@ -72,7 +75,7 @@ def guarded(config: RobotConfig, state: RobotState, answer: Actuation) -> Guarde
     flags = tuple(
         [ACCELERATION if new != there else 0 for new, there in zip(motion.position, answer, strict=True)]
     )
-    after = GuardState(state.since_s, state.increments, paces, motion)
+    after = GuardState(state.since_s, paces, motion)
     return Guarded(motion.position, after, flags)
 
 

@@ -300,9 +300,9 @@ def _limited(
     # Written out: `replace` costs three times as much, and this runs for every robot in every tick.
     after = RobotState(
         state.mode, state.since_s, state.fault, state.message, state.enabled, state.arm_requested,
-        state.follow, state.goto, command, increments, reference, state.motion, state.motion_s, state.policy,
-        state.misses, state.pending, state.correction, state.recovering, lead, straight, state.squeeze,
-        state.guard,
+        state.follow, state.goto, command, increments, state.increments, reference, state.motion,
+        state.motion_s, state.policy, state.misses, state.pending, state.correction, state.recovering, lead,
+        straight, state.squeeze, state.guard,
     )  # fmt: skip
     device = config.transmission.to_device(led(command, lead.added) if lead.added else command)
     return TickResult(after, device, limits=flags if any(flags) else ())
