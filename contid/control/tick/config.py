@@ -27,8 +27,9 @@ if TYPE_CHECKING:
     from contid.kinematics.tendon.capstan import CapstanLead
     from contid.kinematics.tendon.taut import TautPulls
 
-#: Version of the rules by which motions without a target begin; a recording is replayed by its own.
-#: 0: as if the axes did not accelerate. 1: from their present acceleration, so that the jerk holds.
+#: Version of the rules by which motions begin and go on; a recording is replayed by its own.
+#: 0: as if the axes did not accelerate. 1: from their present acceleration, so that the jerk holds, also on
+#: live streams of tendon robots.
 MOTION_RULES: Final = 1
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1

@@ -26,6 +26,7 @@ from contid.control.tick.play import led, next_lead
 from contid.control.tick.regulator_loops import next_loop_lead
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Event, Mode
+from contid.control.tick.taut import lifted
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
 from contid.control.tick.transitions import fail, moved, stay, stopped
 from contid.hal import Sample
@@ -272,24 +273,31 @@ def _arrived(config: RobotConfig, state: RobotState, now_s: float) -> RobotState
 
 def _guarded(config: RobotConfig, state: RobotState, answer: Actuation, target_in_base: Target) -> TickResult:
     """As `_limited` for an answer to a live target, with the jerk of the axes limited as well."""
+    by_pulls = target_in_base.actuation is not None
+    if config.taut is not None and config.motion_rules > 0 and not by_pulls:
+        answer = lifted(config.taut, config.acceleration, config.jerk, answer)
     guard = guarded(config, state, answer)
     if not guard.flags:
-        return _limited(config, replace(state, guard=guard.state), answer, target_in_base)
+        return _limited(config, replace(state, guard=guard.state), answer, target_in_base, keeps_jerk=True)
     # The limiter gets a motion that it may follow, not the answer that the axes cannot be on.
     chasing = replace(state, guard=guard.state, reference=state.command)
-    result = _limited(config, chasing, guard.command, target_in_base)
+    result = _limited(config, chasing, guard.command, target_in_base, keeps_jerk=True)
     flags = tuple([a | b for a, b in zip(result.limits or guard.flags, guard.flags, strict=True)])
     return replace(result, state=replace(result.state, reference=answer), limits=flags)
 
 
 def _limited(
-    config: RobotConfig, state: RobotState, reference: Actuation, target_in_base: Target | None = None
+    config: RobotConfig,
+    state: RobotState,
+    reference: Actuation,
+    target_in_base: Target | None = None,
+    keeps_jerk: bool = False,
 ) -> TickResult:
     """The state with its next command, and the limits that bound; skipped ticks do not count."""
     last = state.command
     target_step = [new - old for new, old in zip(reference, state.reference, strict=True)]
     command, flags, straight = next_command(
-        config, last, state.increments, reference, target_step, target_in_base, state.straight
+        config, last, state.increments, reference, target_step, target_in_base, state.straight, keeps_jerk
     )
     increments = tuple([new - old for new, old in zip(command, last, strict=True)])
     lead = state.lead

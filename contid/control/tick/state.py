@@ -45,11 +45,13 @@ class GuardState:
         joined_s: when the robot began to follow.
         paces: last step of the model's answer.
         motion: of axes that are not on the answer, None on it.
+        brakes: a tendon robot stops before it goes on to the answer.
     """
 
     joined_s: float
     paces: Actuation
     motion: MovingAxes | None
+    brakes: bool = False
 
 
 class OrderRefusedError(ContidError):
