@@ -124,10 +124,26 @@ def tick(
             return TickResult(state)
         if state.squeeze is not None and state.squeeze.start:
             return _squeezed(config, state, state.squeeze, now_s, samples)
+        if state.mode is Mode.HOLD and _stands(config, state):
+            return TickResult(state, config.transmission.to_device(state.command))
         return _move(config, state, now_s)
     except (Exception, SystemExit) as error:  # an error in one robot must not stop the others
         failed = fail(config, state, Fault.INTERNAL, f"{type(error).__name__}: {error}", now_s)
         return stop_without_model(config, failed, now_s)
+
+
+def _stands(config: RobotConfig, state: RobotState) -> bool:
+    """True for a robot whose next state and command are those it has: nothing has to be computed."""
+    return (
+        state.motion is None
+        and state.reference == state.command
+        and not any(state.increments)
+        and not any(state.before)
+        and not state.straight
+        and config.play is None
+        and config.capstan is None
+        and config.loops is None
+    )
 
 
 def stop_without_model(config: RobotConfig, failed: RobotState, now_s: float) -> TickResult:
