@@ -124,4 +124,4 @@ def sampled_body(curve: Callable[[int], Array], radius_m: float) -> Body:
 
 
 def _polyline(points: Array) -> float:
-    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    return float(np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1)).sum())

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RecordLayout, RobotLayout, TickRecord
+from contid.control.tick.config import MOTION_RULES
 from contid.errors import BadInputError, SessionError
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
 from contid.session.export.table import data_frame, row_values
@@ -38,6 +39,7 @@ class Session:
         layout: layout of the records.
         device_units: ``rad`` or ``pa`` by ``ROBOT.AXIS``.
         rate_hz: rate of the ticks.
+        motion_rules: version of the rules of motions (`contid.control.tick.config.MOTION_RULES`).
         end: how the file ends, after `entries` is exhausted.
     """
 
@@ -86,6 +88,12 @@ class Session:
                 raise SessionError(
                     f"{path}: revision {revision} of the messages; this contid reads revisions 0 to "
                     f"{REVISION}: update contid"
+                )
+            self.motion_rules = int(self.metadata["contid"].get("motion_rules", "0"))
+            if not 0 <= self.motion_rules <= MOTION_RULES:
+                raise SessionError(
+                    f"{path}: motion rules {self.motion_rules}; this contid replays rules 0 to "
+                    f"{MOTION_RULES}: update contid"
                 )
             self.layout = RecordLayout.from_json(self.metadata["layout"]["record"])
             self.device_units: dict[str, str] = json.loads(self.metadata["layout"]["device_units"])

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from contid.control.engine.cycle import OnEnd, Timing
@@ -101,8 +101,9 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
         for bus in loaded.buses.values()
         if bus.axes
     }
+    configs = build_robot_configs(loaded, session.rate_hz)
     engine = Engine(
-        build_robot_configs(loaded, session.rate_hz),
+        [replace(config, motion_rules=session.motion_rules) for config in configs],
         ports,  # type: ignore[arg-type]  # a port by behaviour
         session.rate_hz,
         sink,

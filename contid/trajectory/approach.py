@@ -41,7 +41,7 @@ _JERKS: Final = (1.0, 1.0 - 1e-7, 1.0 - 1e-5)
 
 
 class Approach:
-    """A motion to a goal at rest, from a position and velocity without acceleration.
+    """A motion to a goal at rest, from a position, velocity and acceleration.
 
     Args:
         start: position of every axis [m or Pa].
@@ -49,6 +49,7 @@ class Approach:
         goal: position of every axis at rest.
         velocity_limit, acceleration_limit, jerk_limit: of every axis.
         straight: on a straight line from standstill.
+        start_acceleration: none by default; without ruckig it counts as none.
 
     Attributes:
         duration_s: time until every axis rests.
@@ -67,6 +68,7 @@ class Approach:
         jerk_limit: Sequence[float],
         *,
         straight: bool = False,
+        start_acceleration: Sequence[float] = (),
     ) -> None:
         self._goal: Actuation = tuple(float(value) for value in goal)
         self._start: Actuation = tuple(float(value) for value in start)
@@ -81,12 +83,14 @@ class Approach:
                 for here, there in zip(_scaled(start, self._scale), scaled_goal, strict=True)
             ],
             [_known_speed(v) for v in _scaled(start_velocity, self._scale)],
+            _known_accelerations(start_acceleration, acceleration_limit, self._scale),
             scaled_goal,
             *(_scaled(each, self._scale) for each in (acceleration_limit, jerk_limit)),
         )
         # ruckig leaves the line where the limits of the axes differ, as those of a wrist do.
         limits = velocity_limit, acceleration_limit, jerk_limit
-        uneven = straight and any(len(set(limit)) > 1 for limit in limits)
+        still = not any(start_acceleration)  # from motion no line is kept
+        uneven = straight and still and any(len(set(limit)) > 1 for limit in limits)
         solve = _optimal if optimal() and not uneven else _cruising
         self._trajectory: Any = solve(problem, straight)
         self.duration_s: float = self._trajectory.duration
@@ -119,6 +123,7 @@ class _Problem(NamedTuple):
 
     start: list[float]
     velocity: list[float]
+    acceleration: list[float]
     goal: list[float]
     acceleration_limit: list[float]
     jerk_limit: list[float]
@@ -131,7 +136,8 @@ def _optimal(problem: _Problem, straight: bool) -> Any:
     axes = len(problem.start)
     asked: Any = ruckig.InputParameter(axes)
     asked.current_position, asked.current_velocity = problem.start, problem.velocity
-    asked.current_acceleration = asked.target_velocity = asked.target_acceleration = [0.0] * axes
+    asked.current_acceleration = problem.acceleration
+    asked.target_velocity = asked.target_acceleration = [0.0] * axes
     asked.max_velocity, asked.max_acceleration = [1.0] * axes, problem.acceleration_limit
     asked.synchronization = ruckig.Synchronization.Phase if straight else ruckig.Synchronization.Time
     asked.target_position = problem.goal
@@ -152,7 +158,7 @@ def _optimal(problem: _Problem, straight: bool) -> Any:
 
 def _cruising(problem: _Problem, straight: bool) -> CruiseMotion | StraightMotion:
     """The motion without ruckig."""
-    start, velocity, goal, *limits = problem
+    start, velocity, _, goal, *limits = problem
     limits = [[1.0] * len(start), *limits]
     if straight and not any(velocity):
         return StraightMotion(start, goal, limits)
@@ -164,6 +170,16 @@ def _known_speed(speed: float) -> float:
     if abs(speed) <= _THERE:
         return 0.0
     return math.copysign(1.0, speed) if 1.0 < abs(speed) < 1.0 + _ROUNDING else speed
+
+
+def _known_accelerations(
+    values: Sequence[float], most: Sequence[float], scale: Sequence[float]
+) -> list[float]:
+    """Scaled accelerations within their limits, without rounding at 0."""
+    if not any(values):
+        return [0.0] * len(scale)
+    bounded = [min(max(value, -limit), limit) for value, limit in zip(values, most, strict=True)]
+    return [0.0 if abs(each) <= _THERE else each for each in _scaled(bounded, scale)]
 
 
 def _scaled(values: Sequence[float], scale: Sequence[float]) -> list[float]:

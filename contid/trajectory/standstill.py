@@ -1,12 +1,15 @@
-"""The jerk-limited stop: from any velocity to rest, every axis at the same instant.
+"""The jerk-limited stop: from any velocity and acceleration to rest, all axes at the same instant.
 
-The acceleration of an axis goes from 0 to a plateau b at full jerk j, stays there, and returns to 0:
+Counted against the velocity that is left once the acceleration is gone, ``v + a |a| / 2 j``, the acceleration
+of an axis goes from its present value a to a plateau b at full jerk j, stays there, and returns to 0:
 
-    T = 2 b / j + hold,        |v| = b^2 / j + b hold
+    T = (2 b - a) / j + hold,        |v| + a^2 / 2 j = b^2 / j + b hold
 
 The slowest axis sets T; for it b is as high as the limit of acceleration allows. Each of the others has
-exactly one b, the smaller root of ``b^2 - j T b + j |v|``. There is no search and no tolerance, so it cannot
-fail. (ruckig 0.19, used for the approach, refuses one in eleven pairs of axes that move alike.)
+exactly one b, the smaller root of ``b^2 - (j T + a) b + j |v| + a^2 / 2``, or where that is below a, and the
+acceleration falls to the plateau, ``b = (|v| - a^2 / 2 j) / (T - a / j)``. There is no search and no
+tolerance, so it cannot fail. (ruckig 0.19, used for the approach, refuses one in eleven pairs of axes that
+move alike.)
 
 Motions of one axis are pieces of constant jerk, which start at their `Knot`.
 """
@@ -28,13 +31,14 @@ class MotionState(NamedTuple):
 
 
 class JerkLimitedStop:
-    """A motion to a standstill, from a velocity without acceleration.
+    """A motion to a standstill.
 
     Args:
         position: [m or Pa].
         velocity: [m/s or Pa/s], also beyond any velocity limit.
         acceleration_limit: of every axis.
         jerk_limit: of every axis.
+        acceleration: at the beginning, none by default; one beyond its limit counts as at the limit.
 
     Attributes:
         duration_s: time until every axis rests.
@@ -46,8 +50,11 @@ class JerkLimitedStop:
         velocity: Actuation,
         acceleration_limit: Sequence[float],
         jerk_limit: Sequence[float],
+        acceleration: Sequence[float] = (),
     ) -> None:
-        axes = [_StoppingAxis(*each) for each in zip(velocity, acceleration_limit, jerk_limit, strict=True)]
+        begin = acceleration or (0.0,) * len(velocity)
+        each_axis = zip(velocity, begin, acceleration_limit, jerk_limit, strict=True)
+        axes = [_StoppingAxis(*each) for each in each_axis]
         together_s = max((axis.shortest_s for axis in axes), default=0.0)
         self._start = MotionState(position, velocity)
         self._knots = [axis.knots(each, together_s) for axis, each in zip(axes, position, strict=True)]
@@ -71,6 +78,7 @@ class _StoppingAxis:
 
     Args:
         velocity: at the beginning [m/s or Pa/s].
+        acceleration: at the beginning.
         limit: of the acceleration.
         jerk: limit of the jerk.
 
@@ -78,28 +86,43 @@ class _StoppingAxis:
         shortest_s: minimum time to rest.
     """
 
-    def __init__(self, velocity: float, limit: float, jerk: float) -> None:
-        self._velocity, self._speed, self._jerk = velocity, abs(velocity), jerk
+    def __init__(self, velocity: float, acceleration: float, limit: float, jerk: float) -> None:
+        self._velocity, self._jerk = velocity, jerk
+        acceleration = min(max(acceleration, -limit), limit)
+        left = velocity + 0.5 * acceleration * abs(acceleration) / jerk
+        self._braking = -math.copysign(1.0, left if left else velocity)
+        self._begin = self._braking * acceleration
+        #: Velocity to shed, from no acceleration that is on the way to the present one.
+        self._speed = max(0.0, -self._braking * velocity + 0.5 * self._begin**2 / jerk)
         self._peak = min(limit, math.sqrt(jerk * self._speed))
-        ramp_s, hold_s = self._parts(self._peak)
-        self.shortest_s = ramp_s + hold_s + ramp_s
+        self.shortest_s = sum(self._parts(self._peak))
 
     def knots(self, position: float, together_s: float) -> list[Knot]:
         """The parts of a stop of this duration, the last one at rest."""
-        plateau = _small_root(0.5 * self._jerk * together_s, self._jerk * self._speed)
+        j, begin = self._jerk, self._begin
+        plateau = _small_root(0.5 * (j * together_s + begin), j * self._speed)
+        if plateau < begin:  # the acceleration falls to the plateau
+            rest_s = together_s - begin / j
+            plateau = max(0.0, self._speed - begin**2 / j) / rest_s if rest_s > 0.0 else 0.0
         # Rounding must not exceed the peak, where the hold would be negative.
-        ramp_s, hold_s = self._parts(min(plateau, self._peak))
-        jerk = -math.copysign(self._jerk, self._velocity)
-        knots: list[Knot] = [Knot(0.0, position, self._velocity, 0.0, 0.0)]
-        for lasts_s, slope in ((ramp_s, jerk), (hold_s, 0.0), (ramp_s, -jerk)):
+        plateau = min(plateau, self._peak)
+        rise_s, hold_s, fall_s = self._parts(plateau)
+        jerk = math.copysign(j, self._braking)
+        knots: list[Knot] = [Knot(0.0, position, self._velocity, self._braking * begin, 0.0)]
+        slopes = (jerk if plateau >= begin else -jerk, 0.0, -jerk)
+        for lasts_s, slope in zip((rise_s, hold_s, fall_s), slopes, strict=True):
             extend(knots, lasts_s, slope)
         return knots
 
-    def _parts(self, plateau: float) -> tuple[float, float]:
-        """Durations of a ramp to or from a plateau, and of the plateau [s]."""
+    def _parts(self, plateau: float) -> tuple[float, float, float]:
+        """Durations of the ramp to a plateau, of the plateau, and of the ramp to no acceleration [s]."""
+        j, begin = self._jerk, self._begin
+        ramp_s, fall_s = abs(plateau - begin) / j, plateau / j
         if plateau == 0.0:
-            return 0.0, 0.0
-        return plateau / self._jerk, max(0.0, (self._speed - plateau**2 / self._jerk) / plateau)
+            return ramp_s, 0.0, 0.0
+        # The ramps shed b^2 / j where the acceleration rises to b, and the present a^2 / j where it falls.
+        shed = max(plateau, begin) ** 2 / j
+        return ramp_s, max(0.0, (self._speed - shed) / plateau), fall_s
 
 
 def _small_root(half: float, product: float) -> float:

@@ -17,6 +17,8 @@ from contid.session.read import Session
 from contid.session.replay import replay
 from tests.golden.make import FOLDER, TOLERANCE, names
 
+#: Two of motion rules 1; those of `FOLDER` are of rules 0 until a change of commands needs new ones.
+RULES_1 = FOLDER / "motion_rules_1"
 #: A geometry key of each file, a thousandth of a millimetre larger.
 MUTATIONS = {
     "cbha": ("radius_mm: [40,", "radius_mm: [40.001,"),
@@ -56,8 +58,21 @@ def test_a_thousandth_of_a_millimetre_is_noticed(session: Session) -> None:
     assert result.divergence.last_equal["tick"] < result.divergence.tick
 
 
+@pytest.mark.parametrize("name", ["finger", "stiffflop1"])
+def test_a_recording_is_replayed_by_the_rules_of_its_motions(name: str) -> None:
+    """By rules 1 a stop ends a tick later, at most 0.005 mm or 1e-4 bar elsewhere."""
+    session = Session(RULES_1 / f"{name}.mcap")
+    assert (session.motion_rules, Session(FOLDER / f"{name}.mcap").motion_rules) == (1, 0)
+    result = replay(session, session.robot_file(), TOLERANCE)
+    assert (result.divergence, result.stopped) == (None, "")
+    session.motion_rules = 0
+    result = replay(session, session.robot_file(), 5e-3)
+    assert result.divergence is not None
+    assert result.divergence.what == "mode"
+
+
 def test_golden_sessions_are_small_and_machine_independent() -> None:
-    for path in FOLDER.glob("*.mcap"):
+    for path in FOLDER.rglob("*.mcap"):
         assert path.stat().st_size < 150_000
         session = Session(path)
         assert session.metadata["contid"]["host"] == "golden"

@@ -13,6 +13,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
+from contid.control.tick.config import MOTION_RULES
 from contid.errors import SessionError
 from contid.session.format.channels import EVENT, INFINITE, REVISION, TICK_CHANNELS
 from contid.session.read import Session
@@ -91,6 +92,17 @@ def _optional(schema: dict[str, Any], message: dict[str, Any]) -> Iterator[tuple
             yield from _optional(about, message[key])
         elif key not in schema["required"]:
             yield key, key in message
+
+
+def test_a_session_of_newer_motion_rules_is_refused_with_the_remedy(growing: Path, tmp_path: Path) -> None:
+    """Its stops would be others."""
+    written = b"motion_rules\x01\0\0\0%d"
+    newer = tmp_path / "newer.mcap"
+    content = growing.read_bytes()
+    assert content.count(written % MOTION_RULES) == 1
+    newer.write_bytes(content.replace(written % MOTION_RULES, written % (MOTION_RULES + 1)))
+    with pytest.raises(SessionError, match=rf"motion rules {MOTION_RULES + 1}; .*: update contid"):
+        Session(newer)
 
 
 @pytest.mark.parametrize("path", REVISIONS, ids=lambda path: path.stem)

@@ -70,6 +70,32 @@ def test_a_stop_keeps_its_limits_and_its_derivatives_agree(velocity: tuple[float
     assert np.abs(np.diff(push, axis=0)).max(initial=0.0) <= JERK * step * (1 + 1e-6)
 
 
+@settings(max_examples=150, deadline=None)
+@given(
+    velocity=st.tuples(speeds, speeds),
+    acceleration=st.tuples(st.floats(-ACCELERATION, ACCELERATION), st.floats(-ACCELERATION, ACCELERATION)),
+)
+def test_a_stop_goes_on_from_the_present_acceleration(
+    velocity: tuple[float, float], acceleration: tuple[float, float]
+) -> None:
+    limits = (ACCELERATION,) * 2, (JERK,) * 2
+    motion = JerkLimitedStop(START, velocity, *limits, acceleration)
+    check(motion, velocity)
+    step = 1e-4
+    states = [motion.at(t) for t in np.arange(0.0, motion.duration_s + 2 * step, step)]
+    position, speed = (np.array(each) for each in zip(*states, strict=True))
+    push = np.diff(speed, axis=0) / step
+    assert np.allclose(np.diff(position, axis=0) / step, (speed[1:] + speed[:-1]) / 2, atol=1e-6)
+    assert np.all(np.abs(push) <= ACCELERATION + 1e-6)
+    # The acceleration begins where it is, and changes by no more than the jerk, up to the rest.
+    pushes = np.vstack((acceleration, push, (0.0, 0.0)))
+    assert np.abs(np.diff(pushes, axis=0)).max() <= JERK * step * (1 + 1e-6)
+    # No axis alone stops sooner: the acceleration has to go first, then the velocity that it leaves.
+    for v, a in zip(velocity, acceleration, strict=True):
+        left = abs(v + a * abs(a) / (2.0 * JERK))
+        assert motion.duration_s >= left / ACCELERATION - 1e-9
+
+
 def test_ties_standstill_and_limits_are_stopped_like_everything_else() -> None:
     """Together takes as long as the slower one alone."""
     alone = {each: stop((0.0,), (each,)).duration_s for each in SPEEDS}

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from contid.control.tick.axis_motions import inwards, motion_to, outside, planned, speed
+from contid.control.tick.axis_motions import inwards, motion_to, outside, planned, rates
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.play import NO_LEAD
@@ -41,11 +41,14 @@ def next_arming(
             return fail(config, state, Fault.NO_SAMPLE, message, now_s)
     if state.mode is Mode.READY and state.arm_requested:
         # Old commands are dropped: an interrupted arming must not return to them.
-        cleared = replace(state, command=(), increments=(), reference=(), motion=None, lead=NO_LEAD)
+        cleared = replace(
+            state, command=(), increments=(), before=(), reference=(), motion=None, lead=NO_LEAD
+        )
         return replace(moved(config, cleared, Event.ARM, now_s), pending=Effect.ENABLE, enabled=False)
     if state.mode is Mode.ARMING and state.enabled and present is not None:
         still = (0.0,) * len(present)
-        state = replace(state, command=present, reference=present, increments=still, motion=None)
+        state = replace(state, command=present, reference=present, increments=still, before=still)
+        state = replace(state, motion=None)
         if state.recovering:
             return inwards(config, moved(config, state, Event.ARMED, now_s), now_s)
         if far := outside(config, present):
@@ -98,4 +101,4 @@ def approach(
     goal = config.model.inverse(in_base, seed or state.command).actuation
     if not all(map(math.isfinite, goal)):
         return fail(config, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)
-    return planned(state, motion_to(config, state.command, speed(config, state), goal), start_s)
+    return planned(state, motion_to(config, state.command, rates(config, state), goal), start_s)

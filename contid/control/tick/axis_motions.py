@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.state import AxisMotion, RobotState
@@ -29,19 +29,38 @@ def planned(state: RobotState, motion: AxisMotion | None, start_s: float) -> Rob
     return replace(state, motion=motion, motion_s=start_s, reference=state.command, squeeze=None)
 
 
-def speed(config: RobotConfig, state: RobotState) -> Actuation:
-    """Velocity of the last command [1/s]."""
-    return tuple(step / config.period_s for step in state.increments)
+class Rates(NamedTuple):
+    """How the axes of a robot move: their velocity [1/s] and acceleration [1/s^2]."""
+
+    velocity: Actuation
+    acceleration: Actuation
+
+
+def rates(config: RobotConfig, state: RobotState) -> Rates:
+    """Rates at the last command, of the parabola through the last three.
+
+    A motion that begins with them keeps the jerk from its first tick on. Motion rules 0 have the mean
+    velocity of the last tick and no acceleration (`contid.control.tick.config.MOTION_RULES`).
+    """
+    h = config.period_s
+    if config.motion_rules == 0 or not state.before:
+        return Rates(tuple([step / h for step in state.increments]), (0.0,) * len(state.increments))
+    changes = [step - was for step, was in zip(state.increments, state.before, strict=True)]
+    velocity = tuple([(s + 0.5 * c) / h for s, c in zip(state.increments, changes, strict=True)])
+    return Rates(velocity, tuple([c / (h * h) for c in changes]))
 
 
 def motion_to(
-    config: RobotConfig, start: Actuation, velocity: Actuation, goal: Actuation, share: float = 1.0
+    config: RobotConfig, start: Actuation, begin: Rates, goal: Actuation, share: float = 1.0
 ) -> Approach:
-    """From a position and velocity to a goal at rest, with a share of velocity, acceleration and jerk."""
+    """From a position and its rates to a goal at rest, with a share of velocity, acceleration and jerk."""
     fastest, acceleration, jerk = (
-        [share * rate for rate in rates] for rates in (config.velocity, config.acceleration, config.jerk)
+        [share * rate for rate in limits] for limits in (config.velocity, config.acceleration, config.jerk)
     )
-    return Approach(start, velocity, goal, fastest, acceleration, jerk, straight=config.straight)
+    return Approach(
+        start, begin.velocity, goal, fastest, acceleration, jerk,
+        straight=config.straight, start_acceleration=begin.acceleration,
+    )  # fmt: skip
 
 
 def outside(config: RobotConfig, actuation: Actuation) -> str:
@@ -65,7 +84,7 @@ def inwards(config: RobotConfig, state: RobotState, start_s: float) -> RobotStat
         min(max(value, each.lower), each.upper)
         for value, each in zip(state.command, config.limits, strict=True)
     )
-    motion = motion_to(config, state.command, speed(config, state), goal, RECOVER_SHARE)
+    motion = motion_to(config, state.command, rates(config, state), goal, RECOVER_SHARE)
     return replace(planned(state, motion, start_s), goto=Target(actuation=goal), follow=False)
 
 
@@ -75,9 +94,10 @@ def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     Live targets are followed so that the axes can stop inside the limits of the model, such as a bend radius.
     Where the jerk-limited stop, which is longer, goes beyond them, it is the shortest one.
     """
-    if not any(state.increments):
+    velocity, acceleration = rates(config, state)
+    if not any((*velocity, *acceleration)):
         return replace(state, motion=None, reference=state.command, squeeze=None)
-    motion = JerkLimitedStop(state.command, speed(config, state), config.acceleration, config.jerk)
+    motion = JerkLimitedStop(state.command, velocity, config.acceleration, config.jerk, acceleration)
     if _leaves(config, state.command, motion):
         return braking_at_once(config, state, now_s)
     return planned(state, motion, now_s - config.period_s)

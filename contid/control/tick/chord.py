@@ -21,7 +21,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from contid.control.tick.limits import AxisLimits, brake_step, kernel
-from contid.kinematics.array import Array
+from contid.kinematics.array import Array, pseudo_inverse, size_of
 
 #: From axes to where they are on the way from the last command, in the coordinates of the line.
 Displacement: TypeAlias = Callable[[Array], Array]
@@ -53,11 +53,11 @@ class StraightLine:
     ) -> None:
         self._scale = np.array([each.step for each in limits])
         self._slopes = J * self._scale
-        self._size = float(np.linalg.norm(self._slopes))
+        self._size = size_of(self._slopes)
         self._displacement = displacement
         self._drift = drift
         line = goal - drift
-        self._length = float(np.linalg.norm(line))
+        self._length = size_of(line)
         self.share = 1.0
         if self._length > _EXACT * self._size:
             self._along = line / self._length
@@ -96,11 +96,11 @@ class StraightLine:
                 break
         done = slopes @ step + error - drift
         progress = float(along @ done)
-        across = float(np.linalg.norm(done - along * progress))
+        across = size_of(done - along * progress)
         return (
             np.clip(step * scale, low, high),
             progress / self._length,
-            across / max(float(np.linalg.norm(done)), _EXACT * self._size),
+            across / max(size_of(done), _EXACT * self._size),
         )
 
 
@@ -122,18 +122,3 @@ def _share(limits: Sequence[AxisLimits], scale: Array, rates: Array, bends: Arra
         if bend > 0.0:
             share = min(share, math.sqrt((1.0 - _ALONG) * change / float(bend)))
     return min(share, brake_step(1.0, braking))
-
-
-def pseudo_inverse(matrix: Array, singular: float = 1e-15) -> Array:
-    """Moore-Penrose inverse of a small matrix.
-
-    Args:
-        matrix: of at most 64 rows and columns.
-        singular: singular values that count as none, as a share of the greatest.
-
-    Raises:
-        ValueError: The matrix is too large, or not all of it are numbers.
-    """
-    inverse = np.empty(matrix.shape[::-1])
-    kernel().pseudo_inverse(np.ascontiguousarray(matrix), singular, inverse)
-    return inverse

@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from contid.kinematics.tendon.capstan import CapstanLead
     from contid.kinematics.tendon.taut import TautPulls
 
+#: Version of the rules by which motions begin and go on; a recording is replayed by its own.
+#: 0: as if the axes did not accelerate. 1: from their present acceleration, so that the jerk holds, also on
+#: live streams of tendon robots.
+MOTION_RULES: Final = 1
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1
 
@@ -86,6 +90,7 @@ class RobotConfig:
         shared: limits that the model's own axes share, None without.
         responses: how every axis answers its commands when it is healthy.
         follow_tip_m: how far the tip of the measured axes may be off the way of the commands; None unwatched.
+        motion_rules: `MOTION_RULES`, or those of the recording that is replayed.
     """
 
     name: str
@@ -123,6 +128,7 @@ class RobotConfig:
     shared: SharedLimits | None = None
     responses: tuple[AxisResponse, ...] = ()
     follow_tip_m: float | None = None
+    motion_rules: int = MOTION_RULES
 
     @property
     def measurements_move_targets(self) -> bool:

@@ -23,7 +23,7 @@ import numpy as np
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import allowed_steps, limit
 from contid.control.tick.shared_limits import limit_shared
-from contid.control.tick.taut import limit_taut
+from contid.control.tick.taut import keeps_tensions, limit_taut
 from contid.control.tick.way import Way, within
 from contid.robot_file.base import Quantity
 from contid.targets import Actuation, Target
@@ -48,6 +48,7 @@ def next_command(
     reference_steps: Sequence[float],
     target_in_base: Target | None = None,
     straight: bool = False,
+    keeps_jerk: bool = False,
 ) -> tuple[Actuation, tuple[int, ...], bool]:
     """Next command of every axis, per axis the limits that bound, and ``straight``.
 
@@ -60,6 +61,7 @@ def next_command(
         target_in_base: what the reference answers; None for a motion of the axes.
         straight: the axes are on a straight line to the reference, because the tip cannot be
             (`contid.control.tick.way`).
+        keeps_jerk: the reference is that of `contid.control.tick.jerk_guard`, from which the axes can stop.
     """
     if reference == last and not any(last_steps) and not any(reference_steps):
         # They stand where they have to be: every limit held when the last command was made.
@@ -79,6 +81,8 @@ def next_command(
         return (*kept, *command[own:]), (*bound, *flags[own:]), straight
     if config.taut is None:
         return command, flags, straight
+    if keeps_jerk and keeps_tensions(config.taut, command[:own], last[:own]):
+        return command, flags, False
     tendons, bound = limit_taut(
         config.taut,
         config.limits[:own],

@@ -9,10 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from contid.control.tick.chord import pseudo_inverse
 from contid.control.tick.limits import AxisLimits, brake_step
 from contid.control.tick.tip_task import Task
-from contid.kinematics.array import Array
+from contid.kinematics.array import Array, pseudo_inverse, size_of
 
 _STEPS: Final = 8
 #: Redundant motion of an axis below this share of its greatest change of step is ignored.
@@ -49,7 +48,7 @@ class Redundant:
             at = np.clip(begin, self.low, self.high)
             for _ in range(_STEPS):
                 error = goal - self.task(at)
-                if float(np.linalg.norm(error)) <= self.exact_m:
+                if size_of(error) <= self.exact_m:
                     return at
                 step = _bounded(J, error, self.low - at, self.high - at)
                 at = np.clip(at + step, self.low, self.high)

@@ -26,6 +26,7 @@ from contid.control.tick.play import led, next_lead
 from contid.control.tick.regulator_loops import next_loop_lead
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Event, Mode
+from contid.control.tick.taut import lifted
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
 from contid.control.tick.transitions import fail, moved, stay, stopped
 from contid.hal import Sample
@@ -123,10 +124,26 @@ def tick(
             return TickResult(state)
         if state.squeeze is not None and state.squeeze.start:
             return _squeezed(config, state, state.squeeze, now_s, samples)
+        if state.mode is Mode.HOLD and _stands(config, state):
+            return TickResult(state, config.transmission.to_device(state.command))
         return _move(config, state, now_s)
     except (Exception, SystemExit) as error:  # an error in one robot must not stop the others
         failed = fail(config, state, Fault.INTERNAL, f"{type(error).__name__}: {error}", now_s)
         return stop_without_model(config, failed, now_s)
+
+
+def _stands(config: RobotConfig, state: RobotState) -> bool:
+    """True for a robot whose next state and command are those it has: nothing has to be computed."""
+    return (
+        state.motion is None
+        and state.reference == state.command
+        and not any(state.increments)
+        and not any(state.before)
+        and not state.straight
+        and config.play is None
+        and config.capstan is None
+        and config.loops is None
+    )
 
 
 def stop_without_model(config: RobotConfig, failed: RobotState, now_s: float) -> TickResult:
@@ -272,24 +289,31 @@ def _arrived(config: RobotConfig, state: RobotState, now_s: float) -> RobotState
 
 def _guarded(config: RobotConfig, state: RobotState, answer: Actuation, target_in_base: Target) -> TickResult:
     """As `_limited` for an answer to a live target, with the jerk of the axes limited as well."""
+    by_pulls = target_in_base.actuation is not None
+    if config.taut is not None and config.motion_rules > 0 and not by_pulls:
+        answer = lifted(config.taut, config.acceleration, config.jerk, answer)
     guard = guarded(config, state, answer)
     if not guard.flags:
-        return _limited(config, replace(state, guard=guard.state), answer, target_in_base)
+        return _limited(config, replace(state, guard=guard.state), answer, target_in_base, keeps_jerk=True)
     # The limiter gets a motion that it may follow, not the answer that the axes cannot be on.
     chasing = replace(state, guard=guard.state, reference=state.command)
-    result = _limited(config, chasing, guard.command, target_in_base)
+    result = _limited(config, chasing, guard.command, target_in_base, keeps_jerk=True)
     flags = tuple([a | b for a, b in zip(result.limits or guard.flags, guard.flags, strict=True)])
     return replace(result, state=replace(result.state, reference=answer), limits=flags)
 
 
 def _limited(
-    config: RobotConfig, state: RobotState, reference: Actuation, target_in_base: Target | None = None
+    config: RobotConfig,
+    state: RobotState,
+    reference: Actuation,
+    target_in_base: Target | None = None,
+    keeps_jerk: bool = False,
 ) -> TickResult:
     """The state with its next command, and the limits that bound; skipped ticks do not count."""
     last = state.command
     target_step = [new - old for new, old in zip(reference, state.reference, strict=True)]
     command, flags, straight = next_command(
-        config, last, state.increments, reference, target_step, target_in_base, state.straight
+        config, last, state.increments, reference, target_step, target_in_base, state.straight, keeps_jerk
     )
     increments = tuple([new - old for new, old in zip(command, last, strict=True)])
     lead = state.lead
@@ -300,9 +324,9 @@ def _limited(
     # Written out: `replace` costs three times as much, and this runs for every robot in every tick.
     after = RobotState(
         state.mode, state.since_s, state.fault, state.message, state.enabled, state.arm_requested,
-        state.follow, state.goto, command, increments, reference, state.motion, state.motion_s, state.policy,
-        state.misses, state.pending, state.correction, state.recovering, lead, straight, state.squeeze,
-        state.guard,
+        state.follow, state.goto, command, increments, state.increments, reference, state.motion,
+        state.motion_s, state.policy, state.misses, state.pending, state.correction, state.recovering, lead,
+        straight, state.squeeze, state.guard,
     )  # fmt: skip
     device = config.transmission.to_device(led(command, lead.added) if lead.added else command)
     return TickResult(after, device, limits=flags if any(flags) else ())

@@ -43,15 +43,15 @@ class GuardState:
 
     Attributes:
         joined_s: when the robot began to follow.
-        steps: last command but one minus the one before.
         paces: last step of the model's answer.
         motion: of axes that are not on the answer, None on it.
+        brakes: a tendon robot stops before it goes on to the answer.
     """
 
     joined_s: float
-    steps: Actuation
     paces: Actuation
     motion: MovingAxes | None
+    brakes: bool = False
 
 
 class OrderRefusedError(ContidError):
@@ -73,6 +73,7 @@ class RobotState:
         goto: single target to go to, then hold.
         command: last commanded actuation; empty before arming.
         increments: last command minus the one before.
+        before: increments of the tick before; empty where they are not known.
         reference: last actuation before the limits.
         motion: running approach or stop.
         motion_s: its start, at the previous command: the next tick is one period into it.
@@ -97,6 +98,7 @@ class RobotState:
     goto: Target | None = None
     command: Actuation = ()
     increments: Actuation = ()
+    before: Actuation = ()
     reference: Actuation = ()
     motion: AxisMotion | None = None
     motion_s: float = 0.0

@@ -10,13 +10,45 @@ and its source.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from contid.control.tick.limits import AxisLimits
 from contid.targets import Actuation
+from contid.units import LIMIT_TOLERANCE_M
 
 if TYPE_CHECKING:
     from contid.kinematics.tendon.taut import TautPulls
+
+#: How far tensions stand above the floor on a live stream: the smaller of a share of their range, and of the
+#: pull that is a share of a^3 / j^2, the way of an axis that reaches its acceleration.
+_LIFT_RANGE: Final = 0.05
+_LIFT_WAY: Final = 1.0 / 30.0
+
+
+def lifted(
+    taut: TautPulls, acceleration: Sequence[float], jerk: Sequence[float], answer: Actuation
+) -> Actuation:
+    """The answer to a live target with tensions above the floor, so that there is room for a limited jerk.
+
+    The least tensions have a corner where another tendon becomes the slackest: the pulls of a smooth path
+    change their velocity in one tick, and a motion that rounds the corner would leave the limits. The bends,
+    and with them the tip, stay.
+
+    Args:
+        taut: the bounds of the tensions.
+        acceleration: greatest of every axis [m/s^2].
+        jerk: greatest of every axis [m/s^3].
+        answer: of the model [m], of the tendons and then of extra axes.
+    """
+    own = len(taut.lower)
+    way_m = min([a * a * a / (j * j) for a, j in zip(acceleration[:own], jerk, strict=False)])
+    width_n = min(_LIFT_WAY * way_m * taut.stiffness_n_per_m, _LIFT_RANGE * taut.range_n)
+    return (*taut.lifted(answer[:own], width_n), *answer[own:])
+
+
+def keeps_tensions(taut: TautPulls, command: Actuation, last: Actuation) -> bool:
+    """True for pulls inside every limit, or no further outside than the last ones."""
+    return taut.excess(command) <= max(taut.excess(last), 0.0) + LIMIT_TOLERANCE_M
 
 
 def limit_taut(

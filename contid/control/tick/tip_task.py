@@ -11,7 +11,7 @@ import numpy as np
 from contid.control.tick.chord import Displacement
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits
-from contid.kinematics.array import Array
+from contid.kinematics.array import Array, size_of
 from contid.targets import Actuation, Pose, Target, Vec3, vec3
 
 #: Length that a radian of direction counts as [m].
@@ -75,7 +75,7 @@ def displacement_of(task: Task, last: Array, directed: bool) -> Displacement:
 def _turn(direction: Array, change: Array) -> Array:
     """Tangent of the great circle from a direction to a changed one, as long as the angle [rad]."""
     across = change - direction * float(direction @ change)
-    sine = float(np.linalg.norm(across))
+    sine = size_of(across)
     angle = math.atan2(sine, 1.0 + float(direction @ change))
     return across * (angle / sine if sine > 0.0 else 1.0)
 
@@ -89,7 +89,7 @@ def turned(begin: Vec3, end: Vec3, share: float) -> Vec3:
     """A direction of the great circle between two directions."""
     start = np.array(begin)
     turn = share * _turn(start, np.array(end) - start)
-    angle = float(np.linalg.norm(turn))
+    angle = size_of(turn)
     if not angle > 0.0:
         return begin
     return vec3((math.cos(angle) * start + math.sin(angle) / angle * turn).tolist())
@@ -99,12 +99,12 @@ def turn_of(rotation: Array, size: float = 1.0) -> Vec3:
     """Axis of a rotation ``(3, 3)``, as long as its angle [rad] times ``size``."""
     r = rotation
     across = 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
-    sine = float(np.linalg.norm(across))
+    sine = size_of(across)
     angle = math.atan2(sine, 0.5 * (float(np.trace(r)) - 1.0))
     if angle > _HALF_TURN:  # the antisymmetric part vanishes; the symmetric one has the axis
         columns = 0.5 * (r + r.T) - math.cos(angle) * np.eye(3)
         axis = columns[:, int(np.argmax(np.diag(columns)))]
-        axis = axis / np.linalg.norm(axis)
+        axis = axis / size_of(axis)
         across = axis if float(axis @ across) >= 0.0 else -axis
         sine = 1.0
     return vec3((across * (size * (angle / sine if sine > 0.0 else 1.0))).tolist())

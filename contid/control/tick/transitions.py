@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from contid.control.tick.axis_motions import braking, braking_at_once, motion_to, outside, planned, speed
+from contid.control.tick.axis_motions import braking, braking_at_once, motion_to, outside, planned, rates
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.contact.squeeze import why_not
 from contid.control.tick.contact.squeeze_way import Squeeze
@@ -129,7 +129,7 @@ def recover(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
 
 def retreat(config: RobotConfig, state: RobotState, goal: Actuation, now_s: float) -> RobotState:
     """From HOLD at standstill, go slowly to an earlier command, then hold."""
-    motion = motion_to(config, state.command, speed(config, state), goal, RETREAT_SHARE)
+    motion = motion_to(config, state.command, rates(config, state), goal, RETREAT_SHARE)
     after = moved(config, state, Event.FOLLOW, now_s)
     return replace(
         after, motion=motion, motion_s=now_s - config.period_s, goto=Target(actuation=goal), follow=False
@@ -145,7 +145,7 @@ def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: floa
     if not state.command or policy is StopPolicy.VENT:
         return stopped(config, replace(after, policy=policy), now_s)
     if policy is StopPolicy.REST and not outside(config, state.command):
-        motion = motion_to(config, state.command, speed(config, state), config.rest)
+        motion = motion_to(config, state.command, rates(config, state), config.rest)
         return replace(planned(after, motion, now_s - config.period_s), policy=policy)
     return braking(config, replace(after, policy=policy), now_s)
 

@@ -15,12 +15,12 @@ from typing import Final
 
 import numpy as np
 
-from contid.control.tick.chord import StraightLine, pseudo_inverse
+from contid.control.tick.chord import StraightLine
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits, brake_step
 from contid.control.tick.redundant import Redundant
 from contid.control.tick.tip_task import between, displacement_of, jacobian_of, shifted, task_of, turned
-from contid.kinematics.array import Array
+from contid.kinematics.array import Array, pseudo_inverse
 from contid.targets import Actuation, Pose, Solution, Target
 
 #: Share of a step across the line, where an axis is at its end, that leaves the line.

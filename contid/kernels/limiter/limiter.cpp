@@ -127,6 +127,23 @@ nb::tuple limit_taut(const contid::TautPulls& self, nb::handle limits, nb::handl
   return nb::make_tuple(contid::tuple_of(next, count), numbers_of(after, count));
 }
 
+nb::tuple lifted(const contid::TautPulls& self, nb::handle pulls, nb::handle upper, double width) {
+  constexpr char what[] = "lifted: one number per tendon";
+  contid::Pulls at, most, out;
+  read(pulls, at, self.tendons, what), read(upper, most, self.tendons, what);
+  self.lifted(at, most, width, out);
+  return contid::tuple_of(out, self.tendons);
+}
+
+double greatest_excess(const contid::TautPulls& self, nb::handle pulls, nb::handle lower, nb::handle upper) {
+  constexpr char what[] = "greatest_excess: one number per tendon";
+  contid::Pulls at, least, most;
+  double over[5 * contid::kMostTendons];
+  read(pulls, at, self.tendons, what), read(lower, least, self.tendons, what), read(upper, most, self.tendons, what);
+  self.excess(at, least, most, over);
+  return *std::max_element(over, over + self.limits());
+}
+
 void pseudo_inverse(Grid matrix, double singular, Written out) {
   const int rows = static_cast<int>(matrix.shape(0)), columns = static_cast<int>(matrix.shape(1));
   if (std::max(rows, columns) > kMostColumns) throw nb::value_error("matrix: too large");
@@ -176,5 +193,7 @@ NB_MODULE(KERNEL_MODULE, module) {
            nb::arg("variables_by_pulls"), nb::arg("slack_free"), nb::arg("rest"), nb::arg("stiffness"),
            nb::arg("section_of"), nb::arg("bend_max"), nb::arg("floor"), nb::arg("limit"))
       .def("limit", &limit_taut, nb::arg("limits"), nb::arg("last"), nb::arg("last_steps"), nb::arg("answer"),
-           nb::arg("answer_steps"), nb::arg("command"), nb::arg("flags"));
+           nb::arg("answer_steps"), nb::arg("command"), nb::arg("flags"))
+      .def("lifted", &lifted, nb::arg("pulls"), nb::arg("upper"), nb::arg("width"))
+      .def("greatest_excess", &greatest_excess, nb::arg("pulls"), nb::arg("lower"), nb::arg("upper"));
 }

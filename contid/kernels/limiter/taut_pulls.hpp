@@ -66,6 +66,32 @@ struct TautPulls {
     }
   }
 
+  // Pulls of the same bends whose tensions stand above the floor: the tightness of a section is
+  //
+  //     width (1 + ln sum_t exp((lack_t - max lack) / width)),        lack_t = (f - D Theta)_t / n_t
+  //
+  // between `width` and `width` times 1 + ln of its tendons [N]. The maximum of what lacks, which has a corner where
+  // another tendon of the section becomes the slackest, is a smooth function so, and corners may be rounded. It is
+  // less where tension or travel have no room.
+  void lifted(const double* pulls, const double* upper, double width, double* out) const {
+    const int bends = 2 * sections;
+    double at[2 * kMostTendons];
+    Pulls lacks, most, sum, extra;
+    for (int i = 0; i < bends; ++i) at[i] = dot(&bends_by_pulls[i * tendons], pulls, tendons);
+    std::fill_n(most, sections, -std::numeric_limits<double>::infinity()), std::fill_n(sum, sections, 0.0);
+    for (int t = 0; t < tendons; ++t) {
+      lacks[t] = (floor_n - dot(&demand[t * bends], at, bends)) / slack_free[t];
+      most[section_of[t]] = std::max(most[section_of[t]], lacks[t]);
+    }
+    for (int t = 0; t < tendons; ++t) sum[section_of[t]] += std::exp((lacks[t] - most[section_of[t]]) / width);
+    for (int s = 0; s < sections; ++s) extra[s] = width * (1.0 + std::log(sum[s]));
+    for (int t = 0; t < tendons; ++t) {
+      const double room = std::min(limit_n - tension(pulls, at, t), (upper[t] - pulls[t]) * n_per_m[t]);
+      extra[section_of[t]] = std::min(extra[section_of[t]], std::max(room / slack_free[t], 0.0));
+    }
+    for (int t = 0; t < tendons; ++t) out[t] = pulls[t] + extra[section_of[t]] * slack_free[t] / n_per_m[t];
+  }
+
   // By how much the limits of travel, tension and bends are exceeded [m], as `PullLimits.excess`; infinite where
   // that is not a number.
   void excess(const double* pulls, const double* lower, const double* upper, double* out) const {

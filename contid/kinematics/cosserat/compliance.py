@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contid.kinematics.array import Array
+from contid.kinematics.array import Array, pseudo_inverse
 from contid.kinematics.cosserat.element import (
     RodState,
     cross,
@@ -118,7 +118,7 @@ def tip_compliance(rod: Rod, pressures: Array, base_moment: Array, loads: Loads,
             state = link(state, section.link, f)
             N = N - section.link * f
     balance = state.dmu + hat(loads.tip_force) @ state.shift - hat(state.p) @ _FORCE
-    by_force = -np.linalg.solve(balance[:, :3], balance[:, 3:])
+    by_force = -pseudo_inverse(balance[:, :3]) @ balance[:, 3:]
     compliance: Array = state.shift[:, 3:] + state.shift[:, :3] @ by_force
     return compliance
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from contid.kinematics.any_target import any_target
 from contid.kinematics.arc.solver import nearest_note
-from contid.kinematics.array import Array
+from contid.kinematics.array import Array, pseudo_inverse, size_of
 from contid.kinematics.tendon.geometry import TendonGeometry
 from contid.kinematics.tendon.model import TendonModel
 from contid.kinematics.tendon.rod import TendonEquilibrium, TendonRod
@@ -106,7 +106,7 @@ class LoadedTendonModel(TendonModel):
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone and rigid pieces at equal arc length, base offset first, shape (points, 3) [m]."""
         curve = self.rod.curve(self.equilibrium(actuation, load_n, derivatives=False).strain, _PARTS)
-        lengths = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))))
+        lengths = np.concatenate(([0.0], np.cumsum(np.sqrt((np.diff(curve, axis=0) ** 2).sum(axis=1)))))
         even_lengths = np.linspace(0.0, lengths[-1], points)
         shape = np.stack([np.interp(even_lengths, lengths, column) for column in curve.T], axis=1)
         if self._rod_correction is not None:
@@ -165,7 +165,7 @@ class LoadedTendonModel(TendonModel):
             rod = self.equilibrium(pulls, target.load_n, rod, derivatives=False)
             pose = self._posed(rod, pulls)
             error = goal - self._task_of(pose, target)
-            size = float(np.linalg.norm(error))
+            size = size_of(error)
             lacks, over = self._missing_tension(rod), self._over_the_limit(rod)
             limits = tuple(dict.fromkeys(over + arcs.limited_by))
             found = Solution(tuple(pulls.tolist()), size, False, limits, turn)
@@ -183,7 +183,7 @@ class LoadedTendonModel(TendonModel):
                 moved, changed = unknown - before[0], before[1] - left
                 slope += np.outer(changed - slope @ moved, moved) / max(float(moved @ moved), 1e-300)
             before = unknown.copy(), left
-            unknown = unknown + np.linalg.lstsq(slope, left, rcond=1e-6)[0]
+            unknown = unknown + pseudo_inverse(slope, 1e-6) @ left
             unknown[count:] = np.maximum(unknown[count:], 0.0)
         assert best is not None
         return best[1], best[0]
@@ -197,7 +197,7 @@ class LoadedTendonModel(TendonModel):
             return np.concatenate((goal, none)), None
         arcs = super().forward(seed)
         shift = self._task_of(arcs, target) - self._task_of(self._posed(rod, seed), target)
-        if not float(np.linalg.norm(shift)) < sum(self.feasible.sections.backbone_m):  # a seed out of bounds
+        if not size_of(shift) < sum(self.feasible.sections.backbone_m):  # a seed out of bounds
             return np.concatenate((goal, none)), rod
         # The tendons of a section are equally stiff.
         n_per_m = self.statics.tendon_n_per_m[self.geometry.first_of]
@@ -264,7 +264,7 @@ def _with_rows(target: Target, rows_m: Array) -> Target:
     rows = rows_m.reshape(-1, 3)
     direction = mid = None
     if target.direction is not None:
-        direction = vec3((rows[1] / np.linalg.norm(rows[1])).tolist())
+        direction = vec3((rows[1] / size_of(rows[1])).tolist())
     if target.mid_m is not None:
         mid = vec3(rows[-1].tolist())
     return replace(target, tip_m=vec3(rows[0].tolist()), direction=direction, mid_m=mid, load_n=ZERO3)

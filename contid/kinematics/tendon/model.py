@@ -13,7 +13,7 @@ import numpy as np
 from contid.kinematics.any_target import any_target
 from contid.kinematics.arc.sections import backbone
 from contid.kinematics.arc.solver import FORCE, ZONE, nearest_note
-from contid.kinematics.array import Array
+from contid.kinematics.array import Array, size_of
 from contid.kinematics.tendon.capstan import CapstanLead
 from contid.kinematics.tendon.described import geometry_of, statics_of
 from contid.kinematics.tendon.feasible import build_bend_solver, ell_of, limits_of
@@ -171,7 +171,7 @@ class TendonModel:
             plain_solution = plain.inverse(replace(target, tip_m=_moved(target.tip_m, -shift)), seed)
             iterations += plain_solution.iterations
             next_shift = correction.at(np.asarray(plain_solution.actuation))
-            change_m = float(np.linalg.norm(next_shift - shift))
+            change_m = size_of(next_shift - shift)
             if change_m <= _SETTLED_M or not np.isfinite(change_m):
                 break
             shift, seed = next_shift, plain_solution.actuation

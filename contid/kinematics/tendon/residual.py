@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contid.kinematics.array import Array
+from contid.kinematics.array import Array, size_of
 from contid.kinematics.tendon.tension import TendonStatics
 from contid.robot_file.tendon.statics import TendonResidual
 from contid.units import MM_PER_M
@@ -83,7 +83,7 @@ class TipCorrection:
         fade = float(np.exp(-_FADING * float(outside @ outside)))
         by = fade * (by - 2.0 * _FADING * np.outer(step, outside / span))
         step = fade * step
-        length = float(np.linalg.norm(step))
+        length = size_of(step)
         if length > self.bound_m:
             along = step / length
             by = self.bound_m / length * (by - np.outer(along, along @ by))

@@ -59,6 +59,9 @@ class TautPulls:
     """The bounds of the tensions of a tendon robot for the limiter of its commands.
 
     Attributes:
+        lower, upper: limits of travel [m].
+        range_n: largest tension minus the floor [N].
+        stiffness_n_per_m: least stiffness of a tendon [N/m].
         kernel: conversions between pulls, and bends with tightness, and the limiter (``limiter/taut.hpp``).
     """
 
@@ -66,6 +69,9 @@ class TautPulls:
         geometry = statics.geometry
         sections = limits.feasible.sections
         self._statics = statics
+        self.lower, self.upper = limits.lower, limits.upper
+        self.range_n = statics.limit_n - statics.floor_n
+        self.stiffness_n_per_m = float(statics.tendon_n_per_m.min())
         self.kernel: Any = load("limiter").TautPulls(
             demand=statics.demand,
             pull_matrix=geometry.pull_matrix,
@@ -79,6 +85,19 @@ class TautPulls:
             floor=statics.floor_n,
             limit=statics.limit_n,
         )
+
+    def excess(self, pulls: Actuation) -> float:
+        """By how much the limit that is exceeded most is exceeded [m], negative inside; convex."""
+        return float(self.kernel.greatest_excess(pulls, self.lower, self.upper))
+
+    def lifted(self, pulls: Actuation, width_n: float) -> Actuation:
+        """Pulls [m] of the same bends with every tension at least ``width_n`` [N] above the floor.
+
+        Their tightness is smooth in the bends, see ``limiter/taut_pulls.hpp``; where limits leave less room
+        it is less.
+        """
+        lifted: Actuation = self.kernel.lifted(pulls, self.upper, width_n)
+        return lifted
 
     def tightness(self, pulls: Array) -> Array:
         """Tightness of every section ``(sections,)`` [N] of pulls ``(tendons,)`` [m]."""

@@ -25,6 +25,7 @@ import numpy as np
 from contid import __version__, kernels
 from contid.control.engine.wiring import record_layout
 from contid.control.process.setup import RunSetup
+from contid.control.tick.config import MOTION_RULES
 from contid.errors import ContidError
 from contid.hal import DeviceKind, load_driver
 from contid.robot_file.load import LoadedFile
@@ -61,6 +62,7 @@ def describe(setup: RunSetup, options: Mapping[str, str], virtual: bool, host: s
         "contid": {
             "format": FORMAT,
             "revision": str(REVISION),
+            "motion_rules": str(MOTION_RULES),
             "contid": __version__,
             "python": platform.python_version(),
             "numpy": version("numpy"),

@@ -253,7 +253,8 @@ def test_an_arm_stopped_by_a_fault_of_the_other_slows_down_from_the_next_command
     steps = [after - before for before, after in pairwise(commands)]
     sizes = [abs(step) for step in steps[1:]]
     assert sizes[0] > 1e-5
-    assert sizes == sorted(sizes, reverse=True)
+    # Its acceleration is taken back first, which one more step goes by.
+    assert sizes[1:] == sorted(sizes[1:], reverse=True)
 
 
 def test_cleared_alone_an_arm_does_not_follow_without_the_other() -> None:
