@@ -29,29 +29,29 @@ def planned(state: RobotState, motion: AxisMotion | None, start_s: float) -> Rob
     return replace(state, motion=motion, motion_s=start_s, reference=state.command, squeeze=None)
 
 
-class Rates(NamedTuple):
+class PresentRates(NamedTuple):
     """How the axes of a robot move: their velocity [1/s] and acceleration [1/s^2]."""
 
     velocity: Actuation
     acceleration: Actuation
 
 
-def rates(config: RobotConfig, state: RobotState) -> Rates:
-    """Rates at the last command, of the parabola through the last three.
+def rates(config: RobotConfig, state: RobotState) -> PresentRates:
+    """PresentRates at the last command, of the parabola through the last three.
 
     A motion that begins with them keeps the jerk from its first tick on. Motion rules 0 have the mean
     velocity of the last tick and no acceleration (`contid.control.tick.config.MOTION_RULES`).
     """
     h = config.period_s
     if config.motion_rules == 0 or not state.before:
-        return Rates(tuple([step / h for step in state.increments]), (0.0,) * len(state.increments))
+        return PresentRates(tuple([step / h for step in state.increments]), (0.0,) * len(state.increments))
     changes = [step - was for step, was in zip(state.increments, state.before, strict=True)]
     velocity = tuple([(s + 0.5 * c) / h for s, c in zip(state.increments, changes, strict=True)])
-    return Rates(velocity, tuple([c / (h * h) for c in changes]))
+    return PresentRates(velocity, tuple([c / (h * h) for c in changes]))
 
 
 def motion_to(
-    config: RobotConfig, start: Actuation, begin: Rates, goal: Actuation, share: float = 1.0
+    config: RobotConfig, start: Actuation, begin: PresentRates, goal: Actuation, share: float = 1.0
 ) -> Approach:
     """From a position and its rates to a goal at rest, with a share of velocity, acceleration and jerk."""
     fastest, acceleration, jerk = (

@@ -87,7 +87,7 @@ def test_a_wall_in_motion_and_missing_masses_are_refused() -> None:
     wall = "sim: {dynamics: true, wall: {point_mm: [0, 0, 90], normal: [0, 0, -1]}}"
     with pytest.raises(ContidError, match="an arm in motion has no wall"):
         parse_robot_file(text.replace("    rates:", f"    {wall}\n    rates:", 1), "arm.yaml")
-    begin, end = text.index("    dynamics:"), text.index("    rates:")
+    begin, end = text.index("    dynamics:"), text.index("    placeholder:")
     without = text[:begin] + f"    {SIM}\n" + text[end:]
     with pytest.raises(ContidError, match=r"sim\.dynamics needs dynamics"):
         parse_robot_file(without, "arm.yaml")

@@ -17,7 +17,7 @@ from contid.control.engine.virtual import VirtualProcess
 from contid.control.tick.supervisor import Mode
 from contid.robot_file.load import load_robot_file, with_mock
 from contid.targets import Target, vec3
-from tests.control.engine.test_live_stream import Run
+from tests.control.engine.streamed import Run
 from tests.golden.make import CONFIGS, RATE_HZ, names, trajectory
 
 

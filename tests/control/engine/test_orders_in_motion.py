@@ -11,7 +11,7 @@ from contid.control.engine.messages import Goto, Hold, Stop
 from contid.control.tick.supervisor import Mode
 from contid.robot_file.base import StopPolicy
 from contid.targets import Target, Vec3
-from tests.control.engine.test_live_stream import Followed, Run, middle
+from tests.control.engine.streamed import Followed, Run, middle
 
 #: Times into a fast line to and fro at which the order comes: about a turning point, and in the middle.
 TIMES_S = (1.9, 2.0, 2.15)

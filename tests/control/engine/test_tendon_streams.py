@@ -15,7 +15,7 @@ from contid.kinematics.array import Array
 from contid.kinematics.tendon.model import TendonModel
 from contid.targets import Actuation, Target, Vec3
 from contid.units import LIMIT_TOLERANCE_M
-from tests.control.engine.test_live_stream import Followed, Row, Run, rows_of
+from tests.control.engine.streamed import Followed, Row, Run, rows_of
 
 ROBOTS = ("tendon3", "ftdcr_v4")
 #: Share of each tendon's travel in the middle of the reach.

@@ -11,7 +11,7 @@ from contid.control.tick.robot_tick import TickResult
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
 from contid.targets import Target
-from tests.control.engine.test_live_stream import Run
+from tests.control.engine.streamed import Run
 from tests.golden.make import names
 
 

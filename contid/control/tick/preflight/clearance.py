@@ -8,7 +8,7 @@ from typing import Final
 
 from contid.clearance.guard import ClearanceGuard, Configuration
 from contid.clearance.walk import Walk
-from contid.control.tick.axis_motions import Rates, motion_to, straight_stop
+from contid.control.tick.axis_motions import PresentRates, motion_to, straight_stop
 from contid.control.tick.config import RobotConfig
 from contid.targets import ZERO3, Actuation, Vec3
 
@@ -44,7 +44,7 @@ class ClearancePreflight:
         for name, (goal, _) in goals.items():
             here = start[name][0]
             still = (0.0,) * len(here)
-            motions[name] = motion_to(self._configs[name], here, Rates(still, still), goal)
+            motions[name] = motion_to(self._configs[name], here, PresentRates(still, still), goal)
         duration_s = max((motion.duration_s for motion in motions.values()), default=0.0)
         steps = max(1, math.ceil(duration_s / INTERVAL_S))
         for k in range(1, steps + 1):
