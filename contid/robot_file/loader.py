@@ -16,7 +16,7 @@ from contid.robot_file.base import AxisDescription
 from contid.robot_file.bus_ports import check_ports
 from contid.robot_file.chain import Chain, check_chain
 from contid.robot_file.checks import WiredAxis, check_name, check_robot
-from contid.robot_file.clearance import check_clearance
+from contid.robot_file.clearance import check_clearance, check_shapes
 from contid.robot_file.document import MAX_RATE_HZ, AnyRobot, BusDescription, BusWiring, Isolation, RobotFile
 from contid.robot_file.findings import allowed_names, explain, shown
 from contid.robot_file.gravity import check_one_world
@@ -84,6 +84,7 @@ class Loader:
         if not self.recorded:
             self.findings += check_ports(self.document, complete.values())
             self.findings += check_one_world(self.document, described)
+        self.findings += check_shapes(self.document, None if whole is None else whole.clearance, described)
         if whole is not None and whole.clearance is not None:
             self.findings += check_clearance(self.document, whole.clearance, described)
         return complete

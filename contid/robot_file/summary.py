@@ -6,6 +6,7 @@ import math
 from typing import TypedDict
 
 from contid.hal import load_driver
+from contid.robot_file.base import ShapeKind
 from contid.robot_file.chain import Chain
 from contid.robot_file.document import BusWiring
 from contid.robot_file.gravity import weight_line
@@ -56,6 +57,7 @@ class RobotReport(TypedDict):
     accepts: list[str]
     base_mm: list[float]
     weight: str
+    shape: str
     velocity: float | None
     acceleration: float | None
     jerk: float | None
@@ -98,6 +100,15 @@ def summarise(loaded: LoadedFile) -> FileReport:
     }
 
 
+def _shape(robot: RobotDescription) -> str:
+    """What input shaping does, for ``contid check``; empty without."""
+    shape = robot.rates.shape
+    if shape is None:
+        return ""
+    later_s = (0.5 if shape.kind is ShapeKind.ZV else 1.0) / shape.frequency_hz
+    return f"{shape.kind.value} at {shape.frequency_hz:g} Hz; motions end {later_s:.2f} s later"
+
+
 def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotReport:
     sides = dict(zip(robot.axis_names, zip(robot.lower, robot.upper, strict=True), strict=True))
     sides |= robot.extra_limits
@@ -129,6 +140,7 @@ def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotRepor
         "accepts": sorted(robot.accepts),
         "base_mm": _base_mm(robot),
         "weight": weight_line(robot),
+        "shape": _shape(robot),
         "velocity": getattr(robot.rates, f"velocity_{unit}_s"),
         "acceleration": getattr(robot.rates, f"acceleration_{unit}_s2"),
         "jerk": getattr(robot.rates, f"jerk_{unit}_s3"),

@@ -175,6 +175,18 @@ def test_replay_of_another_robot_file(recorded: Path, tmp_path: Path) -> None:
     assert "within the tolerance" in _run("replay", recorded, "--robot", changed, "--tolerance", "1e-4")
 
 
+def test_a_run_with_shaped_commands_replays(tmp_path: Path) -> None:
+    robot, rows, path = tmp_path / "r.yaml", tmp_path / "t.csv", tmp_path / "s.mcap"
+    text = fingers(1).replace("rates: {", "rates: {shape: {frequency_hz: 3.0, damping_ratio: 0.1}, ")
+    assert "shape" in text
+    robot.write_text(text)
+    rows.write_text(circle_csv(1, period_s=1.0))
+    assert "shape: zvd at 3 Hz; motions end 0.33 s later" in _run("check", robot)
+    _run("run", robot, "--virtual", "--trajectory", rows, "--record", path)
+    assert json.loads(_run("replay", path, "--json"))["same"] is True
+    assert "no rule of motion was broken" in _run("session", "check", path)
+
+
 @pytest.mark.realtime
 def test_recorded_commands_are_sent_to_buses(tmp_path: Path) -> None:
     """The buses are simulated in real time; the code is that of real ones."""

@@ -55,6 +55,8 @@ def print_report(report: FileReport, columns: Mapping[str, Mapping[str, Sequence
         echo(f"  rates: {_rates(robot)}")
         if robot["weight"]:
             echo(f"  gravity: {robot['weight']}")
+        if robot["shape"]:
+            echo(f"  shape: {robot['shape']}")
         echo("  trajectory columns:")
         for kind, names in columns[robot["name"]].items():
             echo(f"    {_KINDS.get(kind, kind)}: {', '.join(names)}")

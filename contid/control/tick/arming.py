@@ -11,6 +11,7 @@ from contid.control.tick.axis_motions import inwards, motion_to, outside, planne
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.play import NO_LEAD
+from contid.control.tick.shaping import NOT_SHAPED
 from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.tip_feedback import corrected
@@ -42,8 +43,15 @@ def next_arming(
     if state.mode is Mode.READY and state.arm_requested:
         # Old commands are dropped: an interrupted arming must not return to them.
         cleared = replace(
-            state, command=(), increments=(), before=(), reference=(), motion=None, lead=NO_LEAD
-        )
+            state,
+            command=(),
+            increments=(),
+            before=(),
+            reference=(),
+            motion=None,
+            lead=NO_LEAD,
+            shaped=NOT_SHAPED,
+        )  # fmt: skip
         return replace(moved(config, cleared, Event.ARM, now_s), pending=Effect.ENABLE, enabled=False)
     if state.mode is Mode.ARMING and state.enabled and present is not None:
         still = (0.0,) * len(present)

@@ -24,6 +24,7 @@ from contid.control.tick.limits import ACCELERATION
 from contid.control.tick.next_command import next_command
 from contid.control.tick.play import led, next_lead
 from contid.control.tick.regulator_loops import next_loop_lead
+from contid.control.tick.shaping import next_shaped
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.taut import lifted
@@ -101,7 +102,7 @@ def tick(
                     samples,
                     measurement,
                     load_n,
-                    state.lead.ahead(state.command),
+                    state.lead.ahead(state.shaped.acting or state.command),
                 )
                 state = replace(state, correction=learnt)
             return _follow(config, state, now_s, target, live)
@@ -143,6 +144,7 @@ def _stands(config: RobotConfig, state: RobotState) -> bool:
         and config.play is None
         and config.capstan is None
         and config.loops is None
+        and state.shaped.ticks_left == 0
     )
 
 
@@ -272,7 +274,7 @@ def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
         pairs = zip(after.command, reference, strict=True)
         flags = tuple([0 if value == planned_value else ACCELERATION for value, planned_value in pairs])
     # The limiter may lag behind (a motion that ends outside a limit): wait for standstill.
-    if over and not any(after.increments):
+    if over and not any(after.increments) and after.shaped.ticks_left == 0:
         after = replace(after, motion=None, reference=after.command)
         if after.mode is Mode.APPROACH:
             after = _arrived(config, after, now_s)
@@ -316,17 +318,23 @@ def _limited(
         config, last, state.increments, reference, target_step, target_in_base, state.straight, keeps_jerk
     )
     increments = tuple([new - old for new, old in zip(command, last, strict=True)])
+    acting, acting_steps, shaped = command, increments, state.shaped
+    if config.shaper is not None:
+        shaped = next_shaped(config.shaper, shaped, last, command)
+        acting = shaped.acting
+        before = state.shaped.acting or last
+        acting_steps = tuple([new - old for new, old in zip(acting, before, strict=True)])
     lead = state.lead
     if config.play is not None or config.capstan is not None:
-        lead = next_lead(config.play, config.capstan, lead, command, increments, config.limits)
+        lead = next_lead(config.play, config.capstan, lead, acting, acting_steps, config.limits)
     elif config.loops is not None:
-        lead = next_loop_lead(config.loops, lead, command, config.limits, config.period_s)
+        lead = next_loop_lead(config.loops, lead, acting, config.limits, config.period_s)
     # Written out: `replace` costs three times as much, and this runs for every robot in every tick.
     after = RobotState(
         state.mode, state.since_s, state.fault, state.message, state.enabled, state.arm_requested,
         state.follow, state.goto, command, increments, state.increments, reference, state.motion,
         state.motion_s, state.policy, state.misses, state.pending, state.correction, state.recovering, lead,
-        straight, state.squeeze, state.guard,
+        straight, state.squeeze, state.guard, shaped,
     )  # fmt: skip
-    device = config.transmission.to_device(led(command, lead.added) if lead.added else command)
+    device = config.transmission.to_device(led(acting, lead.added) if lead.added else acting)
     return TickResult(after, device, limits=flags if any(flags) else ())

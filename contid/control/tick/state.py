@@ -9,6 +9,7 @@ from typing import Final, TypeAlias
 from contid.control.tick.contact.squeeze_way import Squeeze
 from contid.control.tick.faults import Fault
 from contid.control.tick.play import NO_LEAD, Lead
+from contid.control.tick.shaping import NOT_SHAPED, Shaped
 from contid.control.tick.supervisor import Mode
 from contid.control.tick.tip_feedback import Correction
 from contid.errors import ContidError
@@ -86,6 +87,7 @@ class RobotState:
         straight: the axes go on a straight line to the answer (`contid.control.tick.way`).
         squeeze: the tip closes until a force, or holds it.
         guard: of a robot that follows live targets; None for one that does not.
+        shaped: what goes to the devices of a robot whose commands are shaped.
     """
 
     mode: Mode = Mode.OFF
@@ -111,3 +113,4 @@ class RobotState:
     straight: bool = False
     squeeze: Squeeze | None = None
     guard: GuardState | None = None
+    shaped: Shaped = NOT_SHAPED

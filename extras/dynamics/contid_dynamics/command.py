@@ -71,3 +71,7 @@ def _print(name: str, modes: PoseModes, ranges: list[tuple[float, float]] | None
         click.echo(
             f"  {k + 1:4}  {mode.frequency_hz:6.2f} Hz  {mode.ratio:13.3f}  {ends:>9}  {along:15}{over}"
         )
+    first = modes.modes[0]
+    if 0.0 < first.ratio < 0.5:
+        shape = f"{{frequency_hz: {first.frequency_hz:.2f}, damping_ratio: {first.ratio:.3f}}}"
+        click.echo(f"  rates with shape: {shape} end without this swing")

@@ -82,6 +82,30 @@ def test_a_tendon_robot_comes_to_rest_at_the_pose_of_its_model() -> None:
     assert np.ptp(tips[:, 0]) > 0.03
 
 
+def rest_of(loaded: LoadedFile) -> float:
+    """Greatest distance of the tip from its rest after the devices have stopped [m]."""
+    seen = Collector(loaded)
+    trajectory = read_trajectory(io.StringIO(STEP), "rows.csv", loaded.driven)
+    assert run_virtual(loaded, 200.0, trajectory, sinks=[seen]).exit_code == 0
+    tips = np.array([record.robots[0].measured_tip_m for record in seen.records])
+    device = np.array([record.robots[0].axes[0].device for record in seen.records])
+    moves = np.flatnonzero(np.abs(np.diff(device[:700])) > 1.0)
+    return float(
+        np.linalg.norm(tips[moves[-1] + 4 : moves[-1] + 250] - tips[700:].mean(axis=0), axis=1).max()
+    )
+
+
+def test_shaped_commands_leave_a_tenth_of_the_swing_and_a_quarter_at_another_frequency() -> None:
+    (robot,) = load_named("stiffflop2").driven.values()
+    first = pose_modes(robot, BENT_PA, 1).modes[0]
+    free = rest_of(moving("stiffflop2"))
+    assert free > 5e-3
+    for off, most in ((1.0, 0.1), (0.8, 0.25), (1.2, 0.25)):
+        shape = f"{{frequency_hz: {off * first.frequency_hz:.4f}, damping_ratio: {first.ratio:.4f}}}"
+        loaded = moving("stiffflop2", jerk_bar_s3=f"400\n      shape: {shape}")
+        assert rest_of(loaded) < most * free
+
+
 def test_a_wall_in_motion_and_missing_masses_are_refused() -> None:
     text = load_named("stiffflop2").text
     wall = "sim: {dynamics: true, wall: {point_mm: [0, 0, 90], normal: [0, 0, -1]}}"
