@@ -15,6 +15,10 @@ from contid.errors import ContidError, MissingExtraError
 from tests.support.command import contid
 
 
+#: The recording that they share takes two seconds.
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A hand that moves, is refused for a while, and a trajectory of more ticks than one block."""

@@ -17,6 +17,7 @@ def findings(text: str) -> tuple[Located, ...]:
     return caught.value.findings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("head", "line"),
     [

@@ -33,6 +33,7 @@ def weighed():
     return robot, np.array(errors), np.array(shares)
 
 
+@pytest.mark.slow
 def test_a_load_is_weighed_within_a_second(weighed):
     rmse = np.sqrt((weighed[1] ** 2).mean(axis=0))
     assert rmse[2] <= 0.5  # along gravity [g]

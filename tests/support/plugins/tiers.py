@@ -53,6 +53,21 @@ def _audit(event: str, arguments: tuple[Any, ...]) -> None:
 sys.addaudithook(_audit)
 
 
+#: Workers of a run of pure tests.
+WORKERS: Final = 2
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """Without a path, ``-m`` and ``-k``, two workers share the pure tests."""
+    if hasattr(config, "workerinput"):
+        return
+    option = config.option
+    chosen = config.args_source is pytest.Config.ArgsSource.ARGS or option.markexpr or option.keyword
+    if not chosen and not option.collectonly and not option.usepdb and option.numprocesses is None:
+        option.numprocesses = WORKERS
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Without a path and without ``-m``, only pure tests run."""
     worker = getattr(config, "workerinput", None)
