@@ -14,7 +14,6 @@ from contid.control.engine.events.robots import ModeChanged
 from contid.errors import ContidError, MissingExtraError
 from tests.support.command import contid
 
-
 #: The recording that they share takes two seconds.
 pytestmark = pytest.mark.slow
 
