@@ -71,12 +71,13 @@ class MovingArm:
         down = GRAVITY * np.array(robot.down_in_base)
         self._gravity: Vec3 = vec3(down.tolist()) if robot.has_weight else ZERO3
         # Without weight of its own the arm still carries that of its payload.
-        self._payload_n = np.zeros(3) if robot.has_weight else payload_kg * down
+        self._payload_n = ZERO3 if robot.has_weight else vec3((payload_kg * down).tolist())
         if isinstance(robot, TendonRobot):
             self.rod, self.offset_m = _tendon_rod(robot, robot.dynamics, tip_kg)
         else:
             self._chambers, self._model, self.rod = _pneumatic_rod(robot, robot.dynamics, tip_kg)
             self.offset_m = np.zeros(3)
+        self._has_offset = bool(self.offset_m.any())
 
     def command(self, actuation: Sequence[float], tip_force_n: Vec3 = ZERO3) -> None:
         """What the actuators do from now on: pulls [m] or pressures [Pa], and a force on the tip."""
@@ -142,9 +143,11 @@ class MovingArm:
 
     def _tip_wrench(self, force_n: Vec3) -> list[float]:
         """A force on the tip as force and moment on the last node, as the node stands now."""
-        force = np.array(force_n) + self._payload_n
-        turned = self.rod.poses[-1, 3:].reshape(3, 3) @ self.offset_m
-        return [*force.tolist(), *np.cross(turned, force).tolist()]
+        fx, fy, fz = (a + b for a, b in zip(force_n, self._payload_n, strict=True))
+        if not (fx or fy or fz) or not self._has_offset:
+            return [fx, fy, fz, 0.0, 0.0, 0.0]
+        x, y, z = (self.rod.poses[-1, 3:].reshape(3, 3) @ self.offset_m).tolist()
+        return [fx, fy, fz, y * fz - z * fy, z * fx - x * fz, x * fy - y * fx]
 
 
 def _tendon_rod(robot: TendonRobot, dynamics: Dynamics, tip_kg: float) -> tuple[MovingRod, Array]:

@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.frames import BaseFrame
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.tendon.robot import TendonRobot
@@ -97,30 +98,45 @@ class _Actuators:
             most = errors.regulator_bar * BAR
             self._offset = np.array([rng.uniform(-most, most) for _ in range(count)])
             self._half = 0.5 * errors.hysteresis_bar * BAR
-        self._past: deque[tuple[float, np.ndarray[tuple[int], np.dtype[np.float64]]]] = deque()
+        # Length of a pull per angle of the shaft [m/rad], and the angle of no pull [rad].
+        self._per_rad, self._zero_rad = np.ones(count), np.zeros(count)
+        if isinstance(robot, TendonRobot):
+            wirings = [robot.axes[axis] for axis in robot.axis_names]
+            per_turn = [(each.mm_per_rev or 0.0) * each.direction / MM_PER_M for each in wirings]
+            self._per_rad = np.array(per_turn) / (2.0 * math.pi)
+            self._zero_rad = np.radians([each.zero_deg for each in wirings])
+        self._at_once = not self._delay_s.any() and not self._lag_s.any()
+        self._past: deque[tuple[float, Array]] = deque()
 
     def begin(self, reported: Sequence[float], now_s: float) -> list[float]:
         """The devices have reported this for ever."""
         given = self._in_si(reported)
         self._past.append((-math.inf, given))
-        self._lagged, self._held, self._now_s = given.copy(), given.copy(), now_s
+        self._lagged, self._held, self._now_s = given, given, now_s
         return self._acting()
 
     def act(self, reported: Sequence[float], now_s: float) -> list[float]:
         """What acts at a time [m or Pa], with what the devices reported last."""
-        self._past.append((now_s, self._in_si(reported)))
-        due = np.array([self._at(now_s - delay)[k] for k, delay in enumerate(self._delay_s)])
-        longest = float(self._delay_s.max())
-        while len(self._past) > 1 and self._past[1][0] <= now_s - longest:
-            self._past.popleft()
-        with np.errstate(divide="ignore"):
-            share = np.where(self._lag_s > 0.0, -np.expm1(-(now_s - self._now_s) / self._lag_s), 1.0)
-        self._lagged += share * (due - self._lagged)
-        self._held = np.clip(self._held, self._lagged - self._half, self._lagged + self._half)
+        given = self._in_si(reported)
+        if self._at_once:
+            self._lagged = given
+        else:
+            self._past.append((now_s, given))
+            due = np.array([self._at(now_s - delay)[k] for k, delay in enumerate(self._delay_s)])
+            longest = float(self._delay_s.max())
+            while len(self._past) > 1 and self._past[1][0] <= now_s - longest:
+                self._past.popleft()
+            with np.errstate(divide="ignore"):
+                share = np.where(self._lag_s > 0.0, -np.expm1(-(now_s - self._now_s) / self._lag_s), 1.0)
+            self._lagged = self._lagged + share * (due - self._lagged)
+        if self._half:
+            self._held = np.clip(self._held, self._lagged - self._half, self._lagged + self._half)
+        else:
+            self._held = self._lagged
         self._now_s = now_s
         return self._acting()
 
-    def _at(self, time_s: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    def _at(self, time_s: float) -> Array:
         found = self._past[0][1]
         for at_s, values in self._past:
             if at_s > time_s:
@@ -132,15 +148,9 @@ class _Actuators:
         acting: list[float] = (self._held + self._offset).tolist()
         return [max(0.0, each) for each in acting] if isinstance(self._robot, Cosserat) else acting
 
-    def _in_si(self, reported: Sequence[float]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        if isinstance(self._robot, Cosserat):
-            return np.array(reported, dtype=np.float64)
-        pulls = []
-        for axis, angle in zip(self._robot.axis_names, reported, strict=True):
-            wiring = self._robot.axes[axis]
-            turns = (math.degrees(angle) - wiring.zero_deg) / 360.0
-            pulls.append(turns * (wiring.mm_per_rev or 0.0) * wiring.direction / MM_PER_M)
-        return np.array(pulls)
+    def _in_si(self, reported: Sequence[float]) -> Array:
+        given: Array = (np.array(reported, dtype=np.float64) - self._zero_rad) * self._per_rad
+        return given
 
 
 def _per_axis(values: tuple[float, ...], count: int) -> tuple[float, ...]:
