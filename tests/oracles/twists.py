@@ -6,6 +6,7 @@ rows, so that the steps are computed side by side. Nothing here shares a formula
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -18,14 +19,16 @@ Arcs = Callable[[np.ndarray], np.ndarray]
 
 
 def exponential(matrices: np.ndarray) -> np.ndarray:
-    """``sum M^k / k!`` of small matrices ``(..., 4, 4)``, of a 32nd of each, squared five times."""
-    part = matrices / 32.0
+    """``sum M^k / k!`` of matrices ``(..., 4, 4)``, of a 32nd or less of each, squared as often."""
+    largest = float(np.abs(matrices).max(initial=0.0))
+    halvings = max(5, math.ceil(math.log2(max(largest, 1.0))) + 4)
+    part = matrices / 2.0**halvings
     term = np.broadcast_to(np.eye(4), part.shape)
     total = term.astype(part.dtype)
-    for k in range(1, 14):  # turns of up to two radians are 0.06 here: 1e-17 is left
+    for k in range(1, 14):  # turns are 0.06 at most here: 1e-17 is left
         term = term @ part / k
         total = total + term
-    for _ in range(5):
+    for _ in range(halvings):
         total = total @ total
     return total
 
