@@ -1,8 +1,8 @@
 // contid.kernels._dynamics: motion of rods. One object is for one thread: it holds the memory of its steps.
 #include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/vector.h>
 
+#include "../arrays.hpp"
 #include "../python.hpp"
 #include "rod_motion.hpp"
 
@@ -11,16 +11,8 @@ using namespace contid;
 
 namespace {
 
-using Rows = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
-using Given = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
-
 constexpr int kPose = 12;         // position and rotation, rows one after the other
 constexpr int kInterrupt = 1000;  // steps between looks at Ctrl-C
-
-std::vector<double> numbers(const Given& given, size_t count, const char* what) {
-  if (given.size() != count) throw nb::value_error(what);
-  return {given.data(), given.data() + count};
-}
 
 void fill(std::vector<double>& into, const Given& given, const char* what) { into = numbers(given, into.size(), what); }
 

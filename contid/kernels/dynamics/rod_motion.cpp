@@ -5,7 +5,9 @@
 #include <cmath>
 #include <utility>
 
-#include "equations.hpp"
+#include "../arc/cholesky.hpp"
+#include "../lu.hpp"
+#include "../tendon/element.hpp"
 
 namespace contid {
 
@@ -54,6 +56,11 @@ bool RodMotion::advance(double h, int depth) {
   return advance(0.5 * h, depth + 1) && advance(0.5 * h, depth + 1);
 }
 
+void RodMotion::back_substitute(double* x) const {
+  solve_lower(matrix_.data(), size_, size_, x);
+  solve_upper(matrix_.data(), size_, size_, x);
+}
+
 bool RodMotion::solve(double h) {
   const int n = s_.elements;
   external(now_, force_.data());
@@ -68,7 +75,7 @@ bool RodMotion::solve(double h) {
       const int i = index(e, k);
       matrix_[i * size_ + i] += 0.5 * damping_s * stiffness[kMaxStrains * e + k] + slow(e, k, h);
     }
-  if (!factorise(matrix_.data(), size_)) return false;
+  if (!factor(matrix_.data(), size_, size_)) return false;
   double change = 0.0;
   for (int round = 0; round < kNewton; ++round) {
     place(trial_.data(), s_.lengths, s_.rigid, per_, next_);
@@ -84,7 +91,7 @@ bool RodMotion::solve(double h) {
         right_[i] = base_[i] - right_[i] - force_[i] - slow(e, k, h) * (trial_[j] - strain[j]);
       }
     if (round > 0 && change <= kExact) break;
-    solve_factored(matrix_.data(), size_, right_.data());
+    back_substitute(right_.data());
     change = 0.0;
     for (int i = 0; i < size_; ++i) change = std::max(change, std::fabs(right_[i]));
     if (!(change < 1.0)) return false;
@@ -109,7 +116,8 @@ bool RodMotion::settle() {
   const std::vector<double> began = strain;
   double most = 0.0;
   for (int e = 0; e < s_.elements; ++e) most = std::max(most, stiffness[kMaxStrains * e]);
-  std::vector<double> left(size_), way(size_), by(size_ * size_), ignored(size_ * size_);
+  std::vector<double> left(size_), way(size_), by(size_ * size_);
+  std::vector<int> order(size_);
   const auto balance = [&](std::vector<double>& out) {
     place(strain.data(), s_.lengths, s_.rigid, per_, now_);
     gradient(strain.data(), out.data());
@@ -120,9 +128,10 @@ bool RodMotion::settle() {
   };
   double size = balance(left);
   for (int round = 0; round < kSettling && size > kBalanced * most; ++round) {
-    linearise(ignored.data(), by.data());
+    differentiate(by.data());
+    if (!factorise_lu(by.data(), order.data(), size_)) break;
     way = left;
-    if (!solve_any(by.data(), size_, way.data())) break;
+    solve_lu(by.data(), order.data(), size_, way.data(), 1);
     double turn = 1e-300;
     for (double each : way) turn = std::max(turn, std::fabs(each));
     const std::vector<double> from = strain;
@@ -150,8 +159,8 @@ double RodMotion::kinetic() {
   std::fill(matrix_.begin(), matrix_.end(), 0.0);
   mass(now_, 1.0, matrix_.data());
   std::vector<double> rate = momentum;
-  if (!factorise(matrix_.data(), size_)) return NAN;
-  solve_factored(matrix_.data(), size_, rate.data());
+  if (!factor(matrix_.data(), size_, size_)) return NAN;
+  back_substitute(rate.data());
   double sum = 0.0;
   for (int i = 0; i < size_; ++i) sum += 0.5 * rate[i] * momentum[i];
   return sum;
@@ -176,6 +185,10 @@ double RodMotion::potential() {
 void RodMotion::linearise(double* mass_out, double* stiffness_out) {
   std::fill(mass_out, mass_out + size_ * size_, 0.0);
   mass(now_, 1.0, mass_out);
+  differentiate(stiffness_out);
+}
+
+void RodMotion::differentiate(double* stiffness_out) {
   std::vector<double> x = strain, low(size_), high(size_), force(size_);
   for (int e = 0; e < s_.elements; ++e)
     for (int k = 0; k < per_; ++k) {
@@ -236,18 +249,12 @@ void RodMotion::gradient(const double* x, double* out) {
     }
   if (m == 0) return;
   std::fill(tensions.begin(), tensions.end(), 0.0);
-  std::fill(dl_.begin(), dl_.end(), 0.0);
   for (int e = 0; e < n; ++e) {
     const double *strains = x + kMaxStrains * e, h = s_.lengths[e];
     for (int j = 0; j < m; ++j) {
-      const double* arm = &s_.arms[2 * (e * m + j)];
-      if (std::isnan(arm[0])) continue;
-      const double squared = (arm[0] * arm[0] + arm[1] * arm[1]) / (h * h);
-      const double along = 1.0 + strains[3] - (arm[0] * strains[0] + arm[1] * strains[1]) / h;
-      const double root = std::sqrt(along * along + squared * strains[2] * strains[2]), ratio = along / root;
-      const double by[4] = {-arm[0] * ratio, -arm[1] * ratio, h * squared * strains[2] / root, h * ratio};
-      for (int k = 0; k < std::min(per_, 4); ++k) dl_[index(e, k) * m + j] = by[k];
-      tensions[j] += h * (1.0 - root);  // shortening so far
+      const TendonPiece piece = tendon_piece(strains, h, &s_.arms[2 * (e * m + j)]);
+      for (int k = 0; k < std::min(per_, 4); ++k) dl_[index(e, k) * m + j] = piece.by[k];
+      tensions[j] += piece.shortening;  // so far
     }
   }
   for (int j = 0; j < m; ++j) tensions[j] = std::max(0.0, s_.rest[j] + s_.tendon[j] * (loads.pulls[j] - tensions[j]));

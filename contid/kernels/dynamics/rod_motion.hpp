@@ -94,6 +94,11 @@ class RodMotion {
   bool advance(double h, int depth);
   bool solve(double h);
 
+  // x = matrix_^-1 x of its Cholesky factor.
+  void back_substitute(double* x) const;
+  // Derivative of the balance by the free strains, by central differences.
+  void differentiate(double* stiffness);
+
   // J(q)^T of momenta of the motion from `from` to `to`, at the places `at`.
   void moved(const Placed& at, const Placed& from, const Placed& to, double scale, double* out);
   void external(const Placed& at, double* out);

@@ -123,4 +123,23 @@ inline LocalElement local_element(const double* strain, double length) {
   return out;
 }
 
+// A tendon along an element of the strains x: `root` is its length over h, `ratio` what of it goes along the backbone,
+// `by` the derivative of its length by the strains. All are 0 where the tendon does not pass (an arm of NaN).
+struct TendonPiece {
+  double root = 0.0, ratio = 0.0, by[4] = {}, shortening = 0.0;
+};
+
+inline TendonPiece tendon_piece(const double* x, double h, const double* arm) {
+  TendonPiece piece;
+  if (std::isnan(arm[0])) return piece;
+  const double squared = (arm[0] * arm[0] + arm[1] * arm[1]) / (h * h);
+  const double along = 1.0 + x[3] - (arm[0] * x[0] + arm[1] * x[1]) / h;
+  piece.root = std::sqrt(along * along + squared * x[2] * x[2]);
+  piece.ratio = along / piece.root;
+  piece.by[0] = -arm[0] * piece.ratio, piece.by[1] = -arm[1] * piece.ratio;
+  piece.by[2] = h * squared * x[2] / piece.root, piece.by[3] = h * piece.ratio;
+  piece.shortening = h * (1.0 - piece.root);
+  return piece;
+}
+
 }  // namespace contid

@@ -1,8 +1,8 @@
 // contid.kernels._tendon_rod: the rod of contid/kinematics/tendon/rod.py. One object is for one thread: it holds the
 // memory of its solves. A solve takes tens of microseconds and holds the GIL.
 #include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 
+#include "../arrays.hpp"
 #include "../python.hpp"
 #include "rod.hpp"
 
@@ -10,14 +10,6 @@ namespace nb = nanobind;
 using namespace contid;
 
 namespace {
-
-using Rows = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
-using Given = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
-
-std::vector<double> numbers(const Given& given, size_t count, const char* what) {
-  if (given.size() != count) throw nb::value_error(what);
-  return {given.data(), given.data() + count};
-}
 
 struct Solver {
   TendonRodSolver rod;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "../lu.hpp"
 #include "element.hpp"
 #include "rod.hpp"
 
@@ -117,18 +118,10 @@ void TendonRodSolver::tendons(State& at, const double* pulls) {
   for (int e = 0; e < n; ++e) {
     const double *x = &at.x[4 * e], h = s_.h[e];
     for (int j = 0; j < m; ++j) {
-      const double *arm = &s_.arms[2 * (e * m + j)], squared = (arm[0] * arm[0] + arm[1] * arm[1]) / (h * h);
-      double* dl = &dl_[4 * (e * m + j)];
-      double &root = root_[e * m + j], &ratio = ratio_[e * m + j];
-      if (std::isnan(arm[0])) {
-        root = ratio = dl[0] = dl[1] = dl[2] = dl[3] = 0.0;
-        continue;
-      }
-      const double along = 1.0 + x[3] - (arm[0] * x[0] + arm[1] * x[1]) / h;
-      root = std::sqrt(along * along + squared * x[2] * x[2]);
-      ratio = along / root;
-      dl[0] = -arm[0] * ratio, dl[1] = -arm[1] * ratio, dl[2] = h * squared * x[2] / root, dl[3] = h * ratio;
-      shortening[j] += h * (1.0 - root);
+      const TendonPiece piece = tendon_piece(x, h, &s_.arms[2 * (e * m + j)]);
+      root_[e * m + j] = piece.root, ratio_[e * m + j] = piece.ratio;
+      std::copy(piece.by, piece.by + 4, &dl_[4 * (e * m + j)]);
+      shortening[j] += piece.shortening;
     }
   }
   for (int j = 0; j < m; ++j) {
@@ -218,39 +211,12 @@ void TendonRodSolver::geometric(State& at) {
 }
 
 bool TendonRodSolver::factorise(const State& at) {
-  const int n = size_;
-  double* a = factor_.data();
-  std::copy(at.matrix.begin(), at.matrix.end(), a);
-  for (int c = 0; c < n; ++c) {
-    int best = c;
-    for (int i = c + 1; i < n; ++i)
-      if (std::fabs(a[i * n + c]) > std::fabs(a[best * n + c])) best = i;
-    order_[c] = best;
-    if (!(std::fabs(a[best * n + c]) > 0.0)) return false;
-    if (best != c) std::swap_ranges(a + c * n, a + (c + 1) * n, a + best * n);
-    const double inverse = 1.0 / a[c * n + c];
-    for (int i = c + 1; i < n; ++i) {
-      const double factor = a[i * n + c] *= inverse;
-      if (factor == 0.0) continue;
-      for (int j = c + 1; j < n; ++j) a[i * n + j] -= factor * a[c * n + j];
-    }
-  }
-  return true;
+  std::copy(at.matrix.begin(), at.matrix.end(), factor_.begin());
+  return factorise_lu(factor_.data(), order_.data(), size_);
 }
 
 void TendonRodSolver::solve_factored(double* right, int columns) const {
-  const int n = size_;
-  const double* a = factor_.data();
-  for (int c = 0; c < n; ++c)
-    if (order_[c] != c) std::swap_ranges(right + c * columns, right + (c + 1) * columns, right + order_[c] * columns);
-  for (int i = 0; i < n; ++i)
-    for (int k = 0; k < i; ++k)
-      for (int j = 0; j < columns; ++j) right[i * columns + j] -= a[i * n + k] * right[k * columns + j];
-  for (int i = n - 1; i >= 0; --i) {
-    for (int k = i + 1; k < n; ++k)
-      for (int j = 0; j < columns; ++j) right[i * columns + j] -= a[i * n + k] * right[k * columns + j];
-    for (int j = 0; j < columns; ++j) right[i * columns + j] /= a[i * n + i];
-  }
+  solve_lu(factor_.data(), order_.data(), size_, right, columns);
 }
 
 }  // namespace contid
