@@ -19,7 +19,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from contid.kinematics.array import Array
+from contid.kinematics.array import Array, polyline_length
 
 #: Indices of samples along a body.
 Indices: TypeAlias = NDArray[np.integer[Any]]
@@ -114,14 +114,10 @@ def sampled_body(curve: Callable[[int], Array], radius_m: float) -> Body:
     while True:
         points = np.asarray(curve(pieces + 1), dtype=float)
         # Chords are short by the square of their size: two polylines give the length (Richardson).
-        fine, coarse = _polyline(points), _polyline(points[::2])
+        fine, coarse = polyline_length(points), polyline_length(points[::2])
         length = max(fine, (4.0 * fine - coarse) / 3.0)
         body = Body(points, length / pieces * (1.0 + _LENGTH_ROUNDING), radius_m)
         off_m = body.off_pieces_m()
         if pieces >= MAX_PIECES or off_m <= ALLOWANCE_M:
             return replace(body, piece_off_m=off_m)
         pieces *= 2
-
-
-def _polyline(points: Array) -> float:
-    return float(np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1)).sum())

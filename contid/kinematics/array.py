@@ -23,6 +23,17 @@ def size_of(values: Array) -> float:
     return math.sqrt(float(flat @ flat))
 
 
+def step_lengths(points: Array) -> Array:
+    """Distances of each of ``(n, 3)`` points from the one before, shape ``(n - 1,)``."""
+    lengths: Array = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1))
+    return lengths
+
+
+def polyline_length(points: Array) -> float:
+    """Length of the line through ``(n, 3)`` points."""
+    return float(step_lengths(points).sum())
+
+
 def pseudo_inverse(matrix: Array, singular: float = 1e-15) -> Array:
     """Moore-Penrose inverse of a small matrix, by the kernel (``limiter/small_matrices.hpp``).
 

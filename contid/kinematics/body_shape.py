@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from contid.kinematics.array import Array
+from contid.kinematics.array import Array, polyline_length
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model
 from contid.kinematics.ph.ends import CurveEnds, least_energy, plausible_energy, through
@@ -60,7 +60,7 @@ def by_model(
     load = frame.vector_in_base(load_in_world)
     fine = model.shape(actuation, FINE + 1, load)
     # Chords are short by the square of their size: two polylines give the curve (Richardson).
-    length = (4.0 * _polyline(fine) - _polyline(fine[::2])) / 3.0
+    length = (4.0 * polyline_length(fine) - polyline_length(fine[::2])) / 3.0
     direction = frame.vector_in_world(model.forward(actuation, load).direction)
     return BodyShape(in_world(frame, model.shape(actuation, points, load)), length, direction)
 
@@ -111,7 +111,3 @@ def in_world(frame: BaseFrame, points_in_base: Array) -> Array:
     """Points ``(n, 3)`` of a base frame [m] in the world."""
     moved: Array = points_in_base @ np.array(frame.rotation).reshape(3, 3).T + frame.origin_in_world
     return moved
-
-
-def _polyline(points: Array) -> float:
-    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())

@@ -271,6 +271,6 @@ def _forbidden(
     """FAULT instead of an approach: the arm holds, whatever its ``on_fault`` policy."""
     if not before.command:  # armed in this tick: the state after it has the position
         rest = (0.0,) * len(after.command)
-        before = replace(before, command=after.command, reference=after.command, increments=rest, before=rest)
-        before = replace(before, motion=None)
+        at = after.command
+        before = replace(before, command=at, reference=at, increments=rest, before=rest, motion=None)
     return transitions.faulted(config, before, Fault.CHAIN_FORBIDS, message, now_s)

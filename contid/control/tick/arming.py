@@ -51,12 +51,13 @@ def next_arming(
             motion=None,
             lead=NO_LEAD,
             shaped=NOT_SHAPED,
-        )  # fmt: skip
+        )
         return replace(moved(config, cleared, Event.ARM, now_s), pending=Effect.ENABLE, enabled=False)
     if state.mode is Mode.ARMING and state.enabled and present is not None:
         still = (0.0,) * len(present)
-        state = replace(state, command=present, reference=present, increments=still, before=still)
-        state = replace(state, motion=None)
+        state = replace(
+            state, command=present, reference=present, increments=still, before=still, motion=None
+        )
         if state.recovering:
             return inwards(config, moved(config, state, Event.ARMED, now_s), now_s)
         if far := outside(config, present):

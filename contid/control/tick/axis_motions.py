@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -35,9 +36,16 @@ class PresentRates(NamedTuple):
     velocity: Actuation
     acceleration: Actuation
 
+    @classmethod
+    def at_end(cls, steps: Sequence[float], changes: Sequence[float], period_s: float) -> PresentRates:
+        """Of the parabola through three commands, at the last: its last steps, and how they changed."""
+        h = period_s
+        velocity = tuple([(s + 0.5 * c) / h for s, c in zip(steps, changes, strict=True)])
+        return cls(velocity, tuple([c / (h * h) for c in changes]))
+
 
 def rates(config: RobotConfig, state: RobotState) -> PresentRates:
-    """PresentRates at the last command, of the parabola through the last three.
+    """Rates at the last command, of the parabola through the last three.
 
     A motion that begins with them keeps the jerk from its first tick on. Motion rules 0 have the mean
     velocity of the last tick and no acceleration (`contid.control.tick.config.MOTION_RULES`).
@@ -46,8 +54,7 @@ def rates(config: RobotConfig, state: RobotState) -> PresentRates:
     if config.motion_rules == 0 or not state.before:
         return PresentRates(tuple([step / h for step in state.increments]), (0.0,) * len(state.increments))
     changes = [step - was for step, was in zip(state.increments, state.before, strict=True)]
-    velocity = tuple([(s + 0.5 * c) / h for s, c in zip(state.increments, changes, strict=True)])
-    return PresentRates(velocity, tuple([c / (h * h) for c in changes]))
+    return PresentRates.at_end(state.increments, changes, h)
 
 
 def motion_to(

@@ -12,6 +12,7 @@ from contid.control.tick.follow.responses import axis_responses
 from contid.control.tick.limits import AxisLimits, axis_limits
 from contid.control.tick.shaping import Shaper
 from contid.control.tick.shared_limits import SharedLimits
+from contid.control.tick.taut import lift_n
 from contid.control.tick.transmission import RobotTransmission
 from contid.hal import DeviceResponse, Sample
 from contid.kinematics.extra_axes import build_whole_model
@@ -81,6 +82,7 @@ class RobotConfig:
         loops: half width of the hysteresis loop of every regulator [Pa], None without.
         capstan: lead of the friction of tendons in the bends, None without.
         taut: bounds of the tensions of a tendon robot, None without.
+        lift_n: how far its tensions stand above the floor on a live stream [N].
         sensing: description of an arm that senses the force on its tip, None without.
         stages: stages of the tick that its robot file asks for (`contid.control.engine.stages`).
         contact: what it does after a contact, None when none is looked for.
@@ -120,6 +122,7 @@ class RobotConfig:
     loops: Actuation | None = None
     capstan: CapstanLead | None = None
     taut: TautPulls | None = None
+    lift_n: float = 0.0
     sensing: Cosserat | None = None
     stages: tuple[str, ...] = ()
     contact: ContactPolicy | None = None
@@ -157,6 +160,7 @@ def robot_config(
 ) -> RobotConfig:
     """Configuration of one robot of a file at a rate [Hz]; ``devices``: response by axis of the robot."""
     model = build_whole_model(robot)
+    taut: TautPulls | None = getattr(model, "taut", None)
     names = robot.all_axis_names
     tolerance = tuple(tolerance_of_bus[robot.axes[axis].bus] for axis in names)
     period_s = 1.0 / rate_hz
@@ -189,14 +193,15 @@ def robot_config(
         play=None if robot.backlash is None else (*robot.backlash, *(0.0,) * len(robot.extra_axis_names)),
         loops=_loops(robot),
         capstan=getattr(model, "capstan", None),
-        taut=getattr(model, "taut", None),
+        taut=taut,
+        lift_n=0.0 if taut is None else lift_n(taut, acceleration, jerk),
         sensing=robot if isinstance(robot, Cosserat) and robot.sense is not None else None,
         stages=robot.stages,
         contact=None if sense is None else sense.contact,
         usual_a=0.0 if currents is None else currents.usual_ma / 1e3,
         contact_a=0.0 if currents is None else currents.contact_ma / 1e3,
         nm_per_a=0.0 if currents is None or currents.nm_per_a is None else currents.nm_per_a,
-        straight=getattr(model, "taut", None) is not None or getattr(model, "straight_approach", False),
+        straight=taut is not None or getattr(model, "straight_approach", False),
         shared=getattr(model, "shared", None),
         responses=axis_responses(robot, transmission, devices, period_s),
         follow_tip_m=None if robot.follow_tip_mm is None else robot.follow_tip_mm / 1e3,

@@ -13,9 +13,11 @@ has third differences within ``j h^3`` from its first sample on.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from contid.control.tick.axis_motions import PresentRates
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import ACCELERATION
 from contid.control.tick.state import GuardState, RobotState
@@ -111,8 +113,7 @@ def _on(
         return True
     steps = tuple([there - last for there, last in zip(answer, state.command, strict=True)])
     bends = [new - old for new, old in zip(steps, state.increments, strict=True)]
-    speeds = tuple([(s + 0.5 * c) / h for s, c in zip(steps, bends, strict=True)])
-    on_it = MovingAxes(answer, speeds, tuple([c / (h * h) for c in bends]))
+    on_it = MovingAxes(answer, *PresentRates.at_end(steps, bends, h))
     return stops_inside(config, on_it, state.command)
 
 
@@ -124,15 +125,12 @@ def _pursuing(
     rates = AxisRates(config.velocity, config.acceleration, config.jerk)
     now = before.motion
     if now is None or now.position != state.command:
-        now = MovingAxes(
-            state.command,
-            tuple([(s + 0.5 * c) / h for s, c in zip(state.increments, changes, strict=True)]),
-            tuple([c / (h * h) for c in changes]),
-        )
+        now = MovingAxes(state.command, *PresentRates.at_end(state.increments, changes, h))
     pace = [(new - old) / h for new, old in zip(answer, state.reference, strict=True)]
-    frame = frame_velocity(pace, rates)
     if config.taut is not None:
-        return _tendons_pursuing(config, state, before, now, answer)
+        stops = before.brakes and (any(now.velocity) or any(now.acceleration))
+        return _tendons_pursuing(config, state.command, now, answer, pace, () if stops else _SHARES)
+    frame = frame_velocity(pace, rates)
     after: MovingAxes | None = None
     for braking in (False, True):
         for together in (True, False):
@@ -146,20 +144,24 @@ def _pursuing(
 
 
 def _tendons_pursuing(
-    config: RobotConfig, state: RobotState, before: GuardState, now: MovingAxes, answer: Actuation
+    config: RobotConfig,
+    last: Actuation,
+    now: MovingAxes,
+    answer: Actuation,
+    pace: Sequence[float],
+    shares: Sequence[float],
 ) -> _Pursuit:
     """As `_pursuing` for tendons, whose answers lie close to their limits.
 
     From rest the way to an answer is a straight line of the pulls, in which the limits are convex. In motion
-    it may lead out of them: then the robot goes on more slowly, or stops before it sets out again.
+    it may lead out of them: then the robot goes on more slowly, or stops before it sets out again. ``shares``
+    of the velocity are tried one after the other; without any it stops.
     """
     h, rates = config.period_s, AxisRates(config.velocity, config.acceleration, config.jerk)
-    pace = [(new - old) / h for new, old in zip(answer, state.reference, strict=True)]
-    stops = before.brakes and (any(now.velocity) or any(now.acceleration))
-    for share in () if stops else _SHARES:
+    for share in shares:
         slower = rates._replace(velocity=[share * each for each in rates.velocity])
         after = pursued(now, answer, frame_velocity(pace, slower), slower, h)
-        if after is not None and stays_viable(config, after, state.command):
+        if after is not None and stays_viable(config, after, last):
             return _Pursuit(after)
     return _Pursuit(braked(now, rates, h, together=True) or _coasting(config, now), brakes=True)
 

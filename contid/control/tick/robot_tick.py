@@ -293,7 +293,7 @@ def _guarded(config: RobotConfig, state: RobotState, answer: Actuation, target_i
     """As `_limited` for an answer to a live target, with the jerk of the axes limited as well."""
     by_pulls = target_in_base.actuation is not None
     if config.taut is not None and config.motion_rules > 0 and not by_pulls:
-        answer = lifted(config.taut, config.acceleration, config.jerk, answer)
+        answer = lifted(config.taut, config.lift_n, answer)
     guard = guarded(config, state, answer)
     if not guard.flags:
         return _limited(config, replace(state, guard=guard.state), answer, target_in_base, keeps_jerk=True)

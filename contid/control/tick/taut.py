@@ -25,9 +25,19 @@ _LIFT_RANGE: Final = 0.05
 _LIFT_WAY: Final = 1.0 / 30.0
 
 
-def lifted(
-    taut: TautPulls, acceleration: Sequence[float], jerk: Sequence[float], answer: Actuation
-) -> Actuation:
+def lift_n(taut: TautPulls, acceleration: Sequence[float], jerk: Sequence[float]) -> float:
+    """How far the tensions of answers to live targets stand above the floor [N].
+
+    Args:
+        taut: the bounds of the tensions.
+        acceleration: greatest of every axis [m/s^2].
+        jerk: greatest of every axis [m/s^3].
+    """
+    way_m = min([a * a * a / (j * j) for a, j in zip(acceleration[: len(taut.lower)], jerk, strict=False)])
+    return min(_LIFT_WAY * way_m * taut.stiffness_n_per_m, _LIFT_RANGE * taut.range_n)
+
+
+def lifted(taut: TautPulls, width_n: float, answer: Actuation) -> Actuation:
     """The answer to a live target with tensions above the floor, so that there is room for a limited jerk.
 
     The least tensions have a corner where another tendon becomes the slackest: the pulls of a smooth path
@@ -36,13 +46,10 @@ def lifted(
 
     Args:
         taut: the bounds of the tensions.
-        acceleration: greatest of every axis [m/s^2].
-        jerk: greatest of every axis [m/s^3].
+        width_n: of `lift_n`.
         answer: of the model [m], of the tendons and then of extra axes.
     """
     own = len(taut.lower)
-    way_m = min([a * a * a / (j * j) for a, j in zip(acceleration[:own], jerk, strict=False)])
-    width_n = min(_LIFT_WAY * way_m * taut.stiffness_n_per_m, _LIFT_RANGE * taut.range_n)
     return (*taut.lifted(answer[:own], width_n), *answer[own:])
 
 

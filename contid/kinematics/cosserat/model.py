@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from contid.kinematics.any_target import any_target
-from contid.kinematics.array import Array, pseudo_inverse
+from contid.kinematics.array import Array, pseudo_inverse, step_lengths
 from contid.kinematics.cosserat.compliance import sweep, tip_compliance
 from contid.kinematics.cosserat.engine import NO_SNAP, Limits, RodSetup, RodSolver
 from contid.kinematics.cosserat.identified import Regulators, identified_sections
@@ -224,7 +224,7 @@ class CosseratModel:
         chambers, loads = self.regulators.chambers(actuation), self.setup.loads(load_n)
         self.engine.statics(chambers, loads, self._stations, frames)
         line = frames[:, :3]
-        lengths = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1)))])
+        lengths = np.concatenate([[0.0], np.cumsum(step_lengths(line))])
         evenly = np.linspace(0.0, lengths[-1], points)
         return np.stack([np.interp(evenly, lengths, line[:, i]) for i in range(3)], axis=1) / MM_PER_M
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from contid.kinematics.any_target import any_target
 from contid.kinematics.arc.solver import nearest_note
-from contid.kinematics.array import Array, pseudo_inverse, size_of
+from contid.kinematics.array import Array, pseudo_inverse, size_of, step_lengths
 from contid.kinematics.tendon.geometry import TendonGeometry
 from contid.kinematics.tendon.model import TendonModel
 from contid.kinematics.tendon.rod import TendonEquilibrium, TendonRod
@@ -106,7 +106,7 @@ class LoadedTendonModel(TendonModel):
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone and rigid pieces at equal arc length, base offset first, shape (points, 3) [m]."""
         curve = self.rod.curve(self.equilibrium(actuation, load_n, derivatives=False).strain, _PARTS)
-        lengths = np.concatenate(([0.0], np.cumsum(np.sqrt((np.diff(curve, axis=0) ** 2).sum(axis=1)))))
+        lengths = np.concatenate(([0.0], np.cumsum(step_lengths(curve))))
         even_lengths = np.linspace(0.0, lengths[-1], points)
         shape = np.stack([np.interp(even_lengths, lengths, column) for column in curve.T], axis=1)
         if self._rod_correction is not None:

@@ -104,7 +104,7 @@ def test_a_lift_changes_tensions_not_bends(name: str) -> None:
     assert model.statics is not None
     for _ in range(30):
         pulls = answer(model, MIDDLE + 0.1 * random.uniform(-1.0, 1.0, len(MIDDLE)))
-        higher = lifted(model.taut, config.acceleration, config.jerk, pulls)
+        higher = lifted(model.taut, config.lift_n, pulls)
         assert np.allclose(model.bends(higher), model.bends(pulls), atol=1e-12)
         rise_n = model.statics.tensions(np.array(higher)) - model.statics.tensions(np.array(pulls))
         assert rise_n.min() > -1e-9  # 0 where a tension is at its limit
