@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from typing import Annotated, Self
 
 from pydantic import Field, model_validator
@@ -30,6 +31,20 @@ class SimulatedErrors(Strict):
     regulator_bar: NonNegative = 0.0
     hysteresis_bar: NonNegative = 0.0
     seed: int = 0
+
+    def modulus_scale(self, section: int) -> float:
+        """Factor on the modulus of a section, counted from the base."""
+        return 1.0 + (self.modulus_percent[section] / 100.0 if section < len(self.modulus_percent) else 0.0)
+
+    @property
+    def moment_scale(self) -> float:
+        """Factor on the moments of the chambers."""
+        return 1.0 + self.moment_percent / 100.0
+
+    def regulator_offsets_bar(self, count: int) -> list[float]:
+        """Constant errors of so many regulators."""
+        rng = random.Random(f"{self.seed}:regulators")
+        return [rng.uniform(-self.regulator_bar, self.regulator_bar) for _ in range(count)]
 
 
 class SimulatedArm(SimulatedPayload):

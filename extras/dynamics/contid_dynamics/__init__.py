@@ -6,7 +6,6 @@ from typing import Final
 
 #: Commands of this extra, see `contid.cli.support.table`.
 COMMANDS: Final = {
-    "export mjcf": ("contid_dynamics.export_command:mjcf", "a robot as a model for MuJoCo"),
     "export": ("contid_dynamics.export_command", "a robot as a model for other simulators"),
     "modes": ("contid_dynamics.command", "frequencies, damping and shapes of a robot's body"),
 }

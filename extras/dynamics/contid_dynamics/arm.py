@@ -18,7 +18,7 @@ from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.robot_file.tendon.statics import TendonRodStatics
 from contid.targets import ZERO3, Vec3, vec3
-from contid.units import BAR, MM_PER_M
+from contid.units import MM_PER_M, STANDARD_GRAVITY
 from contid_dynamics.rod import STRAINS, MovingElements, MovingRod, spread_mass
 
 if TYPE_CHECKING:
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from contid.robot_file.dynamics import Dynamics
     from contid.robot_file.robot import RobotDescription
 
-#: Standard acceleration of gravity [m/s^2], of weights in robot files.
-GRAVITY: Final = 9.80665
 GRAM: Final = 1e-3
 
 
@@ -53,12 +51,13 @@ class MovingArm:
     Args:
         robot: its description, with ``dynamics``.
         payload_kg: mass on the tip besides that of the file, with its weight.
+        elements: of a section; None takes the file's number.
 
     Raises:
         ContidError: its model has no moving body, or its file no ``dynamics``.
     """
 
-    def __init__(self, robot: RobotDescription, payload_kg: float = 0.0) -> None:
+    def __init__(self, robot: RobotDescription, payload_kg: float = 0.0, elements: int | None = None) -> None:
         if not isinstance(robot, (Cosserat, TendonRobot)):
             raise ContidError(f"model {robot.model!r} has no moving body; allowed: cosserat, tendon")
         if robot.dynamics is None:
@@ -66,16 +65,19 @@ class MovingArm:
                 "dynamics: missing; the body in motion needs it: mass_g_per_m and damping_ms at least "
                 "(docs/robots/dynamics.md)"
             )
-        self.robot, self.dynamics = robot, robot.dynamics
-        tip_kg = payload_kg + GRAM * robot.dynamics.tip_mass_g
-        down = GRAVITY * np.array(robot.down_in_base)
+        dynamics = robot.dynamics
+        if elements is not None:
+            dynamics = dynamics.model_copy(update={"elements": elements})
+        self.robot, self.dynamics = robot, dynamics
+        tip_kg = payload_kg + GRAM * dynamics.tip_mass_g
+        down = STANDARD_GRAVITY * np.array(robot.down_in_base)
         self._gravity: Vec3 = vec3(down.tolist()) if robot.has_weight else ZERO3
         # Without weight of its own the arm still carries that of its payload.
         self._payload_n = ZERO3 if robot.has_weight else vec3((payload_kg * down).tolist())
         if isinstance(robot, TendonRobot):
-            self.rod, self.offset_m = _tendon_rod(robot, robot.dynamics, tip_kg)
+            self.rod, self.offset_m = _tendon_rod(robot, dynamics, tip_kg)
         else:
-            self._chambers, self._model, self.rod = _pneumatic_rod(robot, robot.dynamics, tip_kg)
+            self._chambers, self._model, self.rod = _pneumatic_rod(robot, dynamics, tip_kg)
             self.offset_m = np.zeros(3)
         self._has_offset = bool(self.offset_m.any())
 
@@ -161,7 +163,7 @@ def _tendon_rod(robot: TendonRobot, dynamics: Dynamics, tip_kg: float) -> tuple[
     per_m = dynamics.mass_g_per_m
     masses = np.array(
         robot.per_section(statics.weight_n_per_m if per_m is None else per_m), dtype=np.float64
-    ) * (1.0 / GRAVITY if per_m is None else GRAM)
+    ) * (1.0 / STANDARD_GRAVITY if per_m is None else GRAM)
     radius_m = dynamics.radius_mm / MM_PER_M if dynamics.radius_mm is not None else _mean_arm(discrete.arms)
     middles, ends = spread_mass(
         discrete.lengths, np.repeat(masses, dynamics.elements), np.full(count, radius_m)
@@ -229,8 +231,3 @@ def _inflated(chambers: Sequence[Chambers], bars: Array, count: int) -> tuple[Ar
         free = np.array([found.curvature[1] * h, -found.curvature[0] * h, 0.0, found.strain, 0.0, 0.0])
         stiffness[each.rows], strains[each.rows] = rigidity, rigidity * free
     return stiffness, strains
-
-
-def actuation_of_file_units(robot: RobotDescription, values: Sequence[float]) -> tuple[float, ...]:
-    """Numbers in mm or bar as m or Pa."""
-    return tuple(value * BAR if isinstance(robot, Cosserat) else value / MM_PER_M for value in values)

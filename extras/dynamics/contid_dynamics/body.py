@@ -8,19 +8,19 @@ two looks of the bus, at most `STEP_S`, so that a run in virtual time is the sam
 from __future__ import annotations
 
 import math
-import random
 from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
+from contid.control.tick.transmission import axis_map
 from contid.kinematics.array import Array
 from contid.kinematics.frames import BaseFrame
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Vec3, vec3
-from contid.units import BAR, MM_PER_M
+from contid.units import BAR
 from contid_dynamics.arm import MovingArm
 
 #: Longest step of the body.
@@ -94,17 +94,11 @@ class _Actuators:
         if isinstance(robot, Cosserat):
             assert robot.sim is not None
             errors = robot.sim.errors
-            rng = random.Random(f"{errors.seed}:regulators")
-            most = errors.regulator_bar * BAR
-            self._offset = np.array([rng.uniform(-most, most) for _ in range(count)])
+            self._offset = BAR * np.array(errors.regulator_offsets_bar(count))
             self._half = 0.5 * errors.hysteresis_bar * BAR
-        # Length of a pull per angle of the shaft [m/rad], and the angle of no pull [rad].
-        self._per_rad, self._zero_rad = np.ones(count), np.zeros(count)
-        if isinstance(robot, TendonRobot):
-            wirings = [robot.axes[axis] for axis in robot.axis_names]
-            per_turn = [(each.mm_per_rev or 0.0) * each.direction / MM_PER_M for each in wirings]
-            self._per_rad = np.array(per_turn) / (2.0 * math.pi)
-            self._zero_rad = np.radians([each.zero_deg for each in wirings])
+        wirings = [robot.axes[axis] for axis in robot.axis_names]
+        # Pressures act as they are reported; a shaft acts by the length of its tendon.
+        self._of_shaft = [axis_map(each)[1] for each in wirings] if isinstance(robot, TendonRobot) else []
         self._at_once = not self._delay_s.any() and not self._lag_s.any()
         self._past: deque[tuple[float, Array]] = deque()
 
@@ -149,8 +143,9 @@ class _Actuators:
         return [max(0.0, each) for each in acting] if isinstance(self._robot, Cosserat) else acting
 
     def _in_si(self, reported: Sequence[float]) -> Array:
-        given: Array = (np.array(reported, dtype=np.float64) - self._zero_rad) * self._per_rad
-        return given
+        if not self._of_shaft:
+            return np.array(reported, dtype=np.float64)
+        return np.array([of(each) for of, each in zip(self._of_shaft, reported, strict=True)])
 
 
 def _per_axis(values: tuple[float, ...], count: int) -> tuple[float, ...]:
@@ -165,12 +160,12 @@ def _with_errors(robot: Cosserat | TendonRobot) -> Cosserat | TendonRobot:
     errors = robot.sim.errors
     sections = []
     for k, section in enumerate(robot.geometry.sections):
-        scale = 1.0 + (errors.modulus_percent[k] / 100.0 if k < len(errors.modulus_percent) else 0.0)
+        scale = errors.modulus_scale(k)
         sections.append(
             section.model_copy(
                 update={
                     "modulus_pa": tuple(scale * b for b in section.modulus_pa),
-                    "bending_gain": section.bending_gain * (1.0 + errors.moment_percent / 100.0),
+                    "bending_gain": section.bending_gain * errors.moment_scale,
                 }
             )
         )

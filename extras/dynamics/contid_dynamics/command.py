@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from contid.cli.support.parameters import robot_names
-from contid_dynamics.pose_option import POSE, actuation_at
+from contid_dynamics.pose_option import POSE, actuation_at, moving_robots
 
 if TYPE_CHECKING:
     from contid_dynamics.report import PoseModes
@@ -34,19 +34,10 @@ def command(
 
     `contid modes stiffflop2 --at s1.p1_bar=0.6 --payload-g 10 --poses 100`
     """
-    from contid.errors import ContidError
-    from contid.robot_file.load import load_named
     from contid_dynamics.report import pose_modes, range_over_poses
 
-    robots = load_named(robot_file).driven
-    moving = {name: each for name, each in robots.items() if getattr(each, "dynamics", None) is not None}
-    if not moving:
-        raise ContidError(
-            f"{robot_file}: no robot has 'dynamics'; the body in motion needs mass_g_per_m and damping_ms "
-            "(docs/robots/dynamics.md)"
-        )
     found: dict[str, object] = {}
-    for name, robot in moving.items():
+    for name, robot in moving_robots(robot_file).items():
         actuation = actuation_at(robot, name, at)
         modes = pose_modes(robot, actuation, count, payload_g)
         ranges = range_over_poses(robot, poses, count, payload_g) if poses else None

@@ -9,7 +9,7 @@ import click
 
 from contid.cli.support.parameters import robot_names
 from contid.cli.support.table import TableGroup
-from contid_dynamics.pose_option import POSE, actuation_at
+from contid_dynamics.pose_option import POSE, actuation_at, moving_robots
 
 COMMANDS: Final = {"mjcf": ("contid_dynamics.export_command:mjcf", "a robot as a model for MuJoCo")}
 command = TableGroup(
@@ -36,17 +36,13 @@ def mjcf(robot_file: str, at: tuple[str, ...], name: str | None, elements: int, 
     `contid export mjcf tendon3 --at s1.t1_mm=5 -o tendon3.xml`
     """
     from contid.errors import ContidError
-    from contid.robot_file.load import load_named
     from contid.whole_file import replacing
     from contid_dynamics.mjcf import mjcf as document
 
-    robots = load_named(robot_file).driven
-    moving = {key: each for key, each in robots.items() if getattr(each, "dynamics", None) is not None}
+    moving = moving_robots(robot_file)
     if name is not None and name not in moving:
-        allowed = ", ".join(moving) or "none"
+        allowed = ", ".join(moving)
         raise click.UsageError(f"--robot {name!r}: no robot with dynamics of that name; allowed: {allowed}")
-    if not moving:
-        raise ContidError(f"{robot_file}: no robot has 'dynamics' (docs/robots/dynamics.md)")
     if name is None and len(moving) > 1:
         raise click.UsageError(f"several robots have a moving body: give --robot, one of {', '.join(moving)}")
     chosen = name or next(iter(moving))

@@ -21,8 +21,8 @@ import numpy as np
 from contid.kinematics.array import Array
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon.robot import TendonRobot
-from contid.units import BAR
-from contid_dynamics.arm import GRAVITY, MovingArm
+from contid.units import BAR, STANDARD_GRAVITY
+from contid_dynamics.arm import MovingArm
 from contid_dynamics.rod import MovingElements
 
 #: Joints of an element in the order of the strains: name, kind, axis. v turns about -x.
@@ -53,15 +53,11 @@ def mjcf(robot: RobotDescription, name: str, actuation: Sequence[float], element
         ContidError: the robot has no moving body.
         ArithmeticError: there is no equilibrium for the actuation.
     """
-    described = robot
-    if getattr(robot, "dynamics", None) is not None:
-        dynamics = robot.dynamics.model_copy(update={"elements": elements})  # type: ignore[attr-defined]
-        described = robot.model_copy(update={"dynamics": dynamics})
-    arm = MovingArm(described)
+    arm = MovingArm(robot, elements=elements)
     arm.settle(actuation)
     root = ElementTree.Element("mujoco", model=name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
-    down = np.array(robot.down_unit) * (GRAVITY if robot.has_weight else 0.0)
+    down = np.array(robot.down_unit) * (STANDARD_GRAVITY if robot.has_weight else 0.0)
     ElementTree.SubElement(
         root, "option", gravity=_text(down), timestep=f"{_step_s(arm):.3g}", integrator="implicitfast"
     )
@@ -71,11 +67,14 @@ def mjcf(robot: RobotDescription, name: str, actuation: Sequence[float], element
     )
     _links(base, arm)
     strain = arm.rod.strain
-    controls = _tendons(root, arm) if isinstance(described, TendonRobot) else _chambers(root, arm, actuation)
+    values = list(actuation)
+    if isinstance(robot, TendonRobot):
+        _tendons(root, arm)
+    else:
+        _chambers(root, arm)
+        values = [each / BAR for each in actuation]
     qpos = _positions(arm.rod.elements, strain)
     frames = ElementTree.SubElement(root, "keyframe")
-    values = list(actuation) if isinstance(described, TendonRobot) else [each / BAR for each in actuation]
-    assert len(values) == controls
     ElementTree.SubElement(frames, "key", name="rest", qpos=_text(qpos), ctrl=_text(values))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
@@ -129,7 +128,7 @@ def _inertial(body: ElementTree.Element, middle: Array, end: Array, at_m: float)
     )  # fmt: skip
 
 
-def _tendons(root: ElementTree.Element, arm: MovingArm) -> int:
+def _tendons(root: ElementTree.Element, arm: MovingArm) -> None:
     elements = arm.rod.elements
     tendons = ElementTree.SubElement(root, "tendon")
     actuators = ElementTree.SubElement(root, "actuator")
@@ -146,10 +145,9 @@ def _tendons(root: ElementTree.Element, arm: MovingArm) -> int:
             actuators, "general", name=axis, tendon=axis, biastype="affine", gainprm=f"{-k:.12g}",
             biasprm=_text((-elements.rest[j], -k, 0.0)), forcerange="-1e6 0",
         )  # fmt: skip
-    return len(arm.robot.axis_names)
 
 
-def _chambers(root: ElementTree.Element, arm: MovingArm, actuation: Sequence[float]) -> int:
+def _chambers(root: ElementTree.Element, arm: MovingArm) -> None:
     """Moments per bar of every pressure on the joints, from those of the statics at the actuation."""
     tendons = ElementTree.SubElement(root, "tendon")
     actuators = ElementTree.SubElement(root, "actuator")
@@ -162,7 +160,6 @@ def _chambers(root: ElementTree.Element, arm: MovingArm, actuation: Sequence[flo
                 if moment != 0.0:
                     ElementTree.SubElement(cable, "joint", joint=f"{letter}{e}", coef=f"{moment:.12g}")
         ElementTree.SubElement(actuators, "motor", name=axis, tendon=axis, ctrllimited="false")
-    return len(actuation)
 
 
 def _positions(elements: MovingElements, strain: Array) -> Array:

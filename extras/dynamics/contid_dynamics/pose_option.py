@@ -1,4 +1,4 @@
-"""The option ``--at``: a pose by values of axes."""
+"""What the commands share: robots with a moving body, and the option ``--at``, a pose by values of axes."""
 
 from __future__ import annotations
 
@@ -15,6 +15,25 @@ POSE: Final = click.option(
     metavar="AXIS=VALUE",
     help="An axis of the pose [mm or bar]; others are at rest.",
 )
+
+
+def moving_robots(robot_file: str) -> dict[str, RobotDescription]:
+    """The robots of a file whose body moves, by name.
+
+    Raises:
+        ContidError: the file cannot be loaded, or none of its robots has ``dynamics``.
+    """
+    from contid.errors import ContidError
+    from contid.robot_file.load import load_named
+
+    robots = load_named(robot_file).driven
+    moving = {name: each for name, each in robots.items() if getattr(each, "dynamics", None) is not None}
+    if not moving:
+        raise ContidError(
+            f"{robot_file}: no robot has 'dynamics'; the body in motion needs mass_g_per_m and damping_ms "
+            "(docs/robots/dynamics.md)"
+        )
+    return moving
 
 
 def actuation_at(robot: RobotDescription, name: str, at: tuple[str, ...]) -> list[float]:

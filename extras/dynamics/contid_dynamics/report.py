@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.robot_file.dynamics import Dynamics
 from contid.robot_file.robot import RobotDescription
 from contid.units import MM_PER_M
 from contid_dynamics.arm import MovingArm
@@ -21,7 +20,8 @@ _STEP: Final = 1e-6
 #: Share of the length of a mode's shape below which the tip stands still.
 _STANDS: Final = 1e-3
 SEED: Final = 1
-#: Elements of a section for modes: frequencies are within 0.5 % of those of many more.
+#: Elements of a section for the modes of a pose: frequencies are within 0.5 % of those of many more. Ranges
+#: over many poses take the file's.
 _ELEMENTS: Final = 12
 
 
@@ -72,7 +72,8 @@ def pose_modes(
         ContidError: the robot has no moving body.
         ArithmeticError: no equilibrium was found.
     """
-    arm = MovingArm(_finely(robot), payload_g * 1e-3)
+    given = getattr(robot, "dynamics", None)
+    arm = MovingArm(robot, payload_g * 1e-3, None if given is None else max(given.elements, _ELEMENTS))
     arm.settle(actuation)
     found = arm.rod.modes()
     nodes = arm.rod.poses
@@ -103,14 +104,6 @@ def range_over_poses(
     if not rows:
         return [(math.nan, math.nan)] * count
     return list(zip(np.min(rows, axis=0).tolist(), np.max(rows, axis=0).tolist(), strict=True))
-
-
-def _finely(robot: RobotDescription) -> RobotDescription:
-    """The robot with at least `_ELEMENTS` elements a section."""
-    dynamics: Dynamics | None = getattr(robot, "dynamics", None)
-    if dynamics is None or dynamics.elements >= _ELEMENTS:
-        return robot
-    return robot.model_copy(update={"dynamics": dynamics.model_copy(update={"elements": _ELEMENTS})})
 
 
 def _mode(arm: MovingArm, found: Modes, k: int, nodes: Array, strain: Array) -> VibrationMode:

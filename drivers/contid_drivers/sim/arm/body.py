@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from typing import Final
 
 from contid.robot_file.cosserat import Cosserat
@@ -30,9 +29,7 @@ class SimulatedBody:
         self._down = robot.down_in_base
         base = robot.base
         self._origin, self._rotation = base.position_m, base.rotation
-        rng = random.Random(f"{robot.sim.errors.seed}:regulators")
-        most = robot.sim.errors.regulator_bar
-        self._offset = [rng.uniform(-most, most) for _ in robot.axis_names]
+        self._offset = robot.sim.errors.regulator_offsets_bar(len(robot.axis_names))
         self._half = 0.5 * robot.sim.errors.hysteresis_bar
         self._acting: list[float] = []
         self._normal, self._wall_mm = (0.0, 0.0, 0.0), 0.0

@@ -153,11 +153,9 @@ def arm_solver(robot: Cosserat) -> Solve:
     """
     assert robot.sim is not None
     errors, sections = robot.sim.errors, robot.geometry.sections
-    moduli = (*errors.modulus_percent, *(0.0,) * len(sections))
-    moment_scale = 1.0 + errors.moment_percent / 100.0
     constants = [
-        section_constants(section, 1.0 + percent / 100.0, moment_scale)
-        for section, percent in zip(sections, moduli, strict=False)
+        section_constants(section, errors.modulus_scale(k), errors.moment_scale)
+        for k, section in enumerate(sections)
     ]
     solve: Solve = load("plant").Arm(constants, STEPS).solve
     return solve
