@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, NamedTuple, TypeAlias
 
@@ -15,7 +15,7 @@ from contid_adapt.meaning.clock import check_order, pick_session, times_of
 from contid_adapt.meaning.expression import evaluate, names_in
 from contid_adapt.meaning.mapping import Mapping, read_mapping
 from contid_adapt.meaning.smooth import held_rows, smooth
-from contid_adapt.meaning.values import Values, check_finite, check_time_units, nothing_moves, values_of
+from contid_adapt.meaning.values import check_finite, check_time_units, nothing_moves, values_of
 from contid_adapt.placing.frame import place, read_frame
 from contid_adapt.reading.read import read_table
 from contid_adapt.reading.table import Table
@@ -93,10 +93,10 @@ def mean(table: Table, robot_file: str, mapping_text: str, mapping_file: str = "
     if not found.all():
         notes.append(f"{int((~found).sum())} of {len(found)} rows are lost samples and were left out")
     table, times = table.chosen(found), times[found]
-    values = Values(values.names, values.rows[found], values.mirrored)
+    values = values.chosen(found)
     keep = check_order(table, times, mapping, values.rows, notes)
     table, times = table.chosen(keep), times[keep]
-    values = Values(values.names, values.rows[keep], values.mirrored)
+    values = values.chosen(keep)
     if still := nothing_moves(values, mapping):
         raise ContidError(f"{table.file}: {still}")
     frame = read_frame(mapping, values, times, rest, prefix)
@@ -128,8 +128,7 @@ def check(adapted: Adapted, robot_file: str) -> Adapted:
         raise BadInputError(
             _with_remedy([_at_table(each, adapted) for each in _shortened([*error.findings])], adapted)
         ) from error
-    done = (adapted.names, adapted.rows, adapted.lines, adapted.file, adapted.notes)
-    return Adapted(*done, accepted=str(accepted))
+    return replace(adapted, accepted=str(accepted))
 
 
 def _extent(names: list[str], times: Floats, rows: Floats) -> str:

@@ -6,9 +6,9 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
+from contid_adapt.meaning.clock import stated_rates
 from contid_adapt.meaning.units import factor_to
 from contid_adapt.meaning.values import letter_of
-from contid_adapt.reading.cells import number
 from contid_adapt.reading.table import Table, TableColumn
 
 _FRAME: Final = "frame: {up: %s, origin: rest, at: rest}"
@@ -68,7 +68,7 @@ def propose(table: Table, robot_file: str) -> Proposal:
     own = points[-1 if program == "trunk-stack" else 0] if points else []
     if own:
         units = [column.unit or unit for column in own]
-        if own and not all(units):
+        if not all(units):
             units = [
                 "m" if program in ("EuRoC", "rostopic -p", "Motive", "trunk-stack") else each
                 for each in units
@@ -131,10 +131,7 @@ def _time(table: Table, program: str) -> str:
 
 
 def _stated_rate(table: Table) -> str:
-    for key in ("FREQUENCY", "Export Frame Rate", "Capture Frame Rate"):
-        if value := number(table.facts.get(key, "none given")):
-            return f" (the file states {key} {value:g})"
-    return ""
+    return next((f" (the file states {key} {value:g})" for key, value in stated_rates(table)), "")
 
 
 def _points(table: Table, axes: str = "xyz") -> list[list[TableColumn]]:

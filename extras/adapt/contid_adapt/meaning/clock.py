@@ -23,8 +23,14 @@ _GAP_S: Final = 0.5
 _GAP_ROWS: Final = 4.0
 #: Times beyond this one are epochs: whole seconds are taken away [s].
 _EPOCH_S: Final = 1e6
-_RATES: Final = ("FREQUENCY", "Export Frame Rate", "Capture Frame Rate")
 _WRAP: Final = 2**32
+_RATES: Final = ("FREQUENCY", "Export Frame Rate", "Capture Frame Rate")
+
+
+def stated_rates(table: Table) -> list[tuple[str, float]]:
+    """Rows per second that the preamble of a file states, with their names there."""
+    rates = [(key, number(table.facts.get(key, "none given"))) for key in _RATES]
+    return [(key, rate) for key, rate in rates if rate]
 
 
 def pick_session(table: Table, mapping: Mapping) -> Table:
@@ -57,7 +63,7 @@ def times_of(table: Table, mapping: Mapping, notes: list[str]) -> Floats:
         BadInputError: no time, two, or times that no clock has.
     """
     rate = mapping.numbers.get("rate_hz")
-    stated = [(key, number(table.facts[key])) for key in _RATES if number(table.facts.get(key, "none given"))]
+    stated = stated_rates(table)
     if mapping.time is None and rate is None:
         hint = "".join(f" (the file states {key} {value:g})" for key, value in stated)
         names = table.named("time")
@@ -66,7 +72,7 @@ def times_of(table: Table, mapping: Mapping, notes: list[str]) -> Floats:
     if rate is not None:
         if mapping.time is not None:
             raise mapping.wrong("rate_hz", "a time and a rate; one of them")
-        if stated and all(value is None or abs(value - rate) > 1e-3 * rate for _, value in stated):
+        if stated and all(abs(value - rate) > 1e-3 * rate for _, value in stated):
             raise mapping.wrong("rate_hz", f"{rate:g}, but the file states {stated[0][0]} {stated[0][1]:g}")
         for each in table.columns:
             if each.name.lower() in ("frame", "frame#", "frame_index", "k") and not each.is_text:
@@ -156,7 +162,7 @@ def _seconds(
     used = names_in(line.node)
     if not used:
         raise mapping.wrong("t_s", "the time names no column; for a fixed rate write `rate_hz:`")
-    columns = [numbers_of(table, name) for name in used]
+    columns = {name: numbers_of(table, name) for name in used}
     form = affine(line.node)
     if form is None:
         values: Floats = evaluate(line.node, table)
@@ -165,20 +171,19 @@ def _seconds(
     times: Floats = np.zeros(len(table))
     first = form.constant
     for name, factor in form.factors.items():
-        values = numbers_of(table, name).values
+        values = columns[name].values
         since = (values - values[0]).astype(float)
         drops = np.flatnonzero(np.diff(since) < -0.5 * _WRAP)
         if len(drops) and len(used) == 1 and np.abs(values.astype(float)).max() < _WRAP:
             since = since + _WRAP * np.concatenate(([0], np.cumsum(np.diff(since) < -0.5 * _WRAP)))
-            notes.append(f"{columns[0].name}: a counter of 32 bits wrapped {len(drops)} times")
+            notes.append(f"{columns[name].name}: a counter of 32 bits wrapped {len(drops)} times")
         times += factor * since
         first += factor * float(values[0])
     return times, first
 
 
-def _check_rate(stated: list[tuple[str, float | None]], usual: float, mapping: Mapping) -> None:
-    rates = [value for _, value in stated if value]
-    if rates and usual > 0.0 and all(abs(usual * value - 1.0) > 0.05 for value in rates):
+def _check_rate(stated: list[tuple[str, float]], usual: float, mapping: Mapping) -> None:
+    if stated and usual > 0.0 and all(abs(usual * value - 1.0) > 0.05 for _, value in stated):
         key, value = stated[0]
         raise mapping.wrong("t_s", f"rows are {usual:.4g} s apart, but the file states {key} {value:g}")
 

@@ -25,12 +25,21 @@ _SPELLINGS: Final = {
 }  # fmt: skip
 #: Ends of a name that are units only there.
 _ENDS: Final = re.compile(r"(?:^|[_. ])([A-Za-z]+)$")
+_IN_BRACKETS: Final = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]()]*)\s*[\])]\s*$")
 
 
 def unit_word(text: str) -> str:
     """The short form of a unit in brackets or alone; what is none comes back in lower case."""
     bare = text.strip().strip("[]()").strip()
     return _SPELLINGS.get(bare.lower(), bare.lower())
+
+
+def name_and_unit(name: str) -> tuple[str, str]:
+    """A name without its unit in brackets, and the unit; "" for none."""
+    found = _IN_BRACKETS.match(name)
+    if found and found[1] and (unit_word(found[2]) in UNITS or not found[2].strip()):
+        return found[1], unit_word(found[2])
+    return name, ""
 
 
 def unit_of_name(name: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -38,6 +38,10 @@ class Values:
     names: tuple[str, ...]
     rows: Floats
     mirrored: bool = False
+
+    def chosen(self, keep: NDArray[np.bool_]) -> Values:
+        """The same quantities of some rows."""
+        return replace(self, rows=self.rows[keep])
 
 
 def values_of(table: Table, mapping: Mapping, prefix: str, notes: list[str]) -> Values:

@@ -78,7 +78,12 @@ def number(cell: str, decimal: str = ".") -> float | None:
     if _NUMBER.fullmatch(cell):
         value = float(cell.replace("d", "e").replace("D", "e"))
         return value if math.isfinite(value) else None
-    return math.nan if cell.lower() in LOST else None
+    return math.nan if is_lost(cell) else None
+
+
+def is_lost(cell: str) -> bool:
+    """True for what cells hold where a sample was lost."""
+    return cell.strip().lower() in LOST
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from contid.errors import BadInputError, Located
-from contid_adapt.reading.cells import is_number, split
-from contid_adapt.reading.table import LOST
+from contid_adapt.reading.cells import is_lost, is_number, split
 
 #: Lines that are looked at to decide.
 SAMPLE: Final = 120
@@ -88,7 +87,7 @@ def is_row(cells: Sequence[str], fields: int, numeric: Sequence[bool], decimal: 
         return False
     own = [cell for cell, is_own in zip(cells, numeric, strict=True) if is_own]
     right = sum(is_number(cell, decimal) for cell in own)
-    lost = sum(cell.strip().lower() in LOST for cell in own)
+    lost = sum(is_lost(cell) for cell in own)
     return right > 0 and 2 * (right + lost) > len(own) and 2 * right >= len(own) - lost
 
 
@@ -101,7 +100,7 @@ def _usual_count(rows: Sequence[Sequence[str]], decimal: str) -> int:
 
 
 def _mostly_numbers(cells: Sequence[str], decimal: str) -> bool:
-    given = [cell for cell in cells if cell.strip().lower() not in LOST]
+    given = [cell for cell in cells if not is_lost(cell)]
     right = sum(is_number(cell, decimal) for cell in given)
     return right > 0 and 2 * right >= len(given)
 
@@ -114,12 +113,12 @@ def _score(sample: Sequence[str], separator: str, decimal: str) -> float:
     for cells in rows:
         if len(cells) == fields:
             right = sum(is_number(cell, decimal) for cell in cells)
-            lost = sum(cell.strip().lower() in LOST for cell in cells)
+            lost = sum(is_lost(cell) for cell in cells)
             total += right * (right + lost) / len(cells)
     # One cell of a line is a table of one column only when nothing else fits.
     return total / len(rows) * (1.0 if fields > 1 else 0.1)
 
 
 def _is_numeric(cells: Sequence[str], decimal: str) -> bool:
-    given = [cell for cell in cells if cell.strip().lower() not in LOST]
+    given = [cell for cell in cells if not is_lost(cell)]
     return not given or 2 * sum(is_number(cell, decimal) for cell in given) > len(given)

@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from contid.errors import BadInputError, Located
-from contid_adapt.meaning.units import UNITS, unit_of_name, unit_word
+from contid_adapt.meaning.units import UNITS, name_and_unit, unit_of_name, unit_word
 from contid_adapt.reading.cells import is_number, split
 from contid_adapt.reading.dialect import Dialect, is_comment
 
-_IN_BRACKETS: Final = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]()]*)\s*[\])]\s*$")
 #: Rows of Motive and others that name kinds or numbers of things, never columns.
 _KINDS: Final = frozenset({
     *("type", "id", "parent", "marker", "bone", "skeleton", "solved", "rigid body", "rigid body marker"),
@@ -89,7 +88,7 @@ def read_header(lines: Sequence[str], dialect: Dialect, file: str) -> TableHeade
         header.names = _of_markers(header.facts, fields)
         if place >= 0 and not any(header.names) and above[place][0] == dialect.start - 1:
             _check_count(above[place][1], above[place][0], fields, header.facts, file)
-    found = [_unit_in(name) for name in header.names]
+    found = [name_and_unit(name) for name in header.names]
     header.names = [name for name, _ in found]
     units = units or [""] * fields
     header.units = [
@@ -195,11 +194,3 @@ def _of_markers(facts: dict[str, str], fields: int) -> list[str]:
         own = [f"{marker} {axis}" for marker in markers for axis in "XYZ"]
         return [*(first if fields > 3 * len(markers) else ()), *own]
     return [""] * fields
-
-
-def _unit_in(name: str) -> tuple[str, str]:
-    """A name without its unit in brackets, and the unit."""
-    found = _IN_BRACKETS.match(name)
-    if found and found[1] and (unit_word(found[2]) in UNITS or not found[2].strip()):
-        return found[1], unit_word(found[2])
-    return name, ""

@@ -9,11 +9,21 @@ from typing import Any, Final
 import numpy as np
 
 from contid.errors import BadInputError, Located
-from contid_adapt.meaning.units import UNITS, unit_of_name, unit_word
-from contid_adapt.reading.cells import begins, is_list, is_number, listed, number, numbers, split, unquoted
+from contid_adapt.meaning.units import name_and_unit, unit_of_name
+from contid_adapt.reading.cells import (
+    begins,
+    is_list,
+    is_lost,
+    is_number,
+    listed,
+    number,
+    numbers,
+    split,
+    unquoted,
+)
 from contid_adapt.reading.dialect import Dialect, find_dialect, is_comment
 from contid_adapt.reading.header import TableHeader, read_header
-from contid_adapt.reading.table import LOST, Table, TableColumn
+from contid_adapt.reading.table import Table, TableColumn
 
 #: Rows that are turned into numbers at a time.
 _CHUNK: Final = 20_000
@@ -206,10 +216,7 @@ def _transposed(lines: Sequence[str]) -> Callable[[str], Table] | None:
         decimal = "." if separator == "," else ("," if "," in given[-1][1] else ".")
         if any(is_number(each[0], decimal) or not re.search("[A-Za-z]", each[0]) for each in cells):
             continue
-        known = (
-            all(is_number(cell, decimal) or cell.strip().lower() in LOST for cell in each[1:])
-            for each in cells
-        )
+        known = (all(is_number(cell, decimal) or is_lost(cell) for cell in each[1:]) for each in cells)
         if not all(known):
             continue
 
@@ -219,10 +226,7 @@ def _transposed(lines: Sequence[str]) -> Callable[[str], Table] | None:
             columns = []
             for place, each in enumerate(cells):
                 values, wrong = numbers(each[1:], decimal, 0)
-                name = each[0].strip()
-                found = re.match(r"^(.*?)\s*[\[(]\s*([^\[\]()]*)\s*[\])]\s*$", name)
-                unit = unit_word(found[2]) if found and unit_word(found[2]) in UNITS else ""
-                name = found[1] if found and unit else name
+                name, unit = name_and_unit(each[0].strip())
                 columns.append(TableColumn(name, place + 1, values, unit or unit_of_name(name), tuple(wrong)))
             count = len(cells[0]) - 1
             ones = np.ones(count, np.int64)
