@@ -104,7 +104,11 @@ class Cosserat(RobotDescription):
     @property
     def has_weight(self) -> bool:
         """True where a density or the mass of a link is known."""
-        return any(each.density_kg_m3 > 0.0 or each.link_mass_g > 0.0 for each in self.geometry.sections)
+        found = self.correction
+        identified = found is not None and bool(found.density_kg_m3)
+        return identified or any(
+            each.density_kg_m3 > 0.0 or each.link_mass_g > 0.0 for each in self.geometry.sections
+        )
 
     @property
     def depends_on_down(self) -> bool:
@@ -169,10 +173,12 @@ class Cosserat(RobotDescription):
 
     def _check_calibration(self, found: ModelErrors) -> None:
         sections = len(self.geometry.sections)
-        axes, width = 3 * sections, 11 * sections
+        weighed = sections if found.density_kg_m3 or found.link_mass_g else 0
+        axes, width = 3 * sections, 11 * sections + 2 * weighed
         for key, count in (
             ("offset_bar", axes), ("gain", axes), ("loop_bar", axes), ("modulus", sections),
-            ("moment", sections), ("covariance_factor", width),
+            ("moment", sections), ("density_kg_m3", weighed), ("link_mass_g", weighed),
+            ("covariance_factor", width),
         ):  # fmt: skip
             if len(getattr(found, key)) != count:
                 got = len(getattr(found, key))

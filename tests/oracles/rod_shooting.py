@@ -35,16 +35,22 @@ def _rotation(w: float, x: float, y: float, z: float) -> tuple[Row, Row, Row]:
     )
 
 
-def _section_end(section: Section, pressures: Array, state: Array, force: Array) -> Array:
-    """Integrate position, quaternion and moment through one section and its link."""
+def _section_end(
+    section: Section, pressures: Array, state: Array, force: Array, weight: Array, link_weight: Array
+) -> Array:
+    """Integrate position, quaternion and moment through one section and its link.
+
+    ``force`` [N] acts on the end of the link, ``weight`` [N] on the section, ``link_weight`` on its link.
+    """
     modulus = section.modulus(float(pressures.mean()))[0]
     bend, axial = modulus * section.inertia, modulus * section.area
     twist, shear = modulus / 3.0 * section.torsion, axial / 3.0
     push_z = float(section.pair_force * pressures.sum())
     couple_x, couple_y, couple_z = (section.pair_moment @ pressures).tolist()
-    fx, fy, fz = force.tolist()
+    behind = force + link_weight
 
-    def rates(_: float, state: Array) -> tuple[float, ...]:
+    def rates(s: float, state: Array) -> tuple[float, ...]:
+        fx, fy, fz = (behind + weight * (1.0 - s / section.length)).tolist()
         w, x, y, z, mx, my, mz = state[3:].tolist()
         (r11, r12, r13), (r21, r22, r23), (r31, r32, r33) = _rotation(w, x, y, z)
         ux = (r11 * mx + r21 * my + r31 * mz + couple_x) / bend
@@ -71,15 +77,30 @@ def _section_end(section: Section, pressures: Array, state: Array, force: Array)
     ]
     arm = section.link * np.array([row[2] for row in _rotation(*end[3:7].tolist())])
     end[:3] += arm
-    end[7:10] -= np.cross(arm, force)
+    end[7:10] -= np.cross(arm, force + 0.5 * link_weight)
     return end
 
 
-def shoot(rod: Rod, pressures: Array, force: Array, base_moment: Array) -> tuple[Array, Array]:
-    """Tip [mm] and moment left at the tip [N·mm] for a base moment."""
+def shoot(
+    rod: Rod,
+    pressures: Array,
+    force: Array,
+    base_moment: Array,
+    weights: Array | None = None,
+    link_weights: Array | None = None,
+) -> tuple[Array, Array]:
+    """Tip [mm] and moment left at the tip [N·mm] for a base moment.
+
+    ``weights`` and ``link_weights`` are those of every section and link, shape ``(sections, 3)`` [N].
+    """
     state = np.concatenate([np.zeros(3), [1.0, 0.0, 0.0, 0.0], base_moment])
+    none = np.zeros((len(rod.sections), 3))
+    weights = none if weights is None else weights
+    link_weights = none if link_weights is None else link_weights
     for i, section in enumerate(rod.sections):
-        state = _section_end(section, pressures[3 * i : 3 * i + 3], state, force)
+        carried = force + weights[i + 1 :].sum(axis=0) + link_weights[i + 1 :].sum(axis=0)
+        own = pressures[3 * i : 3 * i + 3]
+        state = _section_end(section, own, state, carried, weights[i], link_weights[i])
     return state[:3], state[7:10]
 
 

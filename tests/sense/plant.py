@@ -31,9 +31,9 @@ def shipped_model():
 
 
 class Plant:
-    """The two-section arm, static at every commanded pressure."""
+    """The two-section arm, static at every commanded pressure, with weight where it has a density."""
 
-    def __init__(self, seed):
+    def __init__(self, seed, density_kg_m3=0.0, link_g=0.0):
         self.rng = np.random.default_rng(seed)
         self.model = shipped_model()
         rod = self.model.setup.rod
@@ -44,6 +44,10 @@ class Plant:
             for s, scale in zip(rod.sections, MODULI, strict=True)
         ]
         self.rod = replace(rod, sections=tuple(sections))
+        down = 9.80665 * np.array(shipped_robot().down_in_base)
+        silicone = [density_kg_m3 * 1e-9 * each.area * each.length * down for each in rod.sections]
+        links = [1e-3 * link_g * (each.link > 0.0) * down for each in rod.sections]
+        self.weights = np.array(silicone), np.array(links)
         self.offset = self.rng.uniform(-OFFSET_BAR, OFFSET_BAR, 6)
         self.pressure = np.zeros(6)  # inside the chambers, without the offset
 
@@ -56,9 +60,32 @@ class Plant:
         pressures = self.pressure + self.offset
         force = np.asarray(force_n, float)
         start = np.array(self.model.engine.forward(pressures.tolist(), tuple(force)).base_moment_nmm)
-        found = root(lambda m: shoot(self.rod, pressures, force, m)[1], start, options={"xtol": 1e-8})
-        assert found.success
-        return shoot(self.rod, pressures, force, found.x)[0] / 1e3
+        for part in (1.0,) if not self.weights[0].any() else (0.25, 0.5, 0.75, 1.0):
+            weights = [part * each for each in self.weights]
+            found = root(
+                lambda m, w=weights: shoot(self.rod, pressures, force, m, *w)[1],
+                start,
+                options={"xtol": 1e-8},
+            )
+            assert found.success
+            start = found.x
+        return shoot(self.rod, pressures, force, start, *self.weights)[0] / 1e3
+
+    def creeping(self, force_n, per_decade, ages_s):
+        """Tips without noise at ages of the pose [s], shape (n, 3) [m].
+
+        The compliance grows with the logarithm of the age. Between the first and the last the tip goes along
+        a line in the compliance.
+        """
+        grown = 1.0 + per_decade * np.log10(1.0 + np.asarray(ages_s) / 0.1)
+        stiff, ends = self.rod, []
+        for part in grown[[0, -1]]:
+            softer = [replace(s, modulus_pa=tuple(b / part for b in s.modulus_pa)) for s in stiff.sections]
+            self.rod = replace(stiff, sections=tuple(softer))
+            ends.append(self.tip_m(force_n))
+        self.rod = stiff
+        share = (grown - grown[0]) / (grown[-1] - grown[0])
+        return ends[0] + share[:, None] * (ends[1] - ends[0])
 
     def measurements(self, force_n, seconds):
         """Tips as a tracker reports them while the arm rests, shape (n, 3) [m]."""

@@ -9,46 +9,62 @@ depends on the way. Without an error chambers have the pressures of their regula
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from contid.kinematics.array import Array
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.pneumatic.geometry import SectionGeometry
+from contid.robot_file.pneumatic.sense import ModelErrors
 from contid.targets import Actuation
 from contid.units import BAR
 
 
-def scaled_sections(
-    sections: Sequence[SectionGeometry], modulus: Sequence[float], moment: Sequence[float]
-) -> tuple[SectionGeometry, ...]:
-    """Sections with other moduli and moments.
+@dataclass(frozen=True, slots=True)
+class SectionErrors:
+    """By what sections differ from their description; one number a section, or none.
 
-    Args:
-        sections: dimensions of the sections in a robot file.
-        modulus: for each section, the part by which its modulus is greater.
-        moment: for each section, the part by which its pressure moment is greater.
+    Attributes:
+        modulus: part by which the modulus is greater.
+        moment: part by which the pressure moment is greater.
+        density_kg_m3: added to the density.
+        link_mass_g: added to the mass of the link.
     """
-    return tuple(
-        section.model_copy(
-            update={
-                "modulus_pa": tuple((1.0 + float(e)) * b for b in section.modulus_pa),
-                "bending_gain": (1.0 + float(m)) * section.bending_gain,
-            }
+
+    modulus: Sequence[float]
+    moment: Sequence[float]
+    density_kg_m3: Sequence[float] = ()
+    link_mass_g: Sequence[float] = ()
+
+    def applied(self, sections: Sequence[SectionGeometry]) -> tuple[SectionGeometry, ...]:
+        """Sections with these errors."""
+        none = (0.0,) * len(sections)
+        densities, links = self.density_kg_m3 or none, self.link_mass_g or none
+        return tuple(
+            section.model_copy(
+                update={
+                    "modulus_pa": tuple((1.0 + e) * b for b in section.modulus_pa),
+                    "bending_gain": (1.0 + m) * section.bending_gain,
+                    "density_kg_m3": section.density_kg_m3 + density,
+                    "link_mass_g": section.link_mass_g + link,
+                }
+            )
+            for section, e, m, density, link in zip(
+                sections, self.modulus, self.moment, densities, links, strict=True
+            )
         )
-        for section, e, m in zip(sections, modulus, moment, strict=True)
-    )
+
+    @classmethod
+    def of(cls, numbers: Sequence[float], sections: int) -> SectionErrors:
+        """From moduli, moments, and, where they are given, densities and masses of links in one row."""
+        parts = [tuple(numbers[i : i + sections]) for i in range(0, len(numbers), sections)]
+        return cls(*parts)
 
 
-def scaled_arm(robot: Cosserat, modulus: Sequence[float], moment: Sequence[float]) -> Cosserat:
-    """An arm with other moduli and moments than ``geometry`` has; no identified error counts.
-
-    Args:
-        robot: its description.
-        modulus: for each section, the part by which its modulus is greater.
-        moment: for each section, the part by which its pressure moment is greater.
-    """
-    sections = scaled_sections(robot.geometry.sections, modulus, moment)
+def scaled_arm(robot: Cosserat, errors: SectionErrors) -> Cosserat:
+    """An arm with other sections than ``geometry`` has; no identified error counts."""
+    sections = errors.applied(robot.geometry.sections)
     geometry = robot.geometry.model_copy(update={"sections": sections})
     return robot.model_copy(update={"geometry": geometry, "sense": None, "load": "known"})
 
@@ -57,7 +73,12 @@ def identified_sections(robot: Cosserat) -> tuple[SectionGeometry, ...]:
     """Sections of the model: those of the file, with its identified error where that corrects the robot."""
     error = robot.correction
     sections = robot.geometry.sections
-    return sections if error is None else scaled_sections(sections, error.modulus, error.moment)
+    return sections if error is None else section_errors(error).applied(sections)
+
+
+def section_errors(error: ModelErrors) -> SectionErrors:
+    """The errors of sections in a calibration."""
+    return SectionErrors(error.modulus, error.moment, error.density_kg_m3, error.link_mass_g)
 
 
 class Regulators:

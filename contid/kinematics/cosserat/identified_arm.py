@@ -13,7 +13,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import NearAnswer, RodSolver
-from contid.kinematics.cosserat.identified import scaled_arm
+from contid.kinematics.cosserat.identified import SectionErrors, scaled_arm
 from contid.kinematics.cosserat.model import build_setup
 from contid.robot_file.cosserat import Cosserat
 from contid.targets import ZERO3, Vec3
@@ -23,8 +23,8 @@ from contid.units import BAR
 #: error of `_NEVER_MM` asks for no doubling.
 ELEMENTS: Final = 6
 _NEVER_MM: Final = 1e9
-#: Step of the difference quotients by the scales of moduli and moments.
-SCALE_STEP: Final = 1e-3
+#: Steps of the difference quotients by moduli, moments [-], densities [kg/m^3] and masses of links [g].
+_STEPS: Final = (1e-3, 1e-3, 1.0, 0.01)
 #: Bounds of the half loop (half the play, from which the side of the hysteresis follows), as parts of the
 #: range of an axis. Between them the half loop is that of the calibration.
 HALF_LOOP_RANGE: Final = (0.002, 0.02)
@@ -38,6 +38,7 @@ class IdentifiedArm:
 
     Attributes:
         half_loop: half the play of every axis [bar].
+        steps: by which `near` raises an error of the sections.
     """
 
     def __init__(self, robot: Cosserat) -> None:
@@ -45,14 +46,17 @@ class IdentifiedArm:
         self._calibration = calibration = robot.sense.load.calibration
         sections = len(robot.geometry.sections)
         self._engines: list[RodSolver] = []
-        scales = np.array([*calibration.modulus, *calibration.moment])
-        for row in (scales, *(scales + SCALE_STEP * np.eye(2 * sections))):
-            setup = build_setup(scaled_arm(robot, row[:sections].tolist(), row[sections:].tolist()))
+        masses = (*calibration.density_kg_m3, *calibration.link_mass_g)
+        errors = np.array([*calibration.modulus, *calibration.moment, *masses])
+        self.steps: Array = np.repeat(_STEPS, sections)[: len(errors)]
+        for row in (errors, *(errors + np.diag(self.steps))):
+            setup = build_setup(scaled_arm(robot, SectionErrors.of(row.tolist(), sections)))
             self._engines.append(RodSolver(replace(setup, elements=ELEMENTS, error=_NEVER_MM)))
         lower, upper = np.array(robot.lower) / BAR, np.array(robot.upper) / BAR
         self._middle: list[float] = (0.5 * (lower + upper)).tolist()
         low, high = (part * (upper - lower) for part in HALF_LOOP_RANGE)
         self.half_loop: list[float] = np.clip(np.abs(calibration.loop_bar), low, high).tolist()
+        self._sections = sections
         self._axis_bar2 = calibration.axis_sigma_bar**2
         self._tip_mm2 = calibration.tip_sigma_mm**2 * np.eye(3)
         width = len(calibration.covariance_factor)
@@ -62,7 +66,7 @@ class IdentifiedArm:
 
     @property
     def scales(self) -> int:
-        """Number of scales of moduli and moments."""
+        """Number of the errors of sections: moduli, moments, and masses where they are identified."""
         return len(self._engines) - 1
 
     def corrected(self, pressures: Sequence[float], sides: Sequence[float]) -> Numbers:
@@ -85,7 +89,7 @@ class IdentifiedArm:
     ) -> NearAnswer | None:
         """The equilibrium near a base moment ``guess`` [N·mm]; None when there is none.
 
-        With ``scale``, the scale of that number is raised by `SCALE_STEP`.
+        With ``scale``, the error of that number is raised by its step.
         """
         return self._engines[scale + 1].near(corrected, force_n, guess)
 
@@ -103,7 +107,7 @@ class IdentifiedArm:
             pressures: measured [bar].
             sides: sides of their hysteresis.
             by_pressure: derivative of the tip [mm/bar], shape ``(3, k)``.
-            by_scale: derivative of the tip by the scales [mm], shape ``(3, m)``.
+            by_scale: derivative of the tip by the errors of sections [mm by their unit], shape ``(3, m)``.
         """
         away = np.array(pressures) - self._middle
         columns = np.concatenate(
@@ -112,6 +116,22 @@ class IdentifiedArm:
         root = columns @ self._factor
         spread: Array = root @ root.T + self._axis_bar2 * by_pressure @ by_pressure.T
         return spread + self._tip_mm2
+
+    def creep_mm(self, decades: float, by_scale: Array) -> tuple[Array, Array]:
+        """How far the tip crept in these decades beyond 1 s of the pose's age [mm], and the covariance of it.
+
+        Args:
+            decades: logarithm of the age, see `contid_fit.sense.creep`.
+            by_scale: derivative of the tip by the errors of sections [mm by their unit], shape ``(3, m)``.
+        """
+        by_modulus = decades * by_scale[:, : self._sections].sum(axis=1)
+        spread: Array = self._calibration.creep_sigma**2 * np.outer(by_modulus, by_modulus)
+        return -self._calibration.creep_per_decade * by_modulus, spread
+
+    @property
+    def creeps(self) -> bool:
+        """True where the calibration found a creep."""
+        return self._calibration.creep_sigma > 0.0
 
     def sides_mm2(self, unknown: Sequence[float], by_pressure: Array) -> Array:
         """Covariance of the tip by unknown sides, uniformly distributed from -1 to 1 [mm^2].

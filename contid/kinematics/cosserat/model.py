@@ -52,10 +52,11 @@ def build_setup(robot: Cosserat) -> RodSetup:
     down = np.array(robot.down_in_base)
     weight, link_weight = {}, {}
     for i, (described, section) in enumerate(zip(sections, rod.sections, strict=True)):
-        if described.density_kg_m3 > 0.0:
+        # An identified density may come out below none.
+        if described.density_kg_m3 != 0.0:
             # kg/m^3 * mm^2 is 1e-9 kg/mm.
             weight[i] = described.density_kg_m3 * section.area * 1e-9 * REFERENCE_GRAVITY * down
-        if described.link_mass_g > 0.0:
+        if described.link_mass_g != 0.0 and section.link > 0.0:
             link_weight[i] = described.link_mass_g * 1e-3 * REFERENCE_GRAVITY / section.link * down
     regulators = Regulators(robot)
     lower, upper = (np.array(regulators.chambers(ends)) for ends in (robot.lower, robot.upper))

@@ -15,7 +15,7 @@ class ModelErrors(Strict):
     """Error of the model without load; written by `contid calibrate load`.
 
     A model with these errors has the measured tips without load: pressures ``p + offset + gain (p - middle) +
-    loop side``, where side is -1 to 1 with the last motion of the axis, and other moduli and moments.
+    loop side``, where side is -1 to 1 with the last motion of the axis, and other moduli, moments and masses.
 
     Attributes:
         offset_bar: offset of every axis.
@@ -23,10 +23,15 @@ class ModelErrors(Strict):
         loop_bar: half the hysteresis loop of every axis.
         modulus: part by which the modulus of every section is greater than ``geometry`` has it.
         moment: part by which the pressure moment of every section is greater.
+        density_kg_m3: density of every section beyond that of ``geometry``; none in older calibrations.
+        link_mass_g: mass of every link beyond that of ``geometry``, likewise.
+        creep_per_decade: part of the modulus that each decade of time takes after a command; the numbers
+            above are for poses of 1 s.
+        creep_sigma: standard deviation of it at one pose.
         axis_sigma_bar: standard deviation of what remains at an axis.
         tip_sigma_mm: standard deviation of what remains at the tip beside it.
-        covariance_factor: rows of a lower triangle L; L times its transpose is the covariance of all numbers
-            above in this order, in bar.
+        covariance_factor: rows of a lower triangle L; L times its transpose is the covariance of the numbers
+            above in this order, without the creep, in their units.
         corrects: ``robot``: the robot's kinematics has moduli, moments, offsets and gains with these errors,
             for targets, limits, telemetry and estimate alike; ``estimate``: only the load estimate has.
     """
@@ -36,6 +41,10 @@ class ModelErrors(Strict):
     loop_bar: _Numbers
     modulus: _Numbers
     moment: _Numbers
+    density_kg_m3: _Numbers = ()
+    link_mass_g: _Numbers = ()
+    creep_per_decade: float = 0.0
+    creep_sigma: NonNegative = 0.0
     axis_sigma_bar: NonNegative
     tip_sigma_mm: NonNegative
     covariance_factor: tuple[_Numbers, ...]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from contid import kernels
-from contid.kinematics.cosserat.identified import scaled_arm
-from contid.kinematics.cosserat.identified_arm import HALF_LOOP_RANGE, SCALE_STEP, IdentifiedArm
+from contid.kinematics.cosserat.identified import SectionErrors, scaled_arm
+from contid.kinematics.cosserat.identified_arm import HALF_LOOP_RANGE, IdentifiedArm
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.pneumatic.sense import LoadSensing, ModelErrors, Sense
 from contid.units import BAR
@@ -54,7 +54,7 @@ def tip_of(arm, **keys):
 def derivatives(arm):
     """Of the tip, by pressures [mm/bar] and by the scales of moduli and moments [mm]."""
     here = near(arm)
-    by_scale = [(tip_of(arm, scale=k) - np.array(here.tip_mm)) / SCALE_STEP for k in range(arm.scales)]
+    by_scale = [(tip_of(arm, scale=k) - np.array(here.tip_mm)) / arm.steps[k] for k in range(arm.scales)]
     return np.array(here.by_pressure_mm_bar).reshape(3, -1), np.array(by_scale).T
 
 
@@ -63,7 +63,7 @@ def test_it_is_the_model_with_other_sections_at_other_pressures():
     middle = 0.5 * (np.array(robot.lower) + np.array(robot.upper)) / BAR
     offset, gain, loop, modulus, moment = np.split(NUMBERS, [6, 12, 18, 20])
     chambers = np.array(PRESSURES) + offset + gain * (np.array(PRESSURES) - middle) + loop * np.array(SIDES)
-    model = CosseratModel(scaled_arm(robot, modulus.tolist(), moment.tolist()))
+    model = CosseratModel(scaled_arm(robot, SectionErrors(modulus.tolist(), moment.tolist())))
     expected = 1e3 * np.array(model.forward(tuple((BAR * chambers).tolist()), FORCE).tip_m)
     # Six steps per section, without the doubling of the model.
     assert tip_of(arm_of(NUMBERS)) == pytest.approx(expected, abs=0.02)
@@ -74,7 +74,7 @@ def test_scales_are_those_of_moduli_and_moments_in_their_order():
     assert arm.scales == 4
     for scale in range(4):
         raised = NUMBERS.copy()
-        raised[18 + scale] += SCALE_STEP
+        raised[18 + scale] += arm.steps[scale]
         assert tip_of(arm, scale=scale) == pytest.approx(tip_of(arm_of(raised)), abs=1e-6)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contid.kinematics.batch import Targets, forward_many, inverse_many
-from contid.kinematics.cosserat.identified import scaled_arm
+from contid.kinematics.cosserat.identified import SectionErrors, scaled_arm
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.pneumatic.sense import LoadSensing, ModelErrors, Sense
@@ -124,7 +124,10 @@ def test_without_the_key_the_robot_bends_as_its_geometry_states(pressures):
 
 def test_errors_are_identified_from_the_geometry_also_of_a_corrected_arm(pressures):
     q = pressures[0]
-    file, plain = CosseratModel(shipped_robot()), scaled_arm(corrected(), (0.0, 0.0), (0.0, 0.0))
+    file, plain = (
+        CosseratModel(shipped_robot()),
+        scaled_arm(corrected(), SectionErrors((0.0, 0.0), (0.0, 0.0))),
+    )
     assert CosseratModel(plain).forward(q) == file.forward(q)
 
 

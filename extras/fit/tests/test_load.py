@@ -15,6 +15,7 @@ from contid_fit.sense import (
     calibrate_without_load,
     rod_family,
 )
+from contid_fit.sense.creep import Drifts
 from tests.sense.plant import NOISE_M, RATE_HZ, Plant, pascal, random_pressures, shipped_model, shipped_robot
 
 pytestmark = pytest.mark.process
@@ -47,15 +48,14 @@ def calibrated(plant, rng, poses=CALIBRATION_POSES):
     return calibration, pascal(bar)
 
 
-@pytest.fixture(scope="module")
-def weighed():
+def weigh(plant, loads, poses=CALIBRATION_POSES):
     """Errors and half intervals [g] of static loads: 0 to 10 g along gravity and up to 2 g sideways."""
-    plant, rng = Plant(1), np.random.default_rng(5)
-    calibration, last = calibrated(plant, rng)
+    rng = np.random.default_rng(5)
+    calibration, last = calibrated(plant, rng, poses)
     estimator = LoadEstimator(calibration, NOISE_M)
     estimator.command(last)
     errors, intervals = [], []
-    for k in range(LOADS):
+    for k in range(loads):
         bar = random_pressures(rng)
         plant.command(bar)
         force = np.array([*rng.uniform(-2.0, 2.0, 2), rng.uniform(0.0, 10.0)]) * GRAM_N
@@ -69,10 +69,17 @@ def weighed():
     return calibration, np.array(errors), np.array(intervals)
 
 
+@pytest.fixture(scope="module")
+def weighed():
+    return weigh(Plant(1), LOADS)
+
+
 def test_the_wrong_parameters_are_found(weighed):
     calibration = weighed[0]
-    assert calibration.names == ("s1.modulus", "s2.modulus", "s1.moment", "s2.moment")
-    assert calibration.parameters == pytest.approx([0.04, -0.03, -0.02, -0.02], abs=0.01)
+    assert calibration.names[:4] == ("s1.modulus", "s2.modulus", "s1.moment", "s2.moment")
+    assert calibration.parameters[:4] == pytest.approx([0.04, -0.03, -0.02, -0.02], abs=0.01)
+    sigma = np.sqrt(np.diag(calibration.covariance))[-4:]
+    assert (np.abs(calibration.parameters[4:]) <= 3.0 * sigma + 1e-9).all()  # it weighs nothing
     assert calibration.before_m > 5e-3
     assert calibration.residual_m < 2e-4
 
@@ -88,6 +95,86 @@ def test_the_intervals_hold_what_they_state(weighed):
     # Of 120 components; 40 of one arm are too few for a bound near 99 %.
     assert 0.9 <= (np.abs(errors) <= intervals).mean() <= 1.0
     assert np.median(intervals[:, 2]) < 1.0
+
+
+def test_an_arm_that_weighs_what_its_file_leaves_out():
+    calibration, errors, intervals = weigh(Plant(2, density_kg_m3=1070.0, link_g=1.5), 15)
+    assert calibration.before_m > 0.03
+    assert calibration.residual_m < 2e-4
+    assert calibration.parameters[:4] == pytest.approx([0.04, -0.03, -0.02, -0.02], abs=0.03)
+    found = dict(zip(calibration.names, calibration.parameters, strict=True))
+    assert found["s2.density"] == pytest.approx(1070.0, rel=0.05)
+    assert np.sqrt((errors[:, 2] ** 2).mean()) <= 0.5  # along gravity [g]
+    assert (np.abs(errors) <= intervals).mean() >= 0.85
+
+
+CREEP = 0.03
+GROWING_S = 0.5 + np.arange(75) / RATE_HZ
+
+
+def of_a_creeping_arm(plant, rng, poses, creeps):
+    play = HysteresisSides(plant.model)
+    play.to(pascal(np.zeros(6)))
+    actuations, sides, rests = [], [], []
+    for _ in range(poses):
+        bar = random_pressures(rng)
+        plant.command(bar)
+        actuations.append(pascal(bar))
+        sides.append(play.to(pascal(bar)))
+        tips = plant.creeping(ZERO3, CREEP, GROWING_S)
+        rests.append((GROWING_S, tips + rng.normal(0.0, NOISE_M, tips.shape)))
+    means = np.array([tips.mean(axis=0) for _, tips in rests])
+    drifts = Drifts.of(rests, NOISE_M) if creeps else None
+    noise = NOISE_M / len(GROWING_S) ** 0.5
+    family = rod_family(shipped_robot())
+    return calibrate_without_load(family, np.array(actuations), np.array(sides), means, noise, drifts)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("creeps", [True, False])
+def test_an_arm_that_weighs_something_and_creeps(creeps):
+    """Poses of 1 s to 5 min; without the creep in the calibration the intervals hold a tenth."""
+    plant, rng = Plant(1, density_kg_m3=1070.0, link_g=1.5), np.random.default_rng(5)
+    calibration = of_a_creeping_arm(plant, rng, 40, creeps)
+    estimator, errors, held = LoadEstimator(calibration, NOISE_M), [], []
+    for k in range(30):
+        bar = random_pressures(rng)
+        plant.command(bar)
+        force = np.array([*rng.uniform(-2.0, 2.0, 2), rng.uniform(0.0, 10.0)]) * GRAM_N
+        ages = 10.0 ** rng.uniform(0.0, 2.5) + np.arange(50) / RATE_HZ
+        estimator.clear()
+        tips = plant.creeping(force, CREEP, ages)
+        tips += rng.normal(0.0, NOISE_M, tips.shape)
+        for age, tip in zip(ages.tolist(), tips.tolist(), strict=True):
+            estimator.add(1000.0 * k + age, pascal(bar), tuple(tip), age)
+        found = estimated(estimator)
+        errors.append((np.array(found.force_n) - force) / GRAM_N)
+        held.append(np.abs(errors[-1]) <= np.array(found.interval_n) / GRAM_N)
+    if creeps:
+        assert np.abs(np.array(errors)[:, 2]).max() <= 1.0
+        assert 0.9 <= np.mean(held) <= 0.99
+    else:
+        assert np.mean(held) < 0.3
+
+
+def test_the_drift_at_rests_gives_the_creep():
+    plant, rng = Plant(1, density_kg_m3=1070.0, link_g=1.5), np.random.default_rng(5)
+    creep = of_a_creeping_arm(plant, rng, 18, True).creep
+    # The plant grows with log10(1 + age/0.1 s): 0.0279 of its modulus from 0.5 to 2 s.
+    assert creep.per_decade == pytest.approx(0.0275, abs=0.0015)
+    assert creep.sigma < 0.004
+
+
+def test_what_no_parameter_explains_is_refused():
+    """A tracker whose frame is turned: no arm bends like that."""
+
+    class Turned(Plant):
+        def tip_m(self, force_n):
+            x, y, z = super().tip_m(force_n)
+            return np.array([-y, x, z])
+
+    with pytest.raises(CalibrationError, match=r"s1\.moment .* standard deviations from the file"):
+        calibrated(Turned(1), np.random.default_rng(5), 20)
 
 
 def test_without_the_calibration_the_wrong_model_would_be_a_load(weighed):

@@ -7,8 +7,11 @@ import pytest
 
 from contid import kernels
 from contid.control.tick.tip_feedback import Measurement
+from contid.robot_file.pneumatic.simulated import SimulatedArm
+from contid_drivers.sim.arm.statics import arm_solver
 from contid_fit.sense.live.load_observer import LoadObserver
-from tests.sense.observed import GRAM_N, RATE_HZ, Run, calibrated, plant
+from tests.sense.observed import ERRORS, GRAM_N, RATE_HZ, Loaded, Run, calibrated, plant
+from tests.sense.plant import shipped_robot
 
 pytestmark = pytest.mark.skipif(kernels.load("cosserat") is None, reason="NumPy takes minutes")
 
@@ -43,6 +46,45 @@ def test_a_load_is_weighed_within_a_second(weighed):
 def test_the_intervals_hold_what_they_state(weighed):
     # Of 144 components of one arm; `python -m tests.sense.figures` has more.
     assert 0.88 <= (np.abs(weighed[2]) <= 1.96).mean() <= 1.0
+
+
+class Creeping(Loaded):
+    """The plant whose moduli fall by 3 % in every decade of time after a command, in small steps."""
+
+    age_s, at = 1e4, None
+
+    def follow(self, regulators_pa, t_s=0.0):
+        self.age_s = 0.0 if regulators_pa != self.at else self.age_s + 1.0 / RATE_HZ
+        self.at = regulators_pa
+        decade = round(np.log10(max(self.age_s, 0.3)), 2)
+        if decade != getattr(self, "decade", None):
+            self.decade = decade
+            softer = tuple(
+                100.0 * ((1.0 + percent / 100.0) * (1.0 - 0.03 * decade) - 1.0)
+                for percent in ERRORS.modulus_percent
+            )
+            errors = ERRORS.model_copy(update={"modulus_percent": softer})
+            sim = SimulatedArm(errors=errors)
+            self._solve = arm_solver(shipped_robot().model_copy(update={"sim": sim}))
+        super().follow(regulators_pa, t_s)
+
+
+def test_an_arm_that_creeps_is_not_a_load(weighed):
+    load = weighed[0].sense.load
+    found = load.calibration.model_copy(update={"creep_per_decade": 0.03, "creep_sigma": 0.002})
+    sense = weighed[0].sense.model_copy(update={"load": load.model_copy(update={"calibration": found})})
+    creeping = weighed[0].model_copy(update={"sense": sense})
+    off = []
+    for robot in (weighed[0], creeping):
+        body = Creeping(shipped_robot().model_copy(update={"sim": SimulatedArm(errors=ERRORS)}))
+        run = Run(robot, body, np.random.default_rng(4))
+        run.move(np.array([0.2, 1.0, 0.3, 0.9, 0.1, 0.6]))
+        run.rest(40.0)
+        force, sigma = run.found()
+        off.append((np.abs(force) / GRAM_N, np.abs(force) / sigma))
+    assert off[0][1].max() > 3.0  # grams that are not there, and sure of them
+    assert off[1][1].max() < 3.0
+    assert off[1][0].max() < 0.4
 
 
 def test_the_same_inputs_give_the_same_estimate(weighed):

@@ -22,7 +22,7 @@ import numpy as np
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.identified_arm import SCALE_STEP, IdentifiedArm
+from contid.kinematics.cosserat.identified_arm import IdentifiedArm
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Compliant, Model, build_model_for_ticks
 from contid.robot_file.cosserat import Cosserat
@@ -165,7 +165,7 @@ class _CalibratedAccuracy:
             return math.nan
         here, *moved = [each for each in found if each is not None]
         by_pressure = np.array(here.by_pressure_mm_bar).reshape(3, -1)
-        by_scale = np.array([np.subtract(each.tip_mm, here.tip_mm) for each in moved]).T / SCALE_STEP
+        by_scale = np.array([np.subtract(each.tip_mm, here.tip_mm) for each in moved]).T / arm.steps
         covariance = arm.covariance_mm2(pressures, unknown, by_pressure, by_scale)
         covariance += arm.sides_mm2([1.0] * len(pressures), by_pressure)
         covariance += self._axis_sigma_bar**2 * by_pressure @ by_pressure.T

@@ -16,7 +16,7 @@ from PIL import Image
 
 from contid.cli.main import cli
 from contid.errors import ContidError
-from contid.kinematics.cosserat.identified import scaled_arm
+from contid.kinematics.cosserat.identified import SectionErrors, scaled_arm
 from contid.kinematics.model import Model, build_model
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import load_named, parse_robot_file
@@ -137,7 +137,9 @@ def test_the_accuracy_of_a_calibrated_arm_is_the_spread_that_its_calibration_lea
         side = rng.uniform(-1.0, 1.0, 3)
         used = p + [0.01, -0.01, 0.0] + offset + (np.array([0.0, 0.01, 0.0]) + gain) * away
         used = used + (0.01 + loop) * side + rng.normal(scale=0.004, size=3)
-        arm = build_model(scaled_arm(robot, (0.02 + modulus).tolist(), (-0.01 + moment).tolist()))
+        arm = build_model(
+            scaled_arm(robot, SectionErrors((0.02 + modulus).tolist(), (-0.01 + moment).tolist()))
+        )
         tips.append(np.array(arm.forward(tuple(used * BAR)).tip_m) + rng.normal(scale=1e-4, size=3))
     worst = math.sqrt(float(np.linalg.eigvalsh(np.cov(np.array(tips).T))[-1]))
     assert found.values[index] == pytest.approx(1e3 * worst, rel=0.1)

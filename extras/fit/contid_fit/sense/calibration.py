@@ -1,7 +1,7 @@
-"""The error of a model without load: offset, gain and hysteresis of every axis, and the scales of a rod.
+"""The error of a model without load: offset, gain and hysteresis of every axis, and the errors of a rod.
 
-A model with wrong regulators misses the measured tip as if it had other pressures, one with wrong moduli or
-moments as another rod::
+A model with wrong regulators misses the measured tip as if it had other pressures, one with wrong moduli,
+moments or masses as another rod::
 
     y = h(q + D a + e, F = 0; s) + n      D = [I, diag(q - middle), diag(side)]
 
@@ -23,11 +23,12 @@ import numpy as np
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.identified import scaled_arm
+from contid.kinematics.cosserat.identified import SectionErrors, scaled_arm
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.kinematics.model import Compliant, Model
 from contid.robot_file.cosserat import Cosserat
 from contid.targets import ZERO3, Actuation, Vec3
+from contid_fit.sense.creep import Creep, Drifts, creep_of
 
 #: Poses per axis that a calibration needs: 3 measured values per pose against 2 unknowns per axis.
 MIN_POSES_PER_AXIS: Final = 3
@@ -36,8 +37,17 @@ _ROUNDS: Final = 6
 _OFFSET: Final = 0.05
 _LOOP: Final = 0.02
 _GAIN: Final = 0.01
-#: Of a parameter, for differences.
-_STEP: Final = 1e-4
+#: Of a parameter, for differences, as part of its standard deviation before a calibration.
+_STEP: Final = 1e-3
+#: A number that ends farther off than this many of them has taken the place of something else.
+_MOST_SIGMA: Final = 4.0
+#: Of the moduli and moments of a rod; of densities and masses of links that are known, as part of them, and
+#: of those that are not: silicone and two links of the paper.
+_SCALE: Final = 0.1
+_KNOWN_MASS: Final = 0.05
+_DENSITY_KG_M3: Final = 1100.0
+_LINK_G: Final = 3.0
+_NO_LINK_G: Final = 1e-6
 
 
 class CalibrationError(ContidError):
@@ -56,22 +66,54 @@ class Family:
         build: the model of parameters, shape ``(m,)``.
         sigma: standard deviation of each before a calibration.
         names: names of the parameters.
+        units: unit of each; "" for a part of the whole.
+        moduli: number of the parameters that are moduli, which come first; they creep.
     """
 
     build: Callable[[Array], CompliantModel]
     sigma: tuple[float, ...]
     names: tuple[str, ...]
+    units: tuple[str, ...]
+    moduli: int = 0
 
 
 def rod_family(robot: Cosserat) -> Family:
-    """Rods with a scaled modulus and a scaled pressure moment per section: parameters are scale - 1."""
-    count = len(robot.geometry.sections)
+    """Rods with other moduli, moments and masses: parameters are those of `SectionErrors`, kind by kind.
+
+    An arm whose file has no masses weighs something all the same; without them its weight would look like
+    wrong moduli and moments.
+    """
+    sections = robot.geometry.sections
+    count = len(sections)
 
     def build(parameters: Array) -> CompliantModel:
-        return CosseratModel(scaled_arm(robot, parameters[:count].tolist(), parameters[count:].tolist()))
+        return CosseratModel(scaled_arm(robot, SectionErrors.of(parameters.tolist(), count)))
 
-    names = [f"s{i + 1}.{what}" for what in ("modulus", "moment") for i in range(count)]
-    return Family(build, (0.1,) * (2 * count), tuple(names))
+    densities = [_KNOWN_MASS * each.density_kg_m3 or _DENSITY_KG_M3 for each in sections]
+    links = [
+        (_KNOWN_MASS * each.link_mass_g or _LINK_G) if each.link_mm > 0.0 else _NO_LINK_G for each in sections
+    ]
+    kinds = (("modulus", ""), ("moment", ""), ("density", "kg/m3"), ("link", "g"))
+    return Family(
+        build,
+        (*(_SCALE,) * (2 * count), *densities, *links),
+        tuple(f"s{i + 1}.{kind}" for kind, _ in kinds for i in range(count)),
+        tuple(unit for _, unit in kinds for _ in range(count)),
+        count,
+    )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Varied:
+    """The models with one parameter after the other raised by a step."""
+
+    models: tuple[CompliantModel, ...]
+    steps: Array
+
+    @classmethod
+    def of(cls, family: Family, parameters: Array) -> _Varied:
+        steps = _STEP * np.array(family.sigma)
+        return cls(tuple(family.build(parameters + row) for row in np.diag(steps)), steps)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -80,7 +122,7 @@ class LoadCalibration:
 
     Attributes:
         model: the one of the family that fits.
-        names: names of the parameters of the family.
+        names, units: of the parameters of the family.
         parameters: values of the parameters of the family.
         middle: middle of the range of every axis [m or Pa], shape ``(k,)``.
         correction: for every axis its offset [m or Pa], its gain, half its loop [m or Pa]; shape ``(3k,)``.
@@ -90,10 +132,12 @@ class LoadCalibration:
         residual_m: root mean square of what remains at the poses of the calibration [m].
         before_m: the same without a correction [m].
         poses: number of poses.
+        creep: of the moduli; the model is for poses of `contid_fit.sense.creep.REFERENCE_S`.
     """
 
     model: CompliantModel
     names: tuple[str, ...]
+    units: tuple[str, ...]
     parameters: Array
     middle: Array
     correction: Array
@@ -103,14 +147,27 @@ class LoadCalibration:
     residual_m: float
     before_m: float
     poses: int
-    _varied: tuple[CompliantModel, ...] = field(repr=False)
+    creep: Creep
+    _family: Family = field(repr=False)
+    _varied: _Varied = field(repr=False)
 
     def corrected(self, actuation: Actuation, side: Actuation) -> Actuation:
         """The actuation for which the model meets the arm [m or Pa]."""
         q = np.array(actuation)
         return _tuple(q + _design(q, np.array(side), self.middle) @ self.correction)
 
-    def tip_covariance(self, actuation: Actuation, side: Actuation, load_n: Vec3, jacobian: Array) -> Array:
+    def aged(self, decades: float) -> CompliantModel:
+        """The model of a pose of an age, in decades of `contid_fit.sense.creep.decades_of`."""
+        if self.creep.per_decade * decades == 0.0:
+            return self.model
+        moduli = slice(self._family.moduli)
+        softer = self.parameters.copy()
+        softer[moduli] -= (1.0 + softer[moduli]) * self.creep.per_decade * decades
+        return self._family.build(softer)
+
+    def tip_covariance(
+        self, actuation: Actuation, side: Actuation, load_n: Vec3, jacobian: Array, decades: float = 0.0
+    ) -> Array:
         """Covariance of the tip by what the calibration left open, shape ``(3, 3)`` [m^2].
 
         Args:
@@ -118,17 +175,25 @@ class LoadCalibration:
             side: side of the hysteresis of every axis, -1 to 1.
             load_n: force on the tip [N].
             jacobian: Jacobian of the model at the corrected actuation.
+            decades: of the age of the pose.
         """
         corrected = self.corrected(actuation, side)
         by_axes = jacobian @ _design(np.array(actuation), np.array(side), self.middle)
-        columns = np.hstack([by_axes, _by_parameters(self.model, self._varied, corrected, load_n)])
-        spread: Array = _spread(jacobian, self.axis_sigma, self.tip_sigma_m)
+        by_parameters = _by_parameters(self.model, self._varied, corrected, load_n)
+        columns = np.hstack([by_axes, by_parameters])
+        crept = self.creep.sigma * decades * by_parameters[:, : self._family.moduli].sum(axis=1)
+        spread: Array = _spread(jacobian, self.axis_sigma, self.tip_sigma_m) + np.outer(crept, crept)
         spread += columns @ self.covariance @ columns.T
         return spread
 
 
 def calibrate_without_load(
-    family: Family, actuations: Array, sides: Array, tips: Array, noise_m: float
+    family: Family,
+    actuations: Array,
+    sides: Array,
+    tips: Array,
+    noise_m: float,
+    drifts: Drifts | None = None,
 ) -> LoadCalibration:
     """Identify the error of a model from poses without load.
 
@@ -139,9 +204,10 @@ def calibrate_without_load(
             shape ``(n, k)``.
         tips: measured tips in the base frame, averaged while the arm rests, shape ``(n, 3)`` [m].
         noise_m: standard deviation of such an averaged tip [m].
+        drifts: how the tips drifted meanwhile; None for an arm that does not creep.
 
     Raises:
-        CalibrationError: too few poses.
+        CalibrationError: too few poses, or a number ends where nothing but another error can have moved it.
     """
     poses, axes = actuations.shape
     if poses < MIN_POSES_PER_AXIS * axes:
@@ -159,15 +225,21 @@ def calibrate_without_load(
     tip_sigmas = noise_m * np.array([1.0, 1.5, 2.0, 3.0, 5.0, 8.0])
     axis_sigma, tip_sigma, before_m = 0.0, 0.0, 0.0
     information = prior
-    varied: tuple[CompliantModel, ...] = ()
+    varied = _Varied((), np.zeros(0))
     errors = np.zeros((poses, 3))
+    creep = Creep()
     for round_ in range(_ROUNDS + 1):
-        model, varied = family.build(scales), _varied(family, scales)
+        model, varied = family.build(scales), _Varied.of(family, scales)
         used = [
             _tuple(q + _design(q, side, middle) @ correction)
             for q, side in zip(actuations, sides, strict=True)
         ]
         errors = tips - np.array([model.forward(q).tip_m for q in used])
+        slopes = np.array([_by_parameters(model, varied, q, ZERO3) for q in used])
+        if drifts is not None:
+            by_modulus = slopes[:, :, : family.moduli].sum(axis=2)
+            creep = creep_of(by_modulus, drifts) if round_ else creep
+            errors += creep.per_decade * drifts.decades[:, None] * by_modulus
         if round_ == 0:
             before_m = _rms(errors)
         if round_ == _ROUNDS:
@@ -179,19 +251,19 @@ def calibrate_without_load(
             key=lambda pair: _log_likelihood(errors, jacobians, *pair),
         )
         information, right = prior.copy(), -prior @ np.concatenate([correction, scales])
-        for q, side, corrected, error, jacobian in zip(
-            actuations, sides, used, errors, jacobians, strict=True
+        for q, side, by_parameters, error, jacobian in zip(
+            actuations, sides, slopes, errors, jacobians, strict=True
         ):
-            by_parameters = _by_parameters(model, varied, corrected, ZERO3)
             columns = np.hstack([jacobian @ _design(q, side, middle), by_parameters])
             weighted = columns.T @ np.linalg.inv(_spread(jacobian, axis_sigma, tip_sigma))
             information += weighted @ columns
             right += weighted @ error
         step = np.linalg.solve(information, right)
         correction, scales = correction + step[: 3 * axes], scales + step[3 * axes :]
+    _refuse_far(family, model, correction, scales, sigma)
     return LoadCalibration(
-        model, family.names, scales, middle, correction, _inverse(information),
-        axis_sigma, (tip_sigma**2 - noise_m**2) ** 0.5, _rms(errors), before_m, poses, varied,
+        model, family.names, family.units, scales, middle, correction, _inverse(information),
+        axis_sigma, (tip_sigma**2 - noise_m**2) ** 0.5, _rms(errors), before_m, poses, creep, family, varied,
     )  # fmt: skip
 
 
@@ -200,18 +272,35 @@ def _design(q: Array, side: Array, middle: Array) -> Array:
     return np.hstack([np.eye(len(q)), np.diag(q - middle), np.diag(side)])
 
 
-def _varied(family: Family, scales: Array) -> tuple[CompliantModel, ...]:
-    """The models with one parameter after the other raised by `_STEP`."""
-    return tuple(family.build(scales + _STEP * row) for row in np.eye(len(scales)))
+def _refuse_far(
+    family: Family, model: CompliantModel, correction: Array, parameters: Array, sigma: Array
+) -> None:
+    """Numbers far outside of what they may be stand for an error that no parameter has.
+
+    Raises:
+        CalibrationError: which, and by how many of their standard deviations.
+    """
+    of_axes = [f"{axis}.{what}" for what in ("offset", "gain", "loop") for axis in model.axis_names]
+    found = np.abs(np.concatenate([correction, parameters])) / sigma
+    far = [
+        f"{name} {away:.1f}"
+        for name, away in zip((*of_axes, *family.names), found.tolist(), strict=True)
+        if not away <= _MOST_SIGMA
+    ]
+    if far:
+        raise CalibrationError(
+            f"the arm differs from its file by more than its parameters explain: {', '.join(far)} standard "
+            f"deviations from the file, at most {_MOST_SIGMA:g} are credible; look at base (which way is "
+            "down), the order of the axes, dimensions of the sections, the frame of the tracker and a "
+            "forgotten load"
+        )
 
 
-def _by_parameters(
-    model: CompliantModel, varied: tuple[CompliantModel, ...], corrected: Actuation, load_n: Vec3
-) -> Array:
+def _by_parameters(model: CompliantModel, varied: _Varied, corrected: Actuation, load_n: Vec3) -> Array:
     """Derivative of the tip by the parameters of the family, shape ``(3, m)``."""
     here = np.array(model.forward(corrected, load_n).tip_m)
-    moved = [(np.array(each.forward(corrected, load_n).tip_m) - here) / _STEP for each in varied]
-    return np.array(moved).reshape(-1, 3).T
+    moved = [np.array(each.forward(corrected, load_n).tip_m) - here for each in varied.models]
+    return np.array(moved).reshape(-1, 3).T / varied.steps
 
 
 def _spread(jacobian: Array, axis_sigma: float, tip_sigma_m: float) -> Array:

@@ -19,13 +19,16 @@ import numpy as np
 from contid.kinematics.array import Array
 from contid.targets import Actuation, Vec3, vec3
 from contid_fit.sense.calibration import LoadCalibration
+from contid_fit.sense.creep import REFERENCE_S, decades_of
 from contid_fit.sense.play import HysteresisSides
 
 #: Two-sided 95 % of the normal distribution.
 NORMAL_95: Final = 1.959964
 _ITERATIONS: Final = 40
-#: A command and the sides of the hysteresis there.
-_Pose: TypeAlias = tuple[Actuation, Actuation]
+#: A command, the sides of the hysteresis there, and decades of its age.
+_Pose: TypeAlias = tuple[Actuation, Actuation, float]
+#: Ages that differ by less than this part of a decade are one.
+_DECADES: Final = 0.02
 _TRIALS: Final = 12
 _STEP_N: Final = 1e-6
 _ROUNDED_STEP_N: Final = 1e-3
@@ -76,7 +79,6 @@ class LoadEstimator:
         window_s: float = 1.0,
         prior_n: float = 0.2,
     ) -> None:
-        self._model = calibration.model
         self._calibration = calibration
         self._noise_m = noise_m
         self._window_s = window_s
@@ -85,15 +87,22 @@ class LoadEstimator:
         self._window: deque[tuple[float, _Pose, Vec3]] = deque()
         self._force = np.zeros(3)
 
-    def add(self, t_s: float, actuation: Actuation, tip_in_base_m: Vec3) -> None:
-        """A measurement; older ones than the window are dropped.
+    def add(self, t_s: float, actuation: Actuation, tip_in_base_m: Vec3, age_s: float = REFERENCE_S) -> None:
+        """A measurement ``age_s`` after the last change of a command; older ones than the window go.
 
         Raises:
             ValueError: time does not grow.
         """
-        self.add_at(t_s, actuation, self.command(actuation), tip_in_base_m)
+        self.add_at(t_s, actuation, self.command(actuation), tip_in_base_m, age_s)
 
-    def add_at(self, t_s: float, actuation: Actuation, side: Actuation, tip_in_base_m: Vec3) -> None:
+    def add_at(
+        self,
+        t_s: float,
+        actuation: Actuation,
+        side: Actuation,
+        tip_in_base_m: Vec3,
+        age_s: float = REFERENCE_S,
+    ) -> None:
         """The same with the sides of the hysteresis already known (`contid_fit.sense.play`).
 
         Raises:
@@ -101,7 +110,8 @@ class LoadEstimator:
         """
         if self._window and t_s <= self._window[-1][0]:
             raise ValueError(f"measurement at {t_s:g} s after one at {self._window[-1][0]:g} s")
-        self._window.append((t_s, (actuation, side), tip_in_base_m))
+        decades = _DECADES * round(decades_of(age_s) / _DECADES) if self._calibration.creep.sigma else 0.0
+        self._window.append((t_s, (actuation, side, decades), tip_in_base_m))
         while self._window[0][0] <= t_s - self._window_s:
             self._window.popleft()
 
@@ -125,13 +135,15 @@ class LoadEstimator:
         count = len(self._window)
         newest = self._window[-1][1]
         measured = np.mean([tip for _, _, tip in self._window], axis=0)
-        corrected = {pose: self._calibration.corrected(*pose) for pose in groups}
+        corrected = {pose: self._calibration.corrected(*pose[:2]) for pose in groups}
+        models = {decades: self._calibration.aged(decades) for _, _, decades in groups}
+        model = models[newest[2]]
         prior = np.eye(3) / self._prior_n**2
 
         def missed(force: Array) -> Array:
             load = vec3(force.tolist())
             tips = [
-                len(group) * np.array(self._model.forward(corrected[pose], load).tip_m)
+                len(group) * np.array(models[pose[2]].forward(corrected[pose], load).tip_m)
                 for pose, group in groups.items()
             ]
             error: Array = measured - np.sum(tips, axis=0) / count
@@ -141,10 +153,10 @@ class LoadEstimator:
         converged, damping, information = False, 0.0, prior
         for _ in range(_ITERATIONS):
             load = vec3(force.tolist())
-            jacobian = self._model.jacobian(corrected[newest], load)
-            compliance = self._model.compliance(corrected[newest], load)
+            jacobian = model.jacobian(corrected[newest], load)
+            compliance = model.compliance(corrected[newest], load)
             spread = self._noise_m**2 / count * np.eye(3)
-            spread += self._calibration.tip_covariance(*newest, load, jacobian)
+            spread += self._calibration.tip_covariance(*newest[:2], load, jacobian, newest[2])
             weight = np.linalg.inv(spread)
             information = compliance.T @ weight @ compliance + prior
             downhill = compliance.T @ weight @ error - prior @ force

@@ -29,6 +29,7 @@ class RestInterval:
 
     Attributes:
         times_s: times of the measurements, shape ``(n,)`` [s].
+        since_s: time of the last change of a command before them.
         actuation: commanded [m or Pa].
         side: place of every axis between the branches of its hysteresis loop, -1 to 1.
         reported: averages of what the devices reported [m or Pa]; NaN where they report nothing.
@@ -36,6 +37,7 @@ class RestInterval:
     """
 
     times_s: Array
+    since_s: float
     actuation: Actuation
     side: Actuation
     reported: Actuation
@@ -71,7 +73,7 @@ def rests(
             continue
         if command != now:
             if len(tips) >= MIN_TIPS:
-                yield RestInterval(np.array(times), now, side, _average(reports), np.array(tips))
+                yield RestInterval(np.array(times), since_s, now, side, _average(reports), np.array(tips))
             now, side, since_s, times, tips, reports = command, play.to(command), t_s, [], [], []
         if t_s >= since_s + SETTLE_S:
             reports.append([robot.quantity.to_si(row.get(column, math.nan)) for column in reported])
@@ -84,7 +86,7 @@ def rests(
                 times.append(at_s)
                 tips.append(frame.point_in_base((x, y, z)))
     if len(tips) >= MIN_TIPS:
-        yield RestInterval(np.array(times), now, side, _average(reports), np.array(tips))
+        yield RestInterval(np.array(times), since_s, now, side, _average(reports), np.array(tips))
 
 
 def _average(reports: list[list[float]]) -> Actuation:

@@ -15,6 +15,7 @@ from contid.session.read import Session
 from contid.units import STANDARD_GRAVITY
 from contid_fit.sense.calibration import CalibrationError, LoadCalibration, calibrate_without_load, rod_family
 from contid_fit.sense.chosen_robot import chosen_robot
+from contid_fit.sense.creep import Drifts
 from contid_fit.sense.estimator import NORMAL_95, LoadEstimator
 from contid_fit.sense.rests import rests
 
@@ -77,6 +78,7 @@ def session_calibration(
         np.array([each.side for each in found]),
         np.array([each.tips.mean(axis=0) for each in found]),
         noise,
+        Drifts.of([(each.times_s - each.since_s, each.tips) for each in found], noise_m),
     )
 
 
@@ -89,7 +91,7 @@ def session_loads(
         span_s = float(each.times_s[-1] - each.times_s[0]) + 1.0
         estimator = LoadEstimator(calibration, noise_m, span_s)
         for t_s, tip in zip(each.times_s.tolist(), each.tips.tolist(), strict=True):
-            estimator.add_at(t_s, each.actuation, each.side, (tip[0], tip[1], tip[2]))
+            estimator.add_at(t_s, each.actuation, each.side, (tip[0], tip[1], tip[2]), t_s - each.since_s)
         found = estimator.estimate()
         assert found is not None, "a rest has measurements"
         rotation = np.array(frame.rotation).reshape(3, 3)

@@ -18,12 +18,13 @@ import numpy as np
 from contid.control.tick.tip_feedback import Measurement
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import NearAnswer
-from contid.kinematics.cosserat.identified_arm import SCALE_STEP, IdentifiedArm, Numbers
+from contid.kinematics.cosserat.identified_arm import IdentifiedArm, Numbers
 from contid.kinematics.frames import BaseFrame
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.pneumatic.sense import LoadSensing
 from contid.targets import ZERO3, Vec3, vec3
 from contid.units import MM_PER_M, STANDARD_GRAVITY
+from contid_fit.sense.creep import decades_of
 from contid_fit.sense.live.load_filter import LoadFilter
 from contid_fit.sense.live.pressure_trace import PressurePose, PressureTrace
 
@@ -38,6 +39,8 @@ CALLS_HZ: Final = 500.0
 _MOVED_BAR: Final = 0.01
 _MOVED_N: Final = 0.002
 
+#: An arm creeps no longer than this [s].
+LONGEST_S: Final = 1e5
 _NONE: Final = np.zeros((3, 3))
 _Work: TypeAlias = Generator[None, None, None]
 
@@ -105,6 +108,7 @@ class LoadObserver:
             measurement: newest measured tip; the same one until another arrives.
         """
         self.trace.tick(now_s, reported_bar, commands_bar)
+        self._estimation.commanded(now_s, commands_bar)
         self._estimation.newest = measurement
         for _ in range(self._calls):
             next(self._work)
@@ -124,9 +128,19 @@ class _Estimation:
         self._used_s = -math.inf
         self._moment: Numbers = (0.0, 0.0, 0.0)
         self._model: Array | None = None
+        self._by_scale = np.zeros((3, self.arm.scales))
+        self._commands: Numbers | None = None
+        self._since_s = -math.inf
         self._model_at: tuple[Numbers, Array] = ((), np.zeros(3))
         self._checks_margin = robot.load == "estimated"
         self.found: LoadFound | None = None
+
+    def commanded(self, now_s: float, commands_bar: Numbers | None) -> None:
+        """The commands of a tick, which decide the age of the pose; it is old before they change."""
+        if commands_bar != self._commands:
+            if self._commands is not None:
+                self._since_s = now_s
+            self._commands = commands_bar
 
     def forever(self) -> _Work:
         """Take every measurement when it arrives, and renew the covariance of the model between them."""
@@ -159,7 +173,11 @@ class _Estimation:
                 yield
                 return
         assert self._model is not None
-        model = self._model
+        model, crept_mm = self._model, np.zeros(3)
+        if self.arm.creeps:
+            age_s = min(measurement.time_s - self._since_s, LONGEST_S)
+            crept_mm, spread_mm2 = self.arm.creep_mm(decades_of(age_s), self._by_scale)
+            model = model + spread_mm2
         if any(pose.late) or any(pose.side_open):
             by_pressure = np.array(equilibrium.by_pressure_mm_bar).reshape(3, -1)
             late = by_pressure @ np.array(pose.late)
@@ -168,7 +186,7 @@ class _Estimation:
                 model = model + self.arm.sides_mm2(pose.side_open, by_pressure)
         yield
         tip_mm, self._moment = np.array(equilibrium.tip_mm), equilibrium.base_moment_nmm
-        measured_mm = MM_PER_M * np.array(self._frame.point_in_base(measurement.tip_in_world))
+        measured_mm = MM_PER_M * np.array(self._frame.point_in_base(measurement.tip_in_world)) - crept_mm
         jumped = yield from self._filter.add(
             measurement.time_s, measured_mm - tip_mm, _matrix(equilibrium.by_force_mm_n), model
         )
@@ -254,12 +272,13 @@ class _Estimation:
             if moved is None:
                 return
             columns.append(
-                [(a - b) / SCALE_STEP for a, b in zip(moved.tip_mm, equilibrium.tip_mm, strict=True)]
+                [(a - b) / arm.steps[scale] for a, b in zip(moved.tip_mm, equilibrium.tip_mm, strict=True)]
             )
         yield
         by_pressure = np.array(equilibrium.by_pressure_mm_bar).reshape(3, -1)
         self._moment = equilibrium.base_moment_nmm
-        self._model = arm.covariance_mm2(pose.pressures, pose.sides, by_pressure, np.array(columns).T)
+        self._by_scale = np.array(columns).T
+        self._model = arm.covariance_mm2(pose.pressures, pose.sides, by_pressure, self._by_scale)
         self._model_at = (pose.pressures, force)
         yield
 
