@@ -9,7 +9,6 @@ import socket
 from contid_mocap.emulate.scene import EmulatedPose, EmulatedScene
 from contid_mocap.emulate.vicon_packets import SentObject, object_packets
 
-
 _LOST: SentObject = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 

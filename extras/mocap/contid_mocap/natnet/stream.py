@@ -158,8 +158,8 @@ class NatNetStream:
             return self._to.version
         if info.version > newest and info.multicast is not None:
             raise ContidError(
-                f"the server sends NatNet {info.version[0]}.{info.version[1]} to its group, and 4.1 "
-                "is the newest that is read: set it to unicast, where a client can ask for 4.1, or to an older one"
+                f"the server sends NatNet {info.version[0]}.{info.version[1]} to its group; 4.1 is the "
+                "newest that is read: set it to unicast, where a client asks for 4.1, or to an older version"
             )
         return min(info.version, newest)
 
