@@ -69,26 +69,28 @@ class JumpGate(Generic[_Pose]):
             pose: newer than the last.
             certain: False for a pose that must not end a series of refusals.
         """
-        last = self.last
-        if last is not None and not self._follows(last, pose):
-            if self._strays and not self._follows(self._strays[-1], pose):
+        jump = "" if self.last is None else self._jump(self.last, pose)
+        if jump:
+            if self._strays and self._jump(self._strays[-1], pose):
                 self._strays = []
             self._strays.append(pose)
             if len(self._strays) < self._bounds.lost or not certain:
-                return f"the tip jumps by {math.dist(last.tip_m, pose.tip_m) * MM_PER_M:.1f} mm"
+                return jump
         self.last, self._strays = pose, []
         return ""
 
-    def _follows(self, before: _Pose, after: _Pose) -> bool:
-        """True when a tip can be there after that time."""
+    def _jump(self, before: _Pose, after: _Pose) -> str:
+        """What a tip cannot have done in the time between; "" when it can be there."""
         bounds, seconds = self._bounds, max(after.time_s - before.time_s, 0.0)
         off_mm = math.dist(before.tip_m, after.tip_m) * MM_PER_M
         if off_mm > bounds.speed_mm_s * seconds + bounds.jump_mm:
-            return False
+            return f"the tip jumps by {off_mm:.1f} mm"
         if before.rotation is None or after.rotation is None:
-            return True
+            return ""
         turned_deg = math.degrees(turn_rad(before.rotation, after.rotation))
-        return turned_deg <= bounds.turn_deg_s * seconds + 3.0
+        if turned_deg > bounds.turn_deg_s * seconds + 3.0:
+            return f"the tip turns by {turned_deg:.0f} degrees at once"
+        return ""
 
 
 def turn_rad(a: Array, b: Array) -> float:

@@ -144,7 +144,9 @@ def test_what_cannot_work_is_refused_with_its_remedy(tmp_path):
     )
     assert foreign.returncode == 4
     assert "--local is an address of this machine" in foreign.stderr
-    named = contid_in(tmp_path, "track", "natnet", "--server", "motive.lab", "--local", "127.0.0.1", "--print")
+    named = contid_in(
+        tmp_path, "track", "natnet", "--server", "motive.lab", "--local", "127.0.0.1", "--print"
+    )
     assert named.returncode == 2
     assert "'motive.lab' is no IPv4 address" in named.stderr
     none = contid_in(tmp_path, "track", "natnet", *HERE, "--setup", "none.yaml")
@@ -169,7 +171,9 @@ def test_nothing_listens_but_one_socket_of_the_given_address(tmp_path):
         assert tracker.stdout is not None
         for _ in range(3):
             assert tracker.stdout.readline()
-        links = [link.readlink().name for link in Path(f"/proc/{tracker.pid}/fd").iterdir() if link.is_symlink()]
+        links = [
+            link.readlink().name for link in Path(f"/proc/{tracker.pid}/fd").iterdir() if link.is_symlink()
+        ]
         inodes = {link[8:-1] for link in links if link.startswith("socket:[")}
         bound = []
         for table in ("udp", "udp6", "tcp", "tcp6"):
@@ -188,7 +192,17 @@ def test_a_server_that_starts_again_is_followed(tmp_path):
     with emulated_room("natnet", "tip", "--rate-hz", "100") as room:
         port = room.port
         tracker = subprocess.Popen(
-            [sys.executable, "-m", "contid", "track", "natnet", *HERE, "--command-port", str(port), "--print"],
+            [
+                sys.executable,
+                "-m",
+                "contid",
+                "track",
+                "natnet",
+                *HERE,
+                "--command-port",
+                str(port),
+                "--print",
+            ],
             cwd=tmp_path,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
