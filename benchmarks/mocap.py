@@ -28,8 +28,9 @@ from contid_mocap.follow import Follower, FollowReport, follow
 from contid_mocap.natnet import messages
 from contid_mocap.natnet.frame import read_frame
 from contid_mocap.natnet.stream import NatNetAddresses, NatNetStream
+from contid_mocap.sending import TipSender
 from contid_mocap.setup_file import MocapSetup, RoomPlace, TipPlace
-from contid_mocap.tip_tracker import RoomTip, RoomTipTracker
+from contid_mocap.tip_tracker import RoomTipTracker
 
 PORT: Final = 15110
 HERE: Final = IPv4Address("127.0.0.1")
@@ -69,20 +70,12 @@ def line(name: str, ages_s: Iterable[float]) -> str:
 
 def track(path: Path, seconds: float) -> FollowReport:
     """Track the emulated room into the daemon."""
-    setup = MocapSetup(contid_mocap=1, room=RoomPlace(up="z"), robots={"left": TipPlace(body="tip")})
+    tip = TipPlace(body="tip", roll_deg=-90)
+    setup = MocapSetup(contid_mocap=1, room=RoomPlace(up="z"), robots={"finger": tip})
     stream, report = NatNetStream(NatNetAddresses(HERE, HERE, PORT)), FollowReport()
     try:
         with Client(path, name="benchmark") as client:
-
-            def send(tips: Iterable[RoomTip]) -> None:
-                for tip in tips:
-                    tip_mm = [1e3 * value for value in tip.tip_m]
-                    client.measure(
-                        tip_mm, direction=tip.direction, robot=next(iter(robots)), time_s=tip.time_s
-                    )
-
-            robots = client.describe()["robots"]
-            follow(stream, RoomTipTracker(setup), Follower(send, print), report, seconds)
+            follow(stream, RoomTipTracker(setup), Follower(TipSender(client, print), print), report, seconds)
     finally:
         stream.close()
     return report
@@ -101,7 +94,9 @@ def main() -> None:
             [sys.executable, "-m", *room, "--port", str(PORT)], stderr=subprocess.PIPE, text=True
         )
         run = ["contid", "run", "finger", "--mock", "--socket", str(path), "-q"]
-        daemon = subprocess.Popen([sys.executable, "-m", *run], stdin=subprocess.DEVNULL, cwd=folder)
+        daemon = subprocess.Popen(
+            [sys.executable, "-m", *run], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, cwd=folder
+        )
         try:
             assert server.stderr is not None
             server.stderr.readline()

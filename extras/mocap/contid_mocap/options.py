@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Callable, Sequence
 from ipaddress import AddressValueError, IPv4Address
@@ -14,7 +13,6 @@ import click
 from contid.cli.support.orders import socket_option
 
 if TYPE_CHECKING:
-    from contid_mocap.follow import FollowReport
     from contid_mocap.room import RoomStream
     from contid_mocap.setup_file import MocapSetup
     from contid_mocap.tip_tracker import RoomTip
@@ -120,42 +118,13 @@ def run_room(
 
             follow(stream, tracker, Follower(print_rows, tell), report, seconds)
         else:
-            _send(stream, tracker, tell, report, seconds, socket)
+            from contid.client import Client
+            from contid_mocap.sending import TipSender
+
+            with Client(socket, name="contid track") as client:
+                follow(stream, tracker, Follower(TipSender(client, tell), tell), report, seconds)
     finally:
         stream.close()
         click.echo(str(report), err=True)
     if report.measured == 0:
         sys.exit(1)
-
-
-def _send(
-    stream: RoomStream,
-    tracker: Any,
-    tell: Callable[[str], None],
-    report: FollowReport,
-    seconds: float | None,
-    socket: str | None,
-) -> None:
-    """Send tips to the daemon."""
-    from contid.client import Client, RemoteError
-    from contid_mocap.follow import Follower, follow
-
-    printed: set[str] = set()
-    with Client(socket, name="contid track") as client:
-
-        def send(tips: Sequence[RoomTip]) -> None:
-            # A tick takes the newest pose; older ones of the same look would only cost time.
-            for tip in {tip.robot: tip for tip in tips}.values():
-                tip_mm = [value * 1e3 for value in tip.tip_m]
-                try:
-                    client.measure(tip_mm, direction=tip.direction, robot=tip.robot, time_s=tip.time_s)
-                except RemoteError as error:
-                    # A tip out of reach, or too old, does not end the tracker; each reason is printed once.
-                    if error.code != "bad-measurement":
-                        raise
-                    kind = re.sub(r"[-\d.]+", "", str(error))
-                    if kind not in printed:
-                        printed.add(kind)
-                        tell(str(error))
-
-        follow(stream, tracker, Follower(send, tell), report, seconds)
