@@ -28,7 +28,8 @@ class FollowReport:
         measured: tips among them.
         missing: frames that did not arrive, over all robots.
         refusals: numbers of the others, by reason without its numbers.
-        latency_s: from the capture until a tip was handed on, of the newest tips.
+        latency_s: from the capture until a tip is handed on, of the newest tips.
+        answer_s: from the capture until that has been done: the daemon has answered.
         facts: of the stream.
     """
 
@@ -37,16 +38,18 @@ class FollowReport:
     missing: int = 0
     refusals: Counter[str] = field(default_factory=Counter)
     latency_s: deque[float] = field(default_factory=lambda: deque(maxlen=100_000))
+    answer_s: deque[float] = field(default_factory=lambda: deque(maxlen=100_000))
     facts: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
         """One line, one for each reason, and those of the stream."""
         lines = [f"{self.measured} of {self.looked} poses measured; {self.missing} frames did not arrive"]
         lines += [f"  {count} not: {reason}" for reason, count in self.refusals.most_common()]
-        if self.latency_s:
-            sorted_s = sorted(self.latency_s)
-            middle_s, high_s = (sorted_s[int(share * (len(sorted_s) - 1))] for share in (0.5, 0.99))
-            lines.append(f"capture to measure [ms]: p50 {1e3 * middle_s:.2f}, p99 {1e3 * high_s:.2f}")
+        for name, ages_s in (("measure", self.latency_s), ("its answer", self.answer_s)):
+            if ages_s:
+                ordered = sorted(ages_s)
+                middle_s, high_s = (ordered[int(share * (len(ordered) - 1))] for share in (0.5, 0.99))
+                lines.append(f"capture to {name} [ms]: p50 {1e3 * middle_s:.2f}, p99 {1e3 * high_s:.2f}")
         return "\n".join([*lines, *self.facts])
 
 
@@ -98,10 +101,11 @@ def follow(
                     stream.restart()
             now_s = time.monotonic()
             if tips:
+                report.latency_s.extend(now_s - tip.time_s for tip in tips)
                 follower.taken(tips)
                 fresh_s = time.monotonic()
                 report.measured += len(tips)
-                report.latency_s.extend(fresh_s - tip.time_s for tip in tips)
+                report.answer_s.extend(fresh_s - tip.time_s for tip in tips)
             elif now_s - fresh_s >= SILENT_S:
                 follower.told(f"no tip for {SILENT_S:g} s: {newest or _unseen(stream, tracker)}")
                 fresh_s, newest = now_s, ""

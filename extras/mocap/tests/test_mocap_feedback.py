@@ -1,9 +1,11 @@
 """Closed loop through a real daemon: emulated rooms see a finger that is not as its model."""
 
 import math
+import signal
 import subprocess
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -30,7 +32,8 @@ BODY_MM = 35.0
 
 
 def with_feedback(text):
-    return text.replace(CORRECTION, "feedback: {}")
+    # A busy machine delivers late: the correction must not fade between two measurements.
+    return text.replace(CORRECTION, "feedback: {stale_ms: 500}")
 
 
 def plant():
@@ -63,7 +66,7 @@ def test_feedback_from_a_room_takes_the_error_of_a_wrong_model(tmp_path, kind):
         daemon(1, *arguments, change=with_feedback) as running,
         running.client() as client,
         running.client(name="plant") as watcher,
-        emulated_room(kind, "tip", "--rate-hz", "100", poses=True) as room,
+        emulated_room(kind, "tip", "--rate-hz", "50", poses=True) as room,
     ):
 
         def tip_of(measured_mm):
@@ -71,6 +74,7 @@ def test_feedback_from_a_room_takes_the_error_of_a_wrong_model(tmp_path, kind):
             return frame.point_in_world(pose.tip_m), frame.vector_in_world(pose.direction)
 
         def error_mm():
+            time.sleep(0.1)  # the daemon has measurements to take too
             axes = client.status()["robots"]["f0"]["axes"].values()
             tip_m, _ = tip_of([axis["measured_mm"] for axis in axes])
             return math.dist([1e3 * value for value in tip_m[:2]], TARGET_MM)
@@ -78,7 +82,7 @@ def test_feedback_from_a_room_takes_the_error_of_a_wrong_model(tmp_path, kind):
         ended = threading.Event()
 
         def play():
-            for seen in watcher.telemetry(100.0, fields=["measured"]):
+            for seen in watcher.telemetry(50.0, fields=["measured"]):
                 if ended.is_set():
                     return
                 if (measured := seen["robots"]["f0"]["measured"]) is not None:
@@ -108,10 +112,10 @@ def test_feedback_from_a_room_takes_the_error_of_a_wrong_model(tmp_path, kind):
             )
             assert seen["robots"]["f0"]["measured_direction"] is not None
         finally:
-            tracker.kill()
-            tracker.communicate()
+            tracker.send_signal(signal.SIGINT)
+            print(tracker.communicate(timeout=20)[1])  # shown when the test fails
             ended.set()
             player.join(10)
         killed = client.status()["tick"]
-        until(lambda: client.status()["tick"] > killed + 220, "more than a second later")
+        until(lambda: client.status()["tick"] > killed + 300, "a second and a half later")
         assert error_mm() == pytest.approx(open_loop_mm, abs=0.05 * open_loop_mm)

@@ -60,7 +60,7 @@ def test_the_axis_that_is_up_becomes_z_without_a_mirror(up):
     tracker = RoomTipTracker(setup({"up": up}, robots={"arm": {"marker": "set:m"}}))
     axes = []
     for k in range(3):
-        unit = tuple(float(k == j) for j in range(3))
+        unit = (float(k == 0), float(k == 1), float(k == 2))
         tip = look(tracker, frame(k + 1, 100.0 + 10 * k, **{"set:m": RoomPose(unit, None)})).tip
         assert tip.direction is None
         axes.append(tip.tip_m)
@@ -96,7 +96,8 @@ def test_a_body_on_the_base_carries_the_room():
     rng = np.random.default_rng(1)
     base, tip = pose((1.0, 2.0, 0.5), (40, 10, 70)), pose((1.1, 2.0, 0.6), (40, 10, 70))
     for k in range(2, 60):
-        noisy = RoomPose(tuple(np.array(base.position_m) + rng.normal(0, 1e-4, 3)), base.rotation)
+        x, y, z = (np.array(base.position_m) + rng.normal(0, 1e-4, 3)).tolist()
+        noisy = RoomPose((x, y, z), base.rotation)
         found = look(tracker, frame(k, 100.0 + 0.01 * k, plate=noisy, tip=tip))
     inner = np.asarray(base.rotation).T @ (
         np.array([0.1, 0.0, 0.1]) + np.asarray(base.rotation) @ [0, 0, 0.03]

@@ -3,6 +3,7 @@
 import math
 import random
 import struct
+from typing import Any
 
 import numpy as np
 import pytest
@@ -59,7 +60,7 @@ def test_objects_that_do_not_fit_come_in_further_packets(block):
     objects = {f"object{k}": (float(k), 0.0, 1.0, 0.1, 0.2, 0.3) for k in range(20)}
     packets = object_packets(2**32 - 1, objects, block)
     assert all(len(packet) == block for packet in packets)
-    poses = {}
+    poses: dict[str, Any] = {}
     for packet in packets:
         found = read_packet(packet)
         assert found.number == 2**32 - 1
@@ -76,7 +77,7 @@ def test_packets_of_another_size_are_refused(size):
 
 def survive(number, seed):
     rng = random.Random(seed)
-    objects = {f"o{k}": tuple(rng.gauss(0, 1) for _ in range(6)) for k in range(6)}
+    objects: dict[str, Any] = {f"o{k}": tuple(rng.gauss(0, 1) for _ in range(6)) for k in range(6)}
     packets = [packet for block in BLOCKS for packet in object_packets(7, objects, block)]
     usable = 0
     for _ in range(number):
