@@ -89,7 +89,16 @@ def main() -> None:
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "s"
-        room = ["contid_mocap.emulate", "natnet", "tip=0.02,0.08,0", "plate", "--rate-hz", str(asked.rate_hz)]
+        room = [
+            "contid",
+            "track",
+            "emulate",
+            "natnet",
+            "tip=0.02,0.08,0",
+            "plate",
+            "--rate-hz",
+            str(asked.rate_hz),
+        ]
         server = subprocess.Popen(
             [sys.executable, "-m", *room, "--port", str(PORT)], stderr=subprocess.PIPE, text=True
         )

@@ -1,4 +1,4 @@
-"""The figures of docs/camera.md: python -m extras.camera.tests.figures [IMAGES]."""
+"""The figures of docs/devices/camera.md: python -m extras.camera.tests.figures [IMAGES]."""
 
 import sys
 import time

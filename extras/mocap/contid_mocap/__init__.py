@@ -8,4 +8,5 @@ from typing import Final
 COMMANDS: Final = {
     "track natnet": ("contid_mocap.natnet_command", "bodies and markers of an OptiTrack room"),
     "track vicon": ("contid_mocap.vicon_command", "objects of a Vicon room"),
+    "track emulate": ("contid_mocap.emulate.command", "an emulated room, for trials without one"),
 }

@@ -16,7 +16,7 @@ from contid.kinematics.model import build_model
 from contid.robot_file.load import parse_robot_file
 from tests.support.daemons import daemon
 from tests.support.fingers import fingers
-from tests.support.mocap_rooms import emulated_room, setup_file
+from tests.support.mocap.rooms import emulated_room, setup_file
 from tests.support.waiting import until
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]

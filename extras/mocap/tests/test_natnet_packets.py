@@ -23,7 +23,7 @@ from contid_mocap.emulate.natnet_packets import (
 from contid_mocap.natnet import messages
 from contid_mocap.natnet.frame import read_frame
 from contid_mocap.natnet.models import read_models
-from tests.support.mocap_rooms import VERSIONS, random_frame
+from tests.support.mocap.rooms import VERSIONS, random_frame
 
 #: Frame 162734 of Motive 2.1 (NatNet 3.0): the numbers are printed in tests/test_MocapFrameMessage.py of
 #: mje-nz/python_natnet, and agree with the SDK's SampleClient there; the packet itself is
@@ -149,7 +149,7 @@ def test_definitions_of_every_kind_are_passed():
 
 
 def test_what_a_later_version_adds_to_a_section_is_skipped():
-    """From 4.1 the size of a section counts, not what this version knows of its elements."""
+    """From 4.1 the size of a section counts, not what this version reads of its elements."""
     frame = SentFrame(5, SentTimes(1.0, 10, 20, 30), bodies=[SentBody(7, (1.0, 2.0, 3.0), (0, 0, 0, 1.0))])
     packet = frame_packet(frame, (4, 1))
     place = packet.index(struct.pack("<3f", 1.0, 2.0, 3.0)) - 4

@@ -12,7 +12,7 @@ from contid_mocap.placing import MOVED_FRAMES, fitted
 from contid_mocap.room import RoomFrame, RoomPose
 from contid_mocap.setup_file import MocapSetup, read_setup
 from contid_mocap.tip_tracker import RESTARTED, RoomTipTracker
-from tests.support.mocap_rooms import setup_file
+from tests.support.mocap.rooms import setup_file
 
 
 def setup(room=None, **keys):

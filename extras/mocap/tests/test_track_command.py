@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.command import contid_in
-from tests.support.mocap_rooms import emulated_room, free_udp_port, setup_file
+from tests.support.mocap.rooms import emulated_room, free_udp_port, setup_file
 
 pytestmark = pytest.mark.process
 
@@ -54,7 +54,7 @@ def test_the_capture_is_that_of_the_exposure_not_of_the_arrival(tmp_path):
             done = track(tmp_path, "natnet", room, "--print", "--for", "2.5")
         found = rows(done)
         assert found, done.stderr
-        # Exposures are 20 ms apart; the circle tells when each one was.
+        # Exposures are 20 ms apart; the place on the circle is the time of each.
         late_ms = []
         first = None
         for row in found:
@@ -213,7 +213,7 @@ def test_a_server_that_starts_again_is_followed(tmp_path):
             assert tracker.stdout.readline()
         time.sleep(1.0)
     again = subprocess.Popen(
-        [sys.executable, "-m", "contid_mocap.emulate", "natnet", "tip=0.3,0,0", "--port", str(port)],
+        [sys.executable, "-m", "contid", "track", "emulate", "natnet", "tip=0.3,0,0", "--port", str(port)],
         stderr=subprocess.DEVNULL,
     )
     try:

@@ -1,8 +1,4 @@
-"""``python -m contid_mocap.emulate natnet|vicon``: an emulated motion-capture room.
-
-Bodies are given as NAME=x,y,z [m]. Lines ``{"NAME": [x, y, z, qx, qy, qz, qw]}`` on stdin move them (with
---poses), null hides one.
-"""
+"""``contid track emulate``: an emulated motion-capture room, for trials without one."""
 
 from __future__ import annotations
 
@@ -24,14 +20,14 @@ from contid_mocap.emulate.vicon_server import EmulatedVicon
 @click.option("--to", default="127.0.0.1", show_default=True, help="Where vicon sends to.")
 @click.option("--multicast", help="Group that natnet sends to; without it to each client.")
 @click.option("--data-port", default=1511, show_default=True, help="Of the group.")
-@click.option("--rate-hz", default=100.0, show_default=True)
+@click.option("--rate-hz", default=100.0, show_default=True, help="Frames a second.")
 @click.option("--version", default="4.1", show_default=True, help="Of natnet.")
 @click.option("--block", default=512, show_default=True, help="Size of the packets of vicon.")
 @click.option("--loss", default=0.0, help="Share of the frames that are not sent.")
 @click.option("--no-echo", is_flag=True, help="Echo requests of natnet are not answered.")
 @click.option("--delay-ms", default=0.0, help="From the exposure to the transmission.")
 @click.option("--poses", is_flag=True, help="Poses come on stdin; its end ends the server.")
-def main(
+def command(
     kind: str,
     bodies: tuple[str, ...],
     address: str,
@@ -47,7 +43,11 @@ def main(
     delay_ms: float,
     poses: bool,
 ) -> None:
-    """Serve until stdin ends (--poses) or until a signal."""
+    """Emulate a room of an OptiTrack (natnet) or a Vicon (vicon) system until a signal.
+
+    BODIES are given as NAME=x,y,z in metres and move on circles of 20 mm. With --poses they stand where
+    lines on stdin have them: {"NAME": [x, y, z, qx, qy, qz, qw]}, null hides one.
+    """
     scene = EmulatedScene(dict(map(_pose, bodies)))
     faults = Faults(loss, delay_ms / 1e3, not no_echo)
     server: EmulatedNatNet | EmulatedVicon
@@ -65,7 +65,3 @@ def _pose(text: str) -> tuple[str, EmulatedPose]:
     name, _, numbers = text.partition("=")
     x, y, z = (float(number) for number in (numbers or "0,0,0").split(","))
     return name, (x, y, z, 0.0, 0.0, 0.0, 1.0)
-
-
-if __name__ == "__main__":
-    main()

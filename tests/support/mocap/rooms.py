@@ -39,11 +39,11 @@ class EmulatedRoom:
 
 @contextmanager
 def emulated_room(kind: str, *arguments: str, poses: bool = False) -> Iterator[EmulatedRoom]:
-    """Run ``python -m contid_mocap.emulate`` on the loopback address, from its ready message on."""
+    """Run ``contid track emulate`` on the loopback address, from its ready message on."""
     port = free_udp_port()
     process = subprocess.Popen(
         [
-            *(sys.executable, "-m", "contid_mocap.emulate", kind, *arguments, "--port", str(port)),
+            *(sys.executable, "-m", "contid", "track", "emulate", kind, *arguments, "--port", str(port)),
             *(["--poses"] if poses else []),
         ],
         stdin=subprocess.PIPE,
