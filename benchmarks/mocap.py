@@ -89,18 +89,9 @@ def main() -> None:
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "s"
-        room = [
-            "contid",
-            "track",
-            "emulate",
-            "natnet",
-            "tip=0.02,0.08,0",
-            "plate",
-            "--rate-hz",
-            str(asked.rate_hz),
-        ]
+        room = ["contid", "track", "emulate", "natnet", "tip=0.02,0.08,0", "plate", "--port", str(PORT)]
         server = subprocess.Popen(
-            [sys.executable, "-m", *room, "--port", str(PORT)], stderr=subprocess.PIPE, text=True
+            [sys.executable, "-m", *room, "--rate-hz", str(asked.rate_hz)], stderr=subprocess.PIPE, text=True
         )
         run = ["contid", "run", "finger", "--mock", "--socket", str(path), "-q"]
         daemon = subprocess.Popen(

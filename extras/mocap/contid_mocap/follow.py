@@ -59,11 +59,11 @@ class Follower:
 
     Attributes:
         taken: gets the tips of one look, in the order of their frames.
-        told: gets a line for the user.
+        notify: gets a line for the user.
     """
 
     taken: Callable[[Sequence[RoomTip]], None]
-    told: Callable[[str], None]
+    notify: Callable[[str], None]
 
 
 def follow(
@@ -107,7 +107,7 @@ def follow(
                 report.measured += len(tips)
                 report.answer_s.extend(fresh_s - tip.time_s for tip in tips)
             elif now_s - fresh_s >= SILENT_S:
-                follower.told(f"no tip for {SILENT_S:g} s: {newest or _unseen(stream, tracker)}")
+                follower.notify(f"no tip for {SILENT_S:g} s: {newest or _unseen(stream, tracker)}")
                 fresh_s, newest = now_s, ""
     finally:
         report.facts = stream.facts()

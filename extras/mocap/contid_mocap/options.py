@@ -105,7 +105,7 @@ def run_room(
 
     report = FollowReport()
 
-    def tell(line: str) -> None:
+    def notify(line: str) -> None:
         click.echo(f"contid: {line}", err=True)
 
     try:
@@ -116,13 +116,13 @@ def run_room(
             def print_rows(tips: Sequence[RoomTip]) -> None:
                 click.echo("\n".join(row(tip) for tip in tips))
 
-            follow(stream, tracker, Follower(print_rows, tell), report, seconds)
+            follow(stream, tracker, Follower(print_rows, notify), report, seconds)
         else:
             from contid.client import Client
             from contid_mocap.sending import TipSender
 
             with Client(socket, name="contid track") as client:
-                follow(stream, tracker, Follower(TipSender(client, tell), tell), report, seconds)
+                follow(stream, tracker, Follower(TipSender(client, notify), notify), report, seconds)
     finally:
         stream.close()
         click.echo(str(report), err=True)

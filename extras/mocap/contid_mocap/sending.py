@@ -15,11 +15,11 @@ class TipSender:
 
     Args:
         client: connected to the daemon.
-        told: gets each reason of a refusal once.
+        notify: gets each reason of a refusal once.
     """
 
-    def __init__(self, client: Client, told: Callable[[str], None]) -> None:
-        self._client, self._told = client, told
+    def __init__(self, client: Client, notify: Callable[[str], None]) -> None:
+        self._client, self._notify = client, notify
         self._printed: set[str] = set()
 
     def __call__(self, tips: Sequence[RoomTip]) -> None:
@@ -39,4 +39,4 @@ class TipSender:
                 kind = re.sub(r"[-\d.]+", "", str(error))
                 if kind not in self._printed:
                     self._printed.add(kind)
-                    self._told(str(error))
+                    self._notify(str(error))

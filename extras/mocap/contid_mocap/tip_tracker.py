@@ -18,7 +18,7 @@ from contid_mocap.placing import Rigid, RoomPlacing, rigid
 from contid_mocap.room import RoomFrame, RoomPose
 from contid_mocap.setup_file import MocapSetup, TipPlace
 
-#: After so many frames in a row that are older than the newest one the server has started again.
+#: After this number of frames in a row that are older than the newest one the server has started again.
 RESTARTED: Final = 30
 #: A capture may lie in the future by this much: the bound of a clock [s].
 AHEAD_S: Final = 0.005

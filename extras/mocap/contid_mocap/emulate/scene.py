@@ -38,9 +38,9 @@ class EmulatedScene:
                 found[name] = moved  # type: ignore[assignment]
         return found
 
-    def told(self, line: str) -> None:
+    def move(self, line: str) -> None:
         """Take a line ``{"NAME": [x, y, z, qx, qy, qz, qw], ...}``; null hides a body."""
-        told: dict[str, Any] = json.loads(line)
+        poses: dict[str, Any] = json.loads(line)
         self.moving = False
-        for name, pose in told.items():
+        for name, pose in poses.items():
             self.bodies[name] = None if pose is None else tuple(float(value) for value in pose)  # type: ignore[assignment]

@@ -30,7 +30,7 @@ class Faults:
 
 
 class EmulatedServer(Protocol):
-    """A server that sends a frame when it is told to."""
+    """A server, which sends one frame a call."""
 
     socket: socket.socket
 
@@ -59,7 +59,7 @@ def serve(server: EmulatedServer, scene: EmulatedScene, rate_hz: float, faults: 
                 return
             *lines, text = (text + read).split(b"\n")
             for line in lines:
-                scene.told(line.decode())
+                scene.move(line.decode())
         if time.monotonic() >= next_s:
             if rng.random() >= faults.loss:
                 server.send_frame(number, next_s - faults.delay_s)

@@ -59,7 +59,7 @@ class NatNetFrame:
         sets: positions of the markers of a set by its name, in the order of its definition [m].
         occluded: positions of labelled markers that no camera has seen [m].
         exposed, sent: ticks of the server's clock at mid-exposure (0 when it is not known) and transmission.
-        models_changed: names are to be asked for again.
+        models_changed: names are to be requested again.
     """
 
     number: int

@@ -30,9 +30,9 @@ FIRST_ECHOES: Final = 20
 ECHO_S: Final = 0.5
 #: Without an answer to an echo after this time the least latency of the frames counts [s].
 NO_ECHO_S: Final = 1.0
-#: The names are asked for again after this time, where a number has none [s].
+#: The names are requested again after this time, where a number has none [s].
 MODELS_S: Final = 1.0
-#: Without a frame for this time the connection is asked for again [s].
+#: Without a frame for this time the connection is requested again [s].
 SILENT_S: Final = 2.0
 
 

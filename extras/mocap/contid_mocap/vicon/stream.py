@@ -13,7 +13,7 @@ from contid_mocap.datagrams import Datagram, open_socket, receive
 from contid_mocap.room import RoomFrame, RoomPose
 from contid_mocap.vicon.packet import PORT, ViconPacket, read_packet
 
-#: An object whose numbers are equal to the last bit in so many frames in a row is held, not measured.
+#: An object whose numbers are equal to the last bit in this number of frames is held, not measured.
 FROZEN: Final = 3
 #: A frame number that goes back further than this belongs to a stream that began again.
 _REORDERED: Final = 1000
