@@ -6,7 +6,8 @@ from typing import Final
 
 #: Commands of this extra, see `contid.cli.support.table`.
 COMMANDS: Final = {
-    "track": ("contid_camera.command", "measure a tip with a camera and tags"),
+    "track": ("contid_camera.track_group", "measure a tip with a camera and tags, or a motion-capture room"),
+    "track camera": ("contid_camera.command", "a camera and printed tags; also without the word camera"),
     "calibrate camera": (
         "contid_camera.calibrate_command",
         "the camera of `contid track`, from pictures of a chessboard",

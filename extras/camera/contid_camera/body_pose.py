@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from contid.kinematics.array import Array
+from contid_camera.jumps import turn_rad
 from contid_camera.setup_file import CORNERS
 
 #: Two poses that differ by less are one [rad].
@@ -95,12 +96,6 @@ def alike(pose: BodyPose, other: BodyPose | None) -> bool:
     least, most = sorted((pose.error_px, other.error_px))
     worse = 4 * len(pose.tags) * (most**2 - least**2)
     return worse < SURE**2 * max(least, USUAL_NOISE_PX) ** 2
-
-
-def turn_rad(a: Array, b: Array) -> float:
-    """Angle between two rotations."""
-    cosine = 0.5 * (float(np.sum(a * b)) - 1.0)
-    return math.acos(min(max(cosine, -1.0), 1.0))
 
 
 def _of_square(corners: Array, pixels: Array, matrix: Array) -> list[tuple[Array, Array]]:

@@ -11,7 +11,8 @@ import numpy as np
 from contid.kinematics.array import Array
 from contid.targets import Vec3
 from contid.units import MM_PER_M
-from contid_camera.body_pose import BodyPose, alike, solve_pose, turn_rad
+from contid_camera.body_pose import BodyPose, alike, solve_pose
+from contid_camera.jumps import JumpBounds, JumpGate
 from contid_camera.setup_file import LoadedSetup, corners_of
 from contid_camera.tags import SeenTag, TagDetector
 
@@ -81,9 +82,10 @@ class TipTracker:
         self._fixed: dict[int, tuple[int, Array]] = {}
         self._moved: dict[int, int] = {}
         self._world_pose: BodyPose | None = None
-        #: The newest pose that was taken, and those refused since that agree with each other.
-        self._last: MeasuredTip | None = None
-        self._strays: list[MeasuredTip] = []
+        gate = setup.gate
+        self._jumps: JumpGate[MeasuredTip] = JumpGate(
+            JumpBounds(gate.speed_mm_s, gate.turn_deg_s, gate.jump_mm, gate.lost)
+        )
 
     def look(self, image: Array, time_s: float) -> Look:
         """Measure the tip in an image.
@@ -95,7 +97,8 @@ class TipTracker:
         seen = self._detector.find(image)
         moved = self._average(seen)
         world = self._world_pose
-        near = None if self._last is None or world is None else world.rotation @ self._last.rotation
+        last = self._jumps.last
+        near = None if last is None or world is None else world.rotation @ last.rotation
         ideal = {tag: each.ideal_px for tag, each in seen.items()}
         body = solve_pose(self._tip, ideal, self._matrix, near)
         if moved:
@@ -106,8 +109,6 @@ class TipTracker:
             return Look(seen, None, "no tag of the tip is seen", body, world)
         measured = self._measured(body, world, time_s)
         refusal = self._refusal(body, measured)
-        if not refusal:
-            self._last, self._strays = measured, []
         return Look(seen, None if refusal else measured, refusal, body, world)
 
     def _average(self, seen: dict[int, SeenTag]) -> int | None:
@@ -143,28 +144,13 @@ class TipTracker:
 
     def _refusal(self, body: BodyPose, measured: MeasuredTip) -> str:
         """Why a pose is refused; "" when it is taken."""
-        gate, last = self._gate, self._last
+        gate = self._gate
         if body.error_px > gate.error_px:
             return f"the corners are {body.error_px:.2f} px off; gate.error_px is {gate.error_px:g}"
         sd_mm = measured.tip_sd_m * MM_PER_M
         if sd_mm > gate.tip_sd_mm:
             return f"the tip is only known to {sd_mm:.2f} mm; gate.tip_sd_mm is {gate.tip_sd_mm:g}"
-        if alike(body, body.other) and last is None:
+        ambiguous = alike(body, body.other)
+        if ambiguous and self._jumps.last is None:
             return "two poses look alike"
-        if last is None or self._follows(last, measured):
-            return ""
-        if self._strays and not self._follows(self._strays[-1], measured):
-            self._strays = []
-        self._strays.append(measured)
-        if len(self._strays) >= gate.lost and not alike(body, body.other):
-            return ""
-        off_mm = math.dist(last.tip_m, measured.tip_m) * MM_PER_M
-        return f"the tip jumps by {off_mm:.1f} mm"
-
-    def _follows(self, before: MeasuredTip, after: MeasuredTip) -> bool:
-        """True when a tip can be there after that time."""
-        gate, seconds = self._gate, max(after.time_s - before.time_s, 0.0)
-        off_mm = math.dist(before.tip_m, after.tip_m) * MM_PER_M
-        turned_deg = math.degrees(turn_rad(before.rotation, after.rotation))
-        allowed_deg = gate.turn_deg_s * seconds + 3.0
-        return off_mm <= gate.speed_mm_s * seconds + gate.jump_mm and turned_deg <= allowed_deg
+        return self._jumps.refusal(measured, certain=not ambiguous)

@@ -1,4 +1,4 @@
-"""The figures of docs/camera.md: python -m extras.camera.tests.figures [IMAGES]."""
+"""The figures of docs/devices/camera.md: python -m extras.camera.tests.figures [IMAGES]."""
 
 import sys
 import time
@@ -6,7 +6,7 @@ import time
 import cv2
 import numpy as np
 
-from contid_camera.body_pose import turn_rad
+from contid_camera.jumps import turn_rad
 from contid_camera.tracker import TipTracker
 from tests.support.camera_scene import TIP, WORLD, Scene, motion, setup
 

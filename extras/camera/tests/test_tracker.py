@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from contid.errors import ContidError
 from contid_camera.board import calibrated
-from contid_camera.body_pose import alike, solve_pose, turn_rad
+from contid_camera.body_pose import alike, solve_pose
+from contid_camera.jumps import turn_rad
 from contid_camera.overlay import drawn
 from contid_camera.setup_file import CORNERS
 from contid_camera.tracker import TipTracker

@@ -1,0 +1,46 @@
+"""What an emulated room sees: bodies that move on a circle, or poses from lines on stdin."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+#: Position [m] and quaternion (x, y, z, w).
+EmulatedPose = tuple[float, float, float, float, float, float, float]
+
+
+@dataclass(slots=True)
+class EmulatedScene:
+    """Bodies by name; each has three markers around its origin.
+
+    Attributes:
+        bodies: poses; None of one that is hidden.
+        moving: bodies that move on a circle by themselves.
+    """
+
+    bodies: dict[str, EmulatedPose | None] = field(default_factory=dict)
+    moving: bool = True
+
+    def at(self, time_s: float) -> dict[str, EmulatedPose | None]:
+        """The poses at a time; without lines on stdin, circles of 20 mm in 4 s."""
+        if not self.moving:
+            return dict(self.bodies)
+        a = 0.5 * math.pi * time_s
+        found: dict[str, EmulatedPose | None] = {}
+        for name, pose in self.bodies.items():
+            if pose is None:
+                found[name] = None
+            else:
+                x, y, z, *turn = pose
+                moved = (x + 0.02 * math.cos(a), y + 0.02 * math.sin(a), z, *turn)
+                found[name] = moved  # type: ignore[assignment]
+        return found
+
+    def move(self, line: str) -> None:
+        """Take a line ``{"NAME": [x, y, z, qx, qy, qz, qw], ...}``; null hides a body."""
+        poses: dict[str, Any] = json.loads(line)
+        self.moving = False
+        for name, pose in poses.items():
+            self.bodies[name] = None if pose is None else tuple(float(value) for value in pose)  # type: ignore[assignment]

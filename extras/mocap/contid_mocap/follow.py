@@ -1,0 +1,133 @@
+"""Follows the frames of a room: measures, hands tips on, counts what became of the frames."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from contid.units import MM_PER_M
+from contid_mocap.room import RoomStream
+from contid_mocap.tip_tracker import RoomTip, RoomTipTracker
+
+#: A look waits for a frame at most this long [s].
+LOOK_S: Final = 0.1
+#: Without a tip for this time the reason is printed [s].
+SILENT_S: Final = 3.0
+HEADER: Final = "t_s,robot,x_mm,y_mm,z_mm,ax,ay,az"
+
+
+@dataclass(slots=True)
+class FollowReport:
+    """What became of the poses.
+
+    Attributes:
+        looked: poses of the tracked robots in the frames that arrived.
+        measured: tips among them.
+        missing: frames that did not arrive, over all robots.
+        refusals: numbers of the others, by reason without its numbers.
+        latency_s: from the capture until a tip is handed on, of the newest tips.
+        answer_s: from the capture until that has been done: the daemon has answered.
+        facts: of the stream.
+    """
+
+    looked: int = 0
+    measured: int = 0
+    missing: int = 0
+    refusals: Counter[str] = field(default_factory=Counter)
+    latency_s: deque[float] = field(default_factory=lambda: deque(maxlen=100_000))
+    answer_s: deque[float] = field(default_factory=lambda: deque(maxlen=100_000))
+    facts: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        """One line, one for each reason, and those of the stream."""
+        lines = [f"{self.measured} of {self.looked} poses measured; {self.missing} frames did not arrive"]
+        lines += [f"  {count} not: {reason}" for reason, count in self.refusals.most_common()]
+        for name, ages_s in (("measure", self.latency_s), ("its answer", self.answer_s)):
+            if ages_s:
+                ordered = sorted(ages_s)
+                middle_s, high_s = (ordered[int(share * (len(ordered) - 1))] for share in (0.5, 0.99))
+                lines.append(f"capture to {name} [ms]: p50 {1e3 * middle_s:.2f}, p99 {1e3 * high_s:.2f}")
+        return "\n".join([*lines, *self.facts])
+
+
+@dataclass(frozen=True, slots=True)
+class Follower:
+    """Hands measured tips on.
+
+    Attributes:
+        taken: gets the tips of one look, in the order of their frames.
+        notify: gets a line for the user.
+    """
+
+    taken: Callable[[Sequence[RoomTip]], None]
+    notify: Callable[[str], None]
+
+
+def follow(
+    stream: RoomStream,
+    tracker: RoomTipTracker,
+    follower: Follower,
+    report: FollowReport,
+    seconds: float | None = None,
+) -> None:
+    """Measure until the time is over, or until an interrupt.
+
+    Args:
+        stream: frames of the room.
+        tracker: of the tips.
+        follower: gets tips and lines.
+        report: is filled, also when an error ends the loop.
+        seconds: None for no end.
+    """
+    begun_s = fresh_s = time.monotonic()
+    newest = ""
+    try:
+        while seconds is None or time.monotonic() - begun_s < seconds:
+            tips = []
+            for frame in stream.poll(LOOK_S):
+                looks = tracker.look(frame, time.monotonic())
+                for look in looks:
+                    report.looked += 1
+                    report.missing += look.missing
+                    if look.tip is None:
+                        newest = look.refusal
+                        report.refusals[_reason(look.refusal)] += 1
+                    else:
+                        tips.append(look.tip)
+                if any(look.restarted for look in looks):
+                    stream.restart()
+            now_s = time.monotonic()
+            if tips:
+                report.latency_s.extend(now_s - tip.time_s for tip in tips)
+                follower.taken(tips)
+                fresh_s = time.monotonic()
+                report.measured += len(tips)
+                report.answer_s.extend(fresh_s - tip.time_s for tip in tips)
+            elif now_s - fresh_s >= SILENT_S:
+                follower.notify(f"no tip for {SILENT_S:g} s: {newest or _unseen(stream, tracker)}")
+                fresh_s, newest = now_s, ""
+    finally:
+        report.facts = stream.facts()
+
+
+def row(tip: RoomTip) -> str:
+    """A row under `HEADER`; the direction of a marker is empty."""
+    tip_mm = ",".join(f"{value * MM_PER_M:.4f}" for value in tip.tip_m)
+    direction = ",,," if tip.direction is None else "".join(f",{value:.6f}" for value in tip.direction)
+    return f"{tip.time_s:.6f},{tip.robot},{tip_mm}{direction}"
+
+
+def _unseen(stream: RoomStream, tracker: RoomTipTracker) -> str:
+    """Why nothing comes, where no frame had a tracked name."""
+    names = stream.names()
+    if tracker.unseen and names:
+        return f"no {', '.join(map(repr, tracker.unseen))} among {', '.join(names[:20])}"
+    return "no frame arrives" if not names else "no frame arrives any more"
+
+
+def _reason(refusal: str) -> str:
+    """A refusal without its numbers."""
+    return " ".join(word for word in refusal.split() if not word[0].isdigit())
