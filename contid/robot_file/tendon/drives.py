@@ -106,10 +106,6 @@ def check_drives(
         )
         return
     by_drives = np.linalg.pinv(bends) @ found
-    columns = np.linalg.norm(by_drives, axis=0)
-    if min(columns) <= _ALIKE * max(columns) or np.linalg.cond(by_drives / columns) > 1.0 / _ALIKE:
-        yield "drives: two of them bend the robot in the same way, or one does not bend it at all"
-        return
     if not elastic:
         off = np.linalg.norm(found - bends @ by_drives, axis=0) / np.linalg.norm(found, axis=0)
         for name, part in zip(drives, off, strict=True):
@@ -118,3 +114,6 @@ def check_drives(
                     f"drives.{name}.pulls: no bend of the backbone pulls its tendons in these ratios; "
                     "correct them, or write tension:, which gives the tendons a stiffness"
                 )
+    columns = np.linalg.norm(by_drives, axis=0)
+    if min(columns) <= _ALIKE * max(columns) or np.linalg.cond(by_drives / columns) > 1.0 / _ALIKE:
+        yield "drives: two of them bend the robot in the same way, or one does not bend it at all"

@@ -130,13 +130,6 @@ class TendonRobot(RobotDescription):
         elastic = self.tension is not None
         for finding in check_drives(self.drives, self.tendon_names, self.geometry, elastic=elastic):
             raise ValueError(finding)
-        for name in self.drives:
-            homing = (self.axes[name].model_extra or {}).get("homing") if name in self.axes else None
-            if isinstance(homing, dict) and homing.get("method") == "tension":
-                raise ValueError(
-                    f"axes.{name}.homing: method tension winds single tendons in, a drive moves several; "
-                    "write the zero of the straight robot as zero_deg, or use another method"
-                )
 
     def _check_capstan(self, friction: TendonFriction) -> None:
         if any(friction.capstan) and self.tension is None:
