@@ -116,7 +116,7 @@ class TendonRobot(RobotDescription):
                         "three or more are needed, or drives that pull them together"
                     )
             return
-        for key in ("rod", "residual"):
+        for key in ("rod", "residual", "dynamics"):
             if getattr(self, key) is not None:
                 raise ValueError(f"{key} is for robots with a motor per tendon; leave out drives or {key}")
         if self.friction is not None and any(self.friction.capstan):
