@@ -40,9 +40,9 @@ MOTORS: Final = ((2, 4), (0, 5), (1, 3))
 AZIMUTHS_DEG: Final = (-46.0, -111.0, 186.0, 154.0, 99.0, 52.0)
 FITTED: Final = 0.6
 GAP: Final = 0.05
-#: Single frames jump: a median over so many.
+#: Single frames jump: a median over this number of rows.
 FRAMES: Final = 9
-#: Every so many rows are fitted; 10 ms apart they have little that is new.
+#: One row of this number is fitted; 10 ms apart they have little that is new.
 STRIDE: Final = 25
 FOLDS: Final = 5
 PENALTIES: Final = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
