@@ -152,7 +152,7 @@ def test_references_to_modules_exist() -> None:
 
 
 MAX_FILES = 27
-# Folders over the limit. The list only shrinks; decisions are numbered and stay, robot files are found by name.
+# Folders over the limit. The list only shrinks; decisions are numbered and stay, robot files have one folder.
 LARGE_FOLDERS = frozenset({"configs", "docs/decisions"})
 
 

@@ -83,7 +83,7 @@ def test_bends_and_tensions_have_the_least_energy():
     pretension_n = tension.pretension_n
     assert pretension_n is not None
     series = 1e3 / (1.0 / tension.tendon_n_per_mm[0] + 1.0 / tension.spring_n_per_mm[0])
-    stiff = tension.bending_n_mm2[0] * 1e-6 / 0.106
+    stiff = np.repeat(tension.bending_n_mm2, 2) * 1e-6 / 0.106
     (row,) = travels(model, 1, seed=6)
     assert robot.drives is not None
     pulls, arms = [], []
@@ -101,7 +101,7 @@ def test_bends_and_tensions_have_the_least_energy():
 
     def energy(bends: np.ndarray) -> float:
         stretch = stretches(bends) + pretension_n / series
-        return float(0.5 * series * stretch @ stretch + 0.5 * stiff * bends @ bends)
+        return float(0.5 * series * stretch @ stretch + 0.5 * (stiff * bends) @ bends)
 
     found = minimize(energy, np.zeros(6), method="BFGS", options={"gtol": 1e-10}).x
     np.testing.assert_allclose(model.bends(row), found, atol=1e-6)
