@@ -91,6 +91,7 @@ MODELS: Final[dict[str, str]] = {
     "cosserat": "contid.kinematics.cosserat.model:CosseratModel",
     "rack_finger": "contid.kinematics.rack.finger:RackFingerModel",
     "tendon": "contid.kinematics.tendon.model:TendonModel",
+    "tendon.driven": "contid.kinematics.tendon.driven:DrivenTendonModel",
     "tendon.rod": "contid.kinematics.tendon.loaded:LoadedTendonModel",
     "tri_rack": "contid.kinematics.arc.section_model:SectionModel",
     "tri_tube": "contid.kinematics.arc.section_model:SectionModel",

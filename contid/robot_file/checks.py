@@ -15,8 +15,9 @@ from contid.hal import DeviceKind, DeviceRate
 from contid.robot_file.base import AxisDescription, Quantity, StopPolicy
 from contid.robot_file.findings import allowed_names
 from contid.robot_file.gravity import check_down
-from contid.robot_file.positions import Document, KeyPath
+from contid.robot_file.positions import Data, Document, KeyPath
 from contid.robot_file.robot import RobotDescription
+from contid.robot_file.tendon.robot import TendonRobot
 from contid.robot_file.unit_checks import check_device_rates, check_units
 
 #: Prefixes of trajectory columns that are not names of robots.
@@ -94,10 +95,21 @@ def _check_axes(
         if name not in needed:
             what = "a passive robot has no axes" if robot.passive else allowed_names(needed, name)
             yield document.at_key(axis.at, f"this robot has no axis {name!r}; {what}")
+        elif isinstance(robot, TendonRobot) and robot.drives and _winds_in(document.get(axis.at)):
+            message = (
+                "homing: method tension winds single tendons in, and a drive moves several; write the zero "
+                "of the straight robot as zero_deg, or use another method"
+            )
+            yield document.at_key((*axis.at, "homing"), message)
         elif axis.description is not None and axis.kind is not None:
             yield from _check_transmission(
                 document, axis.at, axis.description, axis.kind, quantities[name], driven.get(name)
             )
+
+
+def _winds_in(axis: Data) -> bool:
+    homing = axis.get("homing") if isinstance(axis, dict) else None
+    return isinstance(homing, dict) and homing.get("method") == "tension"
 
 
 def _check_passive(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:

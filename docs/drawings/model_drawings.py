@@ -132,6 +132,26 @@ def tendon() -> Drawing:
     return d
 
 
+def coupled() -> Drawing:
+    """A trunk whose motors wind one tendon in and pay out the one that faces it."""
+    robot: Any = load_named("trunk").file.robots["arm"]
+    d = Drawing("drives: a motor for two tendons that face each other", WIDTH, HEIGHT)
+    along = backbone(robot, [15, 30, 45])
+    side(d, along, 330, up=False)
+    distance = robot.geometry.sections[0].radius_mm[0]
+    drives(d, along, distance, ends=False)
+    for at in (80, 160, 240):
+        piece = along[at - 1 : at + 1]
+        d.line([offset(piece, -1.2 * distance)[-1], offset(piece, 1.2 * distance)[-1]], BODY, 3)
+    each = robot.geometry.sections
+    section(d, [angle for one in each for angle in one.angles_deg], "6 drives for 12 tendons", 0.07)
+    for drive in robot.drives.values():
+        names = [name.split(".") for name in drive.pulls]
+        ends = [math.radians(each[int(s[1:]) - 1].angles_deg[int(t[1:]) - 1]) for s, t in names]
+        d.line(np.array([[0.86 * math.cos(end), 0.86 * math.sin(end)] for end in ends]), AXIS, 1, "3 4")
+    return d
+
+
 def cosserat() -> Drawing:
     """A soft arm of chambers, hanging."""
     robot: Any = load_named("stiffflop2").file.robots["arm"]
@@ -176,7 +196,8 @@ def chain() -> Drawing:
 
 
 DRAWINGS = {
-    f"models/{draw.__name__}.svg": draw for draw in (rack_finger, tri_rack, tri_tube, tendon, cosserat, chain)
+    f"models/{draw.__name__}.svg": draw
+    for draw in (rack_finger, tri_rack, tri_tube, tendon, coupled, cosserat, chain)
 }
 
 

@@ -21,6 +21,11 @@ from tests.golden.make import FOLDER, TOLERANCE, names
 RULES_1 = FOLDER / "motion_rules_1"
 #: A geometry key of each file, a thousandth of a millimetre larger.
 MUTATIONS = {
+    "bend1": ("length_mm: 120,", "length_mm: 120.001,"),
+    "catheter": ("radius_mm: [5]", "radius_mm: [5.001]"),
+    "chambers3": ("length_mm: 60.0", "length_mm: 60.001"),
+    "planar2": ("length_mm: 100,", "length_mm: 100.001,"),
+    "trunk": ("length_mm: 106,", "length_mm: 106.001,"),
     "cbha": ("radius_mm: [40,", "radius_mm: [40.001,"),
     "chain": ("radius_mm: [40,", "radius_mm: [40.001,"),
     "finger": ("rack_spacing_mm: 13", "rack_spacing_mm: 13.001"),

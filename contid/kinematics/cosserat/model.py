@@ -37,7 +37,7 @@ def build_section(section: SectionGeometry) -> Section:
         inner=section.channel_radius_mm,
         chamber=section.chamber_radius_mm,
         placement=section.chamber_placement_mm,
-        pair_angle_rad=math.radians(section.pair_angle_deg),
+        pair_angle_rad=None if section.pair_angle_deg is None else math.radians(section.pair_angle_deg),
         modulus_pa=section.modulus_pa,
         modulus_up_to_bar=section.modulus_up_to_bar,
         bending_gain=section.bending_gain,

@@ -29,13 +29,14 @@ class Section:
         inertia: second moment I_x = I_y [mm^4].
         torsion: polar moment J_z [mm^4].
         chamber_area: area A_c of one chamber [mm^2].
-        arm: distance of a pair's resultant from the axis [mm].
+        arm: distance of the resultant of a pair, or of a single chamber, from the axis [mm].
         modulus_pa: coefficients b1..b5 of ``E = b1 x^4 + b2 x^3 + b3 x^2 + b4 x + b5`` (eq. 20), x the
             average pressure of the section in bar, E in Pa.
         modulus_up_to_bar: x is clamped here; the fit is not valid beyond.
         bending_gain: scale of the pressure moment (1: constants as derived; docs/robots/stiffflop.md).
         first_pair_rad: azimuth of the first chamber pair.
         poisson: Poisson's ratio; G = E / 2 (1 + poisson).
+        chambers: 6 in three pairs, or 3 single ones.
     """
 
     length: float
@@ -50,6 +51,7 @@ class Section:
     bending_gain: float = 1.0
     first_pair_rad: float = 0.0
     poisson: float = 0.5
+    chambers: int = 6
 
     @classmethod
     def solid(cls, length: float, radius: float, modulus_pa: float, poisson: float) -> Section:
@@ -81,33 +83,37 @@ class Section:
         inner: float,
         chamber: float,
         placement: float,
-        pair_angle_rad: float,
+        pair_angle_rad: float | None,
         modulus_pa: tuple[float, float, float, float, float],
         modulus_up_to_bar: float = 1.9,
         bending_gain: float = 1.0,
         first_pair_rad: float = 0.0,
     ) -> Section:
-        """Constants from radii [mm] (eq. 5, corrected).
+        """Constants from radii [mm] (eq. 5, corrected); three single chambers without an angle of pairs.
 
         ``I = pi/4 (Ro^4 - Ri^4) - (6 pi Rc^4 / 4 + 3 Rp^2 A_c)``, ``J = 2 I``. Erratum: eq. 5 as printed
         takes the full distance of a chamber instead of its projection (I 19 % too small) and pi Rc^4 / 4 for
-        a polar moment that is pi Rc^4 / 2. The six squared projections add up to 3 Rp^2 for any pair angle.
+        a polar moment that is pi Rc^4 / 2. The six squared projections add up to 3 Rp^2 for any pair angle,
+        those of three single chambers to half of it.
         """
         chamber_area = math.pi * chamber**2
         solid = math.pi / 4.0 * (outer**4 - inner**4)
-        inertia = solid - (6.0 * math.pi * chamber**4 / 4.0 + 3.0 * placement**2 * chamber_area)
+        chambers = 3 if pair_angle_rad is None else 6
+        taken = chambers * math.pi * chamber**4 / 4.0 + 0.5 * chambers * placement**2 * chamber_area
+        inertia = solid - taken
         return cls(
             length=length,
             link=link,
-            area=math.pi * (outer**2 - inner**2 - 6.0 * chamber**2),
+            area=math.pi * (outer**2 - inner**2 - chambers * chamber**2),
             inertia=inertia,
             torsion=2.0 * inertia,
             chamber_area=chamber_area,
-            arm=placement * math.cos(pair_angle_rad / 2.0),
+            arm=placement * math.cos(0.5 * (pair_angle_rad or 0.0)),
             modulus_pa=modulus_pa,
             modulus_up_to_bar=modulus_up_to_bar,
             bending_gain=bending_gain,
             first_pair_rad=first_pair_rad,
+            chambers=chambers,
         )
 
     def modulus(self, average_bar: float) -> tuple[float, float]:
@@ -133,8 +139,8 @@ class Section:
 
     @property
     def pair_force(self) -> float:
-        """Force of a pair per bar [N/bar]."""
-        return 2.0 * self.chamber_area * NEWTON_PER_BAR_MM2
+        """Force of a pair, or of a single chamber, per bar [N/bar]."""
+        return self.chambers / 3.0 * self.chamber_area * NEWTON_PER_BAR_MM2
 
     def inflated(self, pressures: Array) -> Inflated:
         """Compliances and reference strains at three pressures [bar], shape (3,)."""

@@ -36,15 +36,18 @@ def statics_of(robot: TendonRobot, geometry: TendonGeometry) -> TendonStatics | 
     if tension is None:
         return None
     bending = robot.per_section(tension.bending_n_mm2)
-    stiffness = robot.per_section(tension.tendon_n_per_mm)
+    stiffness = np.array(robot.per_section(tension.tendon_n_per_mm))
+    if tension.spring_n_per_mm is not None:
+        springs = np.array(robot.per_section(tension.spring_n_per_mm))
+        stiffness = stiffness * springs / (stiffness + springs)
     return TendonStatics(
         geometry,
         tuple(
             ei / (MM_PER_M * MM_PER_M) / section.length_m
             for ei, section in zip(bending, geometry.sections, strict=True)
         ),
-        MM_PER_M * np.array(stiffness)[geometry.section_of],
-        tension.floor_n,
+        MM_PER_M * stiffness[geometry.section_of],
+        tension.floor_n if tension.pretension_n is None else tension.pretension_n,
         tension.max_n,
     )
 
@@ -64,8 +67,11 @@ def spooled_tendons(
         to_device: transmission of the robot: pulls [m] and values of extra axes to angles [rad], affine.
 
     Returns:
-        A tendon for each pull, in the order of the axes; empty without ``tension`` in the robot file.
+        A tendon for each pull, in the order of the axes; empty without ``tension`` in the robot file, and for
+        drives, which move several tendons each.
     """
+    if robot.drives is not None:
+        return ()
     geometry = geometry_of(robot)
     statics = statics_of(robot, geometry)
     if statics is None:

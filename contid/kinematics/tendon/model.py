@@ -46,9 +46,8 @@ class TendonModel:
         self.upper = robot.upper
         self.geometry = geometry_of(robot)
         self.statics = statics_of(robot, self.geometry)
-        bend_max_rad = tuple(math.radians(bend) for bend in robot.per_section(robot.limits.bend_max_deg))
         self.feasible = limits_of(
-            self.geometry, self.axis_names, self.lower, self.upper, bend_max_rad, self.statics
+            self.geometry, self.axis_names, self.lower, self.upper, bend_max_of(robot), self.statics
         )
         self.solver = build_bend_solver(self.feasible)
         self._lengths = np.repeat(self.feasible.sections.backbone_m, 2)
@@ -124,9 +123,13 @@ class TendonModel:
         """Pulls that have these bends (`contid.kinematics.model.Bending`); sections keep their length."""
         return tuple(self._pulls_of(np.reshape(arcs, (-1, 3))[:, :2].ravel()).tolist())
 
+    def tendon_pulls(self, actuation: Actuation | Array) -> Array:
+        """Pulls ``(tendons,)`` [m] of an actuation: those themselves, where every tendon has a motor."""
+        return np.asarray(actuation, dtype=np.float64)
+
     def tensions(self, actuation: Actuation) -> Array | None:
-        """Tensions ``(tendons,)`` [N] of pulls [m]; None where the robot file has no ``tension``."""
-        return None if self.statics is None else self.statics.tensions(np.array(actuation))
+        """Tensions ``(tendons,)`` [N] of an actuation [m]; None where the robot file has no ``tension``."""
+        return None if self.statics is None else self.statics.tensions(self.tendon_pulls(actuation))
 
     @any_target
     def inverse(self, target: Target, seed: Actuation) -> Solution:
@@ -217,6 +220,11 @@ class TendonModel:
         off_m = max(abs(a - w) for a, w in zip(pulls, requested, strict=True))
         note = f"pulls moved by up to {m_to_mm(off_m):.6g} mm to keep every tendon taut and inside the limits"
         return Solution(pulls, residual_m, False, limits, 0, note)
+
+
+def bend_max_of(robot: TendonRobot) -> tuple[float, ...]:
+    """Largest bend of every section of a robot description [rad]."""
+    return tuple(math.radians(bend) for bend in robot.per_section(robot.limits.bend_max_deg))
 
 
 def _moved(tip: Vec3, by: Array) -> Vec3:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -20,8 +20,9 @@ class SectionGeometry(Strict):
         channel_radius_mm: radius of the central channel.
         chamber_radius_mm: radius of one chamber.
         chamber_placement_mm: distance of the chambers' centres from the axis.
-        pair_angle_deg: angle between the two chambers of one pair, which do not overlap.
-        first_pair_deg: azimuth of the first pair; not in the paper, 0 is +x.
+        chambers: 6 in three pairs, or 3 single ones.
+        pair_angle_deg: angle between the two chambers of one pair, which do not overlap; not with 3.
+        first_pair_deg: azimuth of the first pair or chamber; not in the paper, 0 is +x.
         modulus_pa: b1..b5 of ``E = b1 x^4 + b2 x^3 + b3 x^2 + b4 x + b5``, E in Pa, x the average pressure in
             bar (eq. 20); `contid calibrate modulus` fits them.
         modulus_up_to_bar: x is clamped here (the printed fits rise again beyond, or were not measured).
@@ -36,7 +37,8 @@ class SectionGeometry(Strict):
     channel_radius_mm: NonNegative
     chamber_radius_mm: Size
     chamber_placement_mm: Size
-    pair_angle_deg: Annotated[float, Field(ge=0, lt=180)]
+    chambers: Literal[3, 6] = 6
+    pair_angle_deg: Annotated[float, Field(ge=0, lt=180)] | None = None
     first_pair_deg: Azimuth = 0.0
     modulus_pa: tuple[float, float, float, float, float]
     modulus_up_to_bar: Positive = 1.9
@@ -52,14 +54,7 @@ class SectionGeometry(Strict):
             raise ValueError(
                 "the chambers cut into the central channel: placement - chamber radius < channel"
             )
-        apart_mm = 2.0 * self.chamber_placement_mm * math.sin(math.radians(self.pair_angle_deg) / 2.0)
-        if apart_mm < 2.0 * self.chamber_radius_mm * (1.0 - 1e-9):
-            least = math.degrees(2.0 * math.asin(self.chamber_radius_mm / self.chamber_placement_mm))
-            raise ValueError(
-                f"pair_angle_deg {self.pair_angle_deg:g}: the two chambers of a pair overlap, {apart_mm:.3g} "
-                f"mm apart; allowed: at least {math.ceil(10.0 * least) / 10.0:g}. Three single chambers are "
-                "no case of this model: a pair in one place would count twice and bend too far"
-            )
+        self._check_pairs()
         if self.link_mass_g > 0.0 and self.link_mm == 0.0:
             raise ValueError("link_mass_g needs a link_mm to act on")
         b1, b2, b3, b4, b5 = self.modulus_pa
@@ -73,6 +68,25 @@ class SectionGeometry(Strict):
                     f"E is {modulus:.4g} Pa there. Lower modulus_up_to_bar or fit again"
                 )
         return self
+
+    def _check_pairs(self) -> None:
+        """Chambers of a pair, or single ones beside each other, do not overlap."""
+        if self.chambers == 3:
+            if self.pair_angle_deg is not None:
+                raise ValueError("pair_angle_deg has no meaning for three single chambers; leave it out")
+            if self.chamber_placement_mm * math.sqrt(3.0) < 2.0 * self.chamber_radius_mm:
+                raise ValueError("chambers: three of this radius and placement overlap")
+            return
+        if self.pair_angle_deg is None:
+            raise ValueError("pair_angle_deg is missing; for three single chambers write chambers: 3")
+        apart_mm = 2.0 * self.chamber_placement_mm * math.sin(math.radians(self.pair_angle_deg) / 2.0)
+        if apart_mm < 2.0 * self.chamber_radius_mm * (1.0 - 1e-9):
+            least = math.degrees(2.0 * math.asin(self.chamber_radius_mm / self.chamber_placement_mm))
+            raise ValueError(
+                f"pair_angle_deg {self.pair_angle_deg:g}: the two chambers of a pair overlap, {apart_mm:.3g} "
+                f"mm apart; allowed: at least {math.ceil(10.0 * least) / 10.0:g}. For three single chambers "
+                "write chambers: 3; a pair in one place would count twice and bend too far"
+            )
 
 
 class CosseratGeometry(Strict):

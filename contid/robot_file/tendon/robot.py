@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar, Final, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import model_validator
 
 from contid.robot_file.base import Quantity
 from contid.robot_file.dynamics import Dynamics
 from contid.robot_file.robot import RobotDescription, SectionLength
 from contid.robot_file.simulated_body import SimulatedTendons
+from contid.robot_file.tendon.drives import Drive, check_drives, drive_matrix
 from contid.robot_file.tendon.sections import TendonRobotGeometry, TendonRobotLimits
 from contid.robot_file.tendon.statics import TendonFriction, TendonResidual, TendonRodStatics, Tension
 from contid.targets import Actuation, Vec3
@@ -23,12 +27,14 @@ class TendonRobot(RobotDescription):
     """A tendon robot of one to eight sections; it grows along +z.
 
     Axes: ``s1.t1``, ``s1.t2`` and so on: section, tendon; their values are pulls from the straight robot.
+    With ``drives``, the names of the drives; their values are travels from the straight robot.
     Targets: a tip; from three sections on also its direction, its whole frame, or a mid-point beside it.
 
     Attributes:
         model: ``tendon``.
         geometry: dimensions.
         limits: limits of pulls and bends.
+        drives: motors that wind several tendons at once, by name; a motor per tendon when left out.
         tension: tension of the tendons; bounds them and adds the stretch of tendons to the pulls.
         friction: friction of the tendons; off when left out.
         rod: statics of the backbone under loads; off when left out.
@@ -43,6 +49,7 @@ class TendonRobot(RobotDescription):
     model: Literal["tendon"]
     geometry: TendonRobotGeometry
     limits: TendonRobotLimits
+    drives: dict[str, Drive] | None = None
     tension: Tension | None = None
     friction: TendonFriction | None = None
     rod: TendonRodStatics | None = None
@@ -53,10 +60,15 @@ class TendonRobot(RobotDescription):
     @model_validator(mode="after")
     def _consistent(self) -> TendonRobot:
         count = self.sections
-        rows = [("limits.pull_mm", self.limits.pull_mm), ("limits.bend_max_deg", self.limits.bend_max_deg)]
+        self._check_drives()
+        pull_mm = self.limits.pull_mm or ()
+        rows: list[tuple[str, Sequence[object]]] = [("limits.bend_max_deg", self.limits.bend_max_deg)]
+        if pull_mm:
+            rows.append(("limits.pull_mm", pull_mm))
         if self.tension is not None:
-            rows.append(("tension.bending_n_mm2", self.tension.bending_n_mm2))
-            rows.append(("tension.tendon_n_per_mm", self.tension.tendon_n_per_mm))
+            for key in ("bending_n_mm2", "tendon_n_per_mm", "spring_n_per_mm"):
+                if (values := getattr(self.tension, key)) is not None:
+                    rows.append((f"tension.{key}", values))
         if self.rod is not None:
             if self.tension is None:
                 raise ValueError("rod needs tension, which has the stiffness of the backbone and the tendons")
@@ -79,16 +91,45 @@ class TendonRobot(RobotDescription):
         if self.residual is not None:
             self._check_residual(self.residual)
         backlash = () if self.friction is None else self.friction.play_mm
-        if backlash and len(backlash) not in (1, count, len(self.axis_names)):
-            raise ValueError(
-                f"friction.play_mm has {len(backlash)} numbers; allowed: 1, {count} or {len(self.axis_names)}"
-            )
-        for low, high in self.limits.pull_mm:
+        axes = len(self.axis_names)
+        counts = [1, count, axes] if self.drives is None else [1, axes]
+        if backlash and len(backlash) not in counts:
+            allowed = ", ".join(map(str, counts[:-1])) + f" or {axes}"
+            raise ValueError(f"friction.play_mm has {len(backlash)} numbers; allowed: {allowed}")
+        for low, high in pull_mm:
             if not low <= -_ROOM_MM <= _ROOM_MM <= high:
                 raise ValueError(
                     f"limits.pull_mm [{low:g}, {high:g}] has no room on both sides of 0, the straight robot"
                 )
         return self
+
+    def _check_drives(self) -> None:
+        if self.drives is None:
+            if self.tension is not None and self.tension.pretension_n is not None:
+                raise ValueError("tension.pretension_n is for drives; a motor per tendon keeps floor_n")
+            if self.limits.pull_mm is None:
+                raise ValueError("limits: pull_mm is missing; only a robot with drives may leave it out")
+            for number, section in enumerate(self.geometry.sections):
+                if len(section.angles_deg) == 2:
+                    raise ValueError(
+                        f"geometry.sections.{number}.angles_deg has two tendons, which bend in one plane; "
+                        "three or more are needed, or drives that pull them together"
+                    )
+            return
+        for key in ("rod", "residual", "dynamics"):
+            if getattr(self, key) is not None:
+                raise ValueError(f"{key} is for robots with a motor per tendon; leave out drives or {key}")
+        if self.friction is not None and any(self.friction.capstan):
+            raise ValueError(
+                "friction.capstan is for robots with a motor per tendon; play_mm goes with drives"
+            )
+        if self.tension is not None and self.tension.pretension_n is None:
+            raise ValueError(
+                "tension: pretension_n is missing; drives pull and pay out, but tighten no tendon"
+            )
+        elastic = self.tension is not None
+        for finding in check_drives(self.drives, self.tendon_names, self.geometry, elastic=elastic):
+            raise ValueError(finding)
 
     def _check_capstan(self, friction: TendonFriction) -> None:
         if any(friction.capstan) and self.tension is None:
@@ -121,6 +162,11 @@ class TendonRobot(RobotDescription):
 
     @property
     def axis_names(self) -> tuple[str, ...]:
+        """The tendons, or with ``drives`` those, in file order."""
+        return self.tendon_names if self.drives is None else tuple(self.drives)
+
+    @property
+    def tendon_names(self) -> tuple[str, ...]:
         """Section by section from the base, tendon by tendon."""
         return tuple(
             f"s{s + 1}.t{t + 1}"
@@ -156,18 +202,39 @@ class TendonRobot(RobotDescription):
 
     @property
     def kinematics(self) -> str:
-        """``tendon``, or with loads ``tendon.rod``."""
+        """``tendon``, with drives ``tendon.driven``, or with loads ``tendon.rod``."""
+        if self.drives is not None:
+            return "tendon.driven"
         return self.model if self.rod is None else "tendon.rod"
 
     @property
     def lower(self) -> Actuation:
-        """Least pull of every tendon [m]."""
-        return self._per_tendon(tuple(low / MM_PER_M for low, _ in self.limits.pull_mm))
+        """Least pull of every tendon, or travel of every drive [m]."""
+        if self.drives is not None:
+            return tuple(drive.travel_mm[0] / MM_PER_M for drive in self.drives.values())
+        return tuple(low for low, _ in self.pull_limits_m)
 
     @property
     def upper(self) -> Actuation:
-        """Largest pull of every tendon [m]."""
-        return self._per_tendon(tuple(high / MM_PER_M for _, high in self.limits.pull_mm))
+        """Largest pull of every tendon, or travel of every drive [m]."""
+        if self.drives is not None:
+            return tuple(drive.travel_mm[1] / MM_PER_M for drive in self.drives.values())
+        return tuple(high for _, high in self.pull_limits_m)
+
+    @property
+    def pull_limits_m(self) -> tuple[tuple[float, float], ...]:
+        """Least and largest pull of every tendon [m]; empty where ``limits.pull_mm`` is left out."""
+        if self.limits.pull_mm is None:
+            return ()
+        low, high = (
+            self._per_tendon(tuple(pair[side] / MM_PER_M for pair in self.limits.pull_mm)) for side in (0, 1)
+        )
+        return tuple(zip(low, high, strict=True))
+
+    @property
+    def drive_matrix(self) -> NDArray[np.float64] | None:
+        """Pulls of tendons by travels of ``drives``, shape ``(tendons, drives)``; None without."""
+        return None if self.drives is None else drive_matrix(self.drives, self.tendon_names)
 
     @property
     def rest(self) -> Actuation:
@@ -180,6 +247,8 @@ class TendonRobot(RobotDescription):
         if self.friction is None or not any(self.friction.play_mm):
             return None
         backlash = tuple(r / MM_PER_M for r in self.friction.play_mm)
+        if self.drives is not None and len(backlash) == 1:
+            return backlash * len(self.axis_names)
         return backlash if len(backlash) == len(self.axis_names) else self._per_tendon(backlash)
 
     @property

@@ -20,13 +20,14 @@ class TendonSectionDescription(Strict):
     Attributes:
         length_mm: length of the backbone between the discs; it does not change.
         radius_mm: distance of the tendons from the backbone, one number or one per tendon.
-        angles_deg: azimuth of each tendon, counter-clockwise from +x seen from +z; three or more, all around.
+        angles_deg: azimuth of each tendon, counter-clockwise from +x seen from +z; three or more, all around,
+            or with ``drives`` two that face each other.
         rigid_mm: rigid piece after the section, such as a thick disc.
     """
 
     length_mm: Size
     radius_mm: Annotated[tuple[Size, ...], Field(min_length=1, max_length=MAX_TENDONS)]
-    angles_deg: Annotated[tuple[Azimuth, ...], Field(min_length=3, max_length=MAX_TENDONS)]
+    angles_deg: Annotated[tuple[Azimuth, ...], Field(min_length=2, max_length=MAX_TENDONS)]
     rigid_mm: NonNegative = 0.0
 
     @model_validator(mode="after")
@@ -36,6 +37,14 @@ class TendonSectionDescription(Strict):
             raise ValueError(
                 f"radius_mm has {len(self.radius_mm)} numbers; allowed: 1 or {count}, one per tendon"
             )
+        if count == 2:
+            apart = abs(self.angles_deg[0] - self.angles_deg[1]) % 360.0
+            if abs(apart - 180.0) > 1.0:
+                raise ValueError(
+                    f"angles_deg has two tendons {apart:g} degrees apart; allowed: 180, where they face each "
+                    "other, or three or more tendons all around"
+                )
+            return self
         turned = sorted(angle % 360.0 for angle in self.angles_deg)
         widest = max(b - a for a, b in zip(turned, (*turned[1:], turned[0] + 360.0), strict=True))
         if widest > 170.0:
@@ -78,11 +87,14 @@ class TendonRobotLimits(Strict):
 
     Attributes:
         pull_mm: ``[min, max]`` pull of the tendons from the straight robot, positive when a tendon shortens:
-            one row for all, or one per section.
+            one row for all, or one per section. With ``drives``, whose travel has limits of its own, it may
+            be left out.
         bend_max_deg: largest bend of a section: one number for all, or one per section.
     """
 
-    pull_mm: Annotated[tuple[Interval, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)]
+    pull_mm: Annotated[tuple[Interval, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)] | None = (
+        None
+    )
     bend_max_deg: Annotated[
         tuple[Annotated[float, Field(gt=0, le=350)], ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)
     ] = (180.0,)

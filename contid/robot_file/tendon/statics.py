@@ -23,17 +23,28 @@ class Tension(Strict):
         bending_n_mm2: bending stiffness E I of the backbone: one number for all, or one per section.
         tendon_n_per_mm: axial stiffness of a tendon between its spool and its disc: one number for all, or
             one per section.
+        pretension_n: tension of the tendons of the straight robot, which ``drives`` need; without them it is
+            ``floor_n``.
+        spring_n_per_mm: stiffness of a spring in series with each tendon: one number for all, or one per
+            section; none when left out.
     """
 
     floor_n: Positive
     max_n: Positive
     bending_n_mm2: _PerSectionPositive
     tendon_n_per_mm: _PerSectionPositive
+    pretension_n: Positive | None = None
+    spring_n_per_mm: _PerSectionPositive | None = None
 
     @model_validator(mode="after")
     def _check_range(self) -> Tension:
         if self.max_n < 2.0 * self.floor_n:
             raise ValueError(f"max_n {self.max_n:g} is less than twice floor_n, {2.0 * self.floor_n:g}")
+        if self.pretension_n is not None and not self.floor_n < self.pretension_n < self.max_n:
+            raise ValueError(
+                f"pretension_n {self.pretension_n:g} is not between floor_n {self.floor_n:g} and max_n "
+                f"{self.max_n:g}"
+            )
         return self
 
 

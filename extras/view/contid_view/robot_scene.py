@@ -15,6 +15,7 @@ import numpy as np
 
 from contid.control.tick.config import RobotConfig
 from contid.kinematics.array import Array
+from contid.kinematics.model import build_model
 from contid.kinematics.rack.finger import RackFingerModel
 from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.rack_finger import RackFinger
@@ -99,7 +100,8 @@ class RobotScene:
             self.workspace = np.vstack([self._world(lines[0]), self.outline])
         else:
             self.workspace = self._world(_swayed(np.vstack(lines)))
-        self._tendons = TendonModel(robot) if isinstance(robot, TendonRobot) else None
+        model = build_model(robot) if isinstance(robot, TendonRobot) else None
+        self._tendons = model if isinstance(model, TendonModel) else None
 
     @property
     def planar(self) -> bool:

@@ -152,7 +152,7 @@ def test_one_to_eight_sections(configs, count):
     ("old", "new", "line_has", "message"),
     [
         ("[0, 120, 240]", "[0, 20, 40]", "- {length_mm: 100", "without a tendon"),
-        ("[0, 120, 240]", "[0, 120]", "[0, 120]", "at least 3"),
+        ("[0, 120, 240]", "[0, 120]", "[0, 120]", "three or more tendons"),
         (
             "radius_mm: [8], angles_deg: [0,",
             "radius_mm: [8, 9], angles_deg: [0,",

@@ -111,7 +111,7 @@ class Solve(Protocol):
 def section_constants(
     section: SectionGeometry, modulus_scale: float, moment_scale: float
 ) -> SectionConstants:
-    """Sum the six chambers of a section one by one (eq. 5, with their projected distances).
+    """Sum the six or three chambers of a section one by one (eq. 5, with their projected distances).
 
     Args:
         section: dimensions in the robot file.
@@ -120,15 +120,16 @@ def section_constants(
     """
     outer, inner, chamber = section.radius_mm, section.channel_radius_mm, section.chamber_radius_mm
     chamber_area = math.pi * chamber**2
-    half = math.radians(section.pair_angle_deg) / 2.0
+    single = section.pair_angle_deg is None
+    half = 0.0 if section.pair_angle_deg is None else math.radians(section.pair_angle_deg) / 2.0
     area = math.pi * (outer**2 - inner**2)
     inertia = math.pi / 4.0 * (outer**4 - inner**4)
-    push = 2.0 * chamber_area * NEWTON_PER_BAR_MM2
+    push = (1.0 if single else 2.0) * chamber_area * NEWTON_PER_BAR_MM2
     pair_moments: list[float] = []
     for k in range(3):
         pair = math.radians(section.first_pair_deg + 120.0 * k)
         moment = [0.0, 0.0]
-        for azimuth in (pair - half, pair + half):
+        for azimuth in (pair,) if single else (pair - half, pair + half):
             x, y = (
                 section.chamber_placement_mm * math.cos(azimuth),
                 section.chamber_placement_mm * math.sin(azimuth),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, TextIO
 
 import click
 
+from contid.errors import ContidError
 from contid_fit.commands.calibration import Calibration, calibration
 
 if TYPE_CHECKING:
@@ -40,6 +41,11 @@ def command(request: Calibration, held_out: TextIO | None, keep_out: float) -> N
     from contid_fit.calibrate.tendon.result import changes, friction_changes, friction_predicts
 
     name, robot = request.find(TendonRobot, "tendon robot")
+    if robot.drives is not None:
+        raise ContidError(
+            f"{name}: drives: contid calibrate tendon fits robots with a motor per tendon; "
+            "studies/trunk_statics.py shows a fit of a robot with drives"
+        )
     training = _read(request.data, request.source, name)
     other = None if held_out is None else _read(held_out, held_out.name, name)
     found = calibrate(robot, training, other, keep_out)
