@@ -1,0 +1,103 @@
+"""Everything that is identified from the recordings of one robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from contid.errors import ContidError
+from contid.robot_file.robot import RobotDescription
+from contid_identify.delay_lag import AxisAnswer, fit_axis
+from contid_identify.excitation import Excitation, excitation_of
+from contid_identify.recording import RobotRecording
+from contid_identify.ring_down import Decay, RingDown, decays_of, fit_ring_down
+from contid_identify.tip_answer import LEAST_TIPS, TipAnswer, fit_tip
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedAxis:
+    """One axis: what its commands can show, and its answer, or the reason why there is none."""
+
+    name: str
+    unit: str
+    per_unit: float
+    excitation: Excitation
+    answer: AxisAnswer | None
+    refused: str
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedMotion:
+    """What recordings of one robot show.
+
+    Attributes:
+        robot: its name.
+        recordings: they, in order.
+        axes: of its devices.
+        tip: the answer of a measured tip; None without one, then ``tip_refused`` has the reason.
+        ring_down: of the rests, where asked for.
+        decays: of the ring-downs.
+    """
+
+    robot: str
+    recordings: tuple[RobotRecording, ...]
+    axes: tuple[IdentifiedAxis, ...]
+    tip: TipAnswer | None
+    tip_refused: str
+    ring_down: RingDown | None
+    decays: tuple[Decay, ...]
+
+
+def identify(
+    name: str, robot: RobotDescription, recordings: Sequence[RobotRecording], settle_s: float | None
+) -> IdentifiedMotion:
+    """Identify one robot.
+
+    Args:
+        name: of the robot.
+        robot: description of the robot file; its axes are those of the recordings.
+        recordings: of it.
+        settle_s: time behind a move until the devices stand, for ring-downs; None: no ring-downs.
+
+    Raises:
+        ContidError: recordings of other axes, or ring-downs asked for and none there.
+    """
+    for each in recordings:
+        if each.axes != robot.all_axis_names:
+            raise ContidError(
+                f"{each.name}: its axes are {', '.join(each.axes)}; those of {name} are "
+                f"{', '.join(robot.all_axis_names)}"
+            )
+    axes = []
+    for k, (axis, quantity) in enumerate(zip(robot.all_axis_names, robot.quantities, strict=True)):
+        traces = [each.axis_trace(k) for each in recordings if len(each.axis_at_s[k]) > 0]
+        if not traces:
+            empty = Excitation(0.0, 0.0, 0.0, float("inf"), float("inf"), 1.0, ())
+            refused = "no measurement of it is recorded"
+            axes.append(IdentifiedAxis(axis, quantity.unit, quantity.to_si(1.0), empty, None, refused))
+            continue
+        excitation = excitation_of(traces)
+        found, refused = None, "; ".join(excitation.warnings)
+        if excitation.upper_hz > 0.0:
+            try:
+                found = fit_axis(traces)
+            except ContidError as error:
+                refused = str(error)
+        axes.append(IdentifiedAxis(axis, quantity.unit, quantity.to_si(1.0), excitation, found, refused))
+    tip, tip_refused = None, ""
+    measured = [each for each in recordings if len(each.tip_at_s) >= LEAST_TIPS]
+    if not measured:
+        tip_refused = "no measured tip is recorded: run it with a tracker"
+    else:
+        try:
+            tip = fit_tip([each.tip_trace() for each in measured])
+        except ContidError as error:
+            tip_refused = str(error)
+    decays: list[Decay] = []
+    ring_down = None
+    if settle_s is not None:
+        decays = [decay for each in recordings for decay in decays_of(each, settle_s)]
+        ring_down = fit_ring_down(decays)
+    return IdentifiedMotion(
+        name, tuple(recordings), tuple(axes), tip, tip_refused, ring_down, tuple(decays)
+    )
