@@ -95,7 +95,7 @@ def fit_axis(traces: Sequence[CommandedTrace]) -> AxisAnswer:
     halves = [found.interval(0.0, 0.0, 1.0).half, lag * log_lag.half, found.interval(0.0, 0.0, 1.0, lag).half]
     if lag < 0.2 * sure_s:
         # Then the samples show in which period an axis moves, not when within it.
-        halves = [max(half, 0.5 * sure_s) if np.isfinite(half) else 0.5 * sure_s for half in halves]
+        halves = [max(half, sure_s) if np.isfinite(half) else sure_s for half in halves]
     delay = float(found.values[2])
     return AxisAnswer(
         Interval(delay, halves[0]),
@@ -107,6 +107,10 @@ def fit_axis(traces: Sequence[CommandedTrace]) -> AxisAnswer:
     )
 
 
+def _predicted(traces: Sequence[CommandedTrace], delay_s: float, lag_s: float) -> Array:
+    return np.concatenate([answer(each.sent, each.period_s, each.at_s, delay_s, lag_s) for each in traces])
+
+
 class _AxisFit:
     """Fits of one axis to the same traces."""
 
@@ -115,29 +119,26 @@ class _AxisFit:
         self.split: TimeSplit = joined_split([each.at_s for each in traces])
         self.measured = np.concatenate([each.measured[:, 0] for each in traces])
 
-    def predicted(self, delay_s: float, lag_s: float) -> Array:
-        return np.concatenate(
-            [answer(each.sent, each.period_s, each.at_s, delay_s, lag_s) for each in self.traces]
-        )
-
     def residual(self, parameters: Array) -> Array:
         """Of offset, gain, then dead time and logarithm of the lag where there are any; all samples."""
         offset, gain, *rest = parameters.tolist()
         delay_s = rest[0] if rest else 0.0
         lag_s = float(np.exp(rest[1])) if len(rest) > 1 else 0.0
-        return np.asarray((self.measured - offset - gain * self.predicted(delay_s, lag_s))[:, None])
+        return np.asarray((self.measured - offset - gain * _predicted(self.traces, delay_s, lag_s))[:, None])
 
     def search(self, lags_s: Sequence[float] | Array) -> tuple[float, float]:
         """The best dead time and lag of a grid; offset and gain by linear regression."""
-        rows = np.flatnonzero(self.split.fitted)
-        rows = rows[:: max(len(rows) // _COARSE, 1)]
-        measured = self.measured[rows] - self.measured[rows].mean()
+        thin = max(len(self.measured) // _COARSE, 1)
+        few = [each.picked(np.arange(0, len(each.at_s), thin)) for each in self.traces]
+        rows = joined_split([each.at_s for each in few]).fitted
+        measured = np.concatenate([each.measured[:, 0] for each in few])[rows]
+        measured = measured - measured.mean()
         best = (np.inf, 0.0, 0.0)
         for lag_s in lags_s:
             delays = np.linspace(0.0, LONGEST_DELAY_S, _DELAYS)
             for _ in range(2):  # a second time around the best of the first
                 for delay_s in delays:
-                    x = self.predicted(float(delay_s), float(lag_s))[rows]
+                    x = _predicted(few, float(delay_s), float(lag_s))[rows]
                     x = x - x.mean()
                     power = float(x @ x)
                     left = float(measured @ measured) - (float(x @ measured) ** 2 / power if power > 0.0 else 0.0)
@@ -151,7 +152,7 @@ class _AxisFit:
         delay_s = start[0] if start else 0.0
         lag_s = float(np.exp(start[1])) if len(start) > 1 else 0.0
         rows = self.split.fitted
-        x, y = self.predicted(delay_s, lag_s)[rows], self.measured[rows]
+        x, y = _predicted(self.traces, delay_s, lag_s)[rows], self.measured[rows]
         gain = float(np.cov(x, y)[0, 1] / max(float(np.var(x, ddof=1)), 1e-300))
         line = [float(y.mean() - gain * x.mean()), gain]
         free = [np.inf, np.inf]

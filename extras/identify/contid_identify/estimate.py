@@ -1,10 +1,10 @@
 """Least squares with intervals that hold when errors are alike from sample to sample.
 
 Output error: the parameters ``p`` make the sum of squares of ``r(p) = measured - predicted(p)`` least. What
-a model leaves over is not white noise, so the covariance is that of sums of scores over long blocks of time
-(the "sandwich"; Liang and Zeger 1986, Cameron and Miller 2015):
+a model leaves over is not white noise, so the covariance is that of the estimates without one block of time
+each (the jackknife over blocks; Cameron and Miller 2015, CV3), to first order
 
-    cov(p) = (J'J)^-1 (B / (B - 1) sum_b s_b s_b') (J'J)^-1,   s_b = sum over block b of J_t' r_t
+    cov(p) = (B - 1) / B sum_b d_b d_b',   d_b = (J'J - J_b'J_b)^-1 J_b' r_b
 
 with a quantile of Student's t for B - 1 degrees of freedom. Errors may be correlated within a block, whose
 length is to be longer than their memory.
@@ -109,11 +109,18 @@ def _covariance(jacobian: Array, residual: Array, blocks: Array) -> Array:
     if len(names) < 2 or np.linalg.cond(normal) > 1e12:
         return out
     of_row = np.repeat(blocks, residual.shape[1])
-    scores = scaled * residual.reshape(-1, 1)
-    sums = np.array([scores[of_row == name].sum(axis=0) for name in names])
-    inverse = np.linalg.inv(normal)
-    among = len(names) / (len(names) - 1.0)
-    out[np.ix_(used, used)] = (inverse @ (among * sums.T @ sums) @ inverse) / np.outer(size[used], size[used])
+    left = residual.ravel()
+    total = np.zeros((len(used), len(used)))
+    for name in names:
+        rows = of_row == name
+        own = scaled[rows]
+        rest = normal - own.T @ own
+        if np.linalg.cond(rest) > 1e12:
+            return out  # one block alone fixes a parameter: nothing is known of its error
+        change = np.linalg.solve(rest, own.T @ left[rows])
+        total += np.outer(change, change)
+    share = (len(names) - 1.0) / len(names)
+    out[np.ix_(used, used)] = share * total / np.outer(size[used], size[used])
     return out
 
 

@@ -45,14 +45,16 @@ def lines(found: IdentifiedMotion) -> Iterator[str]:
             yield "  the recordings show no swing of their own: delay and lag hold what the body adds"
         for stage in tip.stages:
             yield f"    {_stage(stage, _MM, 'mm')}"
-    if found.ring_down is not None:
-        ring = found.ring_down
+    for ring in found.ring_downs:
         low, high = ring.range_hz
-        yield f"ring-down ({ring.decays} decays; noise {_MM * ring.noise_m:.2f} mm)"
+        pose = ", ".join(
+            f"{axis.name} {value / axis.per_unit:.3g}" for axis, value in zip(found.axes, ring.command, strict=True)
+        )
+        yield f"ring-down about {pose} ({ring.decays} decays, noise {_MM * ring.noise_m:.2f} mm)"
         for mode in ring.modes:
             yield f"  {_text(mode.frequency_hz)} Hz, damping ratio {_text(mode.ratio)}"
         if ring.decays > 1:
-            yield f"  decay by decay: {low:.3g} to {high:.3g} Hz"
+            yield f"  decay by decay: {low:.4g} to {high:.4g} Hz"
 
 
 def numbers(found: IdentifiedMotion) -> dict[str, object]:
@@ -72,9 +74,9 @@ def numbers(found: IdentifiedMotion) -> dict[str, object]:
             "damping_ratio": None if tip.ratio is None else _pair(tip.ratio),
             "stages": [_judged(stage, _MM) for stage in tip.stages],
         }
-    if found.ring_down is not None:
-        ring = found.ring_down
-        out["ring_down"] = {
+    out["ring_downs"] = [
+        {
+            "command": [value / axis.per_unit for axis, value in zip(found.axes, ring.command, strict=True)],
             "decays": ring.decays,
             "noise_mm": _MM * ring.noise_m,
             "modes": [
@@ -83,6 +85,8 @@ def numbers(found: IdentifiedMotion) -> dict[str, object]:
             ],
             "range_hz": list(ring.range_hz),
         }
+        for ring in found.ring_downs
+    ]
     return out
 
 
@@ -126,7 +130,8 @@ def _stage(stage: JudgedStage, factor: float, unit: str) -> str:
 def _text(of: Interval, factor: float = 1.0) -> str:
     if not math.isfinite(of.half):
         return f"{factor * of.value:.3g} (not fixed by these data)"
-    return f"{factor * of.value:.4g} ({factor * of.low:.4g} to {factor * of.high:.4g})"
+    # None of these can be negative.
+    return f"{factor * of.value:.4g} ({factor * max(of.low, 0.0):.4g} to {factor * of.high:.4g})"
 
 
 def _excitation(axis: IdentifiedAxis) -> str:

@@ -22,6 +22,8 @@ from contid_identify.recording import RobotRecording
 
 #: A command that changes by less than this share of its span stands still.
 _STANDS: Final = 1e-4
+#: Commands of one pose differ by less than this share of the span.
+_SAME_POSE: Final = 0.02
 #: Shortest and longest rest that is used [s].
 _LEAST_REST_S: Final = 0.8
 _LONGEST_S: Final = 6.0
@@ -42,12 +44,16 @@ class Decay:
         at_s: times since the start of the decay.
         tip_m: shape ``(samples, 3)``.
         amplitude_m: greatest distance from the mean of its last third.
+        command: at which the robot rests [m or Pa].
+        near: how far apart commands of the same pose may be.
     """
 
     start_s: float
     at_s: Array
     tip_m: Array
     amplitude_m: float
+    command: Array
+    near: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,15 +66,17 @@ class FreeMode:
 
 @dataclass(frozen=True, eq=False)
 class RingDown:
-    """Modes of free swings.
+    """Modes of free swings about one pose.
 
     Attributes:
+        command: at which the robot rests [m or Pa].
         modes: the strongest first.
         decays: how many were used.
         noise_m: what the modes leave over, root mean square of a component.
         range_hz: least and greatest frequency of the strongest mode, decay by decay.
     """
 
+    command: Array
     modes: tuple[FreeMode, ...]
     decays: int
     noise_m: float
@@ -95,21 +103,34 @@ def decays_of(recording: RobotRecording, settle_s: float) -> list[Decay]:
         amplitude = float(np.linalg.norm(tip - rest.mean(axis=0), axis=1).max())
         noise = float(np.sqrt(np.diff(rest, axis=0).var(axis=0).sum() / 2.0))
         if amplitude > _LEAST_SWING * noise:
-            found.append(Decay(start_s, at_s, tip, amplitude))
+            found.append(Decay(start_s, at_s, tip, amplitude, sent[before], _SAME_POSE * span))
     return found
 
 
-def fit_ring_down(decays: Sequence[Decay]) -> RingDown:
-    """Frequency and damping of some decays.
+def fit_ring_downs(decays: Sequence[Decay]) -> tuple[RingDown, ...]:
+    """Frequency and damping of decays, pose by pose: modes change with it.
 
     Raises:
-        ContidError: there is none, or none swings.
+        ContidError: there is none.
     """
     if not decays:
         raise ContidError(
             "no ring-down: no rest of the commands of 0.8 s or longer with a tip that swings above its noise; "
             "`contid excite --part ring-downs` makes some"
         )
+    poses: list[list[Decay]] = []
+    for each in decays:
+        for pose in poses:
+            if np.abs(each.command - pose[0].command).max() <= each.near:
+                pose.append(each)
+                break
+        else:
+            poses.append([each])
+    poses.sort(key=lambda pose: (-len(pose), -max(each.amplitude_m for each in pose)))
+    return tuple(_fit_pose(pose) for pose in poses)
+
+
+def _fit_pose(decays: Sequence[Decay]) -> RingDown:
     one = _fitted(decays, [_main_frequency(decays)])
     hz = float(np.exp(one.values[0]))
     two = _fitted(decays, [hz, _main_frequency_left(decays, one)])
@@ -127,7 +148,7 @@ def fit_ring_down(decays: Sequence[Decay]) -> RingDown:
         )
     singly = [float(np.exp(_fitted([each], [modes[0].frequency_hz.value]).values[0])) for each in decays]
     return RingDown(
-        tuple(modes), len(decays), float(np.sqrt((found.residual**2).mean())), (min(singly), max(singly))
+        decays[0].command, tuple(modes), len(decays), float(np.sqrt((found.residual**2).mean())), (min(singly), max(singly))
     )
 
 

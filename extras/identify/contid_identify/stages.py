@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from contid.errors import ContidError
+from contid.kinematics.array import Array
+from contid.kinematics.batch import forward_many
+from contid.kinematics.model import build_model
 from contid.robot_file.robot import RobotDescription
 from contid_identify.delay_lag import AxisAnswer, fit_axis
 from contid_identify.excitation import Excitation, excitation_of
 from contid_identify.recording import RobotRecording
-from contid_identify.ring_down import Decay, RingDown, decays_of, fit_ring_down
+from contid_identify.ring_down import RingDown, decays_of, fit_ring_downs
 from contid_identify.tip_answer import LEAST_TIPS, TipAnswer, fit_tip
 
 
@@ -35,8 +40,7 @@ class IdentifiedMotion:
         recordings: they, in order.
         axes: of its devices.
         tip: the answer of a measured tip; None without one, then ``tip_refused`` has the reason.
-        ring_down: of the rests, where asked for.
-        decays: of the ring-downs.
+        ring_downs: of the rests, where asked for, the pose with most of them first.
     """
 
     robot: str
@@ -44,8 +48,7 @@ class IdentifiedMotion:
     axes: tuple[IdentifiedAxis, ...]
     tip: TipAnswer | None
     tip_refused: str
-    ring_down: RingDown | None
-    decays: tuple[Decay, ...]
+    ring_downs: tuple[RingDown, ...]
 
 
 def identify(
@@ -90,14 +93,28 @@ def identify(
         tip_refused = "no measured tip is recorded: run it with a tracker"
     else:
         try:
-            tip = fit_tip([each.tip_trace() for each in measured])
+            tip = fit_tip([each.tip_trace() for each in measured], _statics(robot, measured))
         except ContidError as error:
             tip_refused = str(error)
-    decays: list[Decay] = []
-    ring_down = None
+    ring_downs: tuple[RingDown, ...] = ()
     if settle_s is not None:
-        decays = [decay for each in recordings for decay in decays_of(each, settle_s)]
-        ring_down = fit_ring_down(decays)
-    return IdentifiedMotion(
-        name, tuple(recordings), tuple(axes), tip, tip_refused, ring_down, tuple(decays)
-    )
+        ring_downs = fit_ring_downs([decay for each in recordings for decay in decays_of(each, settle_s)])
+    return IdentifiedMotion(name, tuple(recordings), tuple(axes), tip, tip_refused, ring_downs)
+
+
+def _statics(robot: RobotDescription, recordings: Sequence[RobotRecording]) -> list[Array] | None:
+    """Tips of the commands by the model of the file, in the base frame; None where one has no pose."""
+    model = build_model(robot)
+    out = []
+    for each in recordings:
+        commands = each.sent[:, : len(robot.axis_names)]
+        # Rests repeat a command; each is computed once.
+        different, places = np.unique(commands, axis=0, return_inverse=True)
+        try:
+            tips = forward_many(model, different)["tip_m"]
+        except ContidError:
+            return None
+        if not np.isfinite(tips).all():
+            return None
+        out.append(np.asarray(tips[places.ravel()]))
+    return out

@@ -2,9 +2,10 @@
 
     tip(t) = sum_j w_j y_j(t),   y_j: a monomial of the commands, late by a dead time, behind a lag and a swing
 
-(Hammerstein: the map first, one linear answer for all behind it). The weights follow by linear regression for
-every dead time, lag, frequency and damping that is tried (variable projection, Golub and Pereyra 1973). The
-map stands for no model of contid: it has the range of the recording and is not written anywhere.
+(Hammerstein: the map first, one linear answer for all behind it). The statics of the robot's model, where it
+has one, is among the inputs; then monomials are of first degree and correct it. The weights follow by linear
+regression for every dead time, lag, frequency and damping that is tried (variable projection, Golub and
+Pereyra 1973). The map holds in the range of the recording only and is not written anywhere.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from contid_identify.split import joined_split
 #: Share of the variance of the commands below which a combination of axes counts as not moved.
 _STILL: Final = 1e-4
 #: Measurements per monomial at least, for monomials of this degree.
-_PER_MONOMIAL: Final = 20
+_PER_MONOMIAL: Final = 100
 _DEGREES: Final = (3, 2, 1)
 #: Ridge of the regression, as a share of the mean power of the monomials: combinations that never occur stay 0.
 _RIDGE: Final = 1e-6
@@ -61,11 +62,12 @@ class TipAnswer:
     samples: tuple[int, int]
 
 
-def fit_tip(traces: Sequence[CommandedTrace]) -> TipAnswer:
+def fit_tip(traces: Sequence[CommandedTrace], statics_m: Sequence[Array] | None = None) -> TipAnswer:
     """Dead time, lag and swing of a tip.
 
     Args:
         traces: one per recording, ``sent`` ``(ticks, axes)`` and ``measured`` ``(samples, 3)`` [m].
+        statics_m: tips of the commands by a model, one array ``(ticks, 3)`` per recording.
 
     Raises:
         ContidError: too few tips, or no axis moved.
@@ -73,7 +75,7 @@ def fit_tip(traces: Sequence[CommandedTrace]) -> TipAnswer:
     count = sum(len(each.at_s) for each in traces)
     if count < LEAST_TIPS:
         raise ContidError(f"{count} measured tips; at least {LEAST_TIPS} are needed")
-    fit = _TipFit(traces)
+    fit = _TipFit(traces, statics_m)
     static = fit.judged("static map", fit.fitted([]))
     late = fit.best([[delay_s] for delay_s in _DELAYS_S])
     stages = [static, fit.judged("dead time", late)]
@@ -111,7 +113,7 @@ class _TipFit:
     _LOW: Final = (0.0, np.log(1e-4), np.log(0.2), np.log(0.01))
     _HIGH: Final = (2.0, np.log(6.0), np.log(30.0), np.log(2.0))
 
-    def __init__(self, traces: Sequence[CommandedTrace]) -> None:
+    def __init__(self, traces: Sequence[CommandedTrace], statics_m: Sequence[Array] | None) -> None:
         self.traces = traces
         self.split = joined_split([each.at_s for each in traces])
         self.measured = np.concatenate([each.measured for each in traces])
@@ -124,14 +126,18 @@ class _TipFit:
         scale = np.abs((sent - middle) @ turns[moved].T).max(axis=0)
         self.combinations = int(moved.sum())
         rows = int(self.split.fitted.sum())
+        degrees = _DEGREES if statics_m is None else (1,)
         self.degree = next(
-            (d for d in _DEGREES if rows >= _PER_MONOMIAL * len(_monomials(self.combinations, d))), 1
+            (d for d in degrees if rows >= _PER_MONOMIAL * len(_monomials(self.combinations, d))), 1
         )
         powers = _monomials(self.combinations, self.degree)
         self.inputs = []
-        for each in traces:
+        tips = self.measured
+        for k, each in enumerate(traces):
             parts = (each.sent - middle) @ turns[moved].T / scale
             columns = [np.prod(parts[:, list(chosen)], axis=1) for chosen in powers]
+            if statics_m is not None:
+                columns += list(((statics_m[k] - tips.mean(axis=0)) / max(float(np.ptp(tips)), 1e-9)).T)
             self.inputs.append(np.column_stack((np.ones(len(parts)), *columns)))
 
     def outputs(self, parameters: Array) -> Array:

@@ -4,7 +4,7 @@
 |---|---|
 | `follow_delay_ms`, `follow_lag_ms` | the slowest axis: the upper ends of the intervals and a quarter, because these are the longest that still count as healthy |
 | `dynamics.delay_ms`, `dynamics.lag_ms` | from the command to the body: of the tip where it was measured, else of every axis |
-| `rates.shape` | the strongest mode of the ring-downs |
+| `rates.shape` | the strongest mode about the pose with the most ring-downs |
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def changes(found: IdentifiedMotion, robot: RobotDescription, note: str) -> list
         ]
     if getattr(robot, "dynamics", None) is not None:
         out += _dynamics(found, len(robot.axis_names), note)
-    if found.ring_down is not None:
+    if found.ring_downs:
         out.append(_shape(found, note))
     if not out:
         raise ContidError("nothing is known well enough to be written; the report names what is missing")
@@ -74,8 +74,7 @@ def _dynamics(found: IdentifiedMotion, count: int, note: str) -> list[Change]:
 
 
 def _shape(found: IdentifiedMotion, note: str) -> Change:
-    assert found.ring_down is not None
-    mode = found.ring_down.modes[0]
+    mode = found.ring_downs[0].modes[0]
     hz, ratio = mode.frequency_hz, mode.ratio
     low, high = _SHAPED_HZ
     if not low <= hz.value <= high or not math.isfinite(hz.half) or hz.half > 0.2 * hz.value:
