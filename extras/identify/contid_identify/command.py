@@ -18,13 +18,14 @@ from contid.cli.support.parameters import NewFile, robot_names
 )
 @click.option("--robot", "name", help="Which robot, where the file has several.")
 @click.option("--ring-down", is_flag=True, help="Also frequency and damping, from rests behind moves.")
+@click.option("--body", is_flag=True, help="Also mass and damping of the body, from the same rests.")
 @click.option(
     "--settle",
     "settle_s",
     type=click.FloatRange(0.0, 10.0),
     default=0.2,
     show_default=True,
-    help="Time until the devices stand behind a move, for --ring-down [s].",
+    help="Time until the devices stand behind a move, for --ring-down and --body [s].",
 )
 @click.option("--write", is_flag=True, help="Write delay and lag, or the swing, into ROBOT_FILE.")
 @click.option(
@@ -36,6 +37,7 @@ def command(
     sessions: tuple[Path, ...],
     name: str | None,
     ring_down: bool,
+    body: bool,
     settle_s: float,
     write: bool,
     html: Path | None,
@@ -52,7 +54,7 @@ def command(
     from contid.robot_file.load import load_named
     from contid_identify.printed import lines, numbers
     from contid_identify.recording import read_recording
-    from contid_identify.stages import identify
+    from contid_identify.stages import Rests, identify
     from contid_identify.written import changes
 
     require_extra("contid identify", "scipy")
@@ -67,7 +69,8 @@ def command(
             f"--write: {robot_file} is not a file of yours; `contid new NAME --from {robot_file}` makes one"
         )
     recordings = [read_recording(path, name) for path in sessions]
-    found = identify(name, robots[name], recordings, settle_s if ring_down else None)
+    rests = Rests(settle_s, ring_down, body) if ring_down or body else None
+    found = identify(name, robots[name], recordings, rests)
     if as_json:
         click.echo(json.dumps(numbers(found)))
     else:

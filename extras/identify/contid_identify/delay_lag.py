@@ -141,7 +141,9 @@ class _AxisFit:
                     x = _predicted(few, float(delay_s), float(lag_s))[rows]
                     x = x - x.mean()
                     power = float(x @ x)
-                    left = float(measured @ measured) - (float(x @ measured) ** 2 / power if power > 0.0 else 0.0)
+                    left = float(measured @ measured) - (
+                        float(x @ measured) ** 2 / power if power > 0.0 else 0.0
+                    )
                     best = min(best, (left, float(delay_s), float(lag_s)))
                 step = LONGEST_DELAY_S / (_DELAYS - 1)
                 delays = np.clip(best[1] + np.linspace(-step, step, 21), 0.0, None)

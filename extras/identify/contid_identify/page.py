@@ -32,6 +32,8 @@ def page(found: IdentifiedMotion) -> str:
             parts += _chart(axis.name, axis.answer.stages, 1.0 / axis.per_unit, axis.unit)
     if found.tip is not None:
         parts += _chart("tip", found.tip.stages, 1e3, "mm")
+    if found.body is not None:
+        parts += _chart("body", found.body.stages, 1e3, "mm")
     parts += ["<h2>Report</h2>", f"<pre>{escape(chr(10).join(lines(found)))}</pre>", "</body></html>"]
     return "\n".join(parts) + "\n"
 

@@ -48,13 +48,28 @@ def lines(found: IdentifiedMotion) -> Iterator[str]:
     for ring in found.ring_downs:
         low, high = ring.range_hz
         pose = ", ".join(
-            f"{axis.name} {value / axis.per_unit:.3g}" for axis, value in zip(found.axes, ring.command, strict=True)
+            f"{axis.name} {value / axis.per_unit:.3g}"
+            for axis, value in zip(found.axes, ring.command, strict=True)
         )
         yield f"ring-down about {pose} ({ring.decays} decays, noise {_MM * ring.noise_m:.2f} mm)"
         for mode in ring.modes:
             yield f"  {_text(mode.frequency_hz)} Hz, damping ratio {_text(mode.ratio)}"
         if ring.decays > 1:
             yield f"  decay by decay: {low:.4g} to {high:.4g} Hz"
+    if found.body is not None:
+        body = found.body
+        fitted, kept = body.decays
+        yield (
+            f"body ({fitted} decays fitted, {kept} kept out"
+            + ("" if kept else ": its errors are of the fit")
+            + ")"
+        )
+        yield (
+            f"  mass {_text(body.mass)} times that of the file, damping {_text(body.damping_s, _MS)} ms, "
+            f"delay behind the devices {_text(body.delay_s, _MS)} ms"
+        )
+        for stage in body.stages:
+            yield f"    {_stage(stage, _MM, 'mm')}"
 
 
 def numbers(found: IdentifiedMotion) -> dict[str, object]:
@@ -87,11 +102,23 @@ def numbers(found: IdentifiedMotion) -> dict[str, object]:
         }
         for ring in found.ring_downs
     ]
+    if found.body is not None:
+        out["body"] = {
+            "mass_factor": _pair(found.body.mass),
+            "damping_s": _pair(found.body.damping_s),
+            "delay_s": _pair(found.body.delay_s),
+            "decays": list(found.body.decays),
+            "stages": [_judged(stage, _MM) for stage in found.body.stages],
+        }
     return out
 
 
 def _axis(axis: IdentifiedAxis) -> dict[str, object]:
-    out: dict[str, object] = {"name": axis.name, "unit": axis.unit, "warnings": list(axis.excitation.warnings)}
+    out: dict[str, object] = {
+        "name": axis.name,
+        "unit": axis.unit,
+        "warnings": list(axis.excitation.warnings),
+    }
     if axis.answer is None:
         return {**out, "refused": axis.refused}
     own = axis.answer

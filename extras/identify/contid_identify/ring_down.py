@@ -148,7 +148,11 @@ def _fit_pose(decays: Sequence[Decay]) -> RingDown:
         )
     singly = [float(np.exp(_fitted([each], [modes[0].frequency_hz.value]).values[0])) for each in decays]
     return RingDown(
-        decays[0].command, tuple(modes), len(decays), float(np.sqrt((found.residual**2).mean())), (min(singly), max(singly))
+        decays[0].command,
+        tuple(modes),
+        len(decays),
+        float(np.sqrt((found.residual**2).mean())),
+        (min(singly), max(singly)),
     )
 
 

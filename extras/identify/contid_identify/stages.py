@@ -12,11 +12,27 @@ from contid.kinematics.array import Array
 from contid.kinematics.batch import forward_many
 from contid.kinematics.model import build_model
 from contid.robot_file.robot import RobotDescription
+from contid_identify.body_fit import BodyFit, fit_body
 from contid_identify.delay_lag import AxisAnswer, fit_axis
 from contid_identify.excitation import Excitation, excitation_of
 from contid_identify.recording import RobotRecording
 from contid_identify.ring_down import RingDown, decays_of, fit_ring_downs
 from contid_identify.tip_answer import LEAST_TIPS, TipAnswer, fit_tip
+
+
+@dataclass(frozen=True, slots=True)
+class Rests:
+    """What is identified from rests of the commands.
+
+    Attributes:
+        settle_s: time behind a move until the devices stand.
+        ring_down: the modes of free swings.
+        body: mass and damping of the moving rod.
+    """
+
+    settle_s: float
+    ring_down: bool
+    body: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +57,7 @@ class IdentifiedMotion:
         axes: of its devices.
         tip: the answer of a measured tip; None without one, then ``tip_refused`` has the reason.
         ring_downs: of the rests, where asked for, the pose with most of them first.
+        body: mass and damping, where asked for.
     """
 
     robot: str
@@ -49,10 +66,11 @@ class IdentifiedMotion:
     tip: TipAnswer | None
     tip_refused: str
     ring_downs: tuple[RingDown, ...]
+    body: BodyFit | None
 
 
 def identify(
-    name: str, robot: RobotDescription, recordings: Sequence[RobotRecording], settle_s: float | None
+    name: str, robot: RobotDescription, recordings: Sequence[RobotRecording], rests: Rests | None
 ) -> IdentifiedMotion:
     """Identify one robot.
 
@@ -60,7 +78,7 @@ def identify(
         name: of the robot.
         robot: description of the robot file; its axes are those of the recordings.
         recordings: of it.
-        settle_s: time behind a move until the devices stand, for ring-downs; None: no ring-downs.
+        rests: what to take from rests of the commands; None for nothing.
 
     Raises:
         ContidError: recordings of other axes, or ring-downs asked for and none there.
@@ -97,9 +115,14 @@ def identify(
         except ContidError as error:
             tip_refused = str(error)
     ring_downs: tuple[RingDown, ...] = ()
-    if settle_s is not None:
-        ring_downs = fit_ring_downs([decay for each in recordings for decay in decays_of(each, settle_s)])
-    return IdentifiedMotion(name, tuple(recordings), tuple(axes), tip, tip_refused, ring_downs)
+    body = None
+    if rests is not None:
+        decays = [decays_of(each, rests.settle_s) for each in recordings]
+        if rests.ring_down:
+            ring_downs = fit_ring_downs([decay for own in decays for decay in own])
+        if rests.body:
+            body = fit_body(robot, recordings, decays)
+    return IdentifiedMotion(name, tuple(recordings), tuple(axes), tip, tip_refused, ring_downs, body)
 
 
 def _statics(robot: RobotDescription, recordings: Sequence[RobotRecording]) -> list[Array] | None:

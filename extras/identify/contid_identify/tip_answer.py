@@ -122,7 +122,9 @@ class _TipFit:
         _, sizes, turns = np.linalg.svd(sent - middle, full_matrices=False)
         moved = sizes**2 > _STILL * max(float((sizes**2).sum()), 1e-300)
         if not moved.any() or sizes[0] <= 0.0:
-            raise ContidError("no axis was commanded to move; `contid excite` makes a trajectory that moves it")
+            raise ContidError(
+                "no axis was commanded to move; `contid excite` makes a trajectory that moves it"
+            )
         scale = np.abs((sent - middle) @ turns[moved].T).max(axis=0)
         self.combinations = int(moved.sum())
         rows = int(self.split.fitted.sum())
@@ -167,7 +169,9 @@ class _TipFit:
     def best(self, starts: Sequence[Sequence[float]]) -> Estimate:
         """The least squares that begins at the best of some starts."""
         rows = self.split.fitted
-        return self.fitted(min(starts, key=lambda start: float((self.residual(np.array(start))[rows] ** 2).sum())))
+        return self.fitted(
+            min(starts, key=lambda start: float((self.residual(np.array(start))[rows] ** 2).sum()))
+        )
 
     def fitted(self, start: Sequence[float]) -> Estimate:
         """Least squares from a start."""
@@ -190,7 +194,9 @@ class _TipFit:
 def _monomials(count: int, degree: int) -> list[tuple[int, ...]]:
     """Factors of every monomial, without the constant."""
     return [
-        chosen for power in range(1, degree + 1) for chosen in combinations_with_replacement(range(count), power)
+        chosen
+        for power in range(1, degree + 1)
+        for chosen in combinations_with_replacement(range(count), power)
     ]
 
 

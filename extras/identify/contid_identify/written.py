@@ -4,6 +4,7 @@
 |---|---|
 | `follow_delay_ms`, `follow_lag_ms` | the slowest axis: the upper ends of the intervals and a quarter, because these are the longest that still count as healthy |
 | `dynamics.delay_ms`, `dynamics.lag_ms` | from the command to the body: of the tip where it was measured, else of every axis |
+| `dynamics.mass_g_per_m`, `tip_mass_g`, `damping_ms` | the body |
 | `rates.shape` | the strongest mode about the pose with the most ring-downs |
 """
 
@@ -12,8 +13,10 @@ from __future__ import annotations
 import math
 
 from contid.errors import ContidError
+from contid.robot_file.dynamics import Dynamics
 from contid.robot_file.edit import Change
 from contid.robot_file.robot import RobotDescription
+from contid_identify.body_fit import scaled
 from contid_identify.delay_lag import AxisAnswer
 from contid_identify.estimate import Interval
 from contid_identify.stages import IdentifiedMotion
@@ -47,6 +50,7 @@ def changes(found: IdentifiedMotion, robot: RobotDescription, note: str) -> list
         ]
     if getattr(robot, "dynamics", None) is not None:
         out += _dynamics(found, len(robot.axis_names), note)
+        out += _body(found, robot, note)
     if found.ring_downs:
         out.append(_shape(found, note))
     if not out:
@@ -71,6 +75,32 @@ def _dynamics(found: IdentifiedMotion, count: int, note: str) -> list[Change]:
         Change("dynamics.delay_ms", [_ms(each.delay_s.value) for each in answers], f"{note}: of the axes"),
         Change("dynamics.lag_ms", [_ms(each.lag_s.value) for each in answers], f"{note}: of the axes"),
     ]
+
+
+def _body(found: IdentifiedMotion, robot: RobotDescription, note: str) -> list[Change]:
+    if found.body is None:
+        return []
+    body = found.body
+    if not math.isfinite(body.mass.half) or body.mass.half > 0.5 * body.mass.value:
+        return []
+    old: Dynamics = getattr(robot, "dynamics")  # noqa: B009
+    new = scaled(old, body.mass.value, body.damping_s.value)
+    assert new.mass_g_per_m is not None
+    error = 1e3 * body.stages[-1].kept_out.rmse
+    share = 100.0 * body.mass.half / body.mass.value
+    out = [
+        Change(
+            "dynamics.mass_g_per_m",
+            [float(f"{each:.4g}") for each in new.mass_g_per_m],
+            f"{note}: +- {share:.1g} %, kept out {error:.2g} mm",
+        ),
+        Change(
+            "dynamics.damping_ms", float(f"{new.damping_ms:.3g}"), f"{note}: +- {_ms(body.damping_s.half)} ms"
+        ),
+    ]
+    if old.tip_mass_g:
+        out.append(Change("dynamics.tip_mass_g", float(f"{new.tip_mass_g:.4g}"), note))
+    return out
 
 
 def _shape(found: IdentifiedMotion, note: str) -> Change:

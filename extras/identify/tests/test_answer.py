@@ -8,6 +8,7 @@ import pytest
 from contid_identify.answer import CommandedTrace, answer, first_order
 from tests.support.integrated_lag import PERIOD_S, integrated
 
+
 @pytest.mark.parametrize(("delay_s", "lag_s"), [(0.0437, 0.031), (0.0, 0.2), (0.2204, 0.004)])
 def test_it_is_the_solution_of_the_equation(delay_s: float, lag_s: float) -> None:
     rng = np.random.default_rng(3)

@@ -33,11 +33,7 @@ def fits(seeds: int, duration_s: float = 40.0) -> list[AxisAnswer]:
     clean = trace(sent, DELAY_S, LAG_S, np.zeros(len(sent)))
     return [
         fit_axis(
-            [
-                CommandedTrace(
-                    PERIOD_S, sent, clean.at_s, clean.measured + noises(seed, len(sent))[:, None]
-                )
-            ]
+            [CommandedTrace(PERIOD_S, sent, clean.at_s, clean.measured + noises(seed, len(sent))[:, None])]
         )
         for seed in range(seeds)
     ]

@@ -46,6 +46,9 @@ def test_ring_downs_end_with_rests(tmp_path: Path) -> None:
 
 def test_mistakes_are_named(tmp_path: Path) -> None:
     out = str(tmp_path / "e.csv")
-    for arguments, message in ((["hand", "-o", out], "--robot"), (["finger", "--robot", "x", "-o", out], "'x'")):
+    for arguments, message in (
+        (["hand", "-o", out], "--robot"),
+        (["finger", "--robot", "x", "-o", out], "'x'"),
+    ):
         with pytest.raises(ContidError, match=message):
             CliRunner().invoke(command, arguments, catch_exceptions=False)
