@@ -1,4 +1,4 @@
-"""Commands behind a dead time and a lag, integrated by scipy on a fine grid: an oracle of `contid_identify`."""
+"""Commands behind a dead time and a lag, integrated by scipy on a fine grid: an oracle of identification."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FINE_S = 1e-4
 
 def integrated(sent: Array, at_s: Array, delay_s: float, lag_s: float) -> Array:
     """Held commands, late, through a lag, by `scipy.signal.lsim` at 10 kHz, at times ``at_s``."""
-    grid = np.arange(int(len(sent) * PERIOD_S / FINE_S)) * FINE_S
+    grid = np.arange(float(int(len(sent) * PERIOD_S / FINE_S))) * FINE_S
     place = np.floor((grid - delay_s) / PERIOD_S + 1e-9).astype(int)
     held = sent[np.clip(place, 0, len(sent) - 1)]
     _, out, _ = lsim(([1.0], [lag_s, 1.0]), held - sent[0], grid, interp=False)
@@ -24,7 +24,9 @@ def integrated(sent: Array, at_s: Array, delay_s: float, lag_s: float) -> Array:
 def exciting_commands(seed: int, duration_s: float, size: float, velocity: float) -> Array:
     """Steps of random size with limited speed, as an axis is moved: ``(ticks,)``."""
     rng = np.random.default_rng(seed)
-    goals, value, out = [], 0.0, []
+    goals: list[float] = []
+    out: list[float] = []
+    value = 0.0
     while len(goals) < duration_s / PERIOD_S:
         goals += [rng.uniform(-size, size)] * int(rng.integers(20, 120))
     for goal in goals[: int(duration_s / PERIOD_S)]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contid.kinematics.array import Array
 
@@ -35,7 +36,7 @@ class CommandedTrace:
     measured: Array
     name: str = ""
 
-    def picked(self, rows: Array) -> CommandedTrace:
+    def picked(self, rows: Array | NDArray[np.intp]) -> CommandedTrace:
         """The same commands with some of the measurements only; ``rows`` is a mask or indices."""
         return replace(self, at_s=self.at_s[rows], measured=self.measured[rows])
 

@@ -172,7 +172,7 @@ def _move(recording: RobotRecording, decay: Decay) -> _Move:
     end_s = min(decay.start_s + _DECAY_S, recording.duration_s)
     grid = np.arange(begin_s, end_s, _STEP_S)
     count = len(recording.robot.axis_names)
-    ticks = np.arange(len(recording.sent)) * recording.period_s
+    ticks = np.arange(float(len(recording.sent))) * recording.period_s
     driven = []
     for k in range(count):
         at_s, values = recording.axis_at_s[k], recording.axis_measured[k]

@@ -79,7 +79,9 @@ def estimate(
 
     Args:
         residual: from parameters to what is left over, shape ``(samples, columns)``.
-        start, low, high: shape ``(parameters,)``.
+        start: shape ``(parameters,)``, as the next two.
+        low: least values.
+        high: greatest values.
         blocks: number of the block of time of each sample.
     """
     from scipy.optimize import least_squares

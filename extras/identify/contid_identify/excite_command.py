@@ -76,8 +76,7 @@ def command(
     with replacing(output) as file:
         file.write(found.text.encode())
     for part in found.parts:
+        size = f"{100.0 * part.share:3.0f} % of the first size"
         slowed = f", {part.slowed:.2g} times as slow" if part.slowed > 1.0 else ""
-        click.echo(
-            f"  {part.name:10} {part.duration_s:5.1f} s, {100.0 * part.share:3.0f} % of the first size{slowed}"
-        )
+        click.echo(f"  {part.name:10} {part.duration_s:5.1f} s, {size}{slowed}")
     click.echo(f"{output}: {found.duration_s:.1f} s for {name}, accepted as `contid check` does")

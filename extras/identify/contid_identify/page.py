@@ -9,7 +9,7 @@ from contid_identify.printed import lines
 from contid_identify.stages import IdentifiedMotion
 
 _STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #222 }
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem }
 pre { background: #f4f4f4; padding: 1rem; overflow-x: auto; font-size: 13px }
 table { border-collapse: collapse } td { padding: .15rem .6rem; white-space: nowrap }
 svg { display: block } .bar { fill: #2b6cb0 } .whisker { stroke: #222; stroke-width: 1.5 }

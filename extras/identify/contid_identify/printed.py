@@ -166,7 +166,7 @@ def _excitation(axis: IdentifiedAxis) -> str:
     if shown.upper_hz <= 0.0:
         return axis.refused
     line = (
-        f"{shown.span / axis.per_unit:.3g} {axis.unit}, 95 % of the speed below {shown.upper_hz:.2g} Hz: delay to "
-        f"{_MS * shown.delay_s:.1g} ms, lag to {_MS * shown.lag_s:.1g} ms"
+        f"{shown.span / axis.per_unit:.3g} {axis.unit}, 95 % of the speed below {shown.upper_hz:.2g} Hz: "
+        f"delay to {_MS * shown.delay_s:.1g} ms, lag to {_MS * shown.lag_s:.1g} ms"
     )
     return "; ".join([line, *shown.warnings])

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -90,7 +91,7 @@ def decays_of(recording: RobotRecording, settle_s: float) -> list[Decay]:
     moving = np.flatnonzero((np.abs(np.diff(sent, axis=0)) > _STANDS * span * 1e-2).any(axis=1)) + 1
     ends = np.append(moving, len(sent))
     found = []
-    for before, after in zip(ends[:-1], ends[1:], strict=True):
+    for before, after in pairwise(ends.tolist()):
         start_s = before * recording.period_s + settle_s
         end_s = min(after * recording.period_s, start_s + _LONGEST_S)
         if end_s - start_s < _LEAST_REST_S:
@@ -115,8 +116,8 @@ def fit_ring_downs(decays: Sequence[Decay]) -> tuple[RingDown, ...]:
     """
     if not decays:
         raise ContidError(
-            "no ring-down: no rest of the commands of 0.8 s or longer with a tip that swings above its noise; "
-            "`contid excite --part ring-downs` makes some"
+            "no ring-down: no rest of the commands of 0.8 s or longer with a tip that swings above its "
+            "noise; `contid excite --part ring-downs` makes some"
         )
     poses: list[list[Decay]] = []
     for each in decays:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contid.kinematics.array import Array
+
+Mask: TypeAlias = NDArray[np.bool_]
 
 #: Blocks of a recording; of the first five the middle one is kept out, and so on.
 BLOCKS: Final = 30
@@ -30,12 +33,12 @@ class TimeSplit:
 
     blocks: Array
     pieces: Array
-    kept_out: Array
+    kept_out: Mask
 
     @property
-    def fitted(self) -> Array:
+    def fitted(self) -> Mask:
         """Mask of the samples of the fit."""
-        return np.asarray(~self.kept_out)
+        return ~self.kept_out
 
 
 def split_time(at_s: Array) -> TimeSplit:

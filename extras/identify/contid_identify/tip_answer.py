@@ -1,6 +1,6 @@
 """Stage *tip*: when and how the tip answers commands, with a static map that the data themselves give.
 
-    tip(t) = sum_j w_j y_j(t),   y_j: a monomial of the commands, late by a dead time, behind a lag and a swing
+    tip(t) = sum_j w_j y_j(t),   y_j: a monomial of the commands, late, behind a lag and a swing
 
 (Hammerstein: the map first, one linear answer for all behind it). The statics of the robot's model, where it
 has one, is among the inputs; then monomials are of first degree and correct it. The weights follow by linear
@@ -27,9 +27,9 @@ from contid_identify.split import joined_split
 #: Share of the variance of the commands below which a combination of axes counts as not moved.
 _STILL: Final = 1e-4
 #: Measurements per monomial at least, for monomials of this degree.
-_PER_MONOMIAL: Final = 100
+_PER_MONOMIAL: Final = 60
 _DEGREES: Final = (3, 2, 1)
-#: Ridge of the regression, as a share of the mean power of the monomials: combinations that never occur stay 0.
+#: Ridge of the regression, as a share of the mean power of the monomials; what never occurs stays 0.
 _RIDGE: Final = 1e-6
 LEAST_TIPS: Final = 200
 #: Starts of the search.

@@ -1,11 +1,9 @@
 """Changes of the robot file that an identification gives.
 
-| key | from |
-|---|---|
-| `follow_delay_ms`, `follow_lag_ms` | the slowest axis: the upper ends of the intervals and a quarter, because these are the longest that still count as healthy |
-| `dynamics.delay_ms`, `dynamics.lag_ms` | from the command to the body: of the tip where it was measured, else of every axis |
-| `dynamics.mass_g_per_m`, `tip_mass_g`, `damping_ms` | the body |
-| `rates.shape` | the strongest mode about the pose with the most ring-downs |
+``follow_delay_ms`` and ``follow_lag_ms``, the longest that still count as healthy, are the upper ends of the
+intervals of the slowest axis and a quarter. ``dynamics.delay_ms`` and ``lag_ms`` reach from the command to
+the body: those of the tip where it was measured, else of every axis. Masses and damping are those of the
+stage *body*, ``rates.shape`` has the strongest mode about the pose with the most ring-downs.
 """
 
 from __future__ import annotations
@@ -109,8 +107,8 @@ def _shape(found: IdentifiedMotion, note: str) -> Change:
     low, high = _SHAPED_HZ
     if not low <= hz.value <= high or not math.isfinite(hz.half) or hz.half > 0.2 * hz.value:
         raise ContidError(
-            f"rates.shape: {hz.value:.3g} +- {hz.half:.2g} Hz is not written; allowed: {low:g} to {high:g} Hz, "
-            "known to a fifth: record more ring-downs"
+            f"rates.shape: {hz.value:.3g} +- {hz.half:.2g} Hz is not written; allowed: {low:g} to {high:g} "
+            "Hz, known to a fifth: record more ring-downs"
         )
     value = {
         "kind": "zvd",

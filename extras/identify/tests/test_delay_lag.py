@@ -17,7 +17,7 @@ DELAY_S, LAG_S, NOISE_MM = 0.0437, 0.031, 0.3
 
 
 def trace(sent: Array, delay_s: float, lag_s: float, noise: Array, gain: float = 1.0) -> CommandedTrace:
-    at_s = np.arange(len(sent)) * PERIOD_S + 0.003
+    at_s = np.arange(float(len(sent))) * PERIOD_S + 0.003
     measured = gain * integrated(sent, at_s, delay_s, lag_s) + noise[: len(at_s)]
     return CommandedTrace(PERIOD_S, sent, at_s, measured[:, None])
 
@@ -83,7 +83,7 @@ def test_recordings_are_fitted_together() -> None:
 
 def test_a_delay_alone_is_known_to_a_period() -> None:
     sent = exciting_commands(8, 20.0, 10.0, 80.0)
-    at_s = np.arange(len(sent)) * PERIOD_S
+    at_s = np.arange(float(len(sent))) * PERIOD_S
     late = sent[np.clip(np.floor((at_s - 0.04) / PERIOD_S + 1e-9).astype(int), 0, None)]
     found = fit_axis([CommandedTrace(PERIOD_S, sent, at_s, late[:, None])])
     assert found.delay_s.low - 1e-9 <= 0.04 <= found.delay_s.high + 1e-9
@@ -92,7 +92,7 @@ def test_a_delay_alone_is_known_to_a_period() -> None:
 
 def test_what_the_data_cannot_tell_is_stated_before_the_fit() -> None:
     count = 3000
-    at_s = np.arange(count) * PERIOD_S
+    at_s = np.arange(float(count)) * PERIOD_S
     still = CommandedTrace(PERIOD_S, np.zeros(count), at_s, noises(0, count)[:, None])
     assert "hardly moved" in excitation_of([still]).warnings[0]
     slow = trace(np.sin(2 * np.pi * 0.05 * at_s), DELAY_S, LAG_S, 0.1 * noises(0, count))

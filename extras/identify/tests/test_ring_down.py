@@ -31,7 +31,7 @@ def swinging(hz: float, ratio: float, size_m: float, count: int = 300) -> Array:
 
 
 def decay(tip_m: Array, command: float = 0.0) -> Decay:
-    return Decay(0.0, np.arange(len(tip_m)) * PERIOD_S, tip_m, 0.05, np.array([command]), 0.02)
+    return Decay(0.0, np.arange(float(len(tip_m))) * PERIOD_S, tip_m, 0.05, np.array([command]), 0.02)
 
 
 def noisy(seed: int, *columns: Array) -> Array:
