@@ -1,10 +1,12 @@
-"""Delay, lag, swing and tip of three real robots in motion, beside black boxes: ``python -m studies.moving_recordings``.
+"""Delay, lag, swing and tip of real robots in motion, beside black boxes.
+
+``python -m studies.moving_recordings`` prints the tables.
 
 Recordings: StanfordASL/trunk-stack (tendon trunk, 100 Hz) and ASU-RISE-Lab/4-chamber-softarm-control
 (pneumatic, 27 to 84 Hz), both MIT, repacked in ``../shared/data/moving``; its README has the columns.
 
-The split is that of `contid_identify.split`: 30 blocks of time, every fifth kept out, the same for all methods.
-Nothing is chosen by the blocks kept out: widths and penalties of the black boxes were set beforehand.
+The split is that of `contid_identify.split`: 30 blocks of time, every fifth kept out, the same for all
+methods. Widths and penalties of the black boxes were set beforehand, not by the blocks kept out.
 """
 
 from __future__ import annotations
@@ -20,8 +22,8 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid_identify.answer import CommandedTrace
-from contid_identify.delay_lag import fit_axis
-from contid_identify.estimate import error_of
+from contid_identify.delay_lag import AxisAnswer, fit_axis
+from contid_identify.estimate import ErrorSize, error_of
 from contid_identify.ring_down import Decay, fit_ring_downs
 from contid_identify.split import split_time
 from contid_identify.tip_answer import fit_tip
@@ -64,17 +66,28 @@ def changed(values: Array) -> Array:
     return np.append(0, np.flatnonzero(np.diff(values) != 0.0) + 1)
 
 
+def size(error: ErrorSize) -> str:
+    """An error with its interval."""
+    return f"{error.rmse:6.2f} ({error.low:.2f} to {error.high:.2f})"
+
+
+def answered(found: AxisAnswer, unit: str) -> str:
+    """Delay, lag and errors kept out of one axis."""
+    delay, lag, stages = found.delay_s, found.lag_s, found.stages
+    return (
+        f"delay {1e3 * delay.value:4.0f} +- {1e3 * delay.half:2.0f} ms, lag {1e3 * lag.value:4.0f} +- "
+        f"{1e3 * lag.half:2.0f} ms, gain {found.gain.value:.3f}; kept out {stages[0].kept_out.rmse:.2f} -> "
+        f"{size(stages[2].kept_out)} {unit}"
+    )
+
+
 def trunk_axes(of: dict[str, Array]) -> Iterator[str]:
     """Dead time and lag of the motors of the trunk, from published angles to angles that were read."""
     fresh = changed(columns(of, [f"phi{k}_deg" for k in range(1, 7)]).sum(axis=1))
     for k in range(1, 7):
         sent, read = of[f"u{k}_deg"], of[f"phi{k}_deg"][fresh][:, None]
         found = fit_axis([CommandedTrace(PERIOD_S, sent, fresh * PERIOD_S, read)])
-        yield (
-            f"  motor {k}: delay {1e3 * found.delay_s.value:4.0f} +- {1e3 * found.delay_s.half:2.0f} ms, lag "
-            f"{1e3 * found.lag_s.value:4.0f} +- {1e3 * found.lag_s.half:2.0f} ms, gain {found.gain.value:.3f}; kept out "
-            f"{found.stages[0].kept_out.rmse:.2f} -> {found.stages[2].kept_out.rmse:.2f} deg"
-        )
+        yield f"  motor {k}: {answered(found, 'deg')}"
 
 
 def trunk_tip(of: dict[str, Array]) -> Iterator[str]:
@@ -85,7 +98,7 @@ def trunk_tip(of: dict[str, Array]) -> Iterator[str]:
     found = fit_tip([CommandedTrace(PERIOD_S, sent, at_s[::2], tip[::2])])
     yield f"  monomials of degree {found.degree} of {found.combinations} motors"
     for stage in found.stages:
-        yield f"  {stage.name:24} {stage.kept_out.rmse:6.2f} ({stage.kept_out.low:.1f} to {stage.kept_out.high:.1f}) mm"
+        yield f"  {stage.name:24} {size(stage.kept_out)} mm"
     swing = "" if found.frequency_hz is None or found.ratio is None else (
         f", swing {found.frequency_hz.value:.2f} +- {found.frequency_hz.half:.2f} Hz, ratio {found.ratio.value:.2f}"
     )  # fmt: skip
@@ -98,14 +111,14 @@ def trunk_tip(of: dict[str, Array]) -> Iterator[str]:
     for name, method in (("linear FIR", ridge), ("kernel ridge", kernel_ridge)):
         predicted = method(window[split.fitted], tip[split.fitted], window[split.kept_out])
         error = error_of(tip[split.kept_out] - predicted, split.pieces[split.kept_out])
-        yield f"  {name:24} {error.rmse:6.2f} ({error.low:.1f} to {error.high:.1f}) mm"
+        yield f"  {name:24} {size(error)} mm"
     for ahead_s in AHEAD_S:
         ahead = round(ahead_s / PERIOD_S)
         parts = [_late(tip, ahead + 5 * k) for k in range(ORDER)] + [window]
         inputs = np.column_stack(parts)
         predicted = ridge(inputs[split.fitted], tip[split.fitted], inputs[split.kept_out])
         error = error_of(tip[split.kept_out] - predicted, split.pieces[split.kept_out])
-        yield f"  linear ARX, {1e3 * ahead_s:3.0f} ms ahead   {error.rmse:6.2f} ({error.low:.1f} to {error.high:.1f}) mm"
+        yield f"  linear ARX, {1e3 * ahead_s:3.0f} ms ahead   {size(error)} mm"
 
 
 def trunk_decays(of: dict[str, Array]) -> Iterator[str]:
@@ -117,13 +130,13 @@ def trunk_decays(of: dict[str, Array]) -> Iterator[str]:
         decays.append(Decay(0.0, np.arange(float(len(part))) * PERIOD_S, part, 0.0, np.zeros(1), 1.0))
     for name, half in (("even", decays[0::2]), ("odd", decays[1::2])):
         (found,) = fit_ring_downs(half)
-        modes = "; ".join(
-            f"{mode.frequency_hz.value:.2f} +- {mode.frequency_hz.half:.2f} Hz, ratio {mode.ratio.value:.2f} +- "
-            f"{mode.ratio.half:.2f}"
-            for mode in found.modes
-        )
         low, high = found.range_hz
-        yield f"  {name} releases: {modes}; left {1e3 * found.noise_m:.2f} mm; singly {low:.2f} to {high:.2f} Hz"
+        for mode in found.modes:
+            hz, ratio = mode.frequency_hz, mode.ratio
+            yield (
+                f"  {name} releases: {hz.value:.2f} +- {hz.half:.2f} Hz, ratio {ratio.value:.2f} +- "
+                f"{ratio.half:.2f}; left {1e3 * found.noise_m:.2f} mm; singly {low:.2f} to {high:.2f} Hz"
+            )
 
 
 def chambers(path: str) -> Iterator[str]:
@@ -140,12 +153,7 @@ def chambers(path: str) -> Iterator[str]:
             if np.ptp(sent) == 0.0:
                 continue
             found = fit_axis([CommandedTrace(PERIOD_S, sent, at_s[fresh], got[fresh][:, None])])
-            kept = found.stages[2].kept_out
-            yield (
-                f"  {section}.{chamber}: delay {1e3 * found.delay_s.value:4.0f} +- {1e3 * found.delay_s.half:3.0f} ms, "
-                f"lag {1e3 * found.lag_s.value:4.0f} +- {1e3 * found.lag_s.half:3.0f} ms, gain {found.gain.value:.2f}; "
-                f"kept out {found.stages[0].kept_out.rmse:.2f} -> {kept.rmse:.2f} ({kept.low:.2f} to {kept.high:.2f}) psi"
-            )
+            yield f"  {section}.{chamber}: {answered(found, 'psi')}"
 
 
 def ridge(inputs: Array, outputs: Array, at: Array) -> Array:

@@ -35,7 +35,7 @@ class Excitation:
         upper_hz: below it are 95 % of the power of the speed of the commands.
         delay_s, lag_s: half of the best possible 95 % intervals.
         alike: correlation of the estimates of dead time and lag, without sign.
-        warnings: what the data cannot tell, in sentences; empty when they can.
+        warnings: what the data cannot show, in sentences; empty when they can.
     """
 
     span: float

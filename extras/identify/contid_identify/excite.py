@@ -229,7 +229,7 @@ def _steps(count: int, part_s: float, upper_hz: float, rng: np.random.Generator)
 
 
 def _sines(count: int, part_s: float, upper_hz: float, rng: np.random.Generator) -> _Shape:
-    """Sums of sines; each coordinate has lines of its own, so that their answers are told apart."""
+    """Sums of sines; each coordinate has lines of its own, so that their answers can be separated."""
     at_s = np.arange(math.ceil(part_s * ROWS_HZ)) / ROWS_HZ
     lines = np.geomspace(max(2.0 / part_s, 0.05 * upper_hz), upper_hz, max(_LINES, 3 * count))
     phases = rng.uniform(0.0, 2.0 * math.pi, len(lines))

@@ -89,6 +89,15 @@ def identify(
                 f"{each.name}: its axes are {', '.join(each.axes)}; those of {name} are "
                 f"{', '.join(robot.all_axis_names)}"
             )
+    # What was asked for and is not there ends the command before the long fits.
+    ring_downs: tuple[RingDown, ...] = ()
+    body = None
+    if rests is not None:
+        decays = [decays_of(each, rests.settle_s) for each in recordings]
+        if rests.ring_down:
+            ring_downs = fit_ring_downs([decay for own in decays for decay in own])
+        if rests.body:
+            body = fit_body(robot, recordings, decays)
     axes = []
     for k, (axis, quantity) in enumerate(zip(robot.all_axis_names, robot.quantities, strict=True)):
         traces = [each.axis_trace(k) for each in recordings if len(each.axis_at_s[k]) > 0]
@@ -114,14 +123,6 @@ def identify(
             tip = fit_tip([each.tip_trace() for each in measured], _statics(robot, measured))
         except ContidError as error:
             tip_refused = str(error)
-    ring_downs: tuple[RingDown, ...] = ()
-    body = None
-    if rests is not None:
-        decays = [decays_of(each, rests.settle_s) for each in recordings]
-        if rests.ring_down:
-            ring_downs = fit_ring_downs([decay for own in decays for decay in own])
-        if rests.body:
-            body = fit_body(robot, recordings, decays)
     return IdentifiedMotion(name, tuple(recordings), tuple(axes), tip, tip_refused, ring_downs, body)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contid_identify.answer import CommandedTrace, answer, first_order
-from tests.support.integrated_lag import PERIOD_S, integrated
+from tests.oracles.integrated_lag import PERIOD_S, integrated
 
 
 @pytest.mark.parametrize(("delay_s", "lag_s"), [(0.0437, 0.031), (0.0, 0.2), (0.2204, 0.004)])

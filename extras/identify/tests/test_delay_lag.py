@@ -11,7 +11,7 @@ from contid.kinematics.array import Array
 from contid_identify.answer import CommandedTrace
 from contid_identify.delay_lag import AxisAnswer, fit_axis
 from contid_identify.excitation import excitation_of
-from tests.support.integrated_lag import PERIOD_S, exciting_commands, integrated
+from tests.oracles.integrated_lag import PERIOD_S, exciting_commands, integrated
 
 DELAY_S, LAG_S, NOISE_MM = 0.0437, 0.031, 0.3
 
@@ -49,6 +49,7 @@ def test_the_delay_is_found_within_two_milliseconds_at_a_trackers_noise() -> Non
 
 @pytest.mark.slow
 @pytest.mark.campaign
+@pytest.mark.timeout(1200)
 def test_intervals_hold_the_truth_in_90_to_99_percent() -> None:
     seeds = 100
     held = np.zeros(3)
@@ -90,7 +91,7 @@ def test_a_delay_alone_is_known_to_a_period() -> None:
     assert found.delay_s.half >= PERIOD_S
 
 
-def test_what_the_data_cannot_tell_is_stated_before_the_fit() -> None:
+def test_what_the_data_cannot_show_is_stated_before_the_fit() -> None:
     count = 3000
     at_s = np.arange(float(count)) * PERIOD_S
     still = CommandedTrace(PERIOD_S, np.zeros(count), at_s, noises(0, count)[:, None])

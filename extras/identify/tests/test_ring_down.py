@@ -48,7 +48,7 @@ def test_one_mode_is_found() -> None:
     assert found.noise_m == pytest.approx(NOISE_M, rel=0.1)
 
 
-def test_two_modes_are_told_apart_the_stronger_first() -> None:
+def test_two_modes_are_separated_the_stronger_first() -> None:
     parts = swinging(7.0, 0.05, 0.004), swinging(1.8, 0.08, 0.02)
     (found,) = fit_ring_downs([decay(noisy(1, *parts))])
     hz = [mode.frequency_hz.value for mode in found.modes]
