@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid_identify.answer import CommandedTrace
+from contid_identify.answer import CommandedTrace, answer
 from contid_identify.delay_lag import AxisAnswer, fit_axis
 from contid_identify.estimate import ErrorSize, error_of
 from contid_identify.ring_down import Decay, fit_ring_downs
@@ -30,8 +30,12 @@ from contid_identify.tip_answer import fit_tip
 
 DATA: Final = Path(os.environ.get("CONTID_SHARED_DATA") or Path(__file__).parents[2] / "shared" / "data")
 PERIOD_S: Final = 0.01
+MOTORS: Final = range(1, 7)
 #: Past commands of the black boxes [s]: they reach over the dead time and the swing.
 LAGS_S: Final = np.arange(0.0, 1.6, 0.08)
+#: A release has begun when the tip moved this far; the motors have let go this much later [m, s].
+MOVED_M: Final = 5e-3
+RELEASE_S: Final = 0.25
 #: Penalty and width of the kernel, in standard deviations of the inputs; rows that it is fitted to.
 PENALTY: Final = 1e-2
 WIDTH: Final = 12.0
@@ -81,52 +85,64 @@ def answered(found: AxisAnswer, unit: str) -> str:
     )
 
 
-def trunk_axes(of: dict[str, Array]) -> Iterator[str]:
+def trunk_motors(of: dict[str, Array]) -> list[AxisAnswer]:
     """Dead time and lag of the motors of the trunk, from published angles to angles that were read."""
-    fresh = changed(columns(of, [f"phi{k}_deg" for k in range(1, 7)]).sum(axis=1))
-    for k in range(1, 7):
-        sent, read = of[f"u{k}_deg"], of[f"phi{k}_deg"][fresh][:, None]
-        found = fit_axis([CommandedTrace(PERIOD_S, sent, fresh * PERIOD_S, read)])
-        yield f"  motor {k}: {answered(found, 'deg')}"
+    fresh = changed(columns(of, [f"phi{k}_deg" for k in MOTORS]).sum(axis=1))
+    at_s = fresh * PERIOD_S
+    return [
+        fit_axis([CommandedTrace(PERIOD_S, of[f"u{k}_deg"], at_s, of[f"phi{k}_deg"][fresh][:, None])])
+        for k in MOTORS
+    ]
 
 
-def trunk_tip(of: dict[str, Array]) -> Iterator[str]:
+def trunk_tip(of: dict[str, Array], motors: Sequence[AxisAnswer]) -> Iterator[str]:
     """The tip from commands alone, beside regressions."""
-    sent = columns(of, [f"u{k}_deg" for k in range(1, 7)])
+    sent = columns(of, [f"u{k}_deg" for k in MOTORS])
     tip = smooth(columns(of, ["x3_mm", "y3_mm", "z3_mm"]))
     at_s = np.arange(float(len(tip))) * PERIOD_S
-    found = fit_tip([CommandedTrace(PERIOD_S, sent, at_s[::2], tip[::2])])
-    yield f"  monomials of degree {found.degree} of {found.combinations} motors"
-    for stage in found.stages:
-        yield f"  {stage.name:24} {size(stage.kept_out)} mm"
-    swing = "" if found.frequency_hz is None or found.ratio is None else (
-        f", swing {found.frequency_hz.value:.2f} +- {found.frequency_hz.half:.2f} Hz, ratio {found.ratio.value:.2f}"
-    )  # fmt: skip
-    yield (
-        f"  delay {1e3 * found.delay_s.value:.0f} +- {1e3 * found.delay_s.half:.0f} ms, lag "
-        f"{1e3 * found.lag_s.value:.0f} +- {1e3 * found.lag_s.half:.0f} ms{swing}"
+    # What the motors do by their own answers; none of their measurements is an input.
+    turned = np.column_stack(
+        [
+            answer(sent[:, k], PERIOD_S, at_s, each.delay_s.value, each.lag_s.value)
+            for k, each in enumerate(motors)
+        ]
     )
+    for name, inputs in (("commands", sent), ("answers of the motors", turned)):
+        found = fit_tip([CommandedTrace(PERIOD_S, inputs, at_s[::2], tip[::2])])
+        delay, lag = found.delay_s, found.lag_s
+        yield (
+            f"  behind the {name}: degree {found.degree}, delay {1e3 * delay.value:.0f} +- "
+            f"{1e3 * delay.half:.0f} ms, lag {1e3 * lag.value:.0f} +- {1e3 * lag.half:.0f} ms"
+        )
+        if found.frequency_hz is not None and found.ratio is not None:
+            hz = found.frequency_hz
+            yield f"    swing {hz.value:.2f} +- {hz.half:.2f} Hz, ratio {found.ratio.value:.2f}"
+        for stage in found.stages:
+            yield f"    {stage.name:24} {size(stage.kept_out)} mm"
     split = split_time(at_s)
+    fitted, kept, pieces = split.fitted, split.kept_out, split.pieces[split.kept_out]
     window = np.column_stack([_late(sent, round(lag_s / PERIOD_S)) for lag_s in LAGS_S])
     for name, method in (("linear FIR", ridge), ("kernel ridge", kernel_ridge)):
-        predicted = method(window[split.fitted], tip[split.fitted], window[split.kept_out])
-        error = error_of(tip[split.kept_out] - predicted, split.pieces[split.kept_out])
-        yield f"  {name:24} {size(error)} mm"
+        predicted = method(window[fitted], tip[fitted], window[kept])
+        yield f"    {name:24} {size(error_of(tip[kept] - predicted, pieces))} mm"
     for ahead_s in AHEAD_S:
         ahead = round(ahead_s / PERIOD_S)
-        parts = [_late(tip, ahead + 5 * k) for k in range(ORDER)] + [window]
-        inputs = np.column_stack(parts)
-        predicted = ridge(inputs[split.fitted], tip[split.fitted], inputs[split.kept_out])
-        error = error_of(tip[split.kept_out] - predicted, split.pieces[split.kept_out])
-        yield f"  linear ARX, {1e3 * ahead_s:3.0f} ms ahead   {size(error)} mm"
+        # Commands that are out already and still on their way may be used; later ones are not.
+        past = [_late(tip, ahead + 5 * k) for k in range(ORDER)]
+        inputs = np.column_stack([*past, window])
+        predicted = ridge(inputs[fitted], tip[fitted], inputs[kept])
+        name = f"linear ARX, {1e3 * ahead_s:.0f} ms ahead"
+        yield f"    {name:24} {size(error_of(tip[kept] - predicted, pieces))} mm"
 
 
 def trunk_decays(of: dict[str, Array]) -> Iterator[str]:
-    """Frequency and damping of the releases; each half predicts the other half's."""
+    """Frequency and damping of the releases, of each half of them, once the motors have let go."""
     tip = 1e-3 * smooth(columns(of, ["x3_mm", "y3_mm", "z3_mm"]))
     decays = []
     for number in np.unique(of["id"]):
         part = tip[of["id"] == number]
+        moved = np.linalg.norm(part - part[0], axis=1) > MOVED_M
+        part = part[int(np.argmax(moved)) + round(RELEASE_S / PERIOD_S) :]
         decays.append(Decay(0.0, np.arange(float(len(part))) * PERIOD_S, part, 0.0, np.zeros(1), 1.0))
     for name, half in (("even", decays[0::2]), ("odd", decays[1::2])):
         (found,) = fit_ring_downs(half)
@@ -188,18 +204,19 @@ def _late(values: Array, ticks: int) -> Array:
 
 def report() -> Iterator[str]:
     """All tables."""
-    for grams in (0, 100, 300):
-        of = table(f"trunk-dynamic/random_a_{grams}g.csv.gz")
-        yield f"trunk, {grams} g: motors"
-        yield from trunk_axes(of)
-        yield f"trunk, {grams} g: tip from commands alone, kept out"
-        yield from trunk_tip(of)
-    for name in ("decay_200g", "decay_demo"):
-        yield f"trunk, {name}"
-        yield from trunk_decays(table(f"trunk-dynamic/{name}.csv.gz"))
     for name in ("long_a", "steps_mar_1"):
         yield f"pneumatic, {name}: pressures from set-points"
         yield from chambers(f"pneumatic-planar/{name}.csv.gz")
+    for name in ("decay_200g", "decay_demo"):
+        yield f"trunk, {name}"
+        yield from trunk_decays(table(f"trunk-dynamic/{name}.csv.gz"))
+    for grams in (0, 100, 300):
+        of = table(f"trunk-dynamic/random_a_{grams}g.csv.gz")
+        motors = trunk_motors(of)
+        yield f"trunk, {grams} g: motors"
+        yield from (f"  motor {k}: {answered(each, 'deg')}" for k, each in zip(MOTORS, motors, strict=True))
+        yield f"trunk, {grams} g: tip from commands alone, kept out"
+        yield from trunk_tip(of, motors)
 
 
 if __name__ == "__main__":

@@ -34,6 +34,8 @@ _LEAST_SAMPLES: Final = 30
 #: Amplitude of a swing that is of use, in standard deviations of the noise.
 _LEAST_SWING: Final = 5.0
 _RATIO: Final = (1e-3, 0.9)
+#: A mode that is damped more than this hardly swings; it comes behind those that do.
+_CREEPS: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +73,7 @@ class RingDown:
 
     Attributes:
         command: at which the robot rests [m or Pa].
-        modes: the strongest first.
+        modes: the strongest first, those that hardly swing last.
         decays: how many were used.
         noise_m: what the modes leave over, root mean square of a component.
         range_hz: least and greatest frequency of the strongest mode, decay by decay.
@@ -136,7 +138,10 @@ def _fit_pose(decays: Sequence[Decay]) -> RingDown:
     hz = float(np.exp(one.values[0]))
     two = _fitted(decays, [hz, _main_frequency_left(decays, one)])
     found = two if _criterion(two, decays) < _criterion(one, decays) else one
-    ranked = sorted(range(len(found.values) // 2), key=lambda mode: -_power(decays, found, mode))
+    ranked = sorted(
+        range(len(found.values) // 2),
+        key=lambda mode: (np.exp(found.values[2 * mode + 1]) > _CREEPS, -_power(decays, found, mode)),
+    )
     modes = []
     for mode in ranked:
         before = [0.0] * (2 * mode)
