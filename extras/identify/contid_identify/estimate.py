@@ -6,7 +6,8 @@ each (the jackknife over blocks; Cameron and Miller 2015, CV3), to first order
 
     cov(p) = (B - 1) / B sum_b d_b d_b',   d_b = (J'J - J_b'J_b)^-1 J_b' r_b
 
-with a quantile of Student's t for B - 1 degrees of freedom. Errors may be correlated within a block, whose
+with a quantile of Student's t. Its degrees of freedom are the effective number of blocks less the number of
+parameters: blocks in which little moves add little. Errors may be correlated within a block, whose
 length is to be longer than their memory.
 """
 
@@ -94,9 +95,19 @@ def estimate(
         lambda p: residual(p).ravel(), start, bounds=(low, high), x_scale=scale, xtol=1e-10, ftol=1e-12
     )
     left = residual(found.x)
-    freedom = max(len(np.unique(blocks)) - 1, 1)
+    freedom = max(_effective_blocks(found.jac, left.shape[1], blocks) - len(start), 1.0)
     quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, freedom))
     return Estimate(found.x, _covariance(found.jac, left, blocks), quantile, left)
+
+
+def _effective_blocks(jacobian: Array, columns: int, blocks: Array) -> float:
+    """How many blocks of equal information would be as good as these; at most all of them."""
+    size = np.sqrt((jacobian**2).sum(axis=0))
+    share = (jacobian / np.maximum(size, 1e-300)) ** 2
+    of_row = np.repeat(blocks, columns)
+    _, places = np.unique(of_row, return_inverse=True)
+    parts = np.array([np.bincount(places, column) for column in share.T])
+    return float((parts.sum(axis=1) ** 2 / np.maximum((parts**2).sum(axis=1), 1e-300)).min())
 
 
 def _covariance(jacobian: Array, residual: Array, blocks: Array) -> Array:
