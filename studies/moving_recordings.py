@@ -182,7 +182,7 @@ def ridge(inputs: Array, outputs: Array, at: Array) -> Array:
 
 
 def kernel_ridge(inputs: Array, outputs: Array, at: Array) -> Array:
-    """Ridge regression with a Gaussian kernel on every so many rows."""
+    """Ridge regression with a Gaussian kernel on `KERNEL_ROWS` rows, evenly spread."""
     thin = max(len(inputs) // KERNEL_ROWS, 1)
     middle, size = inputs.mean(axis=0), inputs.std(axis=0) + 1e-9
     x, y = ((inputs - middle) / size)[::thin], outputs[::thin]

@@ -35,9 +35,9 @@ _STEP_S: Final = 4e-3
 #: Of a decay this much is simulated, with this much before it, in which older swings die out [s].
 _DECAY_S: Final = 2.5
 _BEFORE_S: Final = 6.0
-#: Standard deviations of the logarithms of mass and damping about the file, and how many are believed.
+#: Standard deviations of the logarithms of mass and damping about the file, and how many are accepted.
 _PRIOR: Final = (math.log(1.5), math.log(2.5))
-_BELIEVED: Final = 4.0
+_ACCEPTED: Final = 4.0
 _PIECES: Final = 6
 
 
@@ -107,9 +107,9 @@ def fit_body(
         (log_mass, _PRIOR[0], "mass"),
         (log_damping - start[1], _PRIOR[1], "damping"),
     ):
-        if abs(value) > _BELIEVED * prior:
+        if abs(value) > _ACCEPTED * prior:
             raise ContidError(
-                f"body: {name} would be {math.exp(value):.2g} times that of the file, which is not believed; "
+                f"body: {name} would be {math.exp(value):.2g} times that of the file, which is refused; "
                 "correct the file, or the lengths and stiffness it has, first"
             )
     stages = []
