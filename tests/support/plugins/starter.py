@@ -47,7 +47,7 @@ PACKAGES: Final = (
         "contid_hands",
         "contid_panel",
     ),
-    *("contid_adapt", "contid_reach"),
+    *("contid_adapt", "contid_identify", "contid_reach"),
 )
 #: What functions of contid import when they are called.
 LIBRARIES: Final = (

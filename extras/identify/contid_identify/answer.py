@@ -1,0 +1,86 @@
+"""The answer of an axis to its commands: dead time, then a first-order lag, exactly between samples.
+
+A command ``u_k`` goes out at tick k and holds until the next one. Behind the dead time ``d`` the axis obeys
+
+    x'(t) = (u(t - d) - x(t)) / tau
+
+so that between two commands ``x`` is an exponential. It is evaluated at the time of each measurement; the
+dead time may be any part of a period.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contid.kinematics.array import Array
+
+
+@dataclass(frozen=True, eq=False)
+class CommandedTrace:
+    """What was commanded at equal ticks, and what was measured at times of its own.
+
+    Attributes:
+        period_s: between two commands [s]; the first one is at time 0 and had held before.
+        sent: commands, shape ``(ticks,)`` or ``(ticks, axes)``.
+        at_s: times of the measurements, growing, shape ``(samples,)``.
+        measured: shape ``(samples, columns)``.
+        name: of the recording, in messages.
+    """
+
+    period_s: float
+    sent: Array
+    at_s: Array
+    measured: Array
+    name: str = ""
+
+    def picked(self, rows: Array | NDArray[np.intp]) -> CommandedTrace:
+        """The same commands with some of the measurements only; ``rows`` is a mask or indices."""
+        return replace(self, at_s=self.at_s[rows], measured=self.measured[rows])
+
+
+def first_order(values: Array, period_s: float, lag_s: float) -> Array:
+    """The lag's state at every tick, at rest before; ``values`` are held from tick to tick.
+
+    Args:
+        values: shape ``(ticks, ...)``, along the first axis.
+        period_s: between two of them.
+        lag_s: time constant; 0 gives the value that held before each tick.
+    """
+    from scipy.signal import lfilter
+
+    keep = float(np.exp(-period_s / lag_s)) if lag_s > 0.0 else 0.0
+    first = values[:1]
+    return np.asarray(first + lfilter([0.0, 1.0 - keep], [1.0, -keep], values - first, axis=0))
+
+
+def answer(sent: Array, period_s: float, at_s: Array, delay_s: float, lag_s: float) -> Array:
+    """Values of an axis at times ``at_s``.
+
+    Args:
+        sent: commands ``(ticks,)`` or ``(ticks, columns)``.
+        period_s: between two commands; the first is at time 0.
+        at_s: times ``(samples,)``.
+        delay_s: dead time.
+        lag_s: time constant of the lag, 0 for none.
+
+    Returns:
+        Shape ``(samples,)`` or ``(samples, columns)``.
+    """
+    since = at_s - delay_s
+    # A measurement at the time of a tick is one after its command; rounding must not take it before.
+    ticks = np.clip(np.floor(since / period_s + 1e-9).astype(int), 0, len(sent) - 1)
+    now = sent[ticks]
+    if lag_s <= 0.0:
+        return np.asarray(now)
+    state = first_order(sent, period_s, lag_s)[ticks]
+    left = np.exp(-np.maximum(since - ticks * period_s, 0.0) / lag_s)
+    if sent.ndim > 1:
+        left = left[:, None]
+    found = now + (state - now) * left
+    before = since < 0.0
+    if before.any():
+        found[before] = sent[0]
+    return np.asarray(found)

@@ -1,0 +1,91 @@
+"""``contid identify``: delay, lag and swing of a robot from its recordings."""
+
+from __future__ import annotations
+
+import json
+from datetime import date
+from pathlib import Path
+
+import click
+
+from contid.cli.support.parameters import NewFile, robot_names
+
+
+@click.command()
+@click.argument("robot_file", shell_complete=robot_names)
+@click.argument(
+    "sessions", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False, path_type=Path)
+)
+@click.option("--robot", "name", help="Which robot, where the file has several.")
+@click.option("--ring-down", is_flag=True, help="Also frequency and damping, from rests behind moves.")
+@click.option("--body", is_flag=True, help="Also mass and damping of the body, from the same rests.")
+@click.option(
+    "--settle",
+    "settle_s",
+    type=click.FloatRange(0.0, 10.0),
+    default=0.2,
+    show_default=True,
+    help="Time until the devices stand behind a move, for --ring-down and --body [s].",
+)
+@click.option("--write", is_flag=True, help="Write delay and lag, or the swing, into ROBOT_FILE.")
+@click.option(
+    "--html", type=NewFile(dir_okay=False, path_type=Path), help="Also write a page with the figures."
+)
+@click.option("--json", "as_json", is_flag=True, help="The numbers as one JSON object.")
+def command(
+    robot_file: str,
+    sessions: tuple[Path, ...],
+    name: str | None,
+    ring_down: bool,
+    body: bool,
+    settle_s: float,
+    write: bool,
+    html: Path | None,
+    as_json: bool,
+) -> None:
+    """Identify how a robot of ROBOT_FILE moves, from recordings (SESSIONS) of it.
+
+    Each stage is judged on blocks of time kept out of its fit and has 95 % intervals. What the recordings
+    cannot show is stated first.
+
+    `contid identify arm.yaml shake.mcap --ring-down --write`
+    """
+    from contid.errors import ContidError, require_extra
+    from contid.robot_file.load import load_named
+    from contid_identify.printed import lines, numbers
+    from contid_identify.recording import read_recording
+    from contid_identify.stages import Rests, identify
+    from contid_identify.written import changes
+
+    require_extra("contid identify", "scipy")
+    robots = load_named(robot_file).driven
+    if name is None and len(robots) > 1:
+        raise ContidError(f"{robot_file}: {len(robots)} robots ({', '.join(robots)}); choose with --robot")
+    name = next(iter(robots)) if name is None else name
+    if name not in robots:
+        raise ContidError(f"{robot_file}: no robot {name!r}; the file has {', '.join(robots)}")
+    if write and not Path(robot_file).is_file():
+        raise ContidError(
+            f"--write: {robot_file} is not a file of yours; `contid new NAME --from {robot_file}` makes one"
+        )
+    recordings = [read_recording(path, name) for path in sessions]
+    rests = Rests(settle_s, ring_down, body) if ring_down or body else None
+    found = identify(name, robots[name], recordings, rests)
+    if as_json:
+        click.echo(json.dumps(numbers(found)))
+    else:
+        for line in lines(found):
+            click.echo(line)
+    if html is not None:
+        from contid_identify.page import page
+
+        html.write_text(page(found), encoding="utf-8")
+        click.echo(f"written to {html}", err=True)
+    if write:
+        from contid_fit.calibrate.target_robot import write_back
+
+        source = ", ".join(path.name for path in sessions)
+        edits = changes(found, robots[name], f"identified {date.today().isoformat()} from {source}")
+        write_back(Path(robot_file), name, edits, [])
+        for edit in edits:
+            click.echo(f"written to {robot_file}: {edit.key}: {json.dumps(edit.value)}", err=True)

@@ -1,0 +1,172 @@
+"""What was identified, as lines to read and as one object."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from contid_identify.delay_lag import JudgedStage
+from contid_identify.estimate import ErrorSize, Interval
+from contid_identify.stages import IdentifiedAxis, IdentifiedMotion
+
+_MS = 1e3
+_MM = 1e3
+
+
+def lines(found: IdentifiedMotion) -> Iterator[str]:
+    """The report for a terminal."""
+    whole_s = sum(each.duration_s for each in found.recordings)
+    names = ", ".join(each.name for each in found.recordings)
+    yield f"{found.robot}: {whole_s:.1f} s of {names}; blocks of time, every fifth kept out"
+    yield "excitation (best possible 95 % intervals, if errors were white noise)"
+    for axis in found.axes:
+        yield f"  {axis.name:10} {_excitation(axis)}"
+    yield "delay and lag of the axes (95 % intervals; errors: RMSE kept out, and its 95 % interval)"
+    for axis in found.axes:
+        if axis.answer is None:
+            yield f"  {axis.name:10} not identified: {axis.refused}"
+            continue
+        own = axis.answer
+        yield (
+            f"  {axis.name:10} delay {_text(own.delay_s, _MS)} ms, lag {_text(own.lag_s, _MS)} ms, "
+            f"gain {own.gain.value:.4f} +- {own.gain.half:.1g}"
+        )
+        for stage in own.stages:
+            yield f"  {'':10}   {_stage(stage, 1.0 / axis.per_unit, axis.unit)}"
+    yield "delay and lag of the tip"
+    if found.tip is None:
+        yield f"  not identified: {found.tip_refused}"
+    else:
+        tip = found.tip
+        yield f"  delay {_text(tip.delay_s, _MS)} ms, lag {_text(tip.lag_s, _MS)} ms"
+        if tip.frequency_hz is not None and tip.ratio is not None:
+            yield f"  swing {_text(tip.frequency_hz)} Hz, damping ratio {_text(tip.ratio)}"
+        else:
+            yield "  the recordings show no swing of their own: delay and lag hold what the body adds"
+        for stage in tip.stages:
+            yield f"    {_stage(stage, _MM, 'mm')}"
+    for ring in found.ring_downs:
+        low, high = ring.range_hz
+        pose = ", ".join(
+            f"{axis.name} {value / axis.per_unit:.3g}"
+            for axis, value in zip(found.axes, ring.command, strict=True)
+        )
+        yield f"ring-down about {pose} ({ring.decays} decays, noise {_MM * ring.noise_m:.2f} mm)"
+        for mode in ring.modes:
+            yield f"  {_text(mode.frequency_hz)} Hz, damping ratio {_text(mode.ratio)}"
+        if ring.decays > 1:
+            yield f"  decay by decay: {low:.4g} to {high:.4g} Hz"
+    if found.body is not None:
+        body = found.body
+        fitted, kept = body.decays
+        yield (
+            f"body ({fitted} decays fitted, {kept} kept out"
+            + ("" if kept else ": its errors are of the fit")
+            + ")"
+        )
+        yield (
+            f"  mass {_text(body.mass)} times that of the file, damping {_text(body.damping_s, _MS)} ms, "
+            f"delay behind the devices {_text(body.delay_s, _MS)} ms"
+        )
+        for stage in body.stages:
+            yield f"    {_stage(stage, _MM, 'mm')}"
+
+
+def numbers(found: IdentifiedMotion) -> dict[str, object]:
+    """The report for ``--json``; times in s, errors of axes in their unit, of tips in mm."""
+    out: dict[str, object] = {
+        "robot": found.robot,
+        "recordings": [each.name for each in found.recordings],
+        "confidence": 0.95,
+        "axes": [_axis(axis) for axis in found.axes],
+    }
+    if found.tip is not None:
+        tip = found.tip
+        out["tip"] = {
+            "delay_s": _pair(tip.delay_s),
+            "lag_s": _pair(tip.lag_s),
+            "frequency_hz": None if tip.frequency_hz is None else _pair(tip.frequency_hz),
+            "damping_ratio": None if tip.ratio is None else _pair(tip.ratio),
+            "stages": [_judged(stage, _MM) for stage in tip.stages],
+        }
+    out["ring_downs"] = [
+        {
+            "command": [value / axis.per_unit for axis, value in zip(found.axes, ring.command, strict=True)],
+            "decays": ring.decays,
+            "noise_mm": _MM * ring.noise_m,
+            "modes": [
+                {"frequency_hz": _pair(mode.frequency_hz), "damping_ratio": _pair(mode.ratio)}
+                for mode in ring.modes
+            ],
+            "range_hz": list(ring.range_hz),
+        }
+        for ring in found.ring_downs
+    ]
+    if found.body is not None:
+        out["body"] = {
+            "mass_factor": _pair(found.body.mass),
+            "damping_s": _pair(found.body.damping_s),
+            "delay_s": _pair(found.body.delay_s),
+            "decays": list(found.body.decays),
+            "stages": [_judged(stage, _MM) for stage in found.body.stages],
+        }
+    return out
+
+
+def _axis(axis: IdentifiedAxis) -> dict[str, object]:
+    out: dict[str, object] = {
+        "name": axis.name,
+        "unit": axis.unit,
+        "warnings": list(axis.excitation.warnings),
+    }
+    if axis.answer is None:
+        return {**out, "refused": axis.refused}
+    own = axis.answer
+    return {
+        **out,
+        "delay_s": _pair(own.delay_s),
+        "lag_s": _pair(own.lag_s),
+        "sum_s": _pair(own.sum_s),
+        "gain": _pair(own.gain),
+        "stages": [_judged(stage, 1.0 / axis.per_unit) for stage in own.stages],
+    }
+
+
+def _pair(of: Interval) -> dict[str, float | None]:
+    known = math.isfinite(of.half)
+    return {"value": of.value, "low": of.low if known else None, "high": of.high if known else None}
+
+
+def _judged(stage: JudgedStage, factor: float) -> dict[str, object]:
+    return {
+        "name": stage.name,
+        "fitted_rmse": factor * stage.fitted.rmse,
+        "kept_out_rmse": factor * stage.kept_out.rmse,
+        "kept_out_95": [factor * stage.kept_out.low, factor * stage.kept_out.high],
+    }
+
+
+def _stage(stage: JudgedStage, factor: float, unit: str) -> str:
+    kept: ErrorSize = stage.kept_out
+    return (
+        f"{stage.name:18} {factor * stage.fitted.rmse:9.4g}   kept out {factor * kept.rmse:9.4g} "
+        f"({factor * kept.low:.3g} to {factor * kept.high:.3g}) {unit}"
+    )
+
+
+def _text(of: Interval, factor: float = 1.0) -> str:
+    if not math.isfinite(of.half):
+        return f"{factor * of.value:.3g} (not fixed by these data)"
+    # None of these can be negative.
+    return f"{factor * of.value:.4g} ({factor * max(of.low, 0.0):.4g} to {factor * of.high:.4g})"
+
+
+def _excitation(axis: IdentifiedAxis) -> str:
+    shown = axis.excitation
+    if shown.upper_hz <= 0.0:
+        return axis.refused
+    line = (
+        f"{shown.span / axis.per_unit:.3g} {axis.unit}, 95 % of the speed below {shown.upper_hz:.2g} Hz: "
+        f"delay to {_MS * shown.delay_s:.1g} ms, lag to {_MS * shown.lag_s:.1g} ms"
+    )
+    return "; ".join([line, *shown.warnings])

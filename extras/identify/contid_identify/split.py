@@ -1,0 +1,60 @@
+"""Which part of a recording is fitted and which is kept out: blocks of time, every fifth kept out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contid.kinematics.array import Array
+
+Mask: TypeAlias = NDArray[np.bool_]
+
+#: Blocks of a recording; of the first five the middle one is kept out, and so on.
+BLOCKS: Final = 30
+_EVERY: Final = 5
+_KEPT: Final = 2
+#: Pieces of a block, over which the bootstrap of errors draws.
+_PIECES: Final = 4
+
+
+@dataclass(frozen=True, eq=False)
+class TimeSplit:
+    """Blocks of time of each sample.
+
+    Attributes:
+        blocks: number of the block of each sample.
+        pieces: number of its piece of a block.
+        kept_out: whether it is kept out of the fit.
+    """
+
+    blocks: Array
+    pieces: Array
+    kept_out: Mask
+
+    @property
+    def fitted(self) -> Mask:
+        """Mask of the samples of the fit."""
+        return ~self.kept_out
+
+
+def split_time(at_s: Array) -> TimeSplit:
+    """The split of samples by their times, in blocks of equal duration."""
+    span = max(float(at_s[-1] - at_s[0]), 1e-9)
+    place = (at_s - at_s[0]) / span * (1.0 - 1e-12)
+    blocks = np.floor(place * BLOCKS).astype(int)
+    pieces = np.floor(place * BLOCKS * _PIECES).astype(int)
+    return TimeSplit(blocks, pieces, blocks % _EVERY == _KEPT)
+
+
+def joined_split(times: Sequence[Array]) -> TimeSplit:
+    """The split of several recordings, one after the other; each has blocks of its own."""
+    splits = [split_time(each) for each in times]
+    return TimeSplit(
+        np.concatenate([each.blocks + k * BLOCKS for k, each in enumerate(splits)]),
+        np.concatenate([each.pieces + k * BLOCKS * _PIECES for k, each in enumerate(splits)]),
+        np.concatenate([each.kept_out for each in splits]),
+    )

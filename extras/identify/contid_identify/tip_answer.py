@@ -1,0 +1,220 @@
+"""Stage *tip*: when and how the tip answers commands, with a static map that the data themselves give.
+
+    tip(t) = sum_j w_j y_j(t),   y_j: a monomial of the commands, late, behind a lag and a swing
+
+(Hammerstein: the map first, one linear answer for all behind it). The statics of the robot's model, where it
+has one, is among the inputs; then monomials are of first degree and correct it. The weights follow by linear
+regression for every dead time, lag, frequency and damping that is tried (variable projection, Golub and
+Pereyra 1973). The map holds in the range of the recording only and is not written anywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from typing import Final
+
+import numpy as np
+
+from contid.errors import ContidError
+from contid.kinematics.array import Array
+from contid_identify.answer import CommandedTrace, first_order
+from contid_identify.delay_lag import JudgedStage
+from contid_identify.estimate import Estimate, Interval, error_of, estimate
+from contid_identify.split import joined_split
+
+#: Share of the variance of the commands below which a combination of axes counts as not moved.
+_STILL: Final = 1e-4
+#: Measurements per monomial at least, for monomials of this degree.
+_PER_MONOMIAL: Final = 60
+_DEGREES: Final = (3, 2, 1)
+#: Ridge of the regression, as a share of the mean power of the monomials; what never occurs stays 0.
+_RIDGE: Final = 1e-6
+LEAST_TIPS: Final = 200
+#: Starts of the search.
+_DELAYS_S: Final = (0.02, 0.08, 0.2, 0.4)
+_SWINGS_HZ: Final = (1.0, 2.5, 6.0)
+#: Fewest samples in a search for a start; the rest are left out evenly.
+_COARSE: Final = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class TipAnswer:
+    """The answer of a tip.
+
+    Attributes:
+        delay_s, lag_s: dead time and lag from commands to the tip, without the swing.
+        frequency_hz, ratio: damped frequency and damping ratio of the swing; None where it is not shown.
+        stages: models and errors [m].
+        degree: of the monomials.
+        combinations: of axes that moved.
+        samples: measurements of the fit, and those kept out.
+    """
+
+    delay_s: Interval
+    lag_s: Interval
+    frequency_hz: Interval | None
+    ratio: Interval | None
+    stages: tuple[JudgedStage, ...]
+    degree: int
+    combinations: int
+    samples: tuple[int, int]
+
+
+def fit_tip(traces: Sequence[CommandedTrace], statics_m: Sequence[Array] | None = None) -> TipAnswer:
+    """Dead time, lag and swing of a tip.
+
+    Args:
+        traces: one per recording, ``sent`` ``(ticks, axes)`` and ``measured`` ``(samples, 3)`` [m].
+        statics_m: tips of the commands by a model, one array ``(ticks, 3)`` per recording.
+
+    Raises:
+        ContidError: too few tips, or no axis moved.
+    """
+    count = sum(len(each.at_s) for each in traces)
+    if count < LEAST_TIPS:
+        raise ContidError(f"{count} measured tips; at least {LEAST_TIPS} are needed")
+    fit = _TipFit(traces, statics_m)
+    static = fit.judged("static map", fit.fitted([]))
+    late = fit.best([[delay_s] for delay_s in _DELAYS_S])
+    stages = [static, fit.judged("dead time", late)]
+    first_s = float(late.values[0])
+    lagged = fit.best([[share * first_s, np.log(max((1.0 - share) * first_s, 0.01))] for share in (0.3, 0.8)])
+    stages.append(fit.judged("dead time and lag", lagged))
+    delay_s, log_lag = lagged.values.tolist()
+    swung = fit.best(
+        [[0.5 * delay_s, min(log_lag, np.log(0.1)), np.log(hz), np.log(0.2)] for hz in _SWINGS_HZ]
+    )
+    stages.append(fit.judged("and swing", swung))
+    ratio = float(np.exp(swung.values[3]))
+    shown = (
+        ratio < 0.9
+        and swung.interval(0.0, 0.0, 1.0).half < 0.3
+        and stages[3].kept_out.rmse < stages[2].kept_out.rmse
+    )
+    found = swung if shown else lagged
+    lag_s = float(np.exp(found.values[1]))
+    frequency = damping = None
+    if shown:
+        damped_hz = float(np.exp(swung.values[2])) * np.sqrt(1.0 - ratio**2)
+        frequency = Interval(damped_hz, damped_hz * swung.interval(0.0, 0.0, 1.0).half)
+        damping = Interval(ratio, ratio * swung.interval(0.0, 0.0, 0.0, 1.0).half)
+    fitted = int(fit.split.fitted.sum())
+    return TipAnswer(
+        found.interval(1.0), Interval(lag_s, lag_s * found.interval(0.0, 1.0).half),
+        frequency, damping, tuple(stages), fit.degree, fit.combinations, (fitted, count - fitted),
+    )  # fmt: skip
+
+
+class _TipFit:
+    """Fits of the same traces. Parameters: dead time, logarithms of lag, undamped frequency and ratio."""
+
+    _LOW: Final = (0.0, np.log(1e-4), np.log(0.2), np.log(0.01))
+    _HIGH: Final = (2.0, np.log(6.0), np.log(30.0), np.log(2.0))
+
+    def __init__(self, traces: Sequence[CommandedTrace], statics_m: Sequence[Array] | None) -> None:
+        self.traces = traces
+        self.split = joined_split([each.at_s for each in traces])
+        self.measured = np.concatenate([each.measured for each in traces])
+        sent = np.concatenate([each.sent for each in traces])
+        middle = sent.mean(axis=0)
+        _, sizes, turns = np.linalg.svd(sent - middle, full_matrices=False)
+        moved = sizes**2 > _STILL * max(float((sizes**2).sum()), 1e-300)
+        if not moved.any() or sizes[0] <= 0.0:
+            raise ContidError(
+                "no axis was commanded to move; `contid excite` makes a trajectory that moves it"
+            )
+        scale = np.abs((sent - middle) @ turns[moved].T).max(axis=0)
+        self.combinations = int(moved.sum())
+        rows = int(self.split.fitted.sum())
+        degrees = _DEGREES if statics_m is None else (1,)
+        self.degree = next(
+            (d for d in degrees if rows >= _PER_MONOMIAL * len(_monomials(self.combinations, d))), 1
+        )
+        powers = _monomials(self.combinations, self.degree)
+        self.inputs = []
+        tips = self.measured
+        for k, each in enumerate(traces):
+            parts = (each.sent - middle) @ turns[moved].T / scale
+            columns = [np.prod(parts[:, list(chosen)], axis=1) for chosen in powers]
+            if statics_m is not None:
+                columns += list(((statics_m[k] - tips.mean(axis=0)) / max(float(np.ptp(tips)), 1e-9)).T)
+            self.inputs.append(np.column_stack((np.ones(len(parts)), *columns)))
+
+    def outputs(self, parameters: Array) -> Array:
+        """What the weights act on, at the times of all measurements ``(samples, monomials)``."""
+        found = []
+        for trace, inputs in zip(self.traces, self.inputs, strict=True):
+            values = inputs
+            if len(parameters) > 1:
+                values = first_order(values, trace.period_s, float(np.exp(parameters[1])))
+            if len(parameters) > 2:
+                hz, ratio = np.exp(parameters[2:4])
+                values = _swing(values, trace.period_s, float(hz), float(ratio))
+            delay_s = float(parameters[0]) if len(parameters) else 0.0
+            found.append(_between(values, (trace.at_s - delay_s) / trace.period_s))
+        return np.concatenate(found)
+
+    def residual(self, parameters: Array) -> Array:
+        """What the best weights of the fitted blocks leave over, all samples ``(samples, 3)``."""
+        outputs = self.outputs(parameters)
+        rows = self.split.fitted
+        x = outputs[rows]
+        normal = x.T @ x
+        normal[np.diag_indices_from(normal)] += _RIDGE * float(np.trace(normal)) / len(normal)
+        weights = np.linalg.solve(normal, x.T @ self.measured[rows])
+        return np.asarray(self.measured - outputs @ weights)
+
+    def best(self, starts: Sequence[Sequence[float]]) -> Estimate:
+        """The least squares that begins at the best of some starts."""
+        rows = self.split.fitted
+        return self.fitted(
+            min(starts, key=lambda start: float((self.residual(np.array(start))[rows] ** 2).sum()))
+        )
+
+    def fitted(self, start: Sequence[float]) -> Estimate:
+        """Least squares from a start."""
+        rows, count = self.split.fitted, len(start)
+        blocks = self.split.blocks[rows]
+        if not count:
+            return Estimate(np.zeros(0), np.zeros((0, 0)), 0.0, self.residual(np.zeros(0))[rows])
+        return estimate(
+            lambda p: self.residual(p)[rows],
+            np.array(start), np.array(self._LOW[:count]), np.array(self._HIGH[:count]), blocks,
+        )  # fmt: skip
+
+    def judged(self, name: str, found: Estimate) -> JudgedStage:
+        """The errors of a fit [m]."""
+        left = self.residual(found.values)
+        fitted, kept, pieces = self.split.fitted, self.split.kept_out, self.split.pieces
+        return JudgedStage(name, error_of(left[fitted], pieces[fitted]), error_of(left[kept], pieces[kept]))
+
+
+def _monomials(count: int, degree: int) -> list[tuple[int, ...]]:
+    """Factors of every monomial, without the constant."""
+    return [
+        chosen
+        for power in range(1, degree + 1)
+        for chosen in combinations_with_replacement(range(count), power)
+    ]
+
+
+def _swing(values: Array, period_s: float, frequency_hz: float, ratio: float) -> Array:
+    """A body of one mode behind values ``(ticks, columns)`` that hold from tick to tick; gain 1."""
+    from scipy.signal import cont2discrete, lfilter
+
+    rate = 2.0 * np.pi * frequency_hz
+    numerator, denominator, _ = cont2discrete(
+        ([rate**2], [1.0, 2.0 * ratio * rate, rate**2]), period_s, method="zoh"
+    )
+    first = values[:1]
+    return np.asarray(first + lfilter(numerator.ravel(), denominator, values - first, axis=0))
+
+
+def _between(values: Array, places: Array) -> Array:
+    """Rows at fractional places, linearly between two; the ends go on."""
+    places = np.clip(places, 0.0, len(values) - 1.0)
+    low = np.minimum(places.astype(int), len(values) - 2)
+    share = (places - low)[:, None]
+    return np.asarray(values[low] * (1.0 - share) + values[low + 1] * share)

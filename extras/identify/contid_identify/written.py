@@ -1,0 +1,135 @@
+"""Changes of the robot file that an identification gives.
+
+``follow_delay_ms`` and ``follow_lag_ms``, the longest that still count as healthy, are the upper ends of the
+intervals of the slowest axis and a quarter. ``dynamics.delay_ms`` and ``lag_ms`` reach from the command to
+the body: those of the tip where it was measured, else of every axis. Masses and damping are those of the
+stage *body*, ``rates.shape`` has the strongest mode about the pose with the most ring-downs.
+"""
+
+from __future__ import annotations
+
+import math
+
+from contid.errors import ContidError
+from contid.robot_file.dynamics import Dynamics
+from contid.robot_file.edit import Change
+from contid.robot_file.robot import RobotDescription
+from contid_identify.body_fit import scaled
+from contid_identify.delay_lag import AxisAnswer
+from contid_identify.estimate import Interval
+from contid_identify.stages import IdentifiedMotion
+
+#: What the watch of the axes allows above the upper end of an interval.
+_MARGIN = 1.25
+#: An interval of a delay or lag wider than this is not written [s].
+_WIDEST_S = 0.05
+#: Frequencies that input shaping takes [Hz].
+_SHAPED_HZ = (0.5, 100.0)
+
+
+def changes(found: IdentifiedMotion, robot: RobotDescription, note: str) -> list[Change]:
+    """Keys relative to the robot.
+
+    Args:
+        found: what was identified.
+        robot: description in the file.
+        note: origin of the numbers: date, recordings, split.
+
+    Raises:
+        ContidError: nothing is known well enough to be written.
+    """
+    out: list[Change] = []
+    known = [axis.answer for axis in found.axes if axis.answer is not None and _is_known(axis.answer.sum_s)]
+    if known and len(known) == len(found.axes):
+        delay_s, lag_s = _longest(known, "delay_s"), _longest(known, "lag_s")
+        out += [
+            Change("follow_delay_ms", _ms(_MARGIN * delay_s), f"{note}: longest of a healthy axis"),
+            Change("follow_lag_ms", max(_ms(_MARGIN * lag_s), 1.0), f"{note}: longest of a healthy axis"),
+        ]
+    if getattr(robot, "dynamics", None) is not None:
+        out += _dynamics(found, len(robot.axis_names), note)
+        out += _body(found, robot, note)
+    if found.ring_downs:
+        out.append(_shape(found, note))
+    if not out:
+        raise ContidError("nothing is known well enough to be written; the report names what is missing")
+    return out
+
+
+def _dynamics(found: IdentifiedMotion, count: int, note: str) -> list[Change]:
+    tip = found.tip
+    if tip is not None and _is_known(tip.delay_s) and _is_known(tip.lag_s):
+        error = tip.stages[-1 if tip.frequency_hz is not None else -2].kept_out.rmse
+        about = f"{note}: to the tip, +- {_ms(tip.delay_s.half)} ms, kept out {1e3 * error:.2g} mm"
+        return [
+            Change("dynamics.delay_ms", [_ms(tip.delay_s.value)], about),
+            Change("dynamics.lag_ms", [_ms(tip.lag_s.value)], f"{note}: +- {_ms(tip.lag_s.half)} ms"),
+        ]
+    own = [axis.answer for axis in found.axes[:count]]
+    answers = [each for each in own if each is not None and _is_known(each.delay_s) and _is_known(each.lag_s)]
+    if len(answers) < count:
+        return []
+    return [
+        Change("dynamics.delay_ms", [_ms(each.delay_s.value) for each in answers], f"{note}: of the axes"),
+        Change("dynamics.lag_ms", [_ms(each.lag_s.value) for each in answers], f"{note}: of the axes"),
+    ]
+
+
+def _body(found: IdentifiedMotion, robot: RobotDescription, note: str) -> list[Change]:
+    if found.body is None:
+        return []
+    body = found.body
+    if not math.isfinite(body.mass.half) or body.mass.half > 0.5 * body.mass.value:
+        return []
+    old: Dynamics = getattr(robot, "dynamics")  # noqa: B009
+    new = scaled(old, body.mass.value, body.damping_s.value)
+    assert new.mass_g_per_m is not None
+    error = 1e3 * body.stages[-1].kept_out.rmse
+    share = 100.0 * body.mass.half / body.mass.value
+    out = [
+        Change(
+            "dynamics.mass_g_per_m",
+            [float(f"{each:.4g}") for each in new.mass_g_per_m],
+            f"{note}: +- {share:.1g} %, kept out {error:.2g} mm",
+        ),
+        Change(
+            "dynamics.damping_ms", float(f"{new.damping_ms:.3g}"), f"{note}: +- {_ms(body.damping_s.half)} ms"
+        ),
+    ]
+    if old.tip_mass_g:
+        out.append(Change("dynamics.tip_mass_g", float(f"{new.tip_mass_g:.4g}"), note))
+    return out
+
+
+def _shape(found: IdentifiedMotion, note: str) -> Change:
+    mode = found.ring_downs[0].modes[0]
+    hz, ratio = mode.frequency_hz, mode.ratio
+    low, high = _SHAPED_HZ
+    if not low <= hz.value <= high or not math.isfinite(hz.half) or hz.half > 0.2 * hz.value:
+        raise ContidError(
+            f"rates.shape: {hz.value:.3g} +- {hz.half:.2g} Hz is not written; allowed: {low:g} to {high:g} "
+            "Hz, known to a fifth: record more ring-downs"
+        )
+    value = {
+        "kind": "zvd",
+        "frequency_hz": float(f"{hz.value:.4g}"),
+        "damping_ratio": float(f"{min(ratio.value, 0.9):.3g}"),
+    }
+    return Change("rates.shape", value, f"{note}: +- {hz.half:.2g} Hz, ratio +- {ratio.half:.1g}")
+
+
+def _is_known(of: Interval) -> bool:
+    return math.isfinite(of.half) and of.half <= _WIDEST_S
+
+
+def _longest(answers: list[AxisAnswer], key: str) -> float:
+    highs: list[float] = []
+    for each in answers:
+        interval: Interval = getattr(each, key)
+        # Where delay and lag are known as a sum only, the sum bounds both.
+        highs.append(interval.high if _is_known(interval) else each.sum_s.high)
+    return max(0.0, *highs)
+
+
+def _ms(seconds: float) -> float:
+    return float(f"{1e3 * seconds:.3g}")

@@ -1,0 +1,54 @@
+"""Motions that excite a robot are accepted by the check of trajectories, and move every axis."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from contid.control.daemon.check_trajectory import check_trajectory
+from contid.errors import ContidError
+from contid_identify.excite_command import command
+
+
+def written(tmp_path: Path, *arguments: str) -> tuple[str, list[str], np.ndarray]:
+    path = tmp_path / "e.csv"
+    done = CliRunner().invoke(command, [*arguments, "-o", str(path)], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    text = path.read_text()
+    header = text.partition("\n")[0].split(",")
+    return text, header, np.loadtxt(io.StringIO(text), delimiter=",", skiprows=1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["finger", "tendon3"])
+def test_the_check_accepts_it_and_every_axis_moves(robot: str, tmp_path: Path) -> None:
+    text, header, rows = written(tmp_path, robot, "--duration", "20")
+    checked = check_trajectory(robot, "e.csv", io.StringIO(text))
+    assert checked.duration_s > 15.0
+    assert (np.ptp(rows[:, 1:], axis=0) > 0.0).all()
+    assert header[0] == "t_s"
+    assert np.allclose(rows[0, 1::2], rows[-1, 1::2], atol=0.1)  # ends where it began
+
+
+def test_ring_downs_end_with_rests(tmp_path: Path) -> None:
+    _, _, rows = written(tmp_path, "finger", "--duration", "12", "--part", "ring-downs")
+    moves = np.abs(np.diff(rows[:, 1:], axis=0)).max(axis=1) > 1e-6
+    longest, run = 0, 0
+    for move in moves.tolist():
+        run = 0 if move else run + 1
+        longest = max(longest, run)
+    assert longest / 50.0 > 2.5
+
+
+def test_mistakes_are_named(tmp_path: Path) -> None:
+    out = str(tmp_path / "e.csv")
+    for arguments, message in (
+        (["hand", "-o", out], "--robot"),
+        (["finger", "--robot", "x", "-o", out], "'x'"),
+    ):
+        with pytest.raises(ContidError, match=message):
+            CliRunner().invoke(command, arguments, catch_exceptions=False)
