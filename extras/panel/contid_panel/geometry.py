@@ -24,12 +24,15 @@ from contid.trajectory.arc_columns import arc_names, arc_values
 from contid.trajectory.columns import column_groups
 from contid.units import MM_PER_M
 from contid_panel.obstacles import obstacle_shape
+from contid_panel.rates import axis_rates, bend_rates, tip_rate_mm_s
 from contid_view.body_plan import SLENDERNESS
 from contid_view.robot_scene import RobotDrawing, RobotScene
 from contid_view.scene import Scene, build_scene, rope_line
 
 #: Random actuations whose tips show the reach of a spatial arm; always the same ones.
 REACH_TIPS: Final = 500
+#: Of them, how many show the rates of columns.
+RATE_SAMPLES: Final = 20
 #: Steps of the search for an extreme tip, as shares of the range of an axis.
 EXTREME_STEPS: Final = (1.0, 0.5, 0.25, 0.1, 0.1, 0.03)
 #: Actuations from which it begins.
@@ -100,12 +103,17 @@ class PanelGeometry:
     def _robot(self, robot: RobotScene, description: RobotDescription, several: bool) -> Fields:
         config = robot.config
         groups = column_groups(f"{config.name}." if several else "", description)
+        axes = [*groups.get("actuation", []), *groups.get("extra", [])]
+        bends = _bends(robot, description, f"{config.name}." if several else "")
+        rest = [value * each.per_si for value, each in zip(config.rest, config.quantities, strict=True)]
         reach = robot.outline if robot.outline is not None else self._reach(robot)
         return {
             "planar": robot.planar,
             "tip_columns": groups.get("tip", []),
-            "axis_columns": [*groups.get("actuation", []), *groups.get("extra", [])],
-            "bends": _bends(robot, description, f"{config.name}." if several else ""),
+            "axis_columns": axes,
+            "bends": bends,
+            "rest": dict(zip(axes, rest, strict=True)),
+            "rates": self._rates(robot, description, groups.get("tip", []), axes, bends),
             "length_mm": robot.length_mm,
             "radius_mm": _radius_mm(description) or robot.length_mm * SLENDERNESS,
             "up": list(robot.up),
@@ -113,6 +121,26 @@ class PanelGeometry:
             "reach_is_outline": robot.outline is not None,
             "bounds": _line(self._bounds(robot, reach)),
         }
+
+    @staticmethod
+    def _rates(
+        robot: RobotScene,
+        description: RobotDescription,
+        tip: Sequence[str],
+        axes: Sequence[str],
+        bends: Sequence[Fields],
+    ) -> dict[str, float]:
+        """How fast every column changes at full speed [1/s]."""
+        samples = drawn(robot)[:RATE_SAMPLES]
+        found = dict.fromkeys(tip, tip_rate_mm_s(robot, samples))
+        found.update(zip(axes, axis_rates(robot), strict=True))
+        if bends:
+            inside = [_inside(robot, each) for each in samples]
+            found.update(
+                (each["column"], rate)
+                for each, rate in zip(bends, bend_rates(robot, description, inside), strict=True)
+            )
+        return found
 
     @staticmethod
     def _reach(robot: RobotScene) -> Array:
@@ -179,8 +207,7 @@ def _bends(robot: RobotScene, description: RobotDescription, prefix: str) -> lis
     model = robot.config.model
     if "arcs" not in description.accepts or not isinstance(model, Bending):
         return []
-    own = len(robot.config.axes) - robot.config.extra_axes
-    inside = [model.inverse(Target(actuation=each[:own]), each).actuation for each in drawn(robot)]
+    inside = [_inside(robot, each) for each in drawn(robot)]
     shapes = [model.arcs(each) for each in (robot.config.rest, *inside)]
     rows = np.array([arc_values(description, shape.tolist()) for shape in shapes])
     found = []
@@ -193,6 +220,12 @@ def _bends(robot: RobotScene, description: RobotDescription, prefix: str) -> lis
             low = 0.0
         found.append({"column": prefix + column, "name": name, "minimum": low, "maximum": high, "unit": unit})
     return found
+
+
+def _inside(robot: RobotScene, actuation: Actuation) -> Actuation:
+    """The nearest actuation within the limits that couple axes."""
+    own = len(robot.config.axes) - robot.config.extra_axes
+    return robot.config.model.inverse(Target(actuation=actuation[:own]), actuation).actuation
 
 
 def actuation_of(robot: RobotScene, values: Sequence[float]) -> Actuation:

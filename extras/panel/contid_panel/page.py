@@ -44,7 +44,7 @@ class Page:
         self._mailbox = Mailbox()
         self.number = next(self._numbers)
         self._client = PageClient(hub.path, f"panel page {self.number}")
-        self._orders = PageOrders(self._client, checks, poses).orders
+        self._orders = PageOrders(self._client, hub, checks, poses).orders
         self._rate = MessageRate()
         self._pending: set[asyncio.Task[None]] = set()
         self._stopping: set[asyncio.Task[None]] = set()

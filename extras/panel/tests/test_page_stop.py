@@ -78,7 +78,10 @@ def test_after_a_stop_no_message_has_that_the_robots_hold(it: OpenPage) -> None:
     it.state("f0", "OFF")
     it.page.wait_for_selector("#lease[data-mine=false]")
     it.page.wait_for_timeout(2500)
-    assert not [text for text in it.page.evaluate("() => window.toasts") if "hold" in text]
+    toasts = it.page.evaluate("() => window.toasts")
+    assert not [text for text in toasts if "hold" in text]
+    assert [text for text in toasts if "no torque, it may sink" in text]
+    assert "no torque" in it.text(".robot[data-robot=f0] .meaning")
 
 
 def test_a_lease_that_is_taken_is_shown_with_the_holder(it: OpenPage, running: Running) -> None:

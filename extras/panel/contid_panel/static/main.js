@@ -1,6 +1,7 @@
 // The page: messages of the panel to the parts that show them.
 
 import { byId, setHidden, setText, toast } from "./dom.js";
+import { FaultBanner } from "./faults.js";
 import { Jog } from "./jog.js";
 import { Link } from "./link.js";
 import { Pace } from "./pace.js";
@@ -10,11 +11,13 @@ import { installQuestion } from "./question.js";
 import { RecordingCard } from "./recording.js";
 import { RobotCard } from "./robots.js";
 import { Events, LeaseControl, Machine, TrajectoryCard } from "./side.js";
+import { Speed } from "./speed.js";
 import { installStop } from "./stop.js";
 import { View } from "./view.js";
+import { Walk } from "./walk.js";
 
 const STALE_MS = 1500;
-const page = { client: 0, readOnly: false, daemon: false, lastFrame: 0, states: "", status: null };
+const page = { client: 0, readOnly: false, daemon: false, lastFrame: 0, states: "", status: null, robots: {} };
 let cards = new Map();
 
 const handlers = {
@@ -30,10 +33,11 @@ const handlers = {
   },
   describe: (message) => {
     const { describe, drawing, problem } = message;
+    page.robots = describe.robots;
     setText(byId("name"), describe.name);
     document.title = `${describe.name} · contid`;
     cards = new Map(Object.entries(describe.robots).map(([name, robot]) =>
-      [name, new RobotCard(name, robot, drawing?.robots[name], link, jog, select)]));
+      [name, new RobotCard(name, robot, drawing?.robots[name], { link, jog, speed }, select)]));
     byId("robots").replaceChildren(...[...cards.values()].map((card) => card.element));
     view.describe(drawing, problem);
     plots.describe(describe.robots);
@@ -71,17 +75,19 @@ const link = new Link((message) => handlers[message.kind]?.(message), (open, rea
   if (!open) lost();
   showLink(reason);
 });
-const jog = new Jog(link);
+const speed = new Speed(link);
+const jog = new Walk(link, new Jog(link), speed);
 const lease = new LeaseControl(link);
+const faults = new FaultBanner();
 const machine = new Machine();
 const events = new Events();
 const plots = new Plots();
-const poses = new PosesCard(link);
+const poses = new PosesCard(link, speed);
 const recording = new RecordingCard(link);
 const pace = new Pace();
 const view = new View(link, jog, pace);
 const trajectory = new TrajectoryCard(link, (paths) => view.preview(paths));
-installStop(link);
+installStop(link, () => page.robots);
 installQuestion();
 
 function showStatus() {
@@ -89,6 +95,7 @@ function showStatus() {
   page.status = null;
   if (status === null) return;
   for (const [name, robot] of Object.entries(status.robots)) cards.get(name)?.status(robot, status.lease);
+  faults.show(status.robots, (name) => cards.get(name)?.element.dataset.state);
   lease.show(status.lease, page.readOnly);
   trajectory.update();
   poses.update();
@@ -112,6 +119,7 @@ document.addEventListener("visibilitychange", () => pace.forget());
 function lost() {
   page.status = null;
   page.states = "";
+  faults.lost();
   for (const card of cards.values()) card.lost();
   view.lost();
   trajectory.update();

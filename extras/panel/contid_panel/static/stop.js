@@ -1,12 +1,14 @@
 // The STOP button: always there, by click and by the space bar, with or without the lease.
 
 import { byId, setHidden, setText, toast } from "./dom.js";
+import { afterStop } from "./meaning.js";
 import { cancelQuestion } from "./question.js";
 
 const CONFIRM_MS = 1500; // a panel that hangs neither confirms nor refuses
 const FAILED = "STOP WAS NOT CONFIRMED. Use the emergency switch of the robot, or `contid estop` in a terminal.";
 
-export function installStop(link) {
+/** `robots` gives the descriptions of the robots. */
+export function installStop(link, robots) {
   const button = byId("stop");
   const alarm = byId("alarm");
   const warn = (text) => {
@@ -26,7 +28,7 @@ export function installStop(link) {
       unconfirmed = null;
       const silent = Object.keys(result.silent ?? {});
       warn(silent.length ? `${silent.join(", ")}: devices did not answer and may have missed the stop; look at the robot.` : "");
-      if (!silent.length) toast("All robots were stopped.");
+      if (!silent.length) toast(["All robots were stopped.", ...afterStop(robots(), result.robots ?? {})].join("\n"));
     } catch {
       warn(FAILED);
     }
