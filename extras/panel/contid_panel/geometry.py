@@ -18,6 +18,7 @@ from contid.remote.protocol.wire import Fields
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import LoadedFile, load_robot_file
 from contid.robot_file.robot import RobotDescription
+from contid.robot_file.tendon.robot import TendonRobot
 from contid.robot_file.tri_rack import TriRack
 from contid.targets import Actuation, Target
 from contid.trajectory.arc_columns import arc_names, arc_values
@@ -28,6 +29,7 @@ from contid_panel.rates import axis_rates, bend_rates, tip_rate_mm_s
 from contid_view.body_plan import SLENDERNESS
 from contid_view.robot_scene import RobotDrawing, RobotScene
 from contid_view.scene import Scene, build_scene, rope_line
+from contid_view.tendon_lines import DISCS, RIM
 
 #: Random actuations whose tips show the reach of a spatial arm; always the same ones.
 REACH_TIPS: Final = 500
@@ -37,6 +39,8 @@ RATE_SAMPLES: Final = 20
 EXTREME_STEPS: Final = (1.0, 0.5, 0.25, 0.1, 0.1, 0.03)
 #: Actuations from which it begins.
 EXTREME_STARTS: Final = 5
+#: A commanded body is drawn where it is further from the measured one than this share of the length.
+GHOST: Final = 0.02
 #: Decimals of coordinates [mm].
 DECIMALS: Final = 2
 
@@ -91,6 +95,7 @@ class PanelGeometry:
         several, workspace = len(descriptions) > 1, self.scene.workspace()
         return {
             "planar": self.scene.planar,
+            "cell_mm": self.scene.cell_mm,
             "floor": [_line(line) for line in self.scene.floor()],
             "bounds": _line(np.array([workspace.min(axis=0), workspace.max(axis=0)])),
             "obstacles": [obstacle_shape(each, workspace) for each in self.scene.obstacles.values()],
@@ -116,6 +121,7 @@ class PanelGeometry:
             "rates": self._rates(robot, description, groups.get("tip", []), axes, bends),
             "length_mm": robot.length_mm,
             "radius_mm": _radius_mm(description) or robot.length_mm * SLENDERNESS,
+            **_counts(description),
             "up": list(robot.up),
             "reach": _line(reach),
             "reach_is_outline": robot.outline is not None,
@@ -165,8 +171,17 @@ class PanelGeometry:
                 tips += [_extreme(robot, found[k][1], coordinate, sign) for k in farthest]
         return np.vstack([np.min(tips, axis=0), np.max(tips, axis=0)])
 
-    def bodies(self, measured: Mapping[str, Sequence[float] | None]) -> Fields:
-        """Lines of every robot at measured axes (in the unit of the robot), and the ropes between them."""
+    def bodies(
+        self,
+        measured: Mapping[str, Sequence[float] | None],
+        commanded: Mapping[str, Sequence[float] | None],
+    ) -> Fields:
+        """Lines of every robot and the ropes between them.
+
+        Args:
+            measured: axes of every robot, in its units: its body is drawn there.
+            commanded: the same; where that body is elsewhere it is drawn too, as a ghost.
+        """
         drawings = {
             robot.config.name: self._drawing(robot, measured.get(robot.config.name))
             for robot in self.scene.robots
@@ -176,7 +191,31 @@ class PanelGeometry:
             for name, drawing in drawings.items()
         }
         ropes = [line for rope in self.scene.ropes if (line := rope_line(rope, drawings)) is not None]
-        return {"robots": found, "ropes": [_line(line) for line in ropes]}
+        ghosts = {
+            robot.config.name: ghost
+            for robot in self.scene.robots
+            if (ghost := self._ghost(robot, drawings[robot.config.name], commanded.get(robot.config.name)))
+        }
+        return {"robots": found, "ghosts": ghosts, "ropes": [_line(line) for line in ropes]}
+
+    def _ghost(
+        self, robot: RobotScene, body: RobotDrawing | None, commanded: Sequence[float] | None
+    ) -> list[list[list[float]]]:
+        """Lines of the commanded body, none where it is not apart from the measured one."""
+        if body is None or commanded is None or None in commanded:
+            return []
+        actuation = actuation_of(robot, commanded)
+        if actuation == body.actuation:
+            return []
+        try:
+            there = robot.drawing(actuation)
+        except (ValueError, ArithmeticError):
+            return []
+        if there is None:
+            return []
+        pairs = zip(there.strips[: there.sections], body.strips[: body.sections], strict=False)
+        apart = max(float(np.abs(a - b).max()) for a, b in pairs if a.shape == b.shape)
+        return [_line(strip) for strip in there.strips] if apart > GHOST * robot.length_mm else []
 
     def _drawing(self, robot: RobotScene, measured: Sequence[float] | None) -> RobotDrawing | None:
         if measured is None:
@@ -265,7 +304,17 @@ def _extreme(robot: RobotScene, at: Actuation, coordinate: int, sign: float) -> 
     return best
 
 
+def _counts(description: RobotDescription) -> Fields:
+    """How many of the last lines of a body are tendons and, behind them, discs."""
+    if not isinstance(description, TendonRobot):
+        return {"tendons": 0, "discs": 0, "discs_per_section": 0}
+    discs = DISCS * len(description.geometry.sections) + 1
+    return {"tendons": len(description.axis_names), "discs": discs, "discs_per_section": DISCS}
+
+
 def _radius_mm(description: RobotDescription) -> float:
+    if isinstance(description, TendonRobot):
+        return RIM * max(max(section.radius_mm) for section in description.geometry.sections)
     if isinstance(description, Cosserat):
         return max(section.radius_mm for section in description.geometry.sections)
     if isinstance(description, TriRack):

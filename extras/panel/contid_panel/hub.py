@@ -182,9 +182,14 @@ class Hub:
 
     def _frame(self, frame: Fields) -> None:
         self.newest = frame["robots"]
-        bodies: Fields = {"robots": {}, "ropes": []}
+        bodies: Fields = {"robots": {}, "ghosts": {}, "ropes": []}
         if self.geometry is not None:
-            bodies = self.geometry.bodies({name: robot["measured"] for name, robot in self.newest.items()})
+            bodies = self.geometry.bodies(
+                *(
+                    {name: robot[key] for name, robot in self.newest.items()}
+                    for key in ("measured", "command")
+                )
+            )
         message = {"kind": "frame", "tick": frame["tick"], "t_s": frame["t_s"], "robots": self.newest}
         text = encode_message({**message, "bodies": bodies, "clock_ms": clock_ms()})
         for mailbox in self._mailboxes:

@@ -13,7 +13,7 @@ import { RobotCard } from "./robots.js";
 import { Events, LeaseControl, Machine, TrajectoryCard } from "./side.js";
 import { Speed } from "./speed.js";
 import { installStop } from "./stop.js";
-import { View } from "./view.js";
+import { View } from "./picture/view.js";
 import { Walk } from "./walk.js";
 
 const STALE_MS = 1500;

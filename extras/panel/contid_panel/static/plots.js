@@ -1,16 +1,12 @@
 // Plots of the selected robot over the last seconds: axes, and the distance of the tip from its target.
 
 import uPlot from "./vendor/uplot/uPlot.esm.js";
+import { axisColour, style } from "./colours.js";
 import { byId, h, setHidden } from "./dom.js";
 
 const WINDOW_S = 20;
 const PERIOD_MS = 100;
 const HEIGHT = 150;
-export const COLORS = ["#3b82f6", "#f59e0b", "#10b981", "#ec4899", "#8b5cf6", "#14b8a6", "#ef4444", "#84cc16"];
-
-function style(name) {
-  return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-}
 
 export class Plots {
   constructor() {
@@ -50,12 +46,12 @@ export class Plots {
     const span = 0.04 * Math.max(...Object.values(robot.axes).map((axis) => ends(axis, "max_") - ends(axis, "min_")));
     const series = [];
     Object.keys(robot.axes).forEach((axis, i) => {
-      const color = COLORS[i % COLORS.length];
+      const color = axisColour(i);
       series.push({ label: axis, stroke: color, width: 1.75, points: { show: false } });
       series.push({ label: `${axis} command`, stroke: color, width: 1, dash: [4, 3], points: { show: false } });
     });
     this.axesPlot = new uPlot(this.options(series, HEIGHT, span), [[], ...series.map(() => [])], this.axes);
-    const tip = [{ label: "tip", stroke: COLORS[0], width: 1.5, fill: "rgba(59,130,246,0.12)", points: { show: false } }];
+    const tip = [{ label: "tip", stroke: axisColour(0), width: 1.5, fill: "rgba(59,130,246,0.12)", points: { show: false } }];
     this.errorPlot = new uPlot(this.options(tip, HEIGHT * 0.7, 0.5), [[], []], this.error);
   }
 

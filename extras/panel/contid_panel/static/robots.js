@@ -1,6 +1,6 @@
 // One card per robot: state, fault with its remedy, orders, and sliders for tip and axes.
 
-import { COLORS } from "./plots.js";
+import { axisVariable } from "./colours.js";
 import { attempt, h, setHidden, setText, toast } from "./dom.js";
 import { meaningOf } from "./meaning.js";
 import { confirmed } from "./question.js";
@@ -30,7 +30,7 @@ export class RobotCard {
     const axes = Object.entries(description.axes);
     this.axes = axes.map(([axis, limit], i) => {
       const unit = Object.keys(limit).find((key) => key.startsWith("min_")).slice(4); // a wrist may be in degrees
-      return new Slider(axis, limit[`min_${unit}`], limit[`max_${unit}`], unit, this.hand(this.axisColumns, i), COLORS[i % COLORS.length]);
+      return new Slider(axis, limit[`min_${unit}`], limit[`max_${unit}`], unit, this.hand(this.axisColumns, i), axisVariable(i));
     });
     const [low, high] = drawing?.bounds ?? [[], []];
     this.tip = this.tipColumns.map((column, i) => new Slider("xyz"[i], Math.floor(low[i]), Math.ceil(high[i]), "mm", this.hand(this.tipColumns, i)));

@@ -65,6 +65,25 @@ export class Mesh {
     for (const [x, y, z] of [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]) this.indices.push(first + x, first + y, first + z);
   }
 
+  /** A round plate with flat faces, its middle at `center`. */
+  plate(center, normal, radius, thick, sides = 32) {
+    const side = unit(cross(normal, Math.abs(normal[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]));
+    const up = cross(normal, side);
+    const around = [...Array(sides).keys()].map((i) => {
+      const angle = (2 * Math.PI * i) / sides;
+      return [0, 1, 2].map((x) => Math.cos(angle) * side[x] + Math.sin(angle) * up[x]);
+    });
+    const first = this.vertices.length / 6;
+    for (const way of [-1, 1]) for (const n of around) this.vertices.push(...add(add(center, normal, (way * thick) / 2), n, radius), ...n);
+    this.skin(first, 2, sides);
+    for (const way of [-1, 1]) {
+      const middle = this.vertices.length / 6, face = add(center, normal, (way * thick) / 2), out = normal.map((v) => v * way);
+      this.vertices.push(...face, ...out);
+      for (const n of around) this.vertices.push(...add(face, n, radius), ...out);
+      for (let i = 0; i < sides; i++) this.indices.push(middle, middle + 1 + i, middle + 1 + ((i + 1) % sides));
+    }
+  }
+
   /** A box: its center and its three half edges. */
   box(center, edges) {
     for (const [i, j, k] of [[0, 1, 2], [1, 2, 0], [2, 0, 1]]) for (const way of [1, -1]) {
