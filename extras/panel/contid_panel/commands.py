@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import tempfile
 import threading
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from contid.cli.support.parameters import robot_names
 @click.option("--tls-certificate", type=click.Path(exists=True, dir_okay=False), help="Certificate (PEM).")
 @click.option("--tls-key", type=click.Path(exists=True, dir_okay=False), help="Its private key (PEM).")
 @click.option("--name", "names", multiple=True, help="Further name by which browsers address this machine.")
+@click.option("--demo", "demonstrates", is_flag=True, hidden=True, help="The input is a demonstration.")
 @click.option("--wait", is_flag=True, hidden=True, help="Start before the daemon; end with stdin.")
 def command(
     socket: str | None,
@@ -37,6 +39,7 @@ def command(
     tls_certificate: str | None,
     tls_key: str | None,
     names: tuple[str, ...],
+    demonstrates: bool,
     wait: bool,
 ) -> None:
     """Serve a page that shows and moves the robots of a running daemon.
@@ -59,6 +62,7 @@ def command(
         certificate=None if tls_certificate is None else Path(tls_certificate),
         key=None if tls_key is None else Path(tls_key),
         names=names,
+        demonstrates=demonstrates,
     )
 
     settings.check()
@@ -93,17 +97,39 @@ def _end_with_stdin() -> None:
 @click.command()
 @click.argument("robot_file", default="hand", shell_complete=robot_names)
 @click.option("--no-open", is_flag=True, help="Print the URL and open no browser.")
+@click.option("--still", is_flag=True, help="The robots hold, and do not move by themselves.")
 @click.pass_context
-def demo(ctx: click.Context, robot_file: str, no_open: bool) -> None:
+def demo(ctx: click.Context, robot_file: str, no_open: bool, still: bool) -> None:
     """Run ROBOT_FILE (the two-fingered hand) on simulated devices with the panel.
 
-    The same as `contid run ROBOT_FILE --mock --panel`, and a browser is opened on it. Ctrl-C ends both.
+    The robots move gently until somebody takes control. Apart from that it is `contid run ROBOT_FILE --mock
+    --panel`, and a browser is opened on it. Ctrl-C ends both.
     """
     from contid.cli.commands import run
+    from contid.robot_file.load import load_named
+    from contid_panel.demo_motion import demo_motion
 
     # `contid run` would read the stdin of a calling script as a trajectory.
     null = os.open(os.devnull, os.O_RDONLY)
     os.dup2(null, sys.stdin.fileno())
     os.close(null)
     screen = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-    ctx.invoke(run.command, robot_file=robot_file, mock=True, panel=True, panel_open=screen and not no_open)
+    opens = screen and not no_open
+    loaded = load_named(robot_file)
+    motion = "" if still else demo_motion(loaded, loaded.file.rate_hz)
+    if not motion:
+        ctx.invoke(run.command, robot_file=robot_file, mock=True, panel=True, panel_open=opens)
+        return
+    with tempfile.TemporaryDirectory(prefix="contid-demo-") as folder:
+        path = Path(folder) / "demo.csv"
+        path.write_text(motion, encoding="utf-8")
+        ctx.invoke(
+            run.command,
+            robot_file=robot_file,
+            mock=True,
+            trajectory=str(path),
+            on_end="hold",
+            panel=True,
+            panel_open=opens,
+            panel_demo=True,
+        )

@@ -30,7 +30,7 @@ RECONNECT_PERIOD_S: Final = 0.3
 RESPONSE_TIMEOUT_S: Final = 3.0
 FIELDS: Final = (
     "state", "fault", "tip_mm", "command_tip_mm", "target_mm", "error_mm", "command", "measured", "limits",
-    "bends",
+    "bends", "effort", "temperature_c", "voltage_v",
 )  # fmt: skip
 _LOST: Final = (ConnectionLostError, NoDaemonError, RemoteError, OSError)
 

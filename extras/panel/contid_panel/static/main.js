@@ -5,7 +5,7 @@ import { FaultBanner } from "./faults.js";
 import { Jog } from "./jog.js";
 import { Link } from "./link.js";
 import { Pace } from "./pace.js";
-import { Plots } from "./plots.js";
+import { Plots } from "./plots/plots.js";
 import { PosesCard } from "./poses.js";
 import { installQuestion } from "./question.js";
 import { RecordingCard } from "./recording.js";
@@ -23,6 +23,7 @@ let cards = new Map();
 const handlers = {
   hello: (message) => {
     page.readOnly = message.read_only;
+    lease.demo = message.demo && !message.read_only;
     document.body.classList.toggle("read-only", page.readOnly);
   },
   client: (message) => { page.client = message.client; },
@@ -56,7 +57,7 @@ const handlers = {
     if (!drawn) return; // a new state is written at once; the rest follows with the next image
     pace.begin();
     view.frame(message);
-    plots.show(message.t_s);
+    plots.show();
     events.show();
   },
   status: (message) => {
@@ -87,6 +88,7 @@ const recording = new RecordingCard(link);
 const pace = new Pace();
 const view = new View(link, jog, pace);
 const trajectory = new TrajectoryCard(link, (paths) => view.preview(paths));
+for (const id of ["space", "robots"]) byId(id).addEventListener("pointerdown", () => lease.touched());
 installStop(link, () => page.robots);
 installQuestion();
 

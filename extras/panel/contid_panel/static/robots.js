@@ -50,9 +50,9 @@ export class RobotCard {
       h("header", {}, h("h2", {}, name), this.state, this.meaning),
       this.fault,
       h("div", { className: "orders" }, this.hold, this.resume, this.rest, this.home, this.recover, this.clear),
-      this.tip.length ? h("fieldset", {}, h("legend", {}, "Tip"), ...this.tip.map((s) => s.row)) : null,
+      this.tip.length ? h("fieldset", {}, h("legend", {}, "Tip", h("span", {}, "measured")), ...this.tip.map((s) => s.row)) : null,
       this.bends.length ? h("fieldset", {}, h("legend", {}, "Bends"), ...this.bends.map((s) => s.row)) : null,
-      h("fieldset", {}, h("legend", {}, "Axes"), ...this.axes.map((s) => s.row)),
+      h("fieldset", {}, h("legend", {}, "Axes", h("span", {}, "measured")), ...this.axes.map((s) => s.row)),
       this.note);
     this.element.dataset.robot = name;
     this.element.id = `robot-${name}`;

@@ -5,6 +5,7 @@ import { request } from "./link.js";
 import { confirmed } from "./question.js";
 
 const MAX_EVENTS = 60;
+const INPUT = "input"; // how a status names the input of a run
 
 export class LeaseControl {
   constructor(link) {
@@ -12,12 +13,15 @@ export class LeaseControl {
     this.text = h("span", {});
     this.button = h("button", { type: "button", onclick: () => this.press() });
     this.holder = null;
+    this.demo = false; // the input of the run may be taken over without a question
+    this.element = byId("lease");
     byId("lease").append(this.text, this.button);
   }
 
   press() {
     return attempt(async () => {
       if (this.link.mine) await this.link.order("release");
+      else if (this.demonstrates) await this.link.order("acquire", { takeover: true });
       else if (this.holder === null) await this.link.order("acquire");
       else if (await confirmed(`${this.holder} moves the robots. They hold when you take over.`, "Take over")) {
         await this.link.order("acquire", { takeover: true });
@@ -25,14 +29,28 @@ export class LeaseControl {
     });
   }
 
+  /** The robots move by themselves. */
+  get demonstrates() {
+    return this.demo && this.holder === INPUT;
+  }
+
+  /** A hand on a robot ends the demonstration: they hold, and this page has control. */
+  touched() {
+    if (this.demonstrates && !this.link.mine && !this.asked) {
+      this.asked = true;
+      this.press().finally(() => { this.asked = false; });
+    }
+  }
+
   show(lease, readOnly) {
     const mine = this.link.mine;
     this.holder = lease.holder;
-    setText(this.text, mine ? "You control" : lease.holder === null ? "Lease free" : `Lease: ${lease.holder}`);
-    setText(this.button, mine ? "Release" : lease.holder === null ? "Take control" : "Take over");
+    setText(this.text, mine ? "You control" : this.demonstrates ? "Demonstration: touch a robot" : lease.holder === null ? "Lease free" : `Lease: ${lease.holder}`);
+    setText(this.button, mine ? "Release" : lease.holder === null || this.demonstrates ? "Take control" : "Take over");
     this.button.className = mine ? "" : "primary";
     setHidden(this.button, readOnly);
     byId("lease").dataset.mine = mine;
+    byId("lease").dataset.free = lease.holder === null;
   }
 }
 

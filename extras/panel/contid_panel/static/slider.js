@@ -109,7 +109,7 @@ export class Slider {
     this.include(target);
     // Shortly after a hand was on it the slider stays: what it shows must not jump back on the way.
     if (!this.held && target !== null && performance.now() > this.keptUntil) this.input.value = target;
-    setText(this.value, shown(this.held ? Number(this.input.value) : (measured ?? target), this.decimals));
+    setText(this.value, measured === null ? "" : shown(measured, this.decimals));
     this.shownNumber = shown(this.held ? Number(this.input.value) : target, this.decimals);
     if (document.activeElement !== this.number && this.number.value !== this.shownNumber) this.number.value = this.shownNumber;
     const share = measured === null ? -1 : (measured - this.minimum) / (this.maximum - this.minimum);

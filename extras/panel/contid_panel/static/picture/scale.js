@@ -37,12 +37,12 @@ export class Scale {
       for (let v = Math.ceil(low / step) * step; v <= high + 1e-6; v += step) tick(place(v), out, String(Math.round(v)).replace("-", "−"));
     }
     this.ticks = this.renderer.mesh(...ticks.arrays, this.ticks ?? null);
-    const long = size * 0.12;
+    const long = size * 0.09;
     this.arrows = AXES.slice(0, planar ? 2 : 3).map(([name, colour], i) => {
       const mesh = new Mesh();
       const end = [0, 1, 2].map((k) => (k === i ? long : 0));
-      mesh.tube([[0, 0, 0], end], size * 0.004, 8);
-      mesh.tube([end, end.map((v) => v * 1.18)], (k) => size * (k === 0 ? 0.011 : 0.0005), 12);
+      mesh.tube([[0, 0, 0], end], size * 0.0028, 8);
+      mesh.tube([end, end.map((v) => v * 1.18)], (k) => size * (k === 0 ? 0.0075 : 0.0005), 12);
       this.label(end.map((v) => v * 1.32), name, `axis-${name}`);
       return [this.renderer.mesh(...mesh.arrays), colour];
     });

@@ -56,7 +56,7 @@ export class View {
     if (!this.drawing) return;
     this.size = Math.hypot(...sub(drawing.bounds[1], drawing.bounds[0]));
     const floor = new Mesh();
-    for (const line of drawing.floor) floor.tube(line, this.size * 0.0011, 4);
+    for (const line of drawing.floor) floor.tube(line, this.size * 0.0008, 4);
     this.fixed.floor = this.renderer.mesh(...floor.arrays);
     this.scale.describe(drawing.floor, drawing.cell_mm, this.size, drawing.planar);
     this.obstacles = drawing.obstacles.map((shape) => {
@@ -83,8 +83,10 @@ export class View {
     camera.center = low.map((v, i) => (v + high[i]) / 2);
     camera.flip = Object.values(this.drawing.robots).every((robot) => robot.up[2] < -0.5) ? -1 : 1; // hanging arms hang
     camera.turn = this.drawing.planar ? -Math.PI / 2 : -0.9;
-    camera.lift = this.drawing.planar ? 1.1 : 0.3;
-    this.fit([0, 1, 2, 3, 4, 5, 6, 7].map((k) => [0, 1, 2].map((i) => (k >> i) & 1 ? high[i] : low[i])));
+    camera.lift = this.drawing.planar ? 1.25 : 0.35;
+    const edge = this.drawing.cell_mm; // numbers stand beside the floor
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => [0, 1, 2].map((i) => (k >> i) & 1 ? high[i] : low[i]));
+    this.fit([...corners, ...this.drawing.floor.flat().map(([x, y, z]) => [x + (x > camera.center[0] ? edge : 0), y - (y < camera.center[1] ? edge : 0), z])]);
     this.redraw();
   }
 
@@ -189,7 +191,7 @@ export class View {
     const { renderer } = this;
     const dark = this.dark.matches;
     renderer.begin(this.camera);
-    renderer.draw(this.fixed.floor, dark ? [0.32, 0.36, 0.42, 0.55] : [0.55, 0.6, 0.67, 0.38], { lit: 0 });
+    renderer.draw(this.fixed.floor, dark ? [0.36, 0.41, 0.48, 0.5] : [0.6, 0.65, 0.72, 0.4], { lit: 0 });
     for (const robot of this.robots.values()) {
       const [r, g, b] = robot.color;
       const live = robot.state !== "OFF" && robot.state !== "FAULT";
