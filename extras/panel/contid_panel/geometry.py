@@ -26,6 +26,7 @@ from contid.trajectory.columns import column_groups
 from contid.units import MM_PER_M
 from contid_panel.obstacles import obstacle_shape
 from contid_panel.rates import axis_rates, bend_rates, tip_rate_mm_s
+from contid_panel.reach_surface import reach_surface
 from contid_view.body_plan import SLENDERNESS
 from contid_view.robot_scene import RobotDrawing, RobotScene
 from contid_view.scene import Scene, build_scene, rope_line
@@ -123,8 +124,8 @@ class PanelGeometry:
             "radius_mm": _radius_mm(description) or robot.length_mm * SLENDERNESS,
             **_counts(description),
             "up": list(robot.up),
-            "reach": _line(reach),
-            "reach_is_outline": robot.outline is not None,
+            "reach": _line(robot.outline) if robot.outline is not None else [],
+            "surface": None if robot.outline is not None else _surface(robot),
             "bounds": _line(self._bounds(robot, reach)),
         }
 
@@ -302,6 +303,12 @@ def _extreme(robot: RobotScene, at: Actuation, coordinate: int, sign: float) -> 
                 if tip is not None and sign * (tip[coordinate] - best[coordinate]) > 0.0:
                     at, best = tried, tip
     return best
+
+
+def _surface(robot: RobotScene) -> Fields | None:
+    """The reach of a spatial arm as triangles."""
+    found = None if robot.planar else reach_surface(robot)
+    return found and {"points": _line(found.points), "faces": found.faces.tolist()}
 
 
 def _counts(description: RobotDescription) -> Fields:

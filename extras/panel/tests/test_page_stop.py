@@ -186,3 +186,18 @@ def test_a_robot_file_that_changed_is_reported_until_a_restart(it: OpenPage, run
     with restarted(running):
         it.state("f0", "READY")
         it.page.wait_for_selector("#view-note", state="hidden")
+
+
+def test_events_have_their_reasons(it: OpenPage, running: Running) -> None:
+    it.page.locator("#stop").click()
+    it.state("f0", "OFF")
+    it.page.locator("#events li", has_text="f0 OFF").filter(has_text="by STOP on this page").wait_for()
+    with running.client(name="operator") as other:
+        other.acquire(30.0)
+        other.resume()
+        it.state("f0", "HOLD")
+        it.page.wait_for_timeout(2500)  # longer than an order of this page counts
+        other.estop()
+    it.page.locator("#events li", has_text="f0 OFF").filter(has_text="stopped by").filter(
+        has_text="operator"
+    ).wait_for()

@@ -1,6 +1,7 @@
 // The page: messages of the panel to the parts that show them.
 
 import { byId, setHidden, setText, toast } from "./dom.js";
+import { Events } from "./events.js";
 import { FaultBanner } from "./faults.js";
 import { Jog } from "./jog.js";
 import { Link } from "./link.js";
@@ -10,7 +11,7 @@ import { PosesCard } from "./poses.js";
 import { installQuestion } from "./question.js";
 import { RecordingCard } from "./recording.js";
 import { RobotCard } from "./robots.js";
-import { Events, LeaseControl, Machine, TrajectoryCard } from "./side.js";
+import { LeaseControl, Machine, TrajectoryCard } from "./side.js";
 import { Speed } from "./speed.js";
 import { installStop } from "./stop.js";
 import { View } from "./picture/view.js";
@@ -42,6 +43,7 @@ const handlers = {
     byId("robots").replaceChildren(...[...cards.values()].map((card) => card.element));
     view.describe(drawing, problem);
     plots.describe(describe.robots);
+    events.describe(describe.robots);
     poses.describe(describe.robots);
     select(cards.keys().next().value);
   },
@@ -65,6 +67,7 @@ const handlers = {
     const mine = page.client !== 0 && status.lease.client === page.client;
     if (link.mine && !mine && document.visibilityState === "visible") toast(controlLost(status), "error");
     link.mine = mine;
+    events.status(status.lease);
     page.status = status;
     if (performance.now() - page.lastFrame > STALE_MS) showStatus(); // else with the next frame
   },
@@ -81,7 +84,7 @@ const jog = new Walk(link, new Jog(link), speed);
 const lease = new LeaseControl(link);
 const faults = new FaultBanner();
 const machine = new Machine();
-const events = new Events();
+const events = new Events(link);
 const plots = new Plots();
 const poses = new PosesCard(link, speed);
 const recording = new RecordingCard(link);

@@ -1,10 +1,9 @@
-// The lease, the buses, the events, and the trajectory: what is beside the robots.
+// The lease, the buses, and the trajectory: what is beside the robots.
 
 import { attempt, byId, h, setHidden, setText, shown, toast } from "./dom.js";
 import { request } from "./link.js";
 import { confirmed } from "./question.js";
 
-const MAX_EVENTS = 60;
 const INPUT = "input"; // how a status names the input of a run
 
 export class LeaseControl {
@@ -75,35 +74,6 @@ export class Machine {
       this.texts = texts.join();
       this.warnings.replaceChildren(...texts.map((text) => h("li", {}, text)));
     }
-  }
-}
-
-export class Events {
-  constructor() {
-    this.list = h("ol", {});
-    this.waiting = [];
-    this.none = h("p", { className: "facts" }, "None since this page was opened.");
-    byId("events").append(h("h2", {}, "Events"), this.none, this.list);
-  }
-
-  /** Waits until it is shown. */
-  add(event) {
-    this.waiting.push([event, new Date()]);
-    if (this.waiting.length > MAX_EVENTS) this.waiting.shift();
-  }
-
-  show() {
-    for (const [event, at] of this.waiting.splice(0)) this.prepend(event, at);
-  }
-
-  prepend(event, at) {
-    const what = event.message ?? event.detail ?? event.mode ?? event.tier ?? event.cause ?? "";
-    const where = event.robot || event.bus || "";
-    const time = at.toLocaleTimeString([], { hour12: false });
-    const kind = event.kind === "fault" || event.level === "error" ? "error" : "";
-    setHidden(this.none, true);
-    this.list.prepend(h("li", { className: kind }, h("time", {}, time), h("b", {}, [where, event.kind].filter(Boolean).join(" ")), ` ${what}`));
-    while (this.list.children.length > MAX_EVENTS) this.list.lastChild.remove();
   }
 }
 

@@ -1,4 +1,4 @@
-// Triangle meshes of what is drawn: tubes along lines, balls, boxes, marks.
+// Triangle meshes of what is drawn: tubes along lines, balls, boxes, plates, surfaces.
 
 import { add, cross, dot, sub, unit } from "./gl.js";
 
@@ -54,15 +54,16 @@ export class Mesh {
     }
   }
 
-  /** An octahedron: cheap, for many small marks. */
-  mark(center, size) {
+  /** Triangles with smooth edges: points and the numbers of their corners. */
+  surface(points, faces) {
     const first = this.vertices.length / 6;
-    for (const axis of [0, 1, 2]) for (const way of [1, -1]) {
-      const n = [0, 0, 0];
-      n[axis] = way;
-      this.vertices.push(...add(center, n, size), ...n);
+    const normals = points.map(() => [0, 0, 0]);
+    for (const [a, b, c] of faces) {
+      const n = cross(sub(points[b], points[a]), sub(points[c], points[a]));
+      for (const corner of [a, b, c]) normals[corner] = add(normals[corner], n);
+      this.indices.push(first + a, first + b, first + c);
     }
-    for (const [x, y, z] of [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]) this.indices.push(first + x, first + y, first + z);
+    points.forEach((p, i) => this.vertices.push(...p, ...unit(normals[i])));
   }
 
   /** A round plate with flat faces, its middle at `center`. */

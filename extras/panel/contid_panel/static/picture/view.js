@@ -69,8 +69,8 @@ export class View {
     });
     Object.entries(drawing.robots).forEach(([name, robot], i) => {
       const reach = new Mesh();
-      if (robot.reach_is_outline) reach.tube([...robot.reach, robot.reach[0]], this.size * 0.0014, 5);
-      else for (const tip of robot.reach) reach.mark(tip, this.size * 0.0034);
+      if (robot.surface) reach.surface(robot.surface.points, robot.surface.faces);
+      else if (robot.reach.length) reach.tube([...robot.reach, robot.reach[0]], this.size * 0.0014, 5);
       this.robots.set(name, { ...robot, color: BODY[i % BODY.length], trail: [], target: null, tip: null, meshes: {}, reachMesh: this.renderer.mesh(...reach.arrays) });
     });
     this.reset();
@@ -200,7 +200,7 @@ export class View {
       renderer.draw(robot.meshes.second ?? null, dark ? [0.78, 0.81, 0.86, 1] : DARK);
       robot.meshes.tendons?.forEach((mesh, i) => renderer.draw(mesh, live ? rgba(axisColour(i)) : main, { lit: 0.5 }));
       renderer.draw(robot.meshes.trail ?? null, [r, g, b, 0.85], { lit: 0 });
-      renderer.draw(robot.reachMesh, [r, g, b, robot.reach_is_outline ? 0.7 : 0.4], { lit: 0 });
+      if (!robot.surface) renderer.draw(robot.reachMesh, [r, g, b, 0.7], { lit: 0 });
     }
     this.scale.draw(dark ? [0.55, 0.6, 0.67, 1] : [0.36, 0.4, 0.45, 1]);
     for (const [solid, plane] of this.obstacles) {
@@ -210,6 +210,7 @@ export class View {
     renderer.draw(this.ropes ?? null, ROPE);
     renderer.draw(this.plan, [0.55, 0.36, 0.96, 0.9], { lit: 0 });
     for (const robot of this.robots.values()) renderer.draw(robot.meshes.ghost ?? null, [...robot.color.slice(0, 3), 0.3], { lit: 0.4 });
+    for (const robot of this.robots.values()) if (robot.surface) renderer.draw(robot.reachMesh, [...robot.color.slice(0, 3), dark ? 0.16 : 0.13], { lit: 0, glass: 1 });
     this.scale.place(this.camera, this.canvas);
     for (const robot of this.robots.values()) {
       if (!robot.target) continue;
