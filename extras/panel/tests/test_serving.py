@@ -247,3 +247,16 @@ def test_a_remote_panel_is_served_over_tls_only(running: Running, tmp_path: Path
         assert httpx.post(url, headers=headers, verify=context).status_code == 200
         headers["origin"] = f"http://127.0.0.1:{served.port}"
         assert httpx.post(url, headers=headers, verify=context).status_code == 403
+
+
+def test_a_touch_of_the_page_ends_the_demonstration(tmp_path: Path) -> None:
+    pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
+    from tests.support.browser import chromium, opened
+
+    with _demonstration(tmp_path) as (_, served), chromium() as browser, opened(browser, served) as it:
+        it.state("left", "RUN")
+        assert "Demonstration" in it.text("#lease")
+        it.page.locator("#view").click()
+        it.page.wait_for_selector("#lease[data-mine=true]")
+        it.state("left", "HOLD")
+        it.state("right", "HOLD")

@@ -3,6 +3,7 @@
 import { byId, setHidden, setText, toast } from "./dom.js";
 import { Events } from "./events.js";
 import { FaultBanner } from "./faults.js";
+import { Gamepad } from "./gamepad.js";
 import { Jog } from "./jog.js";
 import { Link } from "./link.js";
 import { Pace } from "./pace.js";
@@ -13,7 +14,7 @@ import { RecordingCard } from "./recording.js";
 import { RobotCard } from "./robots.js";
 import { LeaseControl, Machine, TrajectoryCard } from "./side.js";
 import { Speed } from "./speed.js";
-import { installStop } from "./stop.js";
+import { installStop, stopAll } from "./stop.js";
 import { View } from "./picture/view.js";
 import { Walk } from "./walk.js";
 
@@ -94,6 +95,7 @@ const trajectory = new TrajectoryCard(link, (paths) => view.preview(paths));
 for (const id of ["space", "robots"]) byId(id).addEventListener("pointerdown", () => lease.touched());
 installStop(link, () => page.robots);
 installQuestion();
+new Gamepad(jog, speed, () => cards.get(page.selected), stopAll);
 
 function showStatus() {
   const { status } = page;
@@ -115,6 +117,7 @@ function controlLost({ lease, robots }) {
 }
 
 function select(name) {
+  page.selected = name;
   plots.select(name);
   for (const card of cards.values()) card.element.classList.toggle("selected", card.name === name);
 }

@@ -23,7 +23,7 @@ export class RobotCard {
     const bends = drawing?.bends ?? [];
     this.bendColumns = bends.map((each) => each.column);
     this.commands = new Map(); // by columns
-    const rates = drawing?.rates ?? {};
+    const rates = (this.rates = drawing?.rates ?? {});
     for (const columns of [this.tipColumns, this.bendColumns, this.axisColumns]) {
       jog.know(columns, columns.map((each) => rates[each] ?? Infinity), () => this.commands.get(columns) ?? null);
     }

@@ -4,6 +4,11 @@ import { byId, setHidden, setText, toast } from "./dom.js";
 import { afterStop } from "./meaning.js";
 import { cancelQuestion } from "./question.js";
 
+let installed = () => {};
+
+/** STOP by another control of this page. */
+export const stopAll = () => installed();
+
 const CONFIRM_MS = 1500; // a panel that hangs neither confirms nor refuses
 const FAILED = "STOP WAS NOT CONFIRMED. Use the emergency switch of the robot, or `contid estop` in a terminal.";
 
@@ -33,6 +38,7 @@ export function installStop(link, robots) {
       warn(FAILED);
     }
   };
+  installed = stop;
   // On press, not on release: a click is complete only when the button comes up again.
   button.addEventListener("pointerdown", (event) => {
     if (event.button === 0) stop();

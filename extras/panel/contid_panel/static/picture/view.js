@@ -86,7 +86,8 @@ export class View {
     camera.lift = this.drawing.planar ? 1.25 : 0.35;
     const edge = this.drawing.cell_mm; // numbers stand beside the floor
     const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => [0, 1, 2].map((i) => (k >> i) & 1 ? high[i] : low[i]));
-    this.fit([...corners, ...this.drawing.floor.flat().map(([x, y, z]) => [x + (x > camera.center[0] ? edge : 0), y - (y < camera.center[1] ? edge : 0), z])]);
+    const reaches = Object.values(this.drawing.robots).flatMap((robot) => robot.surface?.points.filter((_, i) => i % 9 === 0) ?? []);
+    this.fit([...corners, ...reaches, ...this.drawing.floor.flat().map(([x, y, z]) => [x + (x > camera.center[0] ? edge : 0), y - (y < camera.center[1] ? edge : 0), z])]);
     this.redraw();
   }
 
