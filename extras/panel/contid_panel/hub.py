@@ -18,8 +18,9 @@ from contid.errors import ContidError
 from contid.remote.protocol.wire import ConnectionLostError, Fields, NoDaemonError, RemoteError
 from contid.targets import Actuation
 from contid_panel.expiry import clock_ms
-from contid_panel.geometry import PanelGeometry, actuation_of
+from contid_panel.geometry import PanelGeometry
 from contid_panel.mailbox import Mailbox
+from contid_panel.samples import actuation_of
 
 log = logging.getLogger(__name__)
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from contid.robot_file.load import load_named
-from contid_panel.geometry import PanelGeometry, actuation_of, tip_mm
+from contid_panel.geometry import PanelGeometry
+from contid_panel.samples import actuation_of, tip_mm
 
 
 @pytest.mark.parametrize(

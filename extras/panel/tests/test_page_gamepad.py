@@ -1,4 +1,4 @@
-"""The page in a real browser: a gamepad moves the tip while its shoulder button is held, and stops everything."""
+"""The page in a real browser: a gamepad moves the tip while its shoulder button is held, and stops."""
 
 from __future__ import annotations
 

@@ -7,8 +7,9 @@ import pytest
 
 from contid.kinematics.array import Array
 from contid.robot_file.load import load_named
-from contid_panel.geometry import PanelGeometry, drawn, tip_mm
+from contid_panel.geometry import PanelGeometry
 from contid_panel.reach_surface import CELLS, ReachSurface, reach_surface
+from contid_panel.samples import drawn, tip_mm
 
 
 def solid_angle(surface: ReachSurface, point: Array) -> float:
