@@ -102,7 +102,7 @@ def _end_with_stdin() -> None:
 def demo(ctx: click.Context, robot_file: str, no_open: bool, still: bool) -> None:
     """Run ROBOT_FILE (the two-fingered hand) on simulated devices with the panel.
 
-    The robots move gently until somebody takes control. Apart from that it is `contid run ROBOT_FILE --mock
+    The robots move gently until control is taken. Apart from that it is `contid run ROBOT_FILE --mock
     --panel`, and a browser is opened on it. Ctrl-C ends both.
     """
     from contid.cli.commands import run

@@ -1,4 +1,4 @@
-"""A gentle motion for any robot file: what `contid demo` shows until somebody takes control.
+"""A gentle motion for any robot file: what `contid demo` shows until control is taken.
 
 Every axis swings around a place near its rest pose, neighbouring axes a third of a period apart: sections of
 arms turn around, tips of fingers go along loops. Every row is the nearest actuation that the model allows.

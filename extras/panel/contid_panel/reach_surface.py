@@ -2,7 +2,7 @@
 
 Tips of random actuations, most of them with axes at their limits, are counted on a grid; the counts are
 smoothed, and the surface is where they fall below a level that leaves nearly all tips inside. Vertices are
-averages of the crossings along the edges of each cell (surface nets, Gibson 1998). It is a picture, within
+averages of the crossings along the edges of each cell (surface nets, Gibson 1998). It is a drawing, within
 some two cells: `contid reach` computes the reach itself.
 """
 

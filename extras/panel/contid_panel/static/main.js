@@ -15,7 +15,7 @@ import { RobotCard } from "./robots.js";
 import { LeaseControl, Machine, TrajectoryCard } from "./side.js";
 import { Speed } from "./speed.js";
 import { installStop, stopAll } from "./stop.js";
-import { View } from "./picture/view.js";
+import { View } from "./space/view.js";
 import { Walk } from "./walk.js";
 
 const STALE_MS = 1500;
