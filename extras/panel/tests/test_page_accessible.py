@@ -1,4 +1,4 @@
-"""The page in a real browser against axe-core: WCAG 2.2 AA, light and dark, on a phone and on a desk."""
+"""The page in a real browser against axe-core: WCAG 2.2 AA, light and dark, on phones and large screens."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def dim(it: OpenPage) -> list[str]:
 
 
 def problems(it: OpenPage) -> list[str]:
-    """What is found in light and dark, on a phone and on a desk."""
+    """What is found in light and dark, on a phone and on a large screen."""
     found = []
     for scheme, width in LOOKS:
         it.page.emulate_media(color_scheme=scheme)

@@ -47,7 +47,7 @@ def luminance(colour: str) -> float:
     return 0.2126 * r + 0.7152 * g + 0.0722 * b
 
 
-def test_nine_colours_are_told_apart_in_light_and_dark() -> None:
+def test_nine_colours_are_distinct_in_light_and_dark() -> None:
     light, dark, *_ = re.findall(r":root \{(.*?)\}", CSS.read_text(), re.S)
     for scheme in (light, dark):
         colours = [re.search(rf"--axis-{i}: (#\w{{6}})", scheme) for i in range(9)]
