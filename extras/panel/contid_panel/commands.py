@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import tempfile
 import threading
 from pathlib import Path
 
@@ -109,27 +108,23 @@ def demo(ctx: click.Context, robot_file: str, no_open: bool, still: bool) -> Non
     from contid.robot_file.load import load_named
     from contid_panel.demo_motion import demo_motion
 
-    # `contid run` would read the stdin of a calling script as a trajectory.
-    null = os.open(os.devnull, os.O_RDONLY)
-    os.dup2(null, sys.stdin.fileno())
-    os.close(null)
-    screen = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-    opens = screen and not no_open
     loaded = load_named(robot_file)
-    motion = "" if still else demo_motion(loaded, loaded.file.rate_hz)
-    if not motion:
-        ctx.invoke(run.command, robot_file=robot_file, mock=True, panel=True, panel_open=opens)
-        return
-    with tempfile.TemporaryDirectory(prefix="contid-demo-") as folder:
-        path = Path(folder) / "demo.csv"
-        path.write_text(motion, encoding="utf-8")
-        ctx.invoke(
-            run.command,
-            robot_file=robot_file,
-            mock=True,
-            trajectory=str(path),
-            on_end="hold",
-            panel=True,
-            panel_open=opens,
-            panel_demo=True,
-        )
+    motion = None if still else demo_motion(loaded, loaded.file.rate_hz)
+    # `contid run` would read the stdin of a calling script as a trajectory.
+    if motion is None:
+        reads = os.open(os.devnull, os.O_RDONLY)
+    else:
+        reads, writes = os.pipe()
+        threading.Thread(target=motion.feed, args=(writes,), daemon=True).start()
+    os.dup2(reads, sys.stdin.fileno())
+    os.close(reads)
+    screen = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    ctx.invoke(
+        run.command,
+        robot_file=robot_file,
+        mock=True,
+        on_end="hold",
+        panel=True,
+        panel_open=screen and not no_open,
+        panel_demo=motion is not None,
+    )

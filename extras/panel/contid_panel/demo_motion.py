@@ -7,8 +7,15 @@ The motion is checked as any trajectory is, and made smaller until it passes.
 
 from __future__ import annotations
 
+import fcntl
 import io
+import itertools
 import math
+import os
+import struct
+import termios
+import time
+from contextlib import suppress
 from typing import Final
 
 from contid.control.tick.config import RobotConfig
@@ -28,18 +35,18 @@ MARGIN: Final = 0.1
 #: Share of the rates of the robot file that the swing needs, and the least period [s].
 GENTLE: Final = 0.25
 SHORTEST_S: Final = 8.0
-#: How long the swing takes to grow from rest [s], its rows per second, and how long the motion goes on [s].
+#: How long the swing takes to grow from rest [s]; rows per second of its check, and of the live stream.
 GROWTH_S: Final = 4.0
 ROWS_PER_S: Final = 5.0
-LASTS_S: Final = 600.0
+LIVE_ROWS_PER_S: Final = 20.0
 
 
-def demo_motion(loaded: LoadedFile, rate_hz: float) -> str:
-    """A trajectory as CSV; "" when even the smallest swing is refused."""
+def demo_motion(loaded: LoadedFile, rate_hz: float) -> DemoMotion | None:
+    """The motion of all robots; None when even the smallest swing is refused."""
     geometry = PanelGeometry(loaded, rate_hz)
     swing = SWING
     for _ in range(TRIES):
-        motion = _Motion(loaded, [robot.config for robot in geometry.scene.robots], swing)
+        motion = DemoMotion(loaded, [robot.config for robot in geometry.scene.robots], swing)
         text = motion.csv(GROWTH_S + motion.period_s)
         try:
             trajectory = read_trajectory(io.StringIO(text), "demo", loaded.driven)
@@ -47,17 +54,21 @@ def demo_motion(loaded: LoadedFile, rate_hz: float) -> str:
         except ContidError:
             swing *= SMALLER
         else:
-            return motion.csv(LASTS_S)
-    return ""
+            return motion
+    return None
 
 
-class _Motion:
-    """One swing of all robots of a file."""
+class DemoMotion:
+    """One swing of all robots of a file.
+
+    Attributes:
+        period_s: it repeats after this time.
+    """
 
     def __init__(self, loaded: LoadedFile, configs: list[RobotConfig], swing: float) -> None:
         several = len(loaded.driven) > 1
         self._configs, self._swing = configs, swing
-        self._columns = ["t_s"]
+        self._columns: list[str] = []
         for config in configs:
             groups = column_groups(f"{config.name}." if several else "", loaded.driven[config.name])
             self._columns += [*groups.get("actuation", []), *groups.get("extra", [])]
@@ -74,15 +85,30 @@ class _Motion:
 
     def csv(self, lasts_s: float) -> str:
         """Its rows from rest on."""
-        lines = [",".join(self._columns)]
-        for number in range(math.ceil(lasts_s * ROWS_PER_S) + 1):
-            t_s = number / ROWS_PER_S
-            row = [t_s]
-            for place, config in enumerate(self._configs):
-                at = self._at(config, t_s, place)
-                row += [value * each.per_si for value, each in zip(at, config.quantities, strict=True)]
-            lines.append(",".join(f"{value:.12g}" for value in row))
+        times = [number / ROWS_PER_S for number in range(math.ceil(lasts_s * ROWS_PER_S) + 1)]
+        lines = [",".join(["t_s", *self._columns]), *(f"{t_s:.12g},{self._row(t_s)}" for t_s in times)]
         return "\n".join(lines) + "\n"
+
+    def feed(self, stream: int) -> None:
+        """Write rows into a pipe at the pace of time, as a live stream, until nobody reads it any more."""
+        with suppress(BrokenPipeError), os.fdopen(stream, "w", encoding="utf-8") as pipe:
+            pipe.write(",".join(self._columns) + f"\n{self._row(0.0)}\n")
+            pipe.flush()
+            while _unread(stream):  # the daemon starts; rows that waited would begin with a jump
+                time.sleep(1.0 / LIVE_ROWS_PER_S)
+            begun_s = time.monotonic()
+            for number in itertools.count():
+                t_s = number / LIVE_ROWS_PER_S
+                time.sleep(max(begun_s + t_s - time.monotonic(), 0.0))
+                pipe.write(self._row(t_s) + "\n")
+                pipe.flush()
+
+    def _row(self, t_s: float) -> str:
+        row: list[float] = []
+        for place, config in enumerate(self._configs):
+            at = self._at(config, t_s, place)
+            row += [value * each.per_si for value, each in zip(at, config.quantities, strict=True)]
+        return ",".join(f"{value:.12g}" for value in row)
 
     def _at(self, config: RobotConfig, t_s: float, place: int) -> Actuation:
         """Axes of a robot at a time, within the limits that couple them."""
@@ -100,3 +126,9 @@ class _Motion:
             values[axis] = begin + grown * (middle + size * math.sin(turn) - begin)
         inside = config.model.inverse(Target(actuation=tuple(values[:own])), tuple(values))
         return (*inside.actuation[:own], *values[own:])
+
+
+def _unread(pipe: int) -> int:
+    """Bytes that wait in a pipe."""
+    (found,) = struct.unpack("i", fcntl.ioctl(pipe, termios.FIONREAD, bytes(4)))
+    return int(found)
