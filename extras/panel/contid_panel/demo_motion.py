@@ -90,7 +90,7 @@ class DemoMotion:
         return "\n".join(lines) + "\n"
 
     def feed(self, stream: int) -> None:
-        """Write rows into a pipe at the pace of time, as a live stream, until nobody reads it any more."""
+        """Write rows into a pipe at the pace of time, as a live stream, until its reader ends."""
         with suppress(BrokenPipeError), os.fdopen(stream, "w", encoding="utf-8") as pipe:
             pipe.write(",".join(self._columns) + f"\n{self._row(0.0)}\n")
             pipe.flush()
