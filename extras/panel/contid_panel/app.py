@@ -38,8 +38,9 @@ class PanelApp:
         asgi: the application, guarded.
     """
 
-    def __init__(self, socket: Path, access: Access, read_only: bool) -> None:
+    def __init__(self, socket: Path, access: Access, read_only: bool, demonstrates: bool = False) -> None:
         self.hub = Hub(socket)
+        self._demonstrates = demonstrates
         self._read_only = read_only
         self._checks = Checks(self.hub)
         self._poses = PanelPoses(self.hub)
@@ -114,6 +115,8 @@ class PanelApp:
             return
         self._pages += 1
         try:
-            await Page(self.hub, self._checks, self._poses, self._read_only).serve(websocket)
+            await Page(self.hub, self._checks, self._poses, self._read_only, self._demonstrates).serve(
+                websocket
+            )
         finally:
             self._pages -= 1

@@ -26,6 +26,7 @@ from contid.cli.support.parameters import robot_names
 @click.option("--tls-certificate", type=click.Path(exists=True, dir_okay=False), help="Certificate (PEM).")
 @click.option("--tls-key", type=click.Path(exists=True, dir_okay=False), help="Its private key (PEM).")
 @click.option("--name", "names", multiple=True, help="Further name by which browsers address this machine.")
+@click.option("--demo", "demonstrates", is_flag=True, hidden=True, help="The input is a demonstration.")
 @click.option("--wait", is_flag=True, hidden=True, help="Start before the daemon; end with stdin.")
 def command(
     socket: str | None,
@@ -37,6 +38,7 @@ def command(
     tls_certificate: str | None,
     tls_key: str | None,
     names: tuple[str, ...],
+    demonstrates: bool,
     wait: bool,
 ) -> None:
     """Serve a page that shows and moves the robots of a running daemon.
@@ -59,6 +61,7 @@ def command(
         certificate=None if tls_certificate is None else Path(tls_certificate),
         key=None if tls_key is None else Path(tls_key),
         names=names,
+        demonstrates=demonstrates,
     )
 
     settings.check()
@@ -93,17 +96,35 @@ def _end_with_stdin() -> None:
 @click.command()
 @click.argument("robot_file", default="hand", shell_complete=robot_names)
 @click.option("--no-open", is_flag=True, help="Print the URL and open no browser.")
+@click.option("--still", is_flag=True, help="The robots hold, and do not move by themselves.")
 @click.pass_context
-def demo(ctx: click.Context, robot_file: str, no_open: bool) -> None:
+def demo(ctx: click.Context, robot_file: str, no_open: bool, still: bool) -> None:
     """Run ROBOT_FILE (the two-fingered hand) on simulated devices with the panel.
 
-    The same as `contid run ROBOT_FILE --mock --panel`, and a browser is opened on it. Ctrl-C ends both.
+    The robots move gently until control is taken. Apart from that it is `contid run ROBOT_FILE --mock
+    --panel`, and a browser is opened on it. Ctrl-C ends both.
     """
     from contid.cli.commands import run
+    from contid.robot_file.load import load_named
+    from contid_panel.demo_motion import demo_motion
 
+    loaded = load_named(robot_file)
+    motion = None if still else demo_motion(loaded, loaded.file.rate_hz)
     # `contid run` would read the stdin of a calling script as a trajectory.
-    null = os.open(os.devnull, os.O_RDONLY)
-    os.dup2(null, sys.stdin.fileno())
-    os.close(null)
+    if motion is None:
+        reads = os.open(os.devnull, os.O_RDONLY)
+    else:
+        reads, writes = os.pipe()
+        threading.Thread(target=motion.feed, args=(writes,), daemon=True).start()
+    os.dup2(reads, sys.stdin.fileno())
+    os.close(reads)
     screen = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-    ctx.invoke(run.command, robot_file=robot_file, mock=True, panel=True, panel_open=screen and not no_open)
+    ctx.invoke(
+        run.command,
+        robot_file=robot_file,
+        mock=True,
+        on_end="hold",
+        panel=True,
+        panel_open=screen and not no_open,
+        panel_demo=motion is not None,
+    )

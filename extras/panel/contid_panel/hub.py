@@ -18,8 +18,9 @@ from contid.errors import ContidError
 from contid.remote.protocol.wire import ConnectionLostError, Fields, NoDaemonError, RemoteError
 from contid.targets import Actuation
 from contid_panel.expiry import clock_ms
-from contid_panel.geometry import PanelGeometry, actuation_of
+from contid_panel.geometry import PanelGeometry
 from contid_panel.mailbox import Mailbox
+from contid_panel.samples import actuation_of
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +31,7 @@ RECONNECT_PERIOD_S: Final = 0.3
 RESPONSE_TIMEOUT_S: Final = 3.0
 FIELDS: Final = (
     "state", "fault", "tip_mm", "command_tip_mm", "target_mm", "error_mm", "command", "measured", "limits",
-    "bends",
+    "bends", "effort", "temperature_c", "voltage_v",
 )  # fmt: skip
 _LOST: Final = (ConnectionLostError, NoDaemonError, RemoteError, OSError)
 
@@ -43,6 +44,8 @@ class Hub:
         geometry: of its robots; None without a daemon, or when its robot file cannot be read.
         newest: fields of the newest frame of telemetry, by robot.
         described: what the daemon describes; None without a daemon.
+        rates: by column, how fast it changes at full speed [1/s].
+        rest: by robot, its rest pose by columns of its axes.
     """
 
     def __init__(self, path: Path) -> None:
@@ -50,6 +53,10 @@ class Hub:
         self.geometry: PanelGeometry | None = None
         self.newest: Mapping[str, Fields] = {}
         self.described: Fields | None = None
+        #: By robot and field of telemetry, the columns that have its values.
+        self.columns: Mapping[str, Mapping[str, list[str]]] = {}
+        self.rates: Mapping[str, float] = {}
+        self.rest: Mapping[str, Mapping[str, float]] = {}
         self._mailboxes: set[Mailbox] = set()
         self._watched = asyncio.Event()
         self._lasting: dict[str, str] = {}
@@ -79,6 +86,18 @@ class Hub:
             command = self.newest.get(robot.config.name, {}).get("command")
             if command is not None and None not in command:
                 found[robot.config.name] = actuation_of(robot, command)
+        return found
+
+    def present(self) -> dict[str, float]:
+        """The newest commanded value of every column that is known."""
+        found: dict[str, float] = {}
+        for name, columns in self.columns.items():
+            newest = self.newest.get(name, {})
+            for key, group in columns.items():
+                values = newest.get(key) or ()
+                found.update(
+                    (column, value) for column, value in zip(group, values, strict=False) if value is not None
+                )
         return found
 
     @property
@@ -129,6 +148,17 @@ class Hub:
         except ContidError as error:
             self.geometry, problem = None, str(error)
             log.warning("panel: the robots are not drawn: %s", problem)
+        robots = {} if drawing is None else drawing["robots"]
+        self.columns = {
+            name: {
+                "command": each["axis_columns"],
+                "command_tip_mm": each["tip_columns"],
+                "bends": [bend["column"] for bend in each["bends"]],
+            }
+            for name, each in robots.items()
+        }
+        self.rates = {column: rate for each in robots.values() for column, rate in each["rates"].items()}
+        self.rest = {name: each["rest"] for name, each in robots.items()}
         self.described = describe
         self.send("describe", lasting=True, describe=describe, drawing=drawing, problem=problem)
         self.send("daemon", lasting=True, connected=True, message="")
@@ -153,9 +183,14 @@ class Hub:
 
     def _frame(self, frame: Fields) -> None:
         self.newest = frame["robots"]
-        bodies: Fields = {"robots": {}, "ropes": []}
+        bodies: Fields = {"robots": {}, "ghosts": {}, "ropes": []}
         if self.geometry is not None:
-            bodies = self.geometry.bodies({name: robot["measured"] for name, robot in self.newest.items()})
+            bodies = self.geometry.bodies(
+                *(
+                    {name: robot[key] for name, robot in self.newest.items()}
+                    for key in ("measured", "command")
+                )
+            )
         message = {"kind": "frame", "tick": frame["tick"], "t_s": frame["t_s"], "robots": self.newest}
         text = encode_message({**message, "bodies": bodies, "clock_ms": clock_ms()})
         for mailbox in self._mailboxes:

@@ -22,6 +22,7 @@ class PanelOption:
             help="Serve a page that shows and moves the robots; prints its URL.",
         ),
         click.Option(["--panel-open"], is_flag=True, hidden=True, help="The same, and open a browser."),
+        click.Option(["--panel-demo"], is_flag=True, hidden=True, help="The input is a demonstration."),
     )
 
     def prepare(self, values: Mapping[str, Any], virtual: bool) -> Watch | None:
@@ -33,7 +34,13 @@ class PanelOption:
         require_extra("the panel", "starlette", "uvicorn", "websockets")
         from contid_panel.subprocess import panel_process
 
-        return Watch(beside=partial(panel_process, opens=bool(values.get("panel_open"))))
+        return Watch(
+            beside=partial(
+                panel_process,
+                opens=bool(values.get("panel_open")),
+                demonstrates=bool(values.get("panel_demo")),
+            )
+        )
 
 
 PANEL: Final = PanelOption()

@@ -38,13 +38,16 @@ class Page:
 
     _numbers = itertools.count(1)
 
-    def __init__(self, hub: Hub, checks: Checks, poses: PanelPoses, read_only: bool) -> None:
+    def __init__(
+        self, hub: Hub, checks: Checks, poses: PanelPoses, read_only: bool, demonstrates: bool = False
+    ) -> None:
         self._hub = hub
+        self._demonstrates = demonstrates
         self._read_only = read_only
         self._mailbox = Mailbox()
         self.number = next(self._numbers)
         self._client = PageClient(hub.path, f"panel page {self.number}")
-        self._orders = PageOrders(self._client, checks, poses).orders
+        self._orders = PageOrders(self._client, hub, checks, poses).orders
         self._rate = MessageRate()
         self._pending: set[asyncio.Task[None]] = set()
         self._stopping: set[asyncio.Task[None]] = set()
@@ -54,7 +57,12 @@ class Page:
     async def serve(self, websocket: WebSocket) -> None:
         """Serve until the page is closed; its lease ends with it."""
         await websocket.accept(subprotocol=SUBPROTOCOL)
-        hello = {"version": __version__, "read_only": self._read_only, "page": self.number}
+        hello = {
+            "version": __version__,
+            "read_only": self._read_only,
+            "page": self.number,
+            "demo": self._demonstrates,
+        }
         self._send("hello", **hello, lease_timeout_s=LEASE_TIMEOUT_S, clock_ms=clock_ms())
         self._hub.join(self._mailbox)
         self._start(self._connect())

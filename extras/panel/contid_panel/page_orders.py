@@ -10,16 +10,27 @@ from typing import Final, TypeAlias
 from contid.client import AsyncClient
 from contid.control.engine.messages import ClearFault, Hold, Stop
 from contid.control.orders import REQUESTS
-from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, RequestFields
+from contid.remote.protocol.wire import (
+    Code,
+    ConnectionLostError,
+    Fields,
+    RemoteError,
+    RequestFields,
+    is_number,
+)
 from contid_panel.checks import Checks
+from contid_panel.hub import Hub
 from contid_panel.page_client import LEASE_TIMEOUT_S, PageClient
 from contid_panel.poses import PanelPoses
+from contid_panel.slow_move import slow_line
 
 #: Orders of a read-only page: every client may stop.
 READ_ONLY: Final = frozenset({"estop"})
 #: Pause before the last row of a jog is repeated when the credit is spent.
 CREDIT_PAUSE_S: Final = 0.03
 CREDIT_ATTEMPTS: Final = 40
+#: Least share of the full speed.
+SLOWEST: Final = 0.01
 
 Order: TypeAlias = Callable[[RequestFields], Awaitable[Fields]]
 #: What one request makes of the connection of the page.
@@ -33,8 +44,9 @@ class PageOrders:
         orders: by verb.
     """
 
-    def __init__(self, client: PageClient, checks: Checks, poses: PanelPoses) -> None:
+    def __init__(self, client: PageClient, hub: Hub, checks: Checks, poses: PanelPoses) -> None:
         self._client = client
+        self._hub = hub
         self._checks = checks
         self._poses = poses
         self._move: tuple[int, tuple[str, ...]] | None = None
@@ -55,6 +67,7 @@ class PageOrders:
             "release": self._plain("release"),
             "beat": self._plain("ping"),  # a heartbeat of the page keeps its lease
             "goto": self._goto,
+            "home": self._home,
             "jog": self._jog,
             "jog_end": self._jog_end,
             "play": self._play,
@@ -83,8 +96,21 @@ class PageOrders:
 
     async def _goto(self, request: RequestFields) -> Fields:
         target = request.mapping("target") or {}
+        share = _share(request)
         request.end()
-        return await self._go(target)
+        if not target or not all(map(is_number, target.values())):
+            raise RemoteError(Code.BAD_REQUEST, "target: columns with numbers are expected, such as x_mm: 40")
+        return await self._go(target, share)
+
+    async def _home(self, request: RequestFields) -> Fields:
+        """Go to the rest pose of the robot file."""
+        robots, share = request.names("robots"), _share(request)
+        request.end()
+        rest = self._hub.rest
+        for name in robots or rest:
+            if name not in rest:
+                raise RemoteError(Code.UNKNOWN_ROBOT, f"no rest pose of {name[:40]!r} is known here")
+        return await self._go({k: v for name in robots or rest for k, v in rest[name].items()}, share)
 
     async def _jog(self, request: RequestFields) -> Fields:
         """Follow a row; a first row, or one of other columns, begins a stream.
@@ -143,14 +169,26 @@ class PageOrders:
 
     async def _pose(self, request: RequestFields) -> Fields:
         """Go to a named pose."""
-        target = self._poses.target(request.text("name", ""))
+        target, share = self._poses.target(request.text("name", "")), _share(request)
         request.end()
-        return {**await self._go(target), "target": dict(target)}
+        return {**await self._go(target, share), "target": dict(target)}
 
-    async def _go(self, target: Mapping[str, float]) -> Fields:
+    async def _go(self, target: Mapping[str, float], share: float) -> Fields:
+        """Go to a target, slower than the robot file allows where ``share`` is below 1."""
+
         async def go(client: AsyncClient) -> Fields:
             await _require_lease(client)
-            return {"move": await client.move(target, wait=False)}
+            if share >= 1.0:
+                return {"move": await client.move(target, wait=False)}
+            present, rates = self._hub.present(), self._hub.rates
+            missing = [column for column in target if column not in present or column not in rates]
+            if missing:
+                raise RemoteError(
+                    Code.BAD_TARGET,
+                    f"{missing[0][:40]}: no slower way is known from where it is; set the speed to 100 %",
+                )
+            line = slow_line(present, target, rates, share)
+            return {"refused": await client.stream(line.columns, line.rows, wait=False)}
 
         return await self._moving(go)
 
@@ -189,6 +227,11 @@ async def _require_lease(client: AsyncClient) -> None:
     lease = (await client.status())["lease"]
     if lease.get("client") != client.hello["client"]:
         raise RemoteError(Code.LEASE_HELD, "this page does not hold the lease; take it first")
+
+
+def _share(request: RequestFields) -> float:
+    """Share of the full speed, 1 when absent."""
+    return request.number("share", 1.0, SLOWEST, 1.0)
 
 
 def _to_robots(

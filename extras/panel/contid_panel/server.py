@@ -46,6 +46,7 @@ class PanelSettings:
         certificate: file of the TLS certificate, with its chain.
         key: file of its private key.
         names: further names by which browsers address the panel.
+        demonstrates: the daemon's own input is a demonstration, which pages may take over without a question.
     """
 
     socket: Path
@@ -56,6 +57,7 @@ class PanelSettings:
     certificate: Path | None = None
     key: Path | None = None
     names: tuple[str, ...] = ()
+    demonstrates: bool = False
 
     def check(self) -> None:
         """Refuse what would let other machines in unprotected.
@@ -89,7 +91,7 @@ def serve(settings: PanelSettings, on_ready: Callable[[str], None]) -> None:
     listener = _listen(settings)
     port = int(listener.getsockname()[1])
     access = Access(_names(settings), secure=settings.certificate is not None)
-    app = PanelApp(settings.socket, access, settings.read_only)
+    app = PanelApp(settings.socket, access, settings.read_only, settings.demonstrates)
     config = uvicorn.Config(
         app.asgi,
         http=panel_http(access),

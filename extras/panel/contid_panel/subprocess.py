@@ -15,11 +15,17 @@ EXIT_TIMEOUT_S: Final = 5.0
 
 
 @contextmanager
-def panel_process(socket: Path, opens: bool) -> Iterator[None]:
-    """`contid panel` for the daemon that listens, or will listen, on a socket; ``opens`` a browser."""
+def panel_process(socket: Path, opens: bool, demonstrates: bool = False) -> Iterator[None]:
+    """`contid panel` for the daemon that listens, or will listen, on a socket.
+
+    Args:
+        socket: of the daemon.
+        opens: a browser is opened.
+        demonstrates: the input of the run is a demonstration; pages take over without a question.
+    """
     command = module_command("contid", "panel", "--socket", str(socket), "--wait")
     process = subprocess.Popen(
-        command + ["--open"] * opens,
+        command + ["--open"] * opens + ["--demo"] * demonstrates,
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         # Ctrl-C in a terminal is for the daemon, which decides how the run ends.

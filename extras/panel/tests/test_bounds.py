@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from contid.robot_file.load import load_named
-from contid_panel.geometry import PanelGeometry, tip_mm
+from contid_panel.geometry import PanelGeometry
+from contid_panel.samples import tip_mm
 
 #: Share of the size of the box by which the farthest of many random tips may lie outside.
 SLACK = 0.02

@@ -148,7 +148,7 @@ def test_keys_change_one_axis(at_rest: tuple[OpenPage, Running, Orders]) -> None
     with running.client() as client:
         (robot,) = client.describe()["robots"].values()
     for number in (0, len(robot["axes"]) - 1):
-        slider = it.page.locator(".robot fieldset").nth(2).locator("input").nth(number)
+        slider = it.page.locator(".robot fieldset").nth(2).locator("input[type=range]").nth(number)
         orders.rows.clear()
         before = fields(running)["command"]
         press(it, slider, "ArrowRight")

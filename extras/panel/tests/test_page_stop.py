@@ -78,7 +78,10 @@ def test_after_a_stop_no_message_has_that_the_robots_hold(it: OpenPage) -> None:
     it.state("f0", "OFF")
     it.page.wait_for_selector("#lease[data-mine=false]")
     it.page.wait_for_timeout(2500)
-    assert not [text for text in it.page.evaluate("() => window.toasts") if "hold" in text]
+    toasts = it.page.evaluate("() => window.toasts")
+    assert not [text for text in toasts if "hold" in text]
+    assert [text for text in toasts if "no torque, it may sink" in text]
+    assert "no torque" in it.text(".robot[data-robot=f0] .meaning")
 
 
 def test_a_lease_that_is_taken_is_shown_with_the_holder(it: OpenPage, running: Running) -> None:
@@ -183,3 +186,18 @@ def test_a_robot_file_that_changed_is_reported_until_a_restart(it: OpenPage, run
     with restarted(running):
         it.state("f0", "READY")
         it.page.wait_for_selector("#view-note", state="hidden")
+
+
+def test_events_have_their_reasons(it: OpenPage, running: Running) -> None:
+    it.page.locator("#stop").click()
+    it.state("f0", "OFF")
+    it.page.locator("#events li", has_text="f0 OFF").filter(has_text="by STOP on this page").wait_for()
+    with running.client(name="operator") as other:
+        other.acquire(30.0)
+        other.resume()
+        it.state("f0", "HOLD")
+        it.page.wait_for_timeout(2500)  # longer than an order of this page counts
+        other.estop()
+    it.page.locator("#events li", has_text="f0 OFF").filter(has_text="stopped by").filter(
+        has_text="operator"
+    ).wait_for()

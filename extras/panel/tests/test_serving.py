@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import os
 import re
 import shutil
@@ -15,9 +16,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
+import numpy as np
 import psutil
 import pytest
 
+from contid.robot_file.load import load_named
+from contid_panel.demo_motion import demo_motion
 from contid_panel.geometry import PanelGeometry
 from contid_panel.hub import Hub
 from contid_panel.mailbox import Mailbox
@@ -70,13 +74,24 @@ async def _holds(served: PanelProcess) -> None:
         await it.until(lambda page: page.state("left") == "HOLD")
 
 
+async def _moves_until_it_is_touched(served: PanelProcess) -> None:
+    async with page(served) as it:
+        await it.until(lambda page: page.state("left") == "RUN")
+        assert it.newest["hello"]["demo"]
+        start = {robot: it.tip_mm(robot) for robot in ("left", "right")}
+        for robot, tip in start.items():
+            await it.until(lambda page, robot=robot, tip=tip: math.dist(page.tip_mm(robot), tip) > 10.0)  # type: ignore[misc]
+        assert (await it.order("acquire", takeover=True))["ok"]
+        await it.until(lambda page: page.state("left") == page.state("right") == "HOLD")
+
+
 def _panels_of(process: subprocess.Popen[str]) -> list[psutil.Process]:
     children = psutil.Process(process.pid).children(recursive=True)
     return [child for child in children if "panel" in child.cmdline()]
 
 
 def test_the_demonstration_holds_and_ends_with_ctrl_c(tmp_path: Path) -> None:
-    with _demonstration(tmp_path) as (process, served):
+    with _demonstration(tmp_path, "--still") as (process, served):
         asyncio.run(_holds(served))
         (child,) = _panels_of(process)
         assert child.nice() >= psutil.Process(process.pid).nice()  # robots go first
@@ -87,8 +102,26 @@ def test_the_demonstration_holds_and_ends_with_ctrl_c(tmp_path: Path) -> None:
         assert not child.is_running()
 
 
+@pytest.mark.parametrize("name", ["hand", "tendon3"])
+def test_a_demonstration_stays_within_every_limit(name: str) -> None:
+    """The run itself judges it: `contid run --virtual` refuses what is out of reach or too fast."""
+    loaded = load_named(name)
+    motion = demo_motion(loaded, loaded.file.rate_hz)
+    assert motion is not None
+    text = motion.csv(10.0)
+    found = subprocess.run(command("run", name, "--virtual"), input=text, capture_output=True, text=True)
+    assert found.returncode == 0, found.stderr
+    values = np.array([[float(cell) for cell in row.split(",")] for row in text.splitlines()[1:]])
+    assert np.ptp(values[:, 1:], axis=0).min() > 1.0  # [mm]: every axis is seen to move
+
+
+def test_the_demonstration_moves_until_it_is_touched(tmp_path: Path) -> None:
+    with _demonstration(tmp_path) as (_, served):
+        asyncio.run(_moves_until_it_is_touched(served))
+
+
 def test_a_panel_ends_when_its_run_is_killed(tmp_path: Path) -> None:
-    with _demonstration(tmp_path) as (process, served):
+    with _demonstration(tmp_path, "--still") as (process, served):
         asyncio.run(_holds(served))
         (child,) = _panels_of(process)
         process.kill()
@@ -213,3 +246,16 @@ def test_a_remote_panel_is_served_over_tls_only(running: Running, tmp_path: Path
         assert httpx.post(url, headers=headers, verify=context).status_code == 200
         headers["origin"] = f"http://127.0.0.1:{served.port}"
         assert httpx.post(url, headers=headers, verify=context).status_code == 403
+
+
+def test_a_touch_of_the_page_ends_the_demonstration(tmp_path: Path) -> None:
+    pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
+    from tests.support.browser import chromium, opened
+
+    with _demonstration(tmp_path) as (_, served), chromium() as browser, opened(browser, served) as it:
+        it.state("left", "RUN")
+        assert "Demonstration" in it.text("#lease")
+        it.page.locator("#view").click()
+        it.page.wait_for_selector("#lease[data-mine=true]")
+        it.state("left", "HOLD")
+        it.state("right", "HOLD")

@@ -1,25 +1,31 @@
 // The page: messages of the panel to the parts that show them.
 
 import { byId, setHidden, setText, toast } from "./dom.js";
+import { Events } from "./events.js";
+import { FaultBanner } from "./faults.js";
+import { Gamepad } from "./gamepad.js";
 import { Jog } from "./jog.js";
 import { Link } from "./link.js";
 import { Pace } from "./pace.js";
-import { Plots } from "./plots.js";
+import { Plots } from "./plots/plots.js";
 import { PosesCard } from "./poses.js";
 import { installQuestion } from "./question.js";
 import { RecordingCard } from "./recording.js";
 import { RobotCard } from "./robots.js";
-import { Events, LeaseControl, Machine, TrajectoryCard } from "./side.js";
-import { installStop } from "./stop.js";
-import { View } from "./view.js";
+import { LeaseControl, Machine, TrajectoryCard } from "./side.js";
+import { Speed } from "./speed.js";
+import { installStop, stopAll } from "./stop.js";
+import { View } from "./space/view.js";
+import { Walk } from "./walk.js";
 
 const STALE_MS = 1500;
-const page = { client: 0, readOnly: false, daemon: false, lastFrame: 0, states: "", status: null };
+const page = { client: 0, readOnly: false, daemon: false, lastFrame: 0, states: "", status: null, robots: {} };
 let cards = new Map();
 
 const handlers = {
   hello: (message) => {
     page.readOnly = message.read_only;
+    lease.demo = message.demo && !message.read_only;
     document.body.classList.toggle("read-only", page.readOnly);
   },
   client: (message) => { page.client = message.client; },
@@ -30,13 +36,15 @@ const handlers = {
   },
   describe: (message) => {
     const { describe, drawing, problem } = message;
+    page.robots = describe.robots;
     setText(byId("name"), describe.name);
     document.title = `${describe.name} · contid`;
     cards = new Map(Object.entries(describe.robots).map(([name, robot]) =>
-      [name, new RobotCard(name, robot, drawing?.robots[name], link, jog, select)]));
+      [name, new RobotCard(name, robot, drawing?.robots[name], { link, jog, speed }, select)]));
     byId("robots").replaceChildren(...[...cards.values()].map((card) => card.element));
     view.describe(drawing, problem);
     plots.describe(describe.robots);
+    events.describe(describe.robots);
     poses.describe(describe.robots);
     select(cards.keys().next().value);
   },
@@ -52,7 +60,7 @@ const handlers = {
     if (!drawn) return; // a new state is written at once; the rest follows with the next image
     pace.begin();
     view.frame(message);
-    plots.show(message.t_s);
+    plots.show();
     events.show();
   },
   status: (message) => {
@@ -60,6 +68,7 @@ const handlers = {
     const mine = page.client !== 0 && status.lease.client === page.client;
     if (link.mine && !mine && document.visibilityState === "visible") toast(controlLost(status), "error");
     link.mine = mine;
+    events.status(status.lease);
     page.status = status;
     if (performance.now() - page.lastFrame > STALE_MS) showStatus(); // else with the next frame
   },
@@ -71,24 +80,29 @@ const link = new Link((message) => handlers[message.kind]?.(message), (open, rea
   if (!open) lost();
   showLink(reason);
 });
-const jog = new Jog(link);
+const speed = new Speed(link);
+const jog = new Walk(link, new Jog(link), speed);
 const lease = new LeaseControl(link);
+const faults = new FaultBanner();
 const machine = new Machine();
-const events = new Events();
+const events = new Events(link);
 const plots = new Plots();
-const poses = new PosesCard(link);
+const poses = new PosesCard(link, speed);
 const recording = new RecordingCard(link);
 const pace = new Pace();
 const view = new View(link, jog, pace);
 const trajectory = new TrajectoryCard(link, (paths) => view.preview(paths));
-installStop(link);
+for (const id of ["space", "robots"]) byId(id).addEventListener("pointerdown", () => lease.touched());
+installStop(link, () => page.robots);
 installQuestion();
+new Gamepad(jog, speed, () => cards.get(page.selected), stopAll);
 
 function showStatus() {
   const { status } = page;
   page.status = null;
   if (status === null) return;
   for (const [name, robot] of Object.entries(status.robots)) cards.get(name)?.status(robot, status.lease);
+  faults.show(status.robots, (name) => cards.get(name)?.element.dataset.state);
   lease.show(status.lease, page.readOnly);
   trajectory.update();
   poses.update();
@@ -103,6 +117,7 @@ function controlLost({ lease, robots }) {
 }
 
 function select(name) {
+  page.selected = name;
   plots.select(name);
   for (const card of cards.values()) card.element.classList.toggle("selected", card.name === name);
 }
@@ -112,6 +127,7 @@ document.addEventListener("visibilitychange", () => pace.forget());
 function lost() {
   page.status = null;
   page.states = "";
+  faults.lost();
   for (const card of cards.values()) card.lost();
   view.lost();
   trajectory.update();

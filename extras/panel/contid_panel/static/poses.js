@@ -6,8 +6,9 @@ import { confirmed } from "./question.js";
 const NAME = "[A-Za-z0-9][A-Za-z0-9_.\\-]{0,63}";
 
 export class PosesCard {
-  constructor(link) {
+  constructor(link, speed) {
     this.link = link;
+    this.speed = speed;
     this.names = new Set();
     this.list = h("ul", { className: "poses" });
     this.none = h("p", { className: "facts" });
@@ -51,7 +52,7 @@ export class PosesCard {
 
   goes(name) {
     return attempt(async () => {
-      await this.link.order("pose", { name });
+      await this.link.order("pose", { name, share: this.speed.share });
       toast(`On the way to ${name}.`);
     });
   }

@@ -1,10 +1,10 @@
-// The lease, the buses, the events, and the trajectory: what is beside the robots.
+// The lease, the buses, and the trajectory: what is beside the robots.
 
 import { attempt, byId, h, setHidden, setText, shown, toast } from "./dom.js";
 import { request } from "./link.js";
 import { confirmed } from "./question.js";
 
-const MAX_EVENTS = 60;
+const INPUT = "input"; // how a status names the input of a run
 
 export class LeaseControl {
   constructor(link) {
@@ -12,12 +12,15 @@ export class LeaseControl {
     this.text = h("span", {});
     this.button = h("button", { type: "button", onclick: () => this.press() });
     this.holder = null;
+    this.demo = false; // the input of the run may be taken over without a question
+    this.element = byId("lease");
     byId("lease").append(this.text, this.button);
   }
 
   press() {
     return attempt(async () => {
       if (this.link.mine) await this.link.order("release");
+      else if (this.demonstrates) await this.link.order("acquire", { takeover: true });
       else if (this.holder === null) await this.link.order("acquire");
       else if (await confirmed(`${this.holder} moves the robots. They hold when you take over.`, "Take over")) {
         await this.link.order("acquire", { takeover: true });
@@ -25,14 +28,28 @@ export class LeaseControl {
     });
   }
 
+  /** The robots move by themselves. */
+  get demonstrates() {
+    return this.demo && this.holder === INPUT;
+  }
+
+  /** A hand on a robot ends the demonstration: they hold, and this page has control. */
+  touched() {
+    if (this.demonstrates && !this.link.mine && !this.asked) {
+      this.asked = true;
+      this.press().finally(() => { this.asked = false; });
+    }
+  }
+
   show(lease, readOnly) {
     const mine = this.link.mine;
     this.holder = lease.holder;
-    setText(this.text, mine ? "You control" : lease.holder === null ? "Lease free" : `Lease: ${lease.holder}`);
-    setText(this.button, mine ? "Release" : lease.holder === null ? "Take control" : "Take over");
+    setText(this.text, mine ? "You control" : this.demonstrates ? "Demonstration: touch a robot" : lease.holder === null ? "Lease free" : `Lease: ${lease.holder}`);
+    setText(this.button, mine ? "Release" : lease.holder === null || this.demonstrates ? "Take control" : "Take over");
     this.button.className = mine ? "" : "primary";
     setHidden(this.button, readOnly);
     byId("lease").dataset.mine = mine;
+    byId("lease").dataset.free = lease.holder === null;
   }
 }
 
@@ -57,35 +74,6 @@ export class Machine {
       this.texts = texts.join();
       this.warnings.replaceChildren(...texts.map((text) => h("li", {}, text)));
     }
-  }
-}
-
-export class Events {
-  constructor() {
-    this.list = h("ol", {});
-    this.waiting = [];
-    this.none = h("p", { className: "facts" }, "None since this page was opened.");
-    byId("events").append(h("h2", {}, "Events"), this.none, this.list);
-  }
-
-  /** Waits until it is shown. */
-  add(event) {
-    this.waiting.push([event, new Date()]);
-    if (this.waiting.length > MAX_EVENTS) this.waiting.shift();
-  }
-
-  show() {
-    for (const [event, at] of this.waiting.splice(0)) this.prepend(event, at);
-  }
-
-  prepend(event, at) {
-    const what = event.message ?? event.detail ?? event.mode ?? event.tier ?? event.cause ?? "";
-    const where = event.robot || event.bus || "";
-    const time = at.toLocaleTimeString([], { hour12: false });
-    const kind = event.kind === "fault" || event.level === "error" ? "error" : "";
-    setHidden(this.none, true);
-    this.list.prepend(h("li", { className: kind }, h("time", {}, time), h("b", {}, [where, event.kind].filter(Boolean).join(" ")), ` ${what}`));
-    while (this.list.children.length > MAX_EVENTS) this.list.lastChild.remove();
   }
 }
 

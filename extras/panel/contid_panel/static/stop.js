@@ -1,12 +1,19 @@
 // The STOP button: always there, by click and by the space bar, with or without the lease.
 
 import { byId, setHidden, setText, toast } from "./dom.js";
+import { afterStop } from "./meaning.js";
 import { cancelQuestion } from "./question.js";
+
+let installed = () => {};
+
+/** STOP by another control of this page. */
+export const stopAll = () => installed();
 
 const CONFIRM_MS = 1500; // a panel that hangs neither confirms nor refuses
 const FAILED = "STOP WAS NOT CONFIRMED. Use the emergency switch of the robot, or `contid estop` in a terminal.";
 
-export function installStop(link) {
+/** `robots` gives the descriptions of the robots. */
+export function installStop(link, robots) {
   const button = byId("stop");
   const alarm = byId("alarm");
   const warn = (text) => {
@@ -26,11 +33,12 @@ export function installStop(link) {
       unconfirmed = null;
       const silent = Object.keys(result.silent ?? {});
       warn(silent.length ? `${silent.join(", ")}: devices did not answer and may have missed the stop; look at the robot.` : "");
-      if (!silent.length) toast("All robots were stopped.");
+      if (!silent.length) toast(["All robots were stopped.", ...afterStop(robots(), result.robots ?? {})].join("\n"));
     } catch {
       warn(FAILED);
     }
   };
+  installed = stop;
   // On press, not on release: a click is complete only when the button comes up again.
   button.addEventListener("pointerdown", (event) => {
     if (event.button === 0) stop();

@@ -1,8 +1,12 @@
 // The robots in space: bodies, targets, trails, reach; the camera; dragging a target.
 
-import { byId, setText } from "./dom.js";
+import { axisColour, rgba } from "../colours.js";
+import { byId, setText } from "../dom.js";
+import { bodyOf, ghostOf, point } from "./bodies.js";
 import { Camera, Renderer, add, dot, sub } from "./gl.js";
-import { Mesh, smooth } from "./shapes.js";
+import { installKeys } from "./keys.js";
+import { Scale } from "./scale.js";
+import { Mesh } from "./shapes.js";
 
 const TRAIL_MS = 6000;
 const FRAME_MS = 50;
@@ -36,7 +40,9 @@ export class View {
     const ball = new Mesh();
     ball.ball();
     this.ball = this.renderer.mesh(...ball.arrays);
+    this.scale = new Scale(byId("labels"), byId("scale"), this.renderer);
     this.pointers();
+    installKeys(this);
     byId("view-reset").addEventListener("click", () => this.reset());
     new ResizeObserver(() => this.redraw()).observe(this.canvas);
     this.dark = matchMedia("(prefers-color-scheme: dark)");
@@ -50,8 +56,9 @@ export class View {
     if (!this.drawing) return;
     this.size = Math.hypot(...sub(drawing.bounds[1], drawing.bounds[0]));
     const floor = new Mesh();
-    for (const line of drawing.floor) floor.tube(line, this.size * 0.0011, 4);
+    for (const line of drawing.floor) floor.tube(line, this.size * 0.0008, 4);
     this.fixed.floor = this.renderer.mesh(...floor.arrays);
+    this.scale.describe(drawing.floor, drawing.cell_mm, this.size, drawing.planar);
     this.obstacles = drawing.obstacles.map((shape) => {
       const solid = new Mesh(), plane = new Mesh();
       for (const [center, radius] of shape.balls ?? []) solid.ball(center, radius);
@@ -62,8 +69,8 @@ export class View {
     });
     Object.entries(drawing.robots).forEach(([name, robot], i) => {
       const reach = new Mesh();
-      if (robot.reach_is_outline) reach.tube([...robot.reach, robot.reach[0]], this.size * 0.0014, 5);
-      else for (const tip of robot.reach) reach.mark(tip, this.size * 0.0034);
+      if (robot.surface) reach.surface(robot.surface.points, robot.surface.faces);
+      else if (robot.reach.length) reach.tube([...robot.reach, robot.reach[0]], this.size * 0.0014, 5);
       this.robots.set(name, { ...robot, color: BODY[i % BODY.length], trail: [], target: null, tip: null, meshes: {}, reachMesh: this.renderer.mesh(...reach.arrays) });
     });
     this.reset();
@@ -76,8 +83,11 @@ export class View {
     camera.center = low.map((v, i) => (v + high[i]) / 2);
     camera.flip = Object.values(this.drawing.robots).every((robot) => robot.up[2] < -0.5) ? -1 : 1; // hanging arms hang
     camera.turn = this.drawing.planar ? -Math.PI / 2 : -0.9;
-    camera.lift = this.drawing.planar ? 1.1 : 0.3;
-    this.fit([0, 1, 2, 3, 4, 5, 6, 7].map((k) => [0, 1, 2].map((i) => (k >> i) & 1 ? high[i] : low[i])));
+    camera.lift = this.drawing.planar ? 1.25 : 0.35;
+    const edge = this.drawing.cell_mm; // numbers stand beside the floor
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => [0, 1, 2].map((i) => (k >> i) & 1 ? high[i] : low[i]));
+    const reaches = Object.values(this.drawing.robots).flatMap((robot) => robot.surface?.points.filter((_, i) => i % 9 === 0) ?? []);
+    this.fit([...corners, ...reaches, ...this.drawing.floor.flat().map(([x, y, z]) => [x + (x > camera.center[0] ? edge : 0), y - (y < camera.center[1] ? edge : 0), z])]);
     this.redraw();
   }
 
@@ -111,6 +121,13 @@ export class View {
         robot.still = 0;
       }
       const strips = message.bodies.robots[name] ?? [];
+      const ghost = message.bodies.ghosts[name] ?? [];
+      this.canvas.dataset[`ghost${name}`] = ghost.length > 0;
+      if (this.moved(robot.ghost, ghost)) {
+        robot.ghost = ghost;
+        robot.meshes.ghost = this.renderer.mesh(...ghostOf(robot, ghost).arrays, robot.meshes.ghost);
+        changed = true;
+      }
       if (!this.moved(robot.strips, strips) && robot.trail.length === robot.trailed) continue;
       robot.strips = strips;
       robot.trailed = robot.trail.length;
@@ -140,15 +157,13 @@ export class View {
 
   build(robot, strips) {
     const { renderer } = this;
-    const main = new Mesh(), second = new Mesh(), trail = new Mesh();
-    if (strips.length) {
-      if (robot.planar) fingers(main, second, strips, robot.length_mm);
-      else arm(main, second, strips, robot);
-    }
+    const { main, second, tendons } = bodyOf(robot, strips);
+    const trail = new Mesh();
     if (robot.trail.length > 1) trail.tube(robot.trail, (i) => (this.size * 0.0032 * (i + 1)) / robot.trail.length, 6);
     robot.meshes.main = renderer.mesh(...main.arrays, robot.meshes.main);
     robot.meshes.second = renderer.mesh(...second.arrays, robot.meshes.second);
     robot.meshes.trail = renderer.mesh(...trail.arrays, robot.meshes.trail);
+    robot.meshes.tendons = tendons.map((each, i) => renderer.mesh(...each.arrays, robot.meshes.tendons?.[i] ?? null));
   }
 
   /** Draw the paths of a checked trajectory, or none. */
@@ -177,22 +192,27 @@ export class View {
     const { renderer } = this;
     const dark = this.dark.matches;
     renderer.begin(this.camera);
-    renderer.draw(this.fixed.floor, dark ? [0.32, 0.36, 0.42, 0.55] : [0.55, 0.6, 0.67, 0.38], { lit: 0 });
+    renderer.draw(this.fixed.floor, dark ? [0.36, 0.41, 0.48, 0.5] : [0.6, 0.65, 0.72, 0.4], { lit: 0 });
     for (const robot of this.robots.values()) {
       const [r, g, b] = robot.color;
       const live = robot.state !== "OFF" && robot.state !== "FAULT";
       const main = robot.state === "FAULT" ? [0.86, 0.15, 0.15, 1] : live ? robot.color : [0.5, 0.53, 0.58, 1];
       renderer.draw(robot.meshes.main ?? null, main);
       renderer.draw(robot.meshes.second ?? null, dark ? [0.78, 0.81, 0.86, 1] : DARK);
+      robot.meshes.tendons?.forEach((mesh, i) => renderer.draw(mesh, live ? rgba(axisColour(i)) : main, { lit: 0.5 }));
       renderer.draw(robot.meshes.trail ?? null, [r, g, b, 0.85], { lit: 0 });
-      renderer.draw(robot.reachMesh, [r, g, b, robot.reach_is_outline ? 0.7 : 0.4], { lit: 0 });
+      if (!robot.surface) renderer.draw(robot.reachMesh, [r, g, b, 0.7], { lit: 0 });
     }
+    this.scale.draw(dark ? [0.55, 0.6, 0.67, 1] : [0.36, 0.4, 0.45, 1]);
     for (const [solid, plane] of this.obstacles) {
       renderer.draw(solid, OBSTACLE);
       renderer.draw(plane, [...OBSTACLE.slice(0, 3), 0.6], { lit: 0 });
     }
     renderer.draw(this.ropes ?? null, ROPE);
     renderer.draw(this.plan, [0.55, 0.36, 0.96, 0.9], { lit: 0 });
+    for (const robot of this.robots.values()) renderer.draw(robot.meshes.ghost ?? null, [...robot.color.slice(0, 3), 0.3], { lit: 0.4 });
+    for (const robot of this.robots.values()) if (robot.surface) renderer.draw(robot.reachMesh, [...robot.color.slice(0, 3), dark ? 0.16 : 0.13], { lit: 0, glass: 1 });
+    this.scale.place(this.camera, this.canvas);
     for (const robot of this.robots.values()) {
       if (!robot.target) continue;
       const refused = robot === this.dragged && this.jog.refusals.has(this.draggedName);
@@ -280,32 +300,4 @@ export class View {
     robot.target = add(eye, ray, t).map(inside);
     this.jog.to(this.draggedName, robot.tip_columns, robot.target.slice(0, robot.tip_columns.length));
   }
-}
-
-const point = (p) => [p[0], p[1], p[2] ?? 0];
-
-/** A planar finger: its two flexible racks, the links between them, the backbone. */
-function fingers(main, second, strips, length) {
-  const lines = strips.map((strip) => strip.map(point));
-  const [left, right] = lines.slice(-2);
-  for (const edge of [left, right]) main.tube(edge, length * 0.018, 10);
-  for (let i = 0; i < left.length; i += 3) second.tube([left[i], right[i]], length * 0.009, 8);
-  second.tube([left.at(-1), right.at(-1)], length * 0.02, 10);
-}
-
-/** A spatial arm: a ribbed tube per section with a collar between them, and its base. */
-function arm(main, second, strips, robot) {
-  const radius = robot.radius_mm;
-  strips.forEach((strip, number) => {
-    const line = smooth(strip.map(point), 4);
-    const pitch = Math.max(Math.round((radius * 0.8 * line.length) / (robot.length_mm / strips.length)), 4);
-    const size = radius * (1 - 0.12 * number);
-    main.tube(line, (i) => size * (1 + 0.07 * Math.cos((2 * Math.PI * i) / pitch)), 18);
-    const collar = line.slice(-3);
-    second.tube(collar, size * 1.12, 18);
-  });
-  const start = strips[0].map(point);
-  const along = sub(start[1], start[0]);
-  const k = (radius * 0.5) / (Math.hypot(...along) || 1);
-  second.tube([add(start[0], along, -k), start[0]], radius * 1.5, 28);
 }

@@ -7,7 +7,7 @@ varying vec3 n; varying vec3 p;
 void main() { p = position * scale + offset; n = normal; gl_Position = viewProjection * vec4(p, 1.0); }`;
 const FRAGMENT = `
 precision mediump float;
-uniform vec4 color; uniform float lit; uniform vec3 eye; uniform float flip;
+uniform vec4 color; uniform float lit; uniform float glass; uniform vec3 eye; uniform float flip;
 varying vec3 n; varying vec3 p;
 void main() {
   vec3 normal = normalize(n + vec3(0.0, 0.0, 1e-6)); vec3 toEye = normalize(eye - p);
@@ -16,7 +16,8 @@ void main() {
   float shine = pow(max(dot(normal, half_), 0.0), 40.0) * 0.28;
   float rim = pow(1.0 - abs(dot(normal, toEye)), 3.0) * 0.18;
   vec3 shaded = color.rgb * (0.34 + 0.72 * wrapped) + shine + rim * color.rgb;
-  gl_FragColor = vec4(mix(color.rgb, shaded, lit), color.a);
+  float seen = mix(1.0, 0.3 + 2.6 * pow(1.0 - abs(dot(normal, toEye)), 2.0), glass); // a skin is dense at its edge
+  gl_FragColor = vec4(mix(color.rgb, shaded, lit), min(color.a * seen, 1.0));
 }`;
 
 /** Programs that draw in place of a graphics card. */
@@ -41,7 +42,7 @@ export class Renderer {
     if (gl === null) throw new Error("this browser has no WebGL");
     this.gl = gl;
     this.program = this.link();
-    this.place = Object.fromEntries(["viewProjection", "offset", "scale", "color", "lit", "eye", "flip"].map((name) => [name, gl.getUniformLocation(this.program, name)]));
+    this.place = Object.fromEntries(["viewProjection", "offset", "scale", "color", "lit", "glass", "eye", "flip"].map((name) => [name, gl.getUniformLocation(this.program, name)]));
     this.position = gl.getAttribLocation(this.program, "position");
     this.normal = gl.getAttribLocation(this.program, "normal");
     gl.enable(gl.DEPTH_TEST);
@@ -91,11 +92,12 @@ export class Renderer {
     gl.enableVertexAttribArray(this.normal);
   }
 
-  draw(mesh, color, { lit = 1, offset = [0, 0, 0], scale = 1, over = false } = {}) {
+  draw(mesh, color, { lit = 1, glass = 0, offset = [0, 0, 0], scale = 1, over = false } = {}) {
     if (mesh === null || mesh.count === 0) return;
     const { gl, place } = this;
     gl.uniform4fv(place.color, color);
     gl.uniform1f(place.lit, lit);
+    gl.uniform1f(place.glass, glass);
     gl.uniform3fv(place.offset, offset);
     gl.uniform1f(place.scale, scale);
     gl.bindBuffer(gl.ARRAY_BUFFER, mesh.vertices);

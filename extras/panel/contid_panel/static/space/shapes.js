@@ -1,4 +1,4 @@
-// Triangle meshes of what is drawn: tubes along lines, balls, boxes, marks.
+// Triangle meshes of what is drawn: tubes along lines, balls, boxes, plates, surfaces.
 
 import { add, cross, dot, sub, unit } from "./gl.js";
 
@@ -54,15 +54,35 @@ export class Mesh {
     }
   }
 
-  /** An octahedron: cheap, for many small marks. */
-  mark(center, size) {
+  /** Triangles with smooth edges: points and the numbers of their corners. */
+  surface(points, faces) {
     const first = this.vertices.length / 6;
-    for (const axis of [0, 1, 2]) for (const way of [1, -1]) {
-      const n = [0, 0, 0];
-      n[axis] = way;
-      this.vertices.push(...add(center, n, size), ...n);
+    const normals = points.map(() => [0, 0, 0]);
+    for (const [a, b, c] of faces) {
+      const n = cross(sub(points[b], points[a]), sub(points[c], points[a]));
+      for (const corner of [a, b, c]) normals[corner] = add(normals[corner], n);
+      this.indices.push(first + a, first + b, first + c);
     }
-    for (const [x, y, z] of [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]) this.indices.push(first + x, first + y, first + z);
+    points.forEach((p, i) => this.vertices.push(...p, ...unit(normals[i])));
+  }
+
+  /** A round plate with flat faces, its middle at `center`. */
+  plate(center, normal, radius, thick, sides = 32) {
+    const side = unit(cross(normal, Math.abs(normal[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]));
+    const up = cross(normal, side);
+    const around = [...Array(sides).keys()].map((i) => {
+      const angle = (2 * Math.PI * i) / sides;
+      return [0, 1, 2].map((x) => Math.cos(angle) * side[x] + Math.sin(angle) * up[x]);
+    });
+    const first = this.vertices.length / 6;
+    for (const way of [-1, 1]) for (const n of around) this.vertices.push(...add(add(center, normal, (way * thick) / 2), n, radius), ...n);
+    this.skin(first, 2, sides);
+    for (const way of [-1, 1]) {
+      const middle = this.vertices.length / 6, face = add(center, normal, (way * thick) / 2), out = normal.map((v) => v * way);
+      this.vertices.push(...face, ...out);
+      for (const n of around) this.vertices.push(...add(face, n, radius), ...out);
+      for (let i = 0; i < sides; i++) this.indices.push(middle, middle + 1 + i, middle + 1 + ((i + 1) % sides));
+    }
   }
 
   /** A box: its center and its three half edges. */

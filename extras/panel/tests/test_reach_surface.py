@@ -1,0 +1,54 @@
+"""The surface of a reach: closed, its normals point out, and tips that the model computes are inside it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from contid.kinematics.array import Array
+from contid.robot_file.load import load_named
+from contid_panel.geometry import PanelGeometry
+from contid_panel.reach_surface import CELLS, ReachSurface, reach_surface
+from contid_panel.samples import drawn, tip_mm
+
+
+def solid_angle(surface: ReachSurface, point: Array) -> float:
+    """How often a surface goes around a point, by the solid angles of its triangles (Oosterom 1983)."""
+    a, b, c = (surface.points[surface.faces[:, k]] - point for k in range(3))
+    la, lb, lc = (np.linalg.norm(each, axis=1) for each in (a, b, c))
+    triple = np.einsum("ij,ij->i", a, np.cross(b, c))
+    below = (
+        la * lb * lc
+        + np.einsum("ij,ij->i", a, b) * lc
+        + np.einsum("ij,ij->i", b, c) * la
+        + np.einsum("ij,ij->i", c, a) * lb
+    )
+    return float(np.arctan2(triple, below).sum() / (2.0 * np.pi))
+
+
+@pytest.mark.parametrize("name", ["stiffflop2", "tendon3", "trirack"])
+def test_a_reach_is_a_closed_surface_around_its_tips(name: str) -> None:
+    (robot,) = PanelGeometry(load_named(name), 100.0).scene.robots
+    surface = reach_surface(robot)
+    assert surface is not None
+    edges = np.sort(np.concatenate([surface.faces[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] % 2 == 0).all()
+    # Other tips than those that made it: uniformly random axes.
+    tips = [tip for each in drawn(robot)[:150] if (tip := tip_mm(robot, each)) is not None]
+    inside = [solid_angle(surface, tip) > 0.5 for tip in tips]
+    assert np.mean(inside) > 0.95
+    cell = float(np.ptp(np.array(tips), axis=0).max()) / CELLS
+    middle = np.mean(tips, axis=0)
+    far = middle + 40.0 * cell
+    assert solid_angle(surface, far) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_straight_arm_is_within_two_cells_of_its_reach() -> None:
+    (robot,) = PanelGeometry(load_named("tendon3"), 100.0).scene.robots
+    surface = reach_surface(robot)
+    assert surface is not None
+    tip = tip_mm(robot, robot.config.rest)
+    assert tip is not None
+    cell = float(np.ptp(surface.points, axis=0).max()) / CELLS
+    near = float(np.linalg.norm(surface.points - tip, axis=1).min())
+    assert solid_angle(surface, tip) > 0.5 or near < 2.0 * cell

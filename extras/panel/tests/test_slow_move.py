@@ -1,0 +1,54 @@
+"""A slower move: a straight line in its columns, at no more than a share of their rates."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from contid.robot_file.load import load_named
+from contid_panel.geometry import PanelGeometry
+from contid_panel.slow_move import slow_line
+
+RATES = {"x_mm": 100.0, "y_mm": 50.0}
+
+
+@pytest.mark.parametrize("share", [0.01, 0.1, 0.5])
+def test_no_column_is_faster_than_its_share(share: float) -> None:
+    start, goal = {"x_mm": 10.0, "y_mm": 70.0}, {"x_mm": 40.0, "y_mm": 60.0}
+    line = slow_line(start, goal, RATES, share)
+    assert line.columns == ["t_s", "x_mm", "y_mm"]
+    rows = np.array(line.rows)
+    assert rows[0].tolist() == [0.0, 10.0, 70.0]
+    assert rows[-1, 1:].tolist() == pytest.approx([40.0, 60.0])
+    speeds = np.abs(np.diff(rows[:, 1:], axis=0)) / np.diff(rows[:, 0])[:, None]
+    fastest = (speeds / [RATES["x_mm"], RATES["y_mm"]]).max()
+    assert 0.95 * share < fastest <= share
+    # On the straight line between them, with rest at both ends.
+    assert np.allclose((rows[:, 1] - 10.0) / 30.0, (rows[:, 2] - 70.0) / -10.0)
+    assert speeds[0].max() < 0.05 * speeds.max()
+
+
+def test_a_target_where_the_robot_is_takes_a_moment() -> None:
+    line = slow_line({"x_mm": 1.0}, {"x_mm": 1.0}, RATES, 0.01)
+    assert {row[1] for row in line.rows} == {1.0}
+    assert line.rows[-1][0] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("name", ["hand", "tendon3", "stiffflop2", "trirack"])
+def test_every_column_of_a_robot_has_a_rate_and_its_axes_a_rest(name: str) -> None:
+    loaded = load_named(name)
+    drawing = PanelGeometry(loaded, 100.0).describe()
+    for robot, described in drawing["robots"].items():
+        bends = [each["column"] for each in described["bends"]]
+        columns = [*described["tip_columns"], *bends, *described["axis_columns"]]
+        assert columns
+        assert {column for column in columns if described["rates"][column] > 0.0} == set(columns), robot
+        assert list(described["rest"]) == described["axis_columns"]
+
+
+def test_the_tip_of_a_finger_is_as_fast_as_its_racks() -> None:
+    """One rack of a straight finger at 100 mm/s: its tip goes along an arc, at a speed of the same order."""
+    drawing = PanelGeometry(load_named("finger"), 100.0).describe()
+    (finger,) = drawing["robots"].values()
+    axes = [finger["rates"][each] for each in finger["axis_columns"]]
+    assert 0.5 * max(axes) < finger["rates"]["x_mm"] < 20.0 * max(axes)
