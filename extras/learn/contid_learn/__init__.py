@@ -29,6 +29,8 @@ _MODULES: Final = {
 
 def __getattr__(name: str) -> object:
     if name not in _MODULES:
-        raise AttributeError(f"module 'contid_learn' has no attribute {name!r}; public: {', '.join(_MODULES)}")
+        raise AttributeError(
+            f"module 'contid_learn' has no attribute {name!r}; public: {', '.join(_MODULES)}"
+        )
     value = globals()[name] = getattr(import_module(_MODULES[name]), name)
     return value

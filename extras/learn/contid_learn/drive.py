@@ -66,11 +66,11 @@ def drive(socket: Path, driven: Drive, duration_s: float | None) -> None:
     with _connected(socket) as client:
         client.resume()
         _note(f"moves {', '.join(view.name for view in driven.views)} at {driven.rate_hz:g} Hz")
-        loop = driven.loop(duration_s)
-        try:
-            client.servo(driven.rate_hz, loop)
-        finally:
-            _note(str(loop.counts))
+        with driven.loop(duration_s) as loop:
+            try:
+                client.servo(driven.rate_hz, loop)
+            finally:
+                _note(str(loop.counts))
         client.stop(end=True)
 
 

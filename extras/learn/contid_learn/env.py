@@ -78,7 +78,9 @@ class TipEnv(gymnasium.Env[Observation, Action]):
         self._moving = moving
         self.sim = Sim(robot)
         if not 0.0 < rate_hz <= self.sim.rate_hz:
-            raise ContidError(f"rate_hz={rate_hz:g}: allowed: above 0, up to that of the tick, {self.sim.rate_hz:g}")
+            raise ContidError(
+                f"rate_hz={rate_hz:g}: allowed: above 0, up to that of the tick, {self.sim.rate_hz:g}"
+            )
         self.ticks = max(1, round(self.sim.rate_hz / rate_hz))
         self.rate_hz = self.sim.rate_hz / self.ticks
         self.views = views_of(Robot(robot), self.rate_hz)

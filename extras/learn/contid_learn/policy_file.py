@@ -7,6 +7,7 @@ without it is refused: nothing in its tensors distinguishes one robot from anoth
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -79,6 +80,8 @@ class Policy:
 
     def __init__(self, path: str | Path) -> None:
         require_extra("a policy", "onnxruntime")
+        # From 1.29 on it sends names and hashes of models to its maker, by default; it looks at its import.
+        os.environ["ORT_DISABLE_TELEMETRY"] = "1"
         import onnxruntime  # type: ignore[import-untyped, unused-ignore]
 
         if not Path(path).is_file():
@@ -90,7 +93,9 @@ class Policy:
         try:
             self._session = onnxruntime.InferenceSession(str(path), options, ["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime has no common base of its errors
-            raise ContidError(f"{path}: no ONNX file that onnxruntime can run: {_first_line(error)}") from None
+            raise ContidError(
+                f"{path}: no ONNX file that onnxruntime can run: {_first_line(error)}"
+            ) from None
         text = self._session.get_modelmeta().custom_metadata_map.get(KEY)
         if text is None:
             raise ContidError(

@@ -12,7 +12,8 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
-from typing import Any, Final
+from types import TracebackType
+from typing import Any, Final, Self
 
 import numpy as np
 
@@ -126,10 +127,23 @@ class PolicyLoop:
         self._before: dict[str, Array] = {}
         self.counts = LoopCounts()
 
+    def __enter__(self) -> Self:
+        """`close` on leaving."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """`close`."""
+        self.close()
+
+    def close(self) -> None:
+        """End the thread of the network, once it has answered."""
+        self._inference.close()
+
     def __call__(self, state: ServoState) -> Mapping[str, float] | None:
         """The row of a period; None at the end."""
         if self._duration_s is not None and state.time_s >= self._duration_s:
-            self._inference.close()
             return None
         seen = {view.name: seen_of(view, state.robots[view.name]) for view in self._views}
         if not self._asked:

@@ -51,9 +51,7 @@ class Path:
         return Goal(self.tips[before] + (place - before) * way, rate * way)
 
 
-def drawn_paths(
-    task: Task, views: Sequence[RobotView], rng: np.random.Generator
-) -> dict[str, Path]:
+def drawn_paths(task: Task, views: Sequence[RobotView], rng: np.random.Generator) -> dict[str, Path]:
     """The paths of the goals of an episode by robot; a place is a path that does not move."""
     paths = {}
     for view in views:
