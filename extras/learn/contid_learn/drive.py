@@ -116,7 +116,7 @@ def main(arguments: list[str]) -> int:
         drive(Path(socket), load_drive(robot_file, file, goal), float(rest[0]) if rest else None)
     except (ContidError, RemoteError, ConnectionLostError) as error:
         time.sleep(4 * LOOK_S)  # a run that ends closes stdin at about the same time
-        if _ended.is_set() or isinstance(error, RemoteError) and error.code == Code.STOPPED:
+        if _ended.is_set() or (isinstance(error, RemoteError) and error.code == Code.STOPPED):
             return 0
         _note(f"{error}; the robots hold")
         return 1

@@ -96,7 +96,7 @@ class TipEnv(gymnasium.Env[Observation, Action]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, Info]:
-        """Begin an episode: robots armed at their start, new goals, new noise, new numbers of ``randomise``."""
+        """Begin an episode: robots armed at their start, new goals, new noise, new numbers drawn."""
         super().reset(seed=seed)
         numbers = drawn(self._intervals, self.np_random)
         noise = int(self.np_random.integers(2**31))

@@ -1,4 +1,4 @@
-"""A policy in a process beside a run: the tick never waits for it, and a policy that hangs loses its lease."""
+"""A policy in a process beside a run: the tick never waits for it; one that hangs loses its lease."""
 
 from __future__ import annotations
 

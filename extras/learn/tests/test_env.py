@@ -5,12 +5,12 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
-import contid_learn.envs
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+import contid_learn.envs
 from contid import Sim
 from contid.errors import ContidError
 from contid.robot_file.load import load_named, with_mock

@@ -1,4 +1,4 @@
-"""`contid run --policy` as a user starts it: the tip goes to its goal, and mistakes are refused before motion."""
+"""`contid run --policy` as a user starts it: the tip goes to its goal; mistakes are refused before motion."""
 
 from __future__ import annotations
 
