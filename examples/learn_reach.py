@@ -22,15 +22,27 @@ ENV = None
 def environment(robot):
     global ENV
     if ENV is None:
-        ENV = TipEnv(robot, task="reach", episode_s=2.5, randomise={"response_ms": (8.0, 25.0)})
+        ENV = TipEnv(robot, task="reach", episode_s=3.0, randomise={"response_ms": (8.0, 25.0)})
     return ENV
 
 
+def used(env):
+    """The numbers of the observation that the policy looks at: the ways from the tips to their goals."""
+    places, at = [], 0
+    for view in env.views:
+        begin = at + 2 * len(view.columns) + view.dimension
+        places += range(begin, begin + view.dimension)
+        at += view.width
+    return places
+
+
 def split(numbers, env):
-    """Weights and biases of the layer; it sees everything but the velocity of the goal, which stands."""
-    outputs, inputs = env.action_space.shape[0], env.observation_space.shape[0]
-    numbers = numbers.reshape(outputs, inputs + 1)
-    return numbers[:, :-1], numbers[:, -1]
+    """Weights and biases of the layer."""
+    places = used(env)
+    weights = np.zeros((env.action_space.shape[0], env.observation_space.shape[0]))
+    numbers = numbers.reshape(len(weights), len(places) + 1)
+    weights[:, places] = numbers[:, :-1]
+    return weights, numbers[:, -1]
 
 
 def score(job):
@@ -54,14 +66,14 @@ def main():
     options = argparse.ArgumentParser()
     options.add_argument("file", nargs="?", default="reach.onnx")
     options.add_argument("--robot", default="finger")
-    options.add_argument("--generations", type=int, default=30)
+    options.add_argument("--generations", type=int, default=10)
     options.add_argument("--workers", type=int, default=2)
     options.add_argument("--seed", type=int, default=0)
     given = options.parse_args()
     rng, begin = np.random.default_rng(given.seed), time.monotonic()
     env = environment(given.robot)
-    count = env.action_space.shape[0] * (env.observation_space.shape[0] + 1)
-    mean, spread = np.zeros(count), np.full(count, 1.5)
+    count = env.action_space.shape[0] * (len(used(env)) + 1)
+    mean, spread = np.zeros(count), np.full(count, 3.0)
     with get_context("spawn").Pool(given.workers) as pool:
         for generation in range(given.generations):
             seeds = rng.integers(2**31, size=EPISODES)  # the same goals for all of a generation
@@ -69,7 +81,7 @@ def main():
             found = pool.map(score, [(given.robot, numbers, seeds) for numbers in drawn], chunksize=2)
             returns = np.array([each[0] for each in found])
             best = drawn[np.argsort(returns)[-BEST:]]
-            mean, spread = best.mean(axis=0), best.std(axis=0) + 0.3 * 0.9**generation
+            mean, spread = best.mean(axis=0), best.std(axis=0) + 0.8**generation
             print(f"{generation}: return {returns.mean():.2f}, best {returns.max():.2f}", flush=True)
         tests = [(given.robot, mean, [seed]) for seed in range(10**6, 10**6 + 20)]
         results = pool.map(score, tests)

@@ -67,7 +67,7 @@ class SimState:
 
 
 class SimRobots(Mapping[str, SimRobot]):
-    """The robots of a tick; one that nobody looks at is not computed."""
+    """The robots of a tick; one that is not looked at is not computed."""
 
     def __init__(self, readers: Mapping[str, Callable[[], SimRobot]]) -> None:
         self._readers = readers

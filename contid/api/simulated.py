@@ -121,10 +121,12 @@ class Sim:
 
         Args:
             seed: of the noise of every simulated device and tracker; that of the file when left out.
-            variant: changes what is simulated, and not what the control loop believes of it.
+            variant: changes what is simulated, and not what the control loop assumes of it.
 
         Raises:
             ContidError: the simulation is closed, or it records: a session is one run.
+
+        .. versionadded:: 0.2.0
         """
         self._check_open()
         if self._recording is not None:

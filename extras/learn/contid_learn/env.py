@@ -7,7 +7,7 @@ action becomes a row of such a stream, and the rows of `contid_learn.views` are 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, ClassVar, Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import gymnasium
 import numpy as np
@@ -22,7 +22,7 @@ from contid.robot_file.load import LoadedFile
 from contid_learn.randomised import Intervals, checked, drawn, varied, with_bodies
 from contid_learn.tasks import Path as GoalPath
 from contid_learn.tasks import Task, drawn_paths
-from contid_learn.views import BOUND, Goal, Observation, Seen, observation, row_of, shares, views_of
+from contid_learn.views import BOUND, Observation, Seen, TipGoal, observation, row_of, shares, views_of
 
 #: Share of the size of a robot within which a tip has arrived.
 ARRIVED_SHARE: Final = 0.02
@@ -56,7 +56,7 @@ class TipEnv(gymnasium.Env[Observation, Action]):
         ContidError: no such file, task or key; ``hold`` or ``moving`` with a robot that has no body.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  # as gymnasium declares it
 
     def __init__(
         self,
@@ -130,14 +130,14 @@ class TipEnv(gymnasium.Env[Observation, Action]):
         """End the simulation. Idempotent."""
         self.sim.close()
 
-    def _goals(self) -> dict[str, Goal]:
+    def _goals(self) -> dict[str, TipGoal]:
         time_s = self._steps / self.rate_hz
         return {name: path.at(time_s) for name, path in self._paths.items()}
 
     def _seen(self, state: SimState) -> dict[str, Seen]:
         return {view.name: _seen(state[view.name], len(view.columns)) for view in self.views}
 
-    def _info(self, state: SimState, seen: dict[str, Seen], goals: dict[str, Goal]) -> Info:
+    def _info(self, state: SimState, seen: dict[str, Seen], goals: dict[str, TipGoal]) -> Info:
         distance = {view.name: view.distance(seen[view.name], goals[view.name]) for view in self.views}
         return {
             "distance": distance,

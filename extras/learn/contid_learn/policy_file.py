@@ -100,7 +100,7 @@ class Policy:
         if text is None:
             raise ContidError(
                 f"{path}: its metadata has no key {KEY!r}, which names the robot; write it with "
-                "contid_learn.write_policy, or add it to your export (docs/learning.md)"
+                "contid_learn.write_policy, or add it to your export (docs/robots/learning.md)"
             )
         try:
             self.about = PolicyAbout.parse(text)

@@ -20,7 +20,7 @@ import numpy as np
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.remote.client.servo import ServoState
-from contid_learn.views import Goal, Observation, RobotView, Seen, observation, row_of, shares
+from contid_learn.views import Observation, RobotView, Seen, TipGoal, observation, row_of, shares
 
 #: Share of the period that an answer may take.
 ANSWER_SHARE: Final = 0.6
@@ -119,7 +119,7 @@ class PolicyLoop:
         duration_s: float | None = None,
     ) -> None:
         self._views = views
-        self._goals = {name: Goal(tip, np.zeros_like(tip)) for name, tip in goals.items()}
+        self._goals = {name: TipGoal(tip, np.zeros_like(tip)) for name, tip in goals.items()}
         self._inference = Inference(network)
         self._timeout_s = ANSWER_SHARE * period_s
         self._duration_s = duration_s

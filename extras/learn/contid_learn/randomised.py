@@ -1,4 +1,4 @@
-"""Draws what is simulated for an episode; what the control loop believes of the robot stays as it is.
+"""Draws what is simulated for an episode; what the control loop assumes of the robot stays as it is.
 
 Give intervals that were identified on your robot: then a policy meets it among the robots it learnt on.
 """

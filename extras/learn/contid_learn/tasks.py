@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid_learn.views import Goal, RobotView
+from contid_learn.views import RobotView, TipGoal
 
 #: Time from one place of a path to the next [s], at the least.
 LEG_S: Final = 2.0
@@ -41,14 +41,14 @@ class Path:
     tips: Array
     leg_s: float
 
-    def at(self, time_s: float) -> Goal:
+    def at(self, time_s: float) -> TipGoal:
         """The goal at a time, and its velocity."""
         phase = math.pi * time_s / self.leg_s
         place = 0.5 * (1.0 - math.cos(phase)) * (len(self.tips) - 1)
         rate = 0.5 * math.sin(phase) * math.pi / self.leg_s * (len(self.tips) - 1)
         before = min(int(place), len(self.tips) - 2)
         way = self.tips[before + 1] - self.tips[before]
-        return Goal(self.tips[before] + (place - before) * way, rate * way)
+        return TipGoal(self.tips[before] + (place - before) * way, rate * way)
 
 
 def drawn_paths(task: Task, views: Sequence[RobotView], rng: np.random.Generator) -> dict[str, Path]:

@@ -50,7 +50,7 @@ class Seen:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Goal:
+class TipGoal:
     """Where the tip of one robot is to be; units of its robot file.
 
     Attributes:
@@ -95,7 +95,7 @@ class RobotView:
         """Numbers of its observation."""
         return 2 * len(self.columns) + 3 * self.dimension
 
-    def observed(self, seen: Seen, asked: Array, goal: Goal) -> Array:
+    def observed(self, seen: Seen, asked: Array, goal: TipGoal) -> Array:
         """Its part of the observation; ``asked`` are the axes that were asked for last."""
         parts = (
             self._centred(seen.measured),
@@ -118,7 +118,7 @@ class RobotView:
         begun: Array = np.clip(measured, self.low, self.high)
         return begun
 
-    def distance(self, seen: Seen, goal: Goal) -> float:
+    def distance(self, seen: Seen, goal: TipGoal) -> float:
         """From tip to goal, in the unit of lengths of the file."""
         return float(np.linalg.norm(goal.tip - seen.tip))
 
@@ -156,7 +156,7 @@ def observation(
     views: Sequence[RobotView],
     seen: Mapping[str, Seen],
     asked: Mapping[str, Array],
-    goals: Mapping[str, Goal],
+    goals: Mapping[str, TipGoal],
 ) -> Observation:
     """What a policy gets: the robots one after the other, shape ``(m,)``."""
     parts = [view.observed(seen[view.name], asked[view.name], goals[view.name]) for view in views]

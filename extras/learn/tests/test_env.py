@@ -112,7 +112,7 @@ def test_a_load_moves_the_tip_that_a_policy_sees() -> None:
         bend = np.array([1, 0, 0, 1, 0, 0], np.float32)  # a load on a straight arm pulls along it
         tips.append([env.step(bend if step < 7 else 0 * bend)[0][12:15] for step in range(24)])
         env.close()
-    apart = np.linalg.norm(np.subtract(*tips), axis=1)
+    apart = np.linalg.norm(np.array(tips[0]) - np.array(tips[1]), axis=1)
     assert apart[:8].max() < 1e-2
     assert apart[-1] > 3e-2
 
@@ -124,7 +124,8 @@ def test_what_is_drawn_changes_the_devices_and_not_the_belief() -> None:
     assert robot.sim.errors.modulus_percent == (7.0, 7.0)  # type: ignore[attr-defined]
     assert robot.sim.dynamics  # type: ignore[attr-defined]
     assert robot.geometry == before.geometry  # type: ignore[attr-defined]
-    assert {options.response_ms for bus in other.buses.values() for _, options in bus.axes} == {44.0}
+    axes: list[Any] = [options for bus in other.buses.values() for _, options in bus.axes]
+    assert {options.response_ms for options in axes} == {44.0}
 
 
 @pytest.mark.parametrize(
