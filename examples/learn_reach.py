@@ -15,7 +15,7 @@ import numpy as np
 
 from contid_learn import PolicyAbout, TipEnv, write_policy
 
-POPULATION, BEST, EPISODES = 24, 6, 3
+POPULATION, BEST, EPISODES = 20, 5, 3
 ENV = None
 
 
@@ -66,7 +66,7 @@ def main():
     options = argparse.ArgumentParser()
     options.add_argument("file", nargs="?", default="reach.onnx")
     options.add_argument("--robot", default="finger")
-    options.add_argument("--generations", type=int, default=10)
+    options.add_argument("--generations", type=int, default=8)
     options.add_argument("--workers", type=int, default=2)
     options.add_argument("--seed", type=int, default=0)
     given = options.parse_args()

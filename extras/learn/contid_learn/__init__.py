@@ -5,7 +5,7 @@
 
     env = gymnasium.make("contid/finger-v0", task="reach")
 
-See docs/robots/learning.md. Importing the package alone imports no library; its names are imported at first use.
+See docs/robots/learning.md. The package alone imports no library; its names are imported at first use.
 """
 
 from __future__ import annotations

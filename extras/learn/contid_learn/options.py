@@ -43,7 +43,7 @@ class PolicyOption:
             return None
         if virtual:
             raise click.UsageError(
-                "--policy needs a daemon in real time; in virtual time step a TipEnv (docs/robots/learning.md)"
+                "--policy needs a daemon in real time; step a TipEnv instead (docs/robots/learning.md)"
             )
         run = click.get_current_context().params
         if run.get("trajectory") is not None:
