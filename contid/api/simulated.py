@@ -125,8 +125,6 @@ class Sim:
 
         Raises:
             ContidError: the simulation is closed, or it records: a session is one run.
-
-        .. versionadded:: 0.2.0
         """
         self._check_open()
         if self._recording is not None:
