@@ -1,8 +1,11 @@
 """A finger learns to reach: the cross-entropy method on a policy of one layer, in plain NumPy.
 
     pip install 'contid[learn]'
-    python examples/learn_reach.py reach.onnx            # minutes on two cores
+    python examples/learn_reach.py reach.onnx
     contid run finger --mock --policy reach.onnx --goal x_mm=30,y_mm=85 < /dev/null
+
+Eight generations (2 min of processor time) do not reach yet: 0 of 20 new goals within 2 % of the reach after
+3 s. Take more generations and longer episodes.
 
 Options: --robot, --generations, --workers, --seed.
 """

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +13,24 @@ import pytest
 from contid import Robot
 from contid_learn import PolicyAbout, write_policy
 from contid_learn.views import views_of
-from tests.support.command import contid_in
+from tests.support.command import environment
 
 RUN = ("run", "finger", "--mock")
+
+
+def contid_in(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Without an input, as at a terminal."""
+    command = [sys.executable, "-m", "contid", *arguments]
+    return subprocess.run(
+        command,
+        cwd=folder,
+        env={**environment(), "XDG_RUNTIME_DIR": str(folder)},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=90,
+        check=False,
+    )
 
 
 def written(path: Path, gain: float = 6.0) -> None:
