@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 from contid.api.arguments import ArgumentError, Shape, as_rows, as_values
 from contid.api.described import DescribedRobots
 from contid.api.placed import PlacedRows
-from contid.api.row_arguments import Records, RowArguments, records, renamed
+from contid.api.results import AnswerRecords, PoseRecords
+from contid.api.row_arguments import RowArguments, records, renamed
 from contid.api.workspace import Workspace, draw_backbones, draw_points, measure_workspace, new_axes
 from contid.kinematics.array import Array
 from contid.kinematics.batch import POSE, Solutions, Table, Targets, forward_many, inverse_many
@@ -64,7 +65,7 @@ class Robot(DescribedRobots):
 
     # -- kinematics --------------------------------------------------------------------------------------
 
-    def fk(self, actuation: ArrayLike, *, load: ArrayLike | None = None) -> Records:
+    def fk(self, actuation: ArrayLike, *, load: ArrayLike | None = None) -> PoseRecords:
         """Forward kinematics (or statics): tips of actuations.
 
         Args:
@@ -85,7 +86,7 @@ class Robot(DescribedRobots):
 
     def fk_under(
         self, actuation: ArrayLike, *, tip: ArrayLike | None = None, mid: ArrayLike | None = None
-    ) -> Records:
+    ) -> PoseRecords:
         """Forward statics under wrenches on the tip and on the end of the first section.
 
         Args:
@@ -113,10 +114,10 @@ class Robot(DescribedRobots):
             poses[number] = (pose.tip_m, rotation, pose.direction, pose.mid_m, pose.stable)
         return self._pose_records(poses, shape)
 
-    def _pose_records(self, poses: Table, shape: Shape) -> Records:
+    def _pose_records(self, poses: Table, shape: Shape) -> PoseRecords:
         """What `fk` returns."""
         placed, units = self._placed, self.units
-        return records(
+        found = records(
             shape,
             tip=units.from_si(placed.points_in_world(poses["tip_m"])),
             direction=placed.vectors_in_world(poses["direction"]),
@@ -124,6 +125,7 @@ class Robot(DescribedRobots):
             rotation=placed.columns_in_world(poses["rotation"]),
             stable=poses["stable"],
         )
+        return found.view(PoseRecords)
 
     def ik(
         self,
@@ -134,7 +136,7 @@ class Robot(DescribedRobots):
         mid: ArrayLike | None = None,
         load: ArrayLike | None = None,
         seed: Seed = None,
-    ) -> Records:
+    ) -> AnswerRecords:
         """Inverse kinematics: actuations inside the limits whose tips are nearest to the targets.
 
         Args:
@@ -171,14 +173,14 @@ class Robot(DescribedRobots):
         seeds = self._rows.seeds(None if follow else seed, shape)
         return self._answers(inverse_many(self._model, tasks, seeds, chained=follow), shape)
 
-    def _answers(self, answers: Solutions, shape: Shape) -> Records:
+    def _answers(self, answers: Solutions, shape: Shape) -> AnswerRecords:
         """What `ik` returns."""
         # The answers' own memory: a million rows are 70 MB.
         found = answers.rows
         self.units.change_from_si(found["actuation"], self.description.quantity)
         self.units.change_from_si(found["residual_m"])
         found["limited_by"] = self._bits.translated(answers)
-        return renamed(
+        found = renamed(
             found,
             shape,
             actuation="actuation",
@@ -187,6 +189,7 @@ class Robot(DescribedRobots):
             limited_by="limited_by",
             iterations="iterations",
         )
+        return found.view(AnswerRecords)
 
     @property
     def bend_columns(self) -> tuple[str, ...]:
@@ -218,7 +221,7 @@ class Robot(DescribedRobots):
 
     def ik_bends(
         self, bends: ArrayLike, *, load: ArrayLike | None = None, seed: ArrayLike | None = None
-    ) -> Records:
+    ) -> AnswerRecords:
         """Actuations inside the limits that have bends of the sections; as `ik` otherwise.
 
         Args:

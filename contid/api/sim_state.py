@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from contid.api.units import Units
 from contid.control.engine.measured_tip import tip_in_world
-from contid.control.engine.tick_layout import CONVERGED, HAS_TARGET, RecordLayout, RobotRecord
+from contid.control.engine.tick_layout import CONVERGED, HAS_TARGET, TICK, RecordLayout, RobotRecord
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.supervisor import Mode
 from contid.kinematics.array import Array
@@ -29,6 +30,7 @@ class SimRobot:
         command: actuation commanded in this tick, extra axes last.
         measured: actuation that the simulated devices reported.
         tip: tip of the measured actuation, world frame; columns x, y and for spatial robots z.
+        tracked: tip that a simulated tracker measured within the last second, likewise; NaN without one.
         residual: distance between the target and what the solution reaches; NaN without a target.
         converged: the solution meets the target.
         refused: why the last target was refused; the robot holds. "" otherwise.
@@ -39,6 +41,7 @@ class SimRobot:
     command: Array
     measured: Array
     tip: Array
+    tracked: Array
     residual: float
     converged: bool
     refused: str
@@ -63,6 +66,32 @@ class SimState:
         return self.robots[robot]
 
 
+class SimRobots(Mapping[str, SimRobot]):
+    """The robots of a tick; one that is not looked at is not computed."""
+
+    def __init__(self, readers: Mapping[str, Callable[[], SimRobot]]) -> None:
+        self._readers = readers
+        self._read: dict[str, SimRobot] = {}
+
+    def __getitem__(self, robot: str) -> SimRobot:
+        """A robot by name."""
+        if robot not in self._read:
+            self._read[robot] = self._readers[robot]()
+        return self._read[robot]
+
+    def __iter__(self) -> Iterator[str]:
+        """Names."""
+        return iter(self._readers)
+
+    def __len__(self) -> int:
+        """How many."""
+        return len(self._readers)
+
+    def __repr__(self) -> str:
+        """As a dictionary."""
+        return repr(dict(self))
+
+
 @dataclass(frozen=True, slots=True)
 class StateReader:
     """Turns the values of a tick's record into a `SimState`."""
@@ -73,15 +102,20 @@ class StateReader:
 
     def read(self, values: Sequence[float], refused: Mapping[str, str]) -> SimState:
         """The state after the tick of a record; ``refused`` has the reasons by robot."""
-        record = self.layout.decode(tuple(values))
         robots = {
-            config.name: self._robot(config, robot, refused.get(config.name, ""))
-            for config, robot in zip(self.configs, record.robots, strict=True)
+            config.name: partial(self._robot, index, values, refused.get(config.name, ""))
+            for index, config in enumerate(self.configs)
         }
-        return SimState(record.tick, record.tick / self.layout.rate_hz, robots)
+        tick = int(values[TICK])
+        return SimState(tick, tick / self.layout.rate_hz, SimRobots(robots))
 
-    def _robot(self, config: RobotConfig, record: RobotRecord, refused: str) -> SimRobot:
-        units = self.units
+    def mode(self, values: Sequence[float], index: int) -> Mode:
+        """The mode of a robot of a record."""
+        return Mode(int(values[self.layout.robot_place(index, "mode")]))
+
+    def _robot(self, index: int, values: Sequence[float], refused: str) -> SimRobot:
+        units, config = self.units, self.configs[index]
+        record: RobotRecord = self.layout.robot(tuple(values), index)
         measured = config.transmission.to_actuation(tuple(axis.value for axis in record.axes))
         tip = None
         if all(map(math.isfinite, measured)):
@@ -92,6 +126,7 @@ class StateReader:
             command=self._edge(config, [axis.command for axis in record.axes]),
             measured=self._edge(config, measured),
             tip=units.from_si(np.array((tip or _NO_TIP)[: config.model.dimension])),
+            tracked=units.from_si(np.array(record.measured_tip_m[: config.model.dimension])),
             residual=float(units.from_si(np.array(record.residual_m))),
             converged=bool(record.flags & HAS_TARGET and record.flags & CONVERGED),
             refused=refused,

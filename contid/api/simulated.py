@@ -6,29 +6,33 @@ robot. Units are those of robot files, or SI with ``si=True``.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Literal, Self
+from typing import Final, Literal, Self, TypeAlias
 
 from contid.api.arguments import ArgumentError
 from contid.api.commands import Command, CommandReader
 from contid.api.sim_state import SimState, StateReader
+from contid.api.simulated_seed import with_seed
 from contid.api.units import Units
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.virtual import Tee, VirtualProcess
-from contid.control.engine.wiring import build_preflight, record_layout
+from contid.control.engine.wiring import build_preflight, build_robot_configs, record_layout
 from contid.control.process.setup import RunSetup
 from contid.control.tick.preflight.rows import Unreachable
 from contid.control.tick.supervisor import Mode
 from contid.errors import ContidError
-from contid.robot_file.load import load_named, with_mock
+from contid.robot_file.load import LoadedFile, load_named, with_mock
 from contid.session.recording_observer import RecordingObserver
 
 #: Greatest virtual time until every robot is armed [s]; simulated devices need some ticks.
 ARMING_TIMEOUT_S: Final = 60.0
+#: A checked robot file with other numbers of its simulated devices and bodies.
+Variant: TypeAlias = Callable[[LoadedFile], LoadedFile]
 
 
 class Sim:
@@ -62,7 +66,8 @@ class Sim:
         unreachable: Literal["refuse", "nearest"] = "refuse",
         record: str | Path | None = None,
     ) -> None:
-        loaded = with_mock(load_named(str(file)))
+        self._loaded = loaded = with_mock(load_named(str(file)))
+        self._unreachable = Unreachable(unreachable)
         robots = loaded.driven
         self.names, self.units = tuple(robots), Units(si)
         self.rate_hz = float(rate_hz or loaded.file.rate_hz)
@@ -70,9 +75,6 @@ class Sim:
             raise ArgumentError(f"rate_hz={rate_hz}: allowed: above 0, up to 1000")
         self.events: list[RunEvent] = []
         self._commands = CommandReader(robots, self.units)
-        self._preflight = build_preflight(loaded, self.rate_hz, Unreachable(unreachable))
-        self._refused: dict[str, str] = {}
-        self._values: list[float] = []
         self._recording: RecordingObserver | None = None
         sinks: list[Sink] = [self]
         if record is not None:
@@ -80,12 +82,13 @@ class Sim:
             self._recording = RecordingObserver(Path(record), options)
             setup = RunSetup(loaded, self.rate_hz, Path(), None, OnEnd.HOLD, attended=True)
             sinks.append(self._recording.follow(setup))
-        self._process = VirtualProcess(loaded, self.rate_hz, Tee(sinks), on_end=OnEnd.HOLD, attended=True)
-        self._states = StateReader(
-            record_layout(loaded, self.rate_hz), self._process.engine.robots.configs, self.units
-        )
+        self._sink: Sink = Tee(sinks)
+        configs = build_robot_configs(loaded, self.rate_hz)
+        self._states = StateReader(record_layout(loaded, self.rate_hz), configs, self.units)
         self._closed = False
-        self.state = self._arm()
+        self._refused: dict[str, str] = {}
+        self._values: list[float] = []
+        self.state = self._begin(loaded)
 
     def step(self, u: Command | None = None, *, ticks: int = 1) -> SimState:
         """Advance by some ticks towards a target; without one the robots go on to the previous target.
@@ -111,6 +114,25 @@ class Sim:
         for _ in range(ticks):
             self._run_tick()
         self.state = self._states.read(self._values, self._refused)
+        return self.state
+
+    def reset(self, seed: int | None = None, *, variant: Variant | None = None) -> SimState:
+        """Begin again: devices at their start, robots armed; everything as after the constructor, to the bit.
+
+        Args:
+            seed: of the noise of every simulated device and tracker; that of the file when left out.
+            variant: changes what is simulated, and not what the control loop assumes of it.
+
+        Raises:
+            ContidError: the simulation is closed, or it records: a session is one run.
+        """
+        self._check_open()
+        if self._recording is not None:
+            raise ContidError("this simulation records, and a session is one run; make a new one")
+        self._process.close()
+        loaded = self._loaded if variant is None else variant(self._loaded)
+        self.events.clear()
+        self.state = self._begin(loaded if seed is None else with_seed(loaded, seed))
         return self.state
 
     def hold(self) -> None:
@@ -155,16 +177,22 @@ class Sim:
         if not isinstance(event, OrderGiven):  # every step emits one
             self.events.append(event)
 
+    def _begin(self, loaded: LoadedFile) -> SimState:
+        """Open the devices of a file, and arm."""
+        self._preflight = build_preflight(self._loaded, self.rate_hz, self._unreachable)
+        self._refused, self._values = {}, []
+        self._process = VirtualProcess(loaded, self.rate_hz, self._sink, on_end=OnEnd.HOLD, attended=True)
+        return self._arm()
+
     def _arm(self) -> SimState:
         """Run ticks until every robot is armed, or all are in FAULT."""
         engine = self._process.engine
         engine.arm()
         while not engine.robots.armed or self._process.cycles == 0:
             self._run_tick()
-            state = self._states.read(self._values, self._refused)
-            if all(robot.mode == Mode.FAULT.name for robot in state.robots.values()):
+            if all(self._states.mode(self._values, k) is Mode.FAULT for k in range(len(self.names))):
                 break
-            if state.time_s > ARMING_TIMEOUT_S:
+            if self._process.tick > ARMING_TIMEOUT_S * self.rate_hz:
                 raise ContidError(f"the simulated robots were not armed within {ARMING_TIMEOUT_S:g} s")
         return self._states.read(self._values, self._refused)
 

@@ -276,11 +276,13 @@ class RecordLayout:
 
     def decode(self, values: tuple[float, ...]) -> TickRecord:
         """A record from the numbers of `packer`."""
-        robots, at = [], HEAD.size
-        for robot in self.robots:
-            start = at + ROBOT.size
-            end = start + AXIS.size * len(robot.axes)
-            axes = [AxisRecord(*values[each : each + AXIS.size]) for each in range(start, end, AXIS.size)]
-            robots.append(RobotRecord._make((*ROBOT.pick(values[at:start]), tuple(axes))))
-            at = end
-        return TickRecord._make((*HEAD.pick(values), tuple(robots)))
+        robots = tuple(self.robot(values, index) for index in range(len(self.robots)))
+        return TickRecord._make((*HEAD.pick(values), robots))
+
+    def robot(self, values: tuple[float, ...], index: int) -> RobotRecord:
+        """One robot of a record, likewise."""
+        at = self.robot_start(index)
+        start = at + ROBOT.size
+        end = start + AXIS.size * len(self.robots[index].axes)
+        axes = [AxisRecord(*values[each : each + AXIS.size]) for each in range(start, end, AXIS.size)]
+        return RobotRecord._make((*ROBOT.pick(values[at:start]), tuple(axes)))

@@ -128,7 +128,7 @@ def plan_to_moving(
 class ProfileMotion:
     """State of one simulated actuator: its profile and its own position."""
 
-    __slots__ = ("_phases", "blocked", "tau_s", "time_s", "value")
+    __slots__ = ("_phases", "_seen", "blocked", "tau_s", "time_s", "value")
 
     def __init__(self, time_s: float, value: float, tau_s: float) -> None:
         self.time_s = time_s
@@ -137,11 +137,15 @@ class ProfileMotion:
         #: True while the shaft is blocked: the profile continues, the value does not.
         self.blocked = False
         self._phases: tuple[Phase, ...] = (Phase(time_s, value, 0.0, 0.0),)
+        #: The state of the profile now, once it was asked for: a tick looks at it six times.
+        self._seen: ProfileState | None = None
 
     @property
     def reference(self) -> ProfileState:
         """The state of the profile now."""
-        return self._phases[0].at(self.time_s)
+        if self._seen is None:
+            self._seen = self._phases[0].at(self.time_s)
+        return self._seen
 
     @property
     def velocity(self) -> float:
@@ -154,39 +158,48 @@ class ProfileMotion:
     def go(self, goal: float, v_max: float, a_max: float) -> None:
         """Go to a goal from the present state of the profile, without a jump of its velocity."""
         position, velocity = self.reference
-        self._phases = plan(self.time_s, position, velocity, goal, v_max, a_max)
+        self._begin(plan(self.time_s, position, velocity, goal, v_max, a_max))
 
     def go_with(self, goal: MovingGoal, v_max: float, a_max: float) -> None:
         """Go to a moving goal, likewise."""
-        self._phases = plan_to_moving(self.time_s, *self.reference, goal, v_max, a_max)
+        self._begin(plan_to_moving(self.time_s, *self.reference, goal, v_max, a_max))
 
     def stop(self) -> None:
         """End the profile where it is; the value follows with its response."""
-        self._phases = (Phase(self.time_s, self.reference.position, 0.0, 0.0),)
+        self._begin((Phase(self.time_s, self.reference.position, 0.0, 0.0),))
 
     def freeze(self) -> None:
         """Stop at the present value."""
-        self._phases = (Phase(self.time_s, self.value, 0.0, 0.0),)
+        self._begin((Phase(self.time_s, self.value, 0.0, 0.0),))
+
+    def _begin(self, phases: tuple[Phase, ...]) -> None:
+        self._phases, self._seen = phases, None
 
     def advance(self, to_s: float) -> None:
         """Advance to a later time; an earlier one changes nothing."""
         while self.time_s < to_s:
-            while len(self._phases) > 1 and self._phases[1].start_s <= self.time_s:
-                self._phases = self._phases[1:]
-            phase = self._phases[0]
-            end_s = min(to_s, self._phases[1].start_s) if len(self._phases) > 1 else to_s
+            self._drop_past()
+            phases = self._phases
+            phase = phases[0]
+            end_s = min(to_s, phases[1].start_s) if len(phases) > 1 else to_s
+            after = phase.at(end_s)
             if not self.blocked:
-                self.value = self._response(phase, end_s)
-            self.time_s = end_s
-        while len(self._phases) > 1 and self._phases[1].start_s <= self.time_s:
-            self._phases = self._phases[1:]
+                self.value = self._response(phase, end_s, after)
+            self.time_s, self._seen = end_s, after
+        self._drop_past()
 
-    def _response(self, phase: Phase, end_s: float) -> float:
+    def _drop_past(self) -> None:
+        """Leave out phases that ended."""
+        while len(self._phases) > 1 and self._phases[1].start_s <= self.time_s:
+            self._begin(self._phases[1:])
+
+    def _response(self, phase: Phase, end_s: float, after: ProfileState) -> float:
+        """The value at the end of a part of a phase, where the profile is ``after``."""
         tau = self.tau_s
+        r1, v1 = after
         if tau <= 0.0:
-            return phase.at(end_s).position
+            return r1
         bend = tau * tau * phase.acceleration
-        r0, v0 = phase.at(self.time_s)
-        r1, v1 = phase.at(end_s)
+        r0, v0 = self.reference
         decay = math.exp(-(end_s - self.time_s) / tau)
         return r1 - tau * v1 + bend + (self.value - (r0 - tau * v0 + bend)) * decay

@@ -1,0 +1,182 @@
+"""What a policy sees of a robot, and what its actions mean; the same in an environment and on a robot.
+
+The observation of a robot with n axes whose tip moves in d dimensions, in this order:
+
+| numbers | what |
+|---|---|
+| n | measured axes, -1 and 1 at their limits |
+| n | axes that the policy asked for last, likewise |
+| d | tip, as a share of `RobotView.size` |
+| d | from the tip to the goal, likewise |
+| d | velocity of the goal, `RobotView.size` per second |
+
+The tip is that of a tracker where there is one, else that of the model at the measured axes. An action has
+one number from -1 to 1 per axis: the share of its greatest velocity with which it goes on. The target it
+leads to stays within the limits of the axes. An action with a number that is not finite leaves the target of
+its robot where it is, and one whose row is refused leaves those of all: robots hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contid import Robot
+from contid.errors import ContidError
+from contid.kinematics.array import Array
+
+Observation: TypeAlias = NDArray[np.float32]
+#: Bounds of every number of an observation; what is seen beyond them is cut off.
+BOUND: Final = 4.0
+#: Poses that are looked at for the size of a robot and for its goals.
+POSES: Final = 256
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """One robot as it was seen; units of its robot file.
+
+    Attributes:
+        measured: axes, shape ``(n,)``.
+        tip: shape ``(d,)``.
+    """
+
+    measured: Array
+    tip: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TipGoal:
+    """Where the tip of one robot is to be; units of its robot file.
+
+    Attributes:
+        tip: shape ``(d,)``.
+        velocity: per second, shape ``(d,)``.
+    """
+
+    tip: Array
+    velocity: Array
+
+
+class RobotView:
+    """One robot of a file, as a policy sees and moves it.
+
+    Args:
+        robot: of the file.
+        rate_hz: actions per second.
+        prefix: the file has several robots, and columns begin with their names.
+
+    Attributes:
+        robot: its kinematics.
+        name: of the robot.
+        columns: of a row that moves it: ``left_mm`` (with several robots ``left.left_mm``).
+        reachable: tips, shape ``(k, d)``, and the axes there, shape ``(k, n)``: what goals are made of.
+        size: greatest extent of the tips along an axis of the world.
+        velocity: greatest of an axis, per s.
+    """
+
+    def __init__(self, robot: Robot, rate_hz: float, prefix: bool) -> None:
+        limits = robot.limits
+        self.robot, self.name = robot, robot.name
+        self.columns = tuple(f"{robot.name}.{axis}" if prefix else axis for axis in robot.axes)
+        self.dimension = robot.dimension
+        self.low, self.high = limits.min, limits.max
+        self.velocity = limits.velocity
+        self._step = limits.velocity / rate_hz
+        self.reachable = _reachable(robot)
+        self.size = float(np.ptp(self.reachable.tips, axis=0).max())
+
+    @property
+    def width(self) -> int:
+        """Numbers of its observation."""
+        return 2 * len(self.columns) + 3 * self.dimension
+
+    def observed(self, seen: Seen, asked: Array, goal: TipGoal) -> Array:
+        """Its part of the observation; ``asked`` are the axes that were asked for last."""
+        parts = (
+            self._centred(seen.measured),
+            self._centred(asked),
+            seen.tip / self.size,
+            (goal.tip - seen.tip) / self.size,
+            goal.velocity / self.size,
+        )
+        return np.concatenate(parts)
+
+    def after(self, asked: Array, action: Array) -> Array:
+        """The axes to ask for after an action."""
+        if not np.isfinite(action).all():
+            return asked
+        moved: Array = np.clip(asked + self._step * np.clip(action, -1.0, 1.0), self.low, self.high)
+        return moved
+
+    def begin(self, measured: Array) -> Array:
+        """The axes to ask for before the first action: where the robot is."""
+        begun: Array = np.clip(measured, self.low, self.high)
+        return begun
+
+    def distance(self, seen: Seen, goal: TipGoal) -> float:
+        """From tip to goal, in the unit of lengths of the file."""
+        return float(np.linalg.norm(goal.tip - seen.tip))
+
+    def _centred(self, axes: Array) -> Array:
+        return 2.0 * (axes - self.low) / (self.high - self.low) - 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reachable:
+    """Tips and the axes there."""
+
+    tips: Array
+    axes: Array
+
+
+def _reachable(robot: Robot) -> Reachable:
+    """Tips spread over the axes of a robot, which its inverse kinematics reaches; the same every time."""
+    limits = robot.limits
+    drawn = np.random.default_rng(0).uniform(limits.min, limits.max, (POSES, len(robot.axes)))
+    found = robot.ik(robot.fk(drawn).tip)
+    good = found.converged
+    if not good.any():
+        raise ContidError(f"{robot.name}: no pose inside its limits was found; `contid check` shows why")
+    actuation = found.actuation[good]
+    return Reachable(robot.fk(actuation).tip, actuation)
+
+
+def views_of(robots: Robot, rate_hz: float) -> tuple[RobotView, ...]:
+    """The robots of a file in its order."""
+    names = robots.names
+    return tuple(RobotView(robots[name], rate_hz, prefix=len(names) > 1) for name in names)
+
+
+def observation(
+    views: Sequence[RobotView],
+    seen: Mapping[str, Seen],
+    asked: Mapping[str, Array],
+    goals: Mapping[str, TipGoal],
+) -> Observation:
+    """What a policy gets: the robots one after the other, shape ``(m,)``."""
+    parts = [view.observed(seen[view.name], asked[view.name], goals[view.name]) for view in views]
+    whole = np.nan_to_num(np.concatenate(parts), nan=0.0, posinf=BOUND, neginf=-BOUND)
+    return np.clip(whole, -BOUND, BOUND).astype(np.float32)
+
+
+def shares(views: Sequence[RobotView], action: Array) -> dict[str, Array]:
+    """The part of an action for each robot."""
+    parts, at = {}, 0
+    for view in views:
+        parts[view.name] = action[at : at + len(view.columns)]
+        at += len(view.columns)
+    return parts
+
+
+def row_of(views: Sequence[RobotView], asked: Mapping[str, Array]) -> dict[str, float]:
+    """The row of a live stream that asks for axes."""
+    return {
+        column: value
+        for view in views
+        for column, value in zip(view.columns, asked[view.name].tolist(), strict=True)
+    }

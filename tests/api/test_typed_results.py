@@ -1,0 +1,47 @@
+"""Results of the library have types: a checker sees arrays, and the fields are those that are declared."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+from typing import get_type_hints
+
+import numpy as np
+import pytest
+
+from contid import Robot
+from contid.api.results import AnswerRecords, PoseRecords
+
+SCRIPT = """
+from contid import Robot, Sim
+robot = Robot("finger")
+answer, pose = robot.ik([[30, 85]]), robot.fk([60, 60])
+reveal_type(answer.actuation)
+reveal_type(answer.converged)
+reveal_type(pose.tip)
+reveal_type(Sim("finger").reset(1)["finger"].tip)
+"""
+
+
+def test_the_fields_are_those_that_are_declared() -> None:
+    robot = Robot("finger")
+    answer, pose = robot.ik([[30.0, 85.0], [20.0, 90.0]]), robot.fk([60.0, 60.0])
+    for found, kind in ((answer, AnswerRecords), (pose, PoseRecords)):
+        assert type(found) is kind
+        assert found.dtype.names == tuple(get_type_hints(kind))[: len(found.dtype.names or ())]
+    assert np.array_equal(answer[1].actuation, answer.actuation[1])
+    assert np.array_equal(answer["residual"], answer.residual)
+    assert np.array_equal(pickle.loads(pickle.dumps(answer)).actuation, answer.actuation)
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_a_checker_sees_arrays(tmp_path: Path) -> None:
+    (tmp_path / "script.py").write_text(SCRIPT)
+    command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"), "script.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    revealed = [line for line in done.stdout.splitlines() if "Revealed" in line]
+    assert len(revealed) == 4, done.stdout + done.stderr
+    assert all("ndarray" in line for line in revealed), done.stdout
