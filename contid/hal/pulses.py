@@ -82,6 +82,7 @@ class DriveFacts:
         brakes: between pulses its terminals are shorted; else it coasts.
         friction, no_load_deg_s, time_constant_s: duty that just moves it, speed at full duty, response.
         keys: their keys in the robot file, in this order.
+        stall_a: stall current; 0 without a sensor.
     """
 
     counts_per_rev: float
@@ -90,6 +91,7 @@ class DriveFacts:
     no_load_deg_s: float
     time_constant_s: float
     keys: tuple[str, str, str]
+    stall_a: float = 0.0
 
 
 class PulsedBus(Protocol):
@@ -165,8 +167,15 @@ class Wiggles(Protocol):
 
 
 @runtime_checkable
-class DescribesWiring(Protocol):
-    """Tells which options depend on cables and parts."""
+class Proves(Protocol):
+    """Tells what a bring-up depends on: cables and parts, and the devices that answer."""
 
     def wiring(self, options: BaseModel, axis: BaseModel) -> Mapping[str, object]:
         """The options of an axis and its bus that a change of wiring would change."""
+
+    def devices(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> Mapping[str, ProvenDevice]:
+        """The device of each axis that answers now; moves nothing.
+
+        Raises:
+            DeviceError: the bus cannot be opened.
+        """

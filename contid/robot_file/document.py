@@ -9,6 +9,7 @@ from typing import Annotated, Final, Literal, TypeAlias
 from pydantic import BaseModel, ConfigDict, Field
 
 from contid.robot_file.base import Strict
+from contid.robot_file.bringup import AxisBringup
 from contid.robot_file.chain import Chain
 from contid.robot_file.clearance import Clearance
 from contid.robot_file.cosserat import Cosserat
@@ -79,6 +80,7 @@ class RobotFile(Strict):
         buses: what axes are wired to, by names of your choice.
         robots: robots by names of your choice.
         clearance: distances that trajectories must keep; not checked when left out.
+        bringup: what was proven about each axis, by ``ROBOT.AXIS``; `contid bringup` writes it.
     """
 
     contid: Literal[1]
@@ -87,3 +89,4 @@ class RobotFile(Strict):
     buses: dict[str, BusDescription]
     robots: dict[str, AnyRobot]
     clearance: Clearance | None = None
+    bringup: dict[str, AxisBringup] = {}

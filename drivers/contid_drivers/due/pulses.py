@@ -13,7 +13,7 @@ from contid.hal.pulses import DriveFacts, EncoderAnswer, ProvenDevice, PulseAnsw
 from contid_drivers import defer_signals
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.codes import CURRENT_SENSE, DUTY_FULL, PULSE_DUTY, TRACE_MS, Reason, Refusal
-from contid_drivers.due.messages import EncoderMotion, PulseTrace
+from contid_drivers.due.messages import EncoderMotion, Hello, PulseTrace
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
 from contid_drivers.due.service import Monotonic
 from contid_drivers.due.session import PulseRefusedError
@@ -37,7 +37,7 @@ class DuePulsedBus:
         self._options = {axis.name: axis_options(axis) for axis in axes}
         hello = bus.hello
         self._capabilities = hello.capabilities
-        self.device = ProvenDevice(hello.unique_id, ".".join(map(str, hello.firmware)))
+        self.device = board(hello)
 
     def pulse(self, axis: str, duty: float, duration_s: float) -> PulseAnswer:
         """Drive one axis open loop, and read what every encoder showed.
@@ -118,6 +118,11 @@ def pulsed_bus(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> 
         bus.close()
 
 
+def board(hello: Hello) -> ProvenDevice:
+    """The board behind a hello."""
+    return ProvenDevice(hello.unique_id, ".".join(map(str, hello.firmware)))
+
+
 def drive_facts(axis: DueAxisOptions) -> DriveFacts | None:
     """What the file states about the motor of an axis; None for a regulator."""
     if axis.kind is not DeviceKind.MOTOR:
@@ -129,6 +134,7 @@ def drive_facts(axis: DueAxisOptions) -> DriveFacts | None:
         axis.no_load_deg_s,
         axis.time_constant_ms / 1000.0,
         ("friction_percent", "no_load_deg_s", "time_constant_ms"),
+        axis.stall_current_ma / 1000.0,
     )
 
 
