@@ -89,4 +89,4 @@ class RobotFile(Strict):
     buses: dict[str, BusDescription]
     robots: dict[str, AnyRobot]
     clearance: Clearance | None = None
-    bringup: dict[str, AxisBringup] = {}
+    bringup: dict[str, AxisBringup] = Field(default={})

@@ -1,7 +1,7 @@
 """Motors whose shafts have tracks, for pulses: written apart from the firmware's plant and from its decoder.
 
 The shaft has static and sliding friction and is integrated in steps of 100 us; each track is a level of the
-angle, and the counter decodes the levels by their transitions, as a chip does. The fault of a wire acts on the wire.
+angle, and the counter decodes the levels by their transitions, as a chip does. A fault of a wire acts on it.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ class Bench:
     seed: int = 0
     current_noise: float = 0.01
     sensor: bool = False
-    device: ProvenDevice = ProvenDevice("bench", "1")
+    device: ProvenDevice = field(default_factory=lambda: ProvenDevice("bench", "1"))
     pulses: list[tuple[str, float, float]] = field(default_factory=list)
     furthest: dict[int, float] = field(default_factory=dict)
 

@@ -69,7 +69,7 @@ def command(robot_file: str, as_json: bool, fix: bool, service: bool, yes: bool,
 
 
 def _other_devices(proven: Mapping[str, AxisBringup], bus: WiredBus) -> Iterator[Finding]:
-    """Axes that have another device than at their bring-up; a bus that does not answer has findings already."""
+    """Axes with another device than at their bring-up; a silent bus has findings already."""
     if not isinstance(bus.driver, Proves) or not any(axis.name in proven for axis in bus.axes):
         return
     try:

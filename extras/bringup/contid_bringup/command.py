@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     "--page", type=click.Path(dir_okay=False), help="Where to write the record; default: FILE-bringup.html."
 )
 def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, page: str | None) -> None:
-    """Prove motors, encoders and drivers of AXES (ROBOT.AXIS; default: all) before a loop closes on them.
+    """Prove motors, encoders and bridges of AXES (ROBOT.AXIS; default: all) before a loop closes on them.
 
-    Motors on boards get single pulses of at most 30 ms and 20 % of duty, which the board itself ends, one axis
-    at a time, a few counts each: enough to name swapped or open wires. A proven motor is then measured.
+    Motors on boards get single pulses of at most 30 ms and 20 % of duty, which the board itself ends, one
+    axis after the other: enough to name swapped or open wires. A proven motor is then measured.
 
-    The results are written into `bringup:` of ROBOT_FILE, and into a page to print. Exit code 4 when something
-    is wrong, 0 only when every axis that was examined is proven.
+    The results are written into `bringup:` of ROBOT_FILE, and into a page to print. Exit code 4 when
+    something is wrong, 0 only when every axis named or examined is proven.
     """
     from contid.cli.commands.home import interruptible
     from contid.control.engine.wiring import wired_buses
@@ -52,8 +52,8 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
         raise click.UsageError("it asks before it moves, and stdin is no terminal; --yes asks nothing")
     if not yes:
         click.confirm(
-            "Each motor will turn by a few degrees, one after the other. Is everybody clear of the robot, and "
-            "the supply within reach?",
+            "Each motor will turn by a few degrees, one after the other. "
+            "Is everybody clear of the robot, and the supply within reach?",
             abort=True,
         )
     by_hand = None if yes else _turn_by_hand

@@ -3,10 +3,10 @@
 Model: tau dv/dt = (|duty| - f) v0 - v under drive; then -f v0 - v with the terminals shorted, -f v0 without.
 
 A count is the place of the shaft rounded down, so a pulse that starts at the unknown part x of a count shows
-counts n with n <= place + x < n + 1 at every sample. With x anywhere between 0 and 1, the likelihood of the counts
-is the length of the interval of x that agrees with all of them: 1 - (max(n - place) - min(n - place)), not below
-zero. The posterior over friction, time constant and v0 / tau is sampled by Metropolis' method (Metropolis et al.,
-J. Chem. Phys. 21, 1953); mean and standard deviation are reported.
+counts n with n <= place + x < n + 1 at every sample. With x anywhere between 0 and 1, the likelihood of the
+counts is the length of the interval of x that agrees with all of them. The posterior over friction, time
+constant and v0 / tau is sampled by Metropolis' method (Metropolis et al., J. Chem. Phys. 21, 1953); mean and
+standard deviation are reported.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ class DriveFit(NamedTuple):
 def measure(pulse: Pulse, found_duty: float) -> list[PulseAnswer]:
     """Pulses of a proven motor for `fit_drive`: two duties, there and back in turn.
 
-    Their durations differ, so that each starts at another part of a count: pulses that repeat each other exactly
-    would count as more knowledge than they are.
+    Their durations differ, so that each starts at another part of a count: pulses that repeat each other
+    exactly would count as more knowledge than they are.
     """
     pulse = from_rest(pulse)
     durations = itertools.cycle(_DURATIONS_S)
@@ -177,7 +177,8 @@ def places(
         top: speed at full duty without friction [counts/s].
         tau: time constant [s].
         friction: share of full duty.
-        duty, driven_s: of the pulses, shape (pulses, 1).
+        duty: of the pulses, shape (pulses, 1).
+        driven_s: their durations [s], shape (pulses, 1).
         brakes: the terminals are shorted after the drive.
         samples: number of milliseconds.
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import itertools
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -73,8 +74,8 @@ MEANINGS: Final[dict[WiringFault, tuple[str, str]]] = {
     ),
     WiringFault.REVERSED: (
         "positive duty counts down",
-        "swap tracks A and B or the motor's wires; or set encoder_reversed or motor_reversed, whichever makes "
-        "positive the sense that the robot file means",
+        "swap tracks A and B or the motor's wires; or set encoder_reversed or motor_reversed, whichever "
+        "makes positive the sense that the robot file means",
     ),
     WiringFault.ONE_DIRECTION: (
         "it turns in one direction only",
@@ -186,7 +187,7 @@ def _while_driven(answer: PulseAnswer) -> tuple[float, ...]:
     """Currents while it was driven, averaged over pairs against noise."""
     count = int(answer.driven_s * 1000.0) // 2
     driven = answer.currents_a[_FIRST_CURRENT:count]
-    return tuple((a + b) / 2.0 for a, b in zip(driven, driven[1:], strict=False))
+    return tuple((a + b) / 2.0 for a, b in itertools.pairwise(driven))
 
 
 def _runs(answers: Sequence[PulseAnswer]) -> list[list[PulseAnswer]]:

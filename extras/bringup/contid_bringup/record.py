@@ -42,7 +42,9 @@ def write_section(path: Path, loaded: LoadedFile, records: Sequence[AxisRecord],
         ContidError: the file cannot be written.
     """
     buses = {axis: bus for bus in loaded.buses.values() for axis, _ in bus.axes}
-    section = {name: each.model_dump(exclude_none=True) for name, each in loaded.file.bringup.items()}
+    section: dict[str, Mapping[str, str | float]] = {
+        name: each.model_dump(exclude_none=True) for name, each in loaded.file.bringup.items()
+    }
     section |= {record.axis: _entry(buses[record.axis], record, when) for record in records}
     set_values(path, [Change("bringup", section)])
     load_robot_file(path)
@@ -81,7 +83,8 @@ td, th {{ border: 1px solid #999; padding: 4px 8px; text-align: left; vertical-a
 <table><tr><th>axis</th><th>result</th><th>device, firmware</th><th>wiring</th><th>findings</th></tr>
 {rows}
 </table>
-<p>Examined by: ______________________ &nbsp; Watchdog and emergency stop tried by pulling them: ______________</p>
+<p>Examined by: ______________________</p>
+<p>Watchdog and emergency stop tried by pulling them: ______________________</p>
 </html>
 """
 

@@ -169,4 +169,5 @@ def run_campaign(plants: int, healthy: int) -> tuple[dict[str, int], dict[str, i
 def test_twenty_faults_on_25_plants_and_500_healthy_ones() -> None:
     right, names, longest = run_campaign(25, 500)
     assert sum(right.values()) >= 0.95 * 25 * len(right), right
+    assert longest <= 2.0
     assert set(names) <= {"ok", WiringFault.NO_COUNT.value}, names
