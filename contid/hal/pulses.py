@@ -1,14 +1,13 @@
 """Drivers whose devices prove their wiring before a loop closes on it: ``contid bringup``.
 
-Motors with encoders answer single open-loop pulses, bounded on the device in duty and time. Servos, which
-close their loop themselves, turn by a few degrees with a small current.
+Motors with encoders answer single open-loop pulses, bounded on the device in duty and time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from contid.hal.bus import AxisOnBus
@@ -126,44 +125,6 @@ class Pulses(Protocol):
 
     def drive_facts(self, axis: BaseModel) -> DriveFacts | None:
         """What the file states about the motor of an axis; None for a device that cannot be pulsed."""
-
-
-@dataclass(frozen=True, slots=True)
-class Wiggled:
-    """What a servo did when it was to turn a few degrees there and back.
-
-    Attributes:
-        axis: ``ROBOT.AXIS``.
-        device: the servo.
-        to_deg: where it was to turn, relative to its start, in the sense of the robot file.
-        turned_deg: how far it turned.
-        others_deg: how far other servos of the bus turned meanwhile, by axis.
-        current_ma: largest current; the limit was ``limit_ma``.
-        left_over: settings that another program has left in it, with their remedy.
-    """
-
-    axis: str
-    device: ProvenDevice
-    to_deg: float
-    turned_deg: float
-    others_deg: Mapping[str, float]
-    current_ma: float
-    limit_ma: float
-    left_over: tuple[str, ...] = field(default=())
-
-
-@runtime_checkable
-class Wiggles(Protocol):
-    """Turns servos by a few degrees with a small current: ``contid bringup``."""
-
-    def wiggle(
-        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], axis: str, to_deg: float
-    ) -> Wiggled:
-        """Turn one servo by ``to_deg`` and back; its torque is off afterwards.
-
-        Raises:
-            DeviceError: it does not answer, or is moving under another program.
-        """
 
 
 @runtime_checkable
