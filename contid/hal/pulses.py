@@ -129,7 +129,7 @@ class Pulses(Protocol):
 
 @runtime_checkable
 class Proves(Protocol):
-    """Tells what a bring-up depends on: cables and parts, and the devices that answer."""
+    """Names what a bring-up depends on: cables and parts, and the devices that answer."""
 
     def wiring(self, options: BaseModel, axis: BaseModel) -> Mapping[str, object]:
         """The options of an axis and its bus that a change of wiring would change."""

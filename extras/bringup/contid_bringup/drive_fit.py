@@ -55,14 +55,14 @@ class Estimate(NamedTuple):
 
 
 class DriveFit(NamedTuple):
-    """What the pulses tell about a motor.
+    """What the pulses show about a motor.
 
     Attributes:
         friction: share of full duty that just keeps it turning.
         no_load_deg_s: speed at full duty without friction.
         time_constant_s: response of its speed.
-        push_deg_s2: acceleration per duty above friction, ``no_load / time constant``; slow motors tell this
-            number where they tell neither of the two.
+        push_deg_s2: acceleration per duty above friction, ``no_load / time constant``; slow motors show this
+            number where they show neither of the two.
     """
 
     friction: Estimate

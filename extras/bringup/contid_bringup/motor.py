@@ -70,7 +70,7 @@ class MotorResult:
         if self.fit is not None:
             found += [
                 f"{name} {estimate.value * scale:.4g} {unit} (+- {estimate.deviation * scale:.2g})"
-                + ("" if estimate.certain else ": pulses do not tell it better; not stated in the file")
+                + ("" if estimate.certain else ": not sure enough to be written")
                 for name, estimate, scale, unit in (
                     ("friction", self.fit.friction, 100.0, "%"),
                     ("no-load speed", self.fit.no_load_deg_s, 1.0, "deg/s"),
