@@ -9,10 +9,10 @@ from typing import Annotated, Final, Literal, TypeAlias
 from pydantic import BaseModel, ConfigDict, Field
 
 from contid.robot_file.base import Strict
-from contid.robot_file.bringup import AxisBringup
 from contid.robot_file.chain import Chain
 from contid.robot_file.clearance import Clearance
 from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.proven.bringup import AxisBringup
 from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.robot_file.tri_rack import TriRack

@@ -23,8 +23,8 @@ def command(robot_file: str, trajectory: str | None, as_json: bool) -> None:
     A bad file ends with exit code 2 and every mistake as file:line:column: what; allowed; nearest name.
     """
     from contid.errors import BadInputError
-    from contid.robot_file.bringup import bringup_findings
     from contid.robot_file.load import load_named
+    from contid.robot_file.proven.bringup import bringup_findings
     from contid.robot_file.summary import summarise
 
     try:

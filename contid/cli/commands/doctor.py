@@ -16,13 +16,13 @@ from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 from contid.hal import Diagnoses, Finding, Identifies
 from contid.hal.pulses import Proves
-from contid.robot_file.bringup import bringup_findings, device_finding
 from contid.robot_file.load import load_named
+from contid.robot_file.proven.bringup import bringup_findings, device_finding
 from contid.robot_file.tick_rate import exchange_time, rate_finding
 
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus
-    from contid.robot_file.bringup import AxisBringup
+    from contid.robot_file.proven.bringup import AxisBringup
 
 
 @click.command()

@@ -15,7 +15,7 @@ from contid.cli.support.parameters import robot_names
 
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus
-    from contid_bringup.record import AxisRecord
+    from contid_bringup.record import ProvenAxis
 
 
 @click.command()
@@ -57,7 +57,7 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
             abort=True,
         )
     by_hand = None if yes else _turn_by_hand
-    records: list[AxisRecord] = []
+    records: list[ProvenAxis] = []
     with interruptible(), StopServer(robot_file, "bring-up"):
         for bus in buses:
             only = [axis.name for axis in bus.axes if not axes or axis.name in axes]
@@ -85,10 +85,10 @@ def _turn_by_hand(axis: str) -> bool:
     return not answer.strip()
 
 
-def _bring_up(bus: WiredBus, only: list[str], by_hand: Callable[[str], bool] | None) -> Iterator[AxisRecord]:
+def _bring_up(bus: WiredBus, only: list[str], by_hand: Callable[[str], bool] | None) -> Iterator[ProvenAxis]:
     from contid.hal.pulses import Pulses
     from contid_bringup.motor import bring_up_motor
-    from contid_bringup.record import AxisRecord
+    from contid_bringup.record import ProvenAxis
 
     name, options = bus.wiring.name, bus.wiring.options
     report = functools.partial(click.echo, err=True)
@@ -108,4 +108,4 @@ def _bring_up(bus: WiredBus, only: list[str], by_hand: Callable[[str], bool] | N
             result = bring_up_motor(pulsed, axis, found, report, by_hand)
             for line in result.lines():
                 click.echo(f"{axis}: {line}")
-            yield AxisRecord(axis, result.name, pulsed.device, result.lines(), result.fit)
+            yield ProvenAxis(axis, result.name, pulsed.device, result.lines(), result.fit)

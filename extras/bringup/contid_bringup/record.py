@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from contid.hal.pulses import ProvenDevice
-from contid.robot_file.bringup import wiring_digest
 from contid.robot_file.document import BusWiring
 from contid.robot_file.edit import Change, set_values
 from contid.robot_file.load import LoadedFile, load_robot_file
+from contid.robot_file.proven.bringup import wiring_digest
 from contid.whole_file import replacing
 from contid_bringup.drive_fit import DriveFit
 
 
-class AxisRecord(NamedTuple):
+class ProvenAxis(NamedTuple):
     """What a bring-up found about one axis.
 
     Attributes:
@@ -35,7 +35,7 @@ class AxisRecord(NamedTuple):
     fit: DriveFit | None = None
 
 
-def write_section(path: Path, loaded: LoadedFile, records: Sequence[AxisRecord], when: datetime) -> None:
+def write_section(path: Path, loaded: LoadedFile, records: Sequence[ProvenAxis], when: datetime) -> None:
     """Write the axes into ``bringup:`` of the robot file; those of earlier bring-ups stay.
 
     Raises:
@@ -50,7 +50,7 @@ def write_section(path: Path, loaded: LoadedFile, records: Sequence[AxisRecord],
     load_robot_file(path)
 
 
-def _entry(bus: BusWiring, record: AxisRecord, when: datetime) -> Mapping[str, str | float]:
+def _entry(bus: BusWiring, record: ProvenAxis, when: datetime) -> Mapping[str, str | float]:
     entry: dict[str, str | float] = {
         "date": f"{when:%Y-%m-%d %H:%M}",
         "verdict": record.name,
@@ -90,7 +90,7 @@ td, th {{ border: 1px solid #999; padding: 4px 8px; text-align: left; vertical-a
 
 
 def write_page(
-    page: Path, path: Path, loaded: LoadedFile, records: Sequence[AxisRecord], when: datetime
+    page: Path, path: Path, loaded: LoadedFile, records: Sequence[ProvenAxis], when: datetime
 ) -> None:
     """Write the record as one page that a browser prints.
 

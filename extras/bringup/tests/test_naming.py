@@ -9,7 +9,7 @@ import pytest
 from contid.hal.pulses import DriveFacts
 from contid_bringup.naming import Verdict, WiringFault, name_fault
 from contid_bringup.probing import DUTY_MOST, probe
-from tests.support.shaft_plant import Bench, Shaft, Wires
+from tests.support.shafts.shaft_plant import Bench, Shaft, Wires
 
 X, Y = "arm.x", "arm.y"
 COUNTS_PER_DEG = 4776 / 360.0

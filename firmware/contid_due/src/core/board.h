@@ -6,7 +6,6 @@
 #define CONTID_BOARD_H
 
 #include "config.h"
-#include "inputs.h"
 #include "motor.h"
 #include "pulse.h"
 #include "regulator.h"
