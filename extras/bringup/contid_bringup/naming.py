@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from contid.hal.pulses import EncoderAnswer, PulseAnswer
-from contid_bringup.probing import ALONE, STIRRED
+from contid_bringup.probing import STIRRED
 
 #: A turning motor draws less than a standing one: its current falls by this share while it is driven.
 _FALLS: Final = 0.12
@@ -212,7 +212,7 @@ def _track_alone(answers: Sequence[PulseAnswer], name: str) -> str:
         ("a", [total.edges_a for total in totals], [total.edges_b for total in totals]),
         ("b", [total.edges_b for total in totals], [total.edges_a for total in totals]),
     ):
-        if max(edges) >= ALONE and sum(other) == 0:
+        if max(edges) >= STIRRED and sum(other) == 0:
             return track
     return ""
 

@@ -98,10 +98,11 @@ def probe(pulse: Pulse, facts: DriveFacts) -> list[PulseAnswer]:
     if not stirs:
         return answers
     found = abs(answers[-1].duty)
+    way = 0
     for sign in (-1.0, +1.0):
         if answers[-1].fault:
             break
-        _run(pulse, answers, found, sign)
+        way = _run(pulse, answers, found, sign, way)
     return answers
 
 
@@ -132,17 +133,23 @@ def _blind_run(
     return False
 
 
-def _run(pulse: Pulse, answers: list[PulseAnswer], found: float, sign: float) -> None:
-    """Pulses in one direction until both tracks of an encoder are proven, or one is dead."""
+def _run(pulse: Pulse, answers: list[PulseAnswer], found: float, sign: float, before: int) -> int:
+    """Pulses in one direction until both tracks of an encoder are proven, or one is dead; returns the counts.
+
+    A shaft that goes on the way of the run ``before`` [counts] does not come back: then a few counts are enough.
+    """
     run: list[PulseAnswer] = []
     duty = found
     for _ in range(TRIES):
         run.append(pulse(sign * duty, PULSE_S))
         answers.append(run[-1])
-        if run[-1].fault or _proven(run):
-            return
+        counts = sum(answer.own.counts for answer in run)
+        same_way = counts * before > 0 and abs(counts) >= STIRRED
+        if run[-1].fault or _proven(run) or same_way:
+            break
         if _most(run[-1:]) < STIRRED - 1:
             duty = min(duty + EXTRA_STEP, found + EXTRA, DUTY_MOST)
+    return sum(answer.own.counts for answer in run)
 
 
 def _most(run: Iterable[PulseAnswer]) -> int:
