@@ -134,9 +134,9 @@ def _blind_run(
 
 
 def _run(pulse: Pulse, answers: list[PulseAnswer], found: float, sign: float, before: int) -> int:
-    """Pulses in one direction until both tracks of an encoder are proven, or one is dead; returns counts.
+    """Pulses in one direction until both tracks are proven, or one is dead; returns the counts.
 
-    A shaft that goes on the way of the run ``before`` [counts] does not come back: then a few counts are enough.
+    A shaft that goes on the way of the run ``before`` [counts] does not come back: a few counts suffice.
     """
     run: list[PulseAnswer] = []
     duty = found
