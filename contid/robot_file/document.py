@@ -12,6 +12,7 @@ from contid.robot_file.base import Strict
 from contid.robot_file.chain import Chain
 from contid.robot_file.clearance import Clearance
 from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.proven.bringup import AxisBringup
 from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.robot_file.tri_rack import TriRack
@@ -79,6 +80,7 @@ class RobotFile(Strict):
         buses: what axes are wired to, by names of your choice.
         robots: robots by names of your choice.
         clearance: distances that trajectories must keep; not checked when left out.
+        bringup: what was proven about each axis, by ``ROBOT.AXIS``; `contid bringup` writes it.
     """
 
     contid: Literal[1]
@@ -87,3 +89,4 @@ class RobotFile(Strict):
     buses: dict[str, BusDescription]
     robots: dict[str, AnyRobot]
     clearance: Clearance | None = None
+    bringup: dict[str, AxisBringup] = Field(default={})

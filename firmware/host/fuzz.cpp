@@ -33,6 +33,7 @@ contid::Inputs inputs;
 contid::Outputs outputs;
 uint16_t config_crc;
 uint32_t watchdog_ms;
+int pulsed[contid::CHANNELS];  // ticks of the pulse of each channel
 
 [[noreturn]] void broken(const char* what) {
   std::fprintf(stderr, "invariant broken: %s\n", what);
@@ -78,6 +79,10 @@ void tick(int32_t count, int32_t analog, uint8_t faults) {
     if (board.role() == contid::Role::MOTOR && state == State::READY && out.drive == contid::Drive::RUN) {
       broken("a motor drives before it was armed");
     }
+    const bool pulsing = state == State::PULSING && out.drive == contid::Drive::RUN;
+    pulsed[i] = pulsing ? pulsed[i] + 1 : 0;
+    if (pulsing && (out.duty > contid::PULSE_DUTY || out.duty < -contid::PULSE_DUTY)) broken("a pulse beyond its duty");
+    if (pulsed[i] > contid::PULSE_MS) broken("a pulse beyond its time");
     const bool commanded = state == State::ARMED || state == State::HOMING;
     if (commanded && board.silence_ms() >= watchdog_ms) broken("the watchdog did not trip");
   }
@@ -95,6 +100,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   board.start(identity, nullptr, nullptr);
   line.start();
   config_crc = 0;
+  std::fill(pulsed, pulsed + contid::CHANNELS, 0);
   watchdog_ms = 10000;  // the longest that can be configured
   size_t at = 1;
   while (at + 2 <= size) {

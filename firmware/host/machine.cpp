@@ -15,7 +15,7 @@ const uint32_t HARDWARE_WATCHDOG_MS = 32;
 const double STILL_COUNTS_S = 1.0;
 const double VENTED_PA = 2000.0;
 
-const char* const STATES[] = {"off", "ready", "armed", "homing", "stopped", "safe"};
+const char* const STATES[] = {"off", "ready", "armed", "homing", "stopped", "safe", "pulsing"};
 const char* const REASONS[] = {"none",       "watchdog",        "stalled",     "encoder_silent", "encoder_reversed",
                                "following",  "home_failed",     "sensor_wire", "leak",           "over_pressure",
                                "bridge",     "above_set_point", "not_venting", "encoder_edges",  "home_twice",

@@ -34,6 +34,10 @@ bool Plant::set(int channel, const std::string& name, double value) {
       {"missed", &m.missed},
       {"encoder_share", &m.encoder_share},
   };
+  if ((name == "motor_of" || name == "encoder_of") && value >= 0.0 && value < CHANNELS) {
+    (name == "motor_of" ? motor_of : encoder_of)[channel] = static_cast<int>(value);
+    return true;
+  }
   if (name == "encoder_jump") {
     m.encoder += value;
     return true;
@@ -70,7 +74,7 @@ void Plant::step(const Outputs& out, bool motors) {
     for (int s = 0; s < SUBSTEPS; ++s) {
       const double dt = 1.0 / TICK_HZ / SUBSTEPS;
       if (motors) {
-        motor[i].step(out.channel[i], dt);
+        motor[i].step(out.channel[motor_of[i]], dt);
       } else {
         regulator[i].step(out.channel[i], dt);
       }
@@ -85,8 +89,11 @@ void Plant::read(bool motors) {
   inputs.supply_low = supply_low;
   for (int i = 0; i < CHANNELS; ++i) {
     if (motor[i].bridge) inputs.bridge_faults = static_cast<uint8_t>(inputs.bridge_faults | (1u << i));
-    inputs.count[i] = motor[i].count();
-    inputs.missed[i] = static_cast<uint32_t>(motor[i].missed);
+    const MotorPlant& read = motor[encoder_of[i]];
+    inputs.count[i] = read.count();
+    inputs.missed[i] = static_cast<uint32_t>(read.missed);
+    inputs.edges_a[i] = read.edges_a;
+    inputs.edges_b[i] = read.edges_b;
     inputs.analog[i] = motors ? motor[i].analog(adc_steps) : regulator[i].analog(adc_steps);
   }
 }

@@ -24,8 +24,9 @@ struct MotorPlant {
   double speed = 0.0;
   double current_ma = 0.0;
   double encoder = 0.0;
-  double missed = 0.0;  // encoder edges
-  double unseen = 0.0;  // motion since a track is open, by which the other one goes on
+  double missed = 0.0;                // encoder edges
+  uint32_t edges_a = 0, edges_b = 0;  // level changes of the tracks
+  double unseen = 0.0;                // motion since a track is open, by which the other one goes on
   bool stalled = false, bridge = false, stuck = false, reversed = false;
   bool open_a = false, open_b = false;  // a track of the encoder that keeps its level
   double encoder_share = 1.0;           // of the motion that the encoder sees: a slipped horn, another pinion
@@ -55,12 +56,21 @@ struct MotorPlant {
     current_ma = coasts ? 0.0 : std::fabs(emf) / no_load * stall_ma;
     if (stuck) return;
     const double seen = encoder_share * (reversed ? before - shaft : shaft - before);
+    count_edges(std::floor(encoder + unseen), std::floor(encoder + unseen + seen));
     if (open_a || open_b) {
       unseen += seen;
     } else {
       encoder += seen;
       unseen = 0.0;
     }
+  }
+
+  // Between count n and n + 1 changes track B where n is even, track A where it is odd.
+  void count_edges(double from, double to) {
+    const double low = std::fmin(from, to), high = std::fmax(from, to);
+    const double even = std::floor((high + 1.0) / 2.0) - std::floor((low + 1.0) / 2.0);
+    if (!open_b) edges_b += static_cast<uint32_t>(even);
+    if (!open_a) edges_a += static_cast<uint32_t>(high - low - even);
   }
 
   // Every edge of one track alone turns the count around: it is one or none, by the level.
@@ -121,6 +131,8 @@ struct RegulatorPlant {
 struct Plant {
   MotorPlant motor[CHANNELS];
   RegulatorPlant regulator[CHANNELS];
+  // The channel that drives a motor, and the motor whose encoder a channel reads: other ones where cables are swapped.
+  int motor_of[CHANNELS] = {0, 1, 2, 3, 4, 5}, encoder_of[CHANNELS] = {0, 1, 2, 3, 4, 5};
   bool off = false;  // inputs are set by hand
   bool supply_low = false;
   double adc_steps = 4095.0;

@@ -119,6 +119,23 @@ def motor_dialogue() -> Iterator[tuple[str, ...]]:
     yield ask(Type.PARK, messages.park(crc, [0], parked=True))
     yield (
         "#",
+        "a pulse: too strong, too long, while armed; then one, its trace under way and over; the order again",
+    )
+    yield ask(Type.TRACE, messages.trace(crc))
+    yield ask(Type.PULSE, messages.pulse(crc, 415, 0, 6554, 30))
+    yield ask(Type.PULSE, messages.pulse(crc, 415, 0, 6553, 31))
+    yield ask(Type.PULSE, messages.pulse(crc, 415, 3, 6553, 30))
+    yield ask(Type.STOP, messages.stop([0, 3], RestCode.RELAX))
+    yield ask(Type.PULSE, messages.pulse(crc, 415, 3, 6553, 30))
+    yield ("tick", "3")
+    yield ("count", "3", "7")
+    yield ("tick", "27")
+    yield ask(Type.TRACE, messages.trace(crc))
+    yield ("tick", "80")
+    yield ask(Type.TRACE, messages.trace(crc))
+    yield ask(Type.PULSE, messages.pulse(crc, 415, 3, 6553, 30))
+    yield (
+        "#",
         "a configuration without a channel of the one before, which only counts; then with it",
     )
     yield ask(Type.STOP, messages.stop([0, 3], RestCode.RELAX))

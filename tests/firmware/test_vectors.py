@@ -51,7 +51,7 @@ def test_every_message_and_refusal_is_in_the_vectors():
     requests = {bytes.fromhex(rest[0])[1] for item, *rest in lines() if item == ">" and len(rest[0]) > 4}
     assert requests >= {kind for kind in Type if kind < 0x80}
     assert {type(one) for one in answers} == {
-        messages.Hello, messages.Configured, messages.Telemetry, messages.Refused,
+        messages.Hello, messages.Configured, messages.Telemetry, messages.Refused, messages.PulseTrace,
     }  # fmt: skip
 
 

@@ -24,6 +24,7 @@ def command(robot_file: str, trajectory: str | None, as_json: bool) -> None:
     """
     from contid.errors import BadInputError
     from contid.robot_file.load import load_named
+    from contid.robot_file.proven.bringup import bringup_findings
     from contid.robot_file.summary import summarise
 
     try:
@@ -62,6 +63,9 @@ def command(robot_file: str, trajectory: str | None, as_json: bool) -> None:
     from contid.cli.support.check_table import print_report
 
     print_report(report, columns)
+    for finding in bringup_findings(loaded):
+        if finding.remedy:
+            click.echo(f"{finding.subject}: {finding.message}; {finding.remedy}")
     click.echo(f"kernels: {build}")
 
 

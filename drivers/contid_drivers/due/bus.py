@@ -12,9 +12,9 @@ from contid.hal import AxisOnBus, Clock, Rest, Sample
 from contid_drivers.due import identity, messages
 from contid_drivers.due.axis import POSITION_LOST, BoardAxis
 from contid_drivers.due.codes import BoardState, Reason, RestCode, Type
-from contid_drivers.due.messages import Hello, Refused, Telemetry
+from contid_drivers.due.messages import Hello, PulseTrace, Refused, Telemetry
 from contid_drivers.due.options import DueBusOptions
-from contid_drivers.due.session import DueConnection, refusal_error
+from contid_drivers.due.session import DueConnection, PulseRefusedError, refusal_error
 
 log = logging.getLogger(__name__)
 
@@ -214,6 +214,24 @@ class DueBus:
         if moved:
             self._park(self._need_session(), [self._axis(name) for name in axes], parked=False)
         self._request_for(self._need_session(), Type.HOME, "cannot home", [self._axis(name) for name in axes])
+
+    def pulse(self, channel: int, duty: int, ms: int) -> None:
+        """Order one open-loop pulse of a channel; it is not repeated, because it may have been obeyed.
+
+        Raises:
+            PulseRefusedError: the board refused it, or did not answer.
+        """
+        session = self._need_session()
+        demand = messages.demand(session.config_crc, session.echo_ms, {})
+        self._update(self._command(session, Type.DEMAND, demand))
+        body = messages.pulse(session.config_crc, session.echo_ms, channel, duty, ms)
+        answer = self._command(session, Type.PULSE, body)
+        if not self._update(answer):
+            raise PulseRefusedError(self.name, channel, answer if isinstance(answer, Refused) else None)
+
+    def pulse_trace(self) -> PulseTrace | None:
+        """What the newest pulse caused so far; None when the board did not answer in time."""
+        return self._need_session().trace()
 
     def reason(self, axis: str) -> Reason | None:
         """Why the axis was in its safe state in the newest telemetry."""

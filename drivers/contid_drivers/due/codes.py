@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from typing import Final, Self
 
-PROTOCOL_VERSION: Final = 5
+PROTOCOL_VERSION: Final = 6
 CHANNELS: Final = 6
 #: Velocity of a demand whose host does not know it.
 NO_VELOCITY: Final = -(2**31)
@@ -14,12 +14,19 @@ DUTY_FULL: Final = 32767
 #: Steps of an analogue input over its 3.3 V.
 ADC_STEPS: Final = 4095
 ADC_MV: Final = 3300.0
+#: Bounds of an open-loop pulse, and the length of its trace.
+PULSE_DUTY: Final = DUTY_FULL // 5
+PULSE_MS: Final = 30
+TRACE_MS: Final = 96
+CURRENT_EVERY_MS: Final = 2
+NO_CHANNEL: Final = 0xFF
 #: Bits next to the state of a channel in telemetry.
 CHANNEL_HOMED: Final = 0x10
 CHANNEL_LIMITED: Final = 0x20
 CHANNEL_SENSOR_OK: Final = 0x40
 CHANNEL_POSITION_LOST: Final = 0x80
-#: Bit of a channel's capabilities in hello.
+#: Bits of a channel's capabilities in hello.
+HARDWARE_DECODER: Final = 1
 CURRENT_SENSE: Final = 4
 #: Ports of a board by number; one at a time commands it.
 PORTS: Final = ("native", "programming")
@@ -41,9 +48,12 @@ class Type(enum.IntEnum):
     STOP = 0x06
     HOME = 0x07
     PARK = 0x08
+    PULSE = 0x09
+    TRACE = 0x0A
     HELLO_ANSWER = 0x81
     CONFIGURED = 0x82
     TELEMETRY = 0x84
+    PULSED = 0x8A
     REFUSED = 0xFF
 
 
@@ -56,6 +66,7 @@ class BoardState(enum.IntEnum):
     HOMING = 3
     STOPPED = 4
     SAFE = 5
+    PULSING = 6
 
 
 class Reason(enum.IntEnum):
@@ -112,6 +123,7 @@ class Refusal(enum.IntEnum):
     PERSISTS = 15
     POSITION_LOST = 16
     OTHER_PORT = 17
+    STALE = 18
 
 
 class NamedCode(enum.StrEnum):

@@ -18,8 +18,11 @@ from contid_drivers.due.codes import (
     CHANNEL_POSITION_LOST,
     CHANNEL_SENSOR_OK,
     CHANNELS,
+    CURRENT_EVERY_MS,
+    NO_CHANNEL,
     NO_VELOCITY,
     PROTOCOL_VERSION,
+    TRACE_MS,
     BoardState,
     Reason,
     Refusal,
@@ -113,6 +116,51 @@ class Telemetry:
     channels: Mapping[int, BoardReport]
 
 
+class EncoderMotion(NamedTuple):
+    """What one encoder showed from the start of a pulse to its newest sample.
+
+    Attributes:
+        counts: way, in the sense of the configuration.
+        edges_a, edges_b: level changes of the tracks; of a hardware decoder those that samples of 1 ms show.
+        missed: edges missed.
+    """
+
+    counts: int
+    edges_a: int
+    edges_b: int
+    missed: int
+
+
+@dataclass(frozen=True, slots=True)
+class PulseTrace:
+    """What one open-loop pulse caused; empty before the first pulse (``channel`` None).
+
+    Attributes:
+        start_ms: uptime of the board when the drive began.
+        duty: ordered duty, of `codes.DUTY_FULL`.
+        ordered_ms, driven_ms: duration ordered, and driven so far.
+        encoders: of every channel of the board.
+        faults: numbers of the samples in which the H-bridge reported a fault.
+        currents_ma: every second sample, from the first on.
+        positions: counts from the start, 1 ms apart, the first 1 ms after the drive began.
+    """
+
+    channel: int | None
+    start_ms: int = 0
+    duty: int = 0
+    ordered_ms: int = 0
+    driven_ms: int = 0
+    encoders: tuple[EncoderMotion, ...] = ()
+    faults: tuple[int, ...] = ()
+    currents_ma: tuple[int, ...] = ()
+    positions: tuple[int, ...] = ()
+
+    @property
+    def complete(self) -> bool:
+        """True when the trace is over."""
+        return len(self.positions) == TRACE_MS
+
+
 @dataclass(frozen=True, slots=True)
 class Configured:
     """The board accepted a configuration."""
@@ -138,7 +186,7 @@ class Refused:
         return f"{name} (detail {self.detail})"
 
 
-Answer: TypeAlias = Hello | Configured | Telemetry | Refused
+Answer: TypeAlias = Hello | Configured | Telemetry | Refused | PulseTrace
 
 
 class BadAnswerError(ContidError):
@@ -149,6 +197,8 @@ _HEADER = struct.Struct("<BBB")
 _HELLO = struct.Struct("<BBBBBI16sHIIBBH6BBHH")
 _TELEMETRY = struct.Struct("<IHIBHBHHHHB")
 _REPORT = struct.Struct("<BBiihhB")
+_PULSED = struct.Struct("<BIhBBB")
+_MOTION = struct.Struct("<hHHB")
 
 
 def request(kind: Type, sequence: int, body: bytes = b"") -> bytes:
@@ -181,6 +231,16 @@ def mask_body(config_crc: int, channels: Iterable[int]) -> bytes:
 def park(config_crc: int, channels: Iterable[int], parked: bool) -> bytes:
     """The body of a park: the shafts are at ``power_up`` now, or (``parked`` false) somewhere."""
     return mask_body(config_crc, channels) + bytes([parked])
+
+
+def pulse(config_crc: int, echo_ms: int, channel: int, duty: int, ms: int) -> bytes:
+    """The body of a pulse."""
+    return struct.pack("<HIBhB", config_crc, echo_ms, channel, duty, ms)
+
+
+def trace(config_crc: int) -> bytes:
+    """The body of a trace."""
+    return struct.pack("<H", config_crc)
 
 
 def stop(channels: Iterable[int], rest: RestCode) -> bytes:
@@ -220,6 +280,8 @@ def _read_body(kind: int, body: bytes) -> Answer:
         return _read_telemetry(body)
     if kind == Type.REFUSED:
         return Refused(*struct.unpack("<BBH", body))
+    if kind == Type.PULSED:
+        return _read_trace(body)
     if kind == Type.CONFIGURED:
         return Configured(*struct.unpack("<H", body))
     if kind == Type.HELLO_ANSWER:
@@ -244,6 +306,32 @@ def _read_body(kind: int, body: bytes) -> Answer:
             pins=body[_HELLO.size :].decode("ascii", "replace"),
         )
     raise BadAnswerError(f"unknown answer {kind:#04x}")
+
+
+def _read_trace(body: bytes) -> PulseTrace:
+    if body[:1] == bytes([NO_CHANNEL]):
+        return PulseTrace(channel=None)
+    channel, start_ms, duty, ordered_ms, driven_ms, samples = _PULSED.unpack_from(body)
+    at = _PULSED.size
+    encoders = tuple(
+        EncoderMotion(*_MOTION.unpack_from(body, at + _MOTION.size * i)) for i in range(CHANNELS)
+    )
+    at += _MOTION.size * CHANNELS
+    faults = int.from_bytes(body[at : at + TRACE_MS // 8], "little")
+    at += TRACE_MS // 8
+    currents = struct.unpack_from(f"<{TRACE_MS // CURRENT_EVERY_MS}h", body, at)
+    positions = struct.unpack(f"<{TRACE_MS}h", body[at + 2 * len(currents) :])
+    return PulseTrace(
+        channel,
+        start_ms,
+        duty,
+        ordered_ms,
+        driven_ms,
+        encoders,
+        tuple(i for i in range(samples) if faults >> i & 1),
+        currents[: (samples + CURRENT_EVERY_MS - 1) // CURRENT_EVERY_MS],
+        positions[:samples],
+    )
 
 
 def _read_telemetry(body: bytes) -> Telemetry:

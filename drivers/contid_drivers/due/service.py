@@ -26,7 +26,7 @@ _EXCHANGES = 50
 _TICK_S = 0.005
 
 
-class _Monotonic:
+class Monotonic:
     """The host's monotonic clock."""
 
     now = staticmethod(time.monotonic)
@@ -42,7 +42,7 @@ def doctor(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> list
         return [Finding(f"{name} port", False, str(error), remedy)]
     findings = [Finding(f"{name} port", True, f"{path} -> {Path(path).resolve()}")]
     findings += port_name(name, options.port, path)
-    with closing(DueBus(name, options, axes, _Monotonic())) as bus:
+    with closing(DueBus(name, options, axes, Monotonic())) as bus:
         try:
             bus.open()
             hello = bus.hello
@@ -120,7 +120,7 @@ def home(
             raise DeviceError(
                 f"{name}: {axis}", "it has no homing", "add homing: {direction: ...} to the axis"
             )
-    with closing(DueBus(name, options, axes, _Monotonic())) as bus:
+    with closing(DueBus(name, options, axes, Monotonic())) as bus:
         bus.open()
         try:
             bus.clear_fault(only)
@@ -143,7 +143,7 @@ def park(
             raise DeviceError(
                 f"{name}: {axis}", "it has homing and is not parked", f"contid home FILE {axis}"
             )
-    with closing(DueBus(name, options, axes, _Monotonic())) as bus:
+    with closing(DueBus(name, options, axes, Monotonic())) as bus:
         bus.open()
         bus.park(only)
         samples = bus.exchange({})

@@ -12,7 +12,7 @@ from contid.hal import AxisOnBus, DeviceKind
 from contid_drivers.due import identity, messages
 from contid_drivers.due.codes import CURRENT_SENSE, PORTS, PROTOCOL_VERSION, Refusal, Type
 from contid_drivers.due.frames import DuePort, crc16
-from contid_drivers.due.messages import Answer, Configured, Hello, Refused, Telemetry
+from contid_drivers.due.messages import Answer, Configured, Hello, PulseTrace, Refused, Telemetry
 from contid_drivers.due.options import Bridge, DueBusOptions
 from contid_drivers.due.wiring import Adc, axis_options, board_config, config_body
 from contid_drivers.remembered import memory_of
@@ -63,6 +63,8 @@ class BoardClock:
 _HELLO_EVERY_S = 0.05
 #: Bytes of the longest telemetry frame, for its time on the wire.
 _TELEMETRY_BYTES = 132
+#: The same of the trace of a pulse.
+_TRACE_BYTES: Final = 364
 #: A board whose clock advanced by this much less than the host's was off in between.
 _CLOCK_LAG_S: Final = 2.0
 _REMEDIES: Final[dict[int, str]] = {
@@ -71,6 +73,7 @@ _REMEDIES: Final[dict[int, str]] = {
     Refusal.NO_SENSOR: "check the wire of the pressure signal",
     Refusal.PERSISTS: "remove its cause",
     Refusal.OTHER_PORT: "end the other host, or use its port",
+    Refusal.ARMED_NOW: "stop the robot first",
     Refusal.POSITION_LOST: "park it at power_up_deg, then contid home --parked",
 }
 
@@ -219,6 +222,12 @@ class DueConnection:
                 self._name, f"the board did not confirm configuration {self.config_crc:#06x}, got {answer}"
             )
 
+    def trace(self) -> PulseTrace | None:
+        """The trace of the newest pulse; None after the time-out."""
+        seconds = (_TRACE_BYTES + 8) * self._port.byte_s + self._options.latency_ms / 1000.0
+        answer = self._request(Type.TRACE, messages.trace(self.config_crc), seconds)
+        return answer if isinstance(answer, PulseTrace) else None
+
     def command(self, kind: Type, body: bytes) -> Telemetry | Refused | None:
         """Send a request that a telemetry answers; None after the time-out.
 
@@ -263,6 +272,20 @@ class DueConnection:
     def close(self) -> None:
         """Close the port; idempotent. The board's watchdog stops what is armed."""
         self._port.close()
+
+
+class PulseRefusedError(DeviceError):
+    """The board refused a pulse, or did not answer its order.
+
+    Attributes:
+        refusal: why; None without an answer.
+    """
+
+    def __init__(self, name: str, channel: int, answer: Refused | None) -> None:
+        message = "no answer" if answer is None else answer.message
+        remedy = "" if answer is None else _REMEDIES.get(answer.refusal, "")
+        super().__init__(name, f"cannot pulse channel {channel}: {message}", remedy)
+        self.refusal = None if answer is None else answer.refusal
 
 
 def refusal_error(name: str, what: str, axes: Sequence[str], answer: Refused | None) -> DeviceError:

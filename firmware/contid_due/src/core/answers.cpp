@@ -13,6 +13,19 @@ uint32_t at_most(uint32_t value, uint32_t max) { return value < max ? value : ma
 // Requests of the host that moves the robot; hello and stop are for everybody.
 bool commands(uint8_t type) { return type != HELLO && type != STOP; }
 
+uint8_t answer_type(uint8_t type) {
+  switch (type) {
+    case HELLO:
+      return HELLO_ANSWER;
+    case CONFIGURE:
+      return CONFIGURED;
+    case TRACE:
+      return PULSED;
+    default:
+      return TELEMETRY;
+  }
+}
+
 }  // namespace
 
 size_t Board::answer(const uint8_t* request, size_t size, uint8_t* out, size_t capacity, PortId port) {
@@ -28,7 +41,7 @@ size_t Board::answer(const uint8_t* request, size_t size, uint8_t* out, size_t c
   Verdict verdict = accepted();
   if (version != PROTOCOL_VERSION) {
     verdict = Verdict{Refusal::WRONG_VERSION, PROTOCOL_VERSION};
-  } else if (commands(type) && port != commander_ && commanded()) {
+  } else if (commands(type) && port != commander_ && (commanded() || pulse_.active())) {
     verdict = Verdict{Refusal::OTHER_PORT, static_cast<uint16_t>(commander_)};
   } else {
     if (commands(type)) commander_ = port;
@@ -57,6 +70,15 @@ size_t Board::answer(const uint8_t* request, size_t size, uint8_t* out, size_t c
       case PARK:
         verdict = park(in);
         break;
+      case PULSE:
+        verdict = pulse(in);
+        break;
+      case TRACE:
+        verdict = check_crc(in);
+        if (verdict.refusal == Refusal::NONE && !in.finished()) {
+          verdict = Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
+        }
+        break;
       default:
         verdict = Verdict{Refusal::UNKNOWN_MESSAGE, type};
         break;
@@ -73,7 +95,7 @@ size_t Board::answer(const uint8_t* request, size_t size, uint8_t* out, size_t c
     head.u16(verdict.detail);
     return head.size();
   }
-  head.u8(type == HELLO ? HELLO_ANSWER : (type == CONFIGURE ? CONFIGURED : TELEMETRY));
+  head.u8(answer_type(type));
   head.u8(sequence);
   uint8_t* rest = out + head.size();
   const size_t room = capacity - head.size();
@@ -82,7 +104,16 @@ size_t Board::answer(const uint8_t* request, size_t size, uint8_t* out, size_t c
     head.u16(config_crc_);
     return head.size();
   }
+  if (type == TRACE) return head.size() + write_trace(rest, room);
   return head.size() + write_telemetry(rest, room);
+}
+
+size_t Board::write_trace(uint8_t* out, size_t capacity) {
+  Writer to(out, capacity);
+  block_tick();
+  pulse_.write(to);
+  allow_tick();
+  return to.size();
 }
 
 uint32_t Board::flags() const {

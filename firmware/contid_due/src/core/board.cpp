@@ -15,6 +15,8 @@ void Board::start(const Identity& identity, void (*mask_tick)(), void (*unmask_t
   fed_ = uptime_ms;
   echoed_ = uptime_ms;
   demanded_ = uptime_ms;
+  pulsed_ = uptime_ms;
+  pulse_.reset();
   // Only the loss of power is the moment at which a shaft is parked; any other start finds it anywhere.
   if (identity.cause == ResetCause::POWER_UP) return;
   for (uint8_t i = 0; i < CHANNELS; ++i) motor_[i].lose();
@@ -31,6 +33,7 @@ void Board::tick(const Inputs& in, Outputs& out) {
     } else {
       regulator_[i].sense(in.analog[i]);
     }
+    if (i == pulse_.channel()) pulse_.tick(now_, in, motor_[i].current_ma());
     Channel& channel = channel_[i];
     if (channel.state == State::OFF) {
       out.channel[i] = Output{Drive::OFF, 0};
@@ -49,6 +52,19 @@ bool Board::commanded() const {
     if (channel.state == State::ARMED || channel.state == State::HOMING) return true;
   }
   return false;
+}
+
+uint8_t Board::under_power() const {
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    const Channel& channel = channel_[i];
+    const bool moves =
+        channel.state == State::ARMED || channel.state == State::HOMING || channel.state == State::PULSING;
+    const bool holds = channel.state == State::STOPPED && channel.rest == Rest::HOLD;
+    const bool kept = channel.state == State::SAFE && channel.reason == Reason::WATCHDOG &&
+                      identity_.role == Role::MOTOR && config_.motor[i].safe == Safe::HOLD;
+    if (moves || holds || kept) return i;
+  }
+  return NO_CHANNEL;
 }
 
 void Board::feed() {
@@ -86,6 +102,11 @@ Output Board::drive_motor(uint8_t i) {
         motor.hold();
       }
       break;
+    case State::PULSING:
+      powered = pulse_.drives();
+      out = powered ? motor.pulse(pulse_.duty()) : motor.rest(motor.unpowered());
+      if (!pulse_.active()) channel.state = State::READY;
+      break;
     case State::STOPPED:
       powered = channel.rest == Rest::HOLD;
       out = powered ? motor.follow() : motor.rest(Drive::COAST);
@@ -106,6 +127,7 @@ Output Board::drive_motor(uint8_t i) {
   }
   const bool bridge = (bridge_faults_ & (1u << i)) != 0;
   if (powered && (bridge || motor.fault() != Reason::NONE)) {
+    if (i == pulse_.channel()) pulse_.end();
     trip(i, bridge ? Reason::BRIDGE : motor.fault());
     return motor.rest(motor.unpowered());
   }

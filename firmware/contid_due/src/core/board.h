@@ -7,6 +7,7 @@
 
 #include "config.h"
 #include "motor.h"
+#include "pulse.h"
 #include "regulator.h"
 
 namespace contid {
@@ -23,14 +24,6 @@ struct Identity {
   const char* pins;                // the pin map as text
   uint8_t bridges;                 // kinds of H-bridge it can drive, one bit each
   uint16_t adc_steps, adc_mv;      // full scale of an analogue input; at most 32767 steps
-};
-
-struct Inputs {
-  int32_t count[CHANNELS];
-  int32_t analog[CHANNELS];   // 12 bit
-  uint8_t bridge_faults;      // one bit per channel whose H-bridge reports a fault
-  uint32_t missed[CHANNELS];  // encoder edges missed since the start
-  bool supply_low;            // the 3.3 V were below their threshold since the last tick
 };
 
 struct Outputs {
@@ -82,6 +75,8 @@ class Board {
   Verdict stop(Reader& in);
   Verdict home(Reader& in);
   Verdict park(Reader& in);
+  Verdict pulse(Reader& in);
+  Verdict check_pulse(uint8_t channel) const;
   Verdict check_crc(Reader& in) const;
   Verdict check_mask(uint8_t mask) const;
   Verdict read_mask(Reader& in, uint8_t& mask) const;
@@ -94,6 +89,8 @@ class Board {
 
   // Whether a channel follows demands or homes.
   bool commanded() const;
+  // The first channel that follows demands, homes, pulses, or holds its position; NO_CHANNEL for none.
+  uint8_t under_power() const;
   // The watchdog is fed: the host read a telemetry and sent a request.
   void feed();
 
@@ -103,6 +100,7 @@ class Board {
   uint32_t flags() const;
   size_t write_hello(uint8_t* out, size_t capacity) const;
   size_t write_telemetry(uint8_t* out, size_t capacity);
+  size_t write_trace(uint8_t* out, size_t capacity);
 
   bool fitted(uint8_t channel) const { return identity_.capabilities[channel] != 0; }
   void trip(uint8_t channel, Reason reason);
@@ -124,6 +122,8 @@ class Board {
   Channel channel_[CHANNELS];
   Motor motor_[CHANNELS];
   Regulator regulator_[CHANNELS];
+  Pulse pulse_;
+  uint32_t pulsed_;  // the newest telemetry that an order of a pulse echoed
   volatile uint32_t now_;
   uint32_t fed_, demanded_;
   uint32_t echoed_;  // the newest telemetry that the host echoed

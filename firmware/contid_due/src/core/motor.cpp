@@ -177,6 +177,12 @@ Output Motor::rest(Drive drive) {
   return Output{drive, 0};
 }
 
+Output Motor::pulse(int32_t duty) {
+  rest(Drive::RUN);
+  duty_ = duty;
+  return Output{Drive::RUN, config_->motor_reversed ? -duty : duty};
+}
+
 Output Motor::follow() {
   set_.tick();
   return law(DUTY_FULL);

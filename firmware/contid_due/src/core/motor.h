@@ -33,6 +33,8 @@ class Motor {
   // One step of the position law under power.
   Output follow();
   Output rest(Drive drive);
+  // Open loop: this duty, whatever the encoder shows.
+  Output pulse(int32_t duty);
   // One step of homing; it ends with search_done() or a fault.
   Output search();
   bool search_done() const { return phase_ == Phase::FOUND; }

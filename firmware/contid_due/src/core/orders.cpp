@@ -40,7 +40,8 @@ Verdict Board::configure(Reader& in) {
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((staged_.mask & (1u << i)) != 0 && !fitted(i)) return Verdict{Refusal::BAD_CHANNEL, i};
     const State state = channel_[i].state;
-    if (state == State::ARMED || state == State::HOMING) return Verdict{Refusal::ARMED_NOW, i};
+    if (state == State::ARMED || state == State::HOMING || state == State::PULSING)
+      return Verdict{Refusal::ARMED_NOW, i};
   }
   block_tick();
   config_ = staged_;
@@ -75,6 +76,7 @@ Verdict Board::check_each(uint8_t mask, Verdict (Board::*may)(uint8_t channel) c
 }
 
 Verdict Board::check_arm(uint8_t i) const {
+  if (pulse_.active()) return Verdict{Refusal::ARMED_NOW, pulse_.channel()};
   if (channel_[i].state == State::SAFE) return Verdict{Refusal::LATCHED, i};
   if (!fitted(i)) return Verdict{Refusal::BAD_CHANNEL, i};
   if ((bridge_faults_ & (1u << i)) != 0) return Verdict{Refusal::PERSISTS, i};
@@ -193,6 +195,12 @@ Verdict Board::stop(Reader& in) {
   block_tick();
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     const State state = channel_[i].state;
+    // A pulse ends without power: the encoder that would hold is not proven.
+    if ((mask & (1u << i)) != 0 && state == State::PULSING) {
+      pulse_.end();
+      channel_[i] = Channel{State::READY, Reason::NONE, Rest::RELAX};
+      continue;
+    }
     // A channel that was never armed, or is in its safe state, keeps its rest.
     if ((mask & (1u << i)) == 0 || state == State::READY || state == State::SAFE) continue;
     if (identity_.role == Role::MOTOR && state != State::STOPPED) motor_[i].hold();
@@ -209,7 +217,8 @@ Verdict Board::stop(Reader& in) {
 Verdict Board::check_park(uint8_t i) const {
   const State state = channel_[i].state;
   const bool held = state == State::STOPPED && channel_[i].rest == Rest::HOLD;
-  if (state == State::ARMED || state == State::HOMING || held) return Verdict{Refusal::ARMED_NOW, i};
+  if (state == State::ARMED || state == State::HOMING || state == State::PULSING || held)
+    return Verdict{Refusal::ARMED_NOW, i};
   return accepted();
 }
 
@@ -217,6 +226,7 @@ Verdict Board::check_home(uint8_t i) const {
   if (identity_.role != Role::MOTOR || !config_.motor[i].homing) return Verdict{Refusal::NO_HOMING, i};
   if (channel_[i].state == State::SAFE) return Verdict{Refusal::LATCHED, i};
   if (channel_[i].state == State::ARMED) return Verdict{Refusal::ARMED_NOW, i};
+  if (pulse_.active()) return Verdict{Refusal::ARMED_NOW, pulse_.channel()};
   if (!fitted(i) || (bridge_faults_ & (1u << i)) != 0) return Verdict{Refusal::PERSISTS, i};
   return accepted();
 }
@@ -262,6 +272,53 @@ Verdict Board::park(Reader& in) {
     } else {
       motor_[i].lose();
     }
+  }
+  allow_tick();
+  return verdict;
+}
+
+// Nothing may be under power: a load that another motor holds must not be moved.
+Verdict Board::check_pulse(uint8_t i) const {
+  const uint8_t powered = under_power();
+  if (powered != NO_CHANNEL) return Verdict{Refusal::ARMED_NOW, powered};
+  if (pulse_.active()) return Verdict{Refusal::ARMED_NOW, pulse_.channel()};
+  if (channel_[i].state == State::SAFE) return Verdict{Refusal::LATCHED, i};
+  if (!fitted(i)) return Verdict{Refusal::BAD_CHANNEL, i};
+  if ((bridge_faults_ & (1u << i)) != 0) return Verdict{Refusal::PERSISTS, i};
+  return accepted();
+}
+
+// One open-loop pulse. It needs no feeding, because it ends by itself; an order that waited somewhere, or that came
+// before, moves nothing.
+Verdict Board::pulse(Reader& in) {
+  Verdict verdict = check_crc(in);
+  if (verdict.refusal != Refusal::NONE) return verdict;
+  const uint32_t echo = in.u32();
+  const uint8_t channel = in.u8();
+  const int32_t duty = in.i16();
+  const bool duty_allowed = duty >= -PULSE_DUTY && duty <= PULSE_DUTY;
+  const uint16_t at = static_cast<uint16_t>(in.at());
+  const uint8_t ms = in.u8();
+  if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
+  if (!duty_allowed) return Verdict{Refusal::BAD_VALUE, at};
+  if (ms < 1 || ms > PULSE_MS) return Verdict{Refusal::BAD_VALUE, static_cast<uint16_t>(in.at())};
+  if (identity_.role != Role::MOTOR) return Verdict{Refusal::WRONG_ROLE, static_cast<uint16_t>(identity_.role)};
+  if (channel >= CHANNELS || (config_.mask & (1u << channel)) == 0) return Verdict{Refusal::BAD_CHANNEL, channel};
+  block_tick();
+  verdict = check_pulse(channel);
+  const bool waited = now_ - echo >= static_cast<uint32_t>(config_.watchdog_ms);
+  if (verdict.refusal == Refusal::NONE && (waited || static_cast<int32_t>(echo - pulsed_) <= 0)) {
+    verdict = Verdict{Refusal::STALE, 0};
+  }
+  if (verdict.refusal == Refusal::NONE) {
+    pulsed_ = echo;
+    uint8_t reversed = 0;
+    for (uint8_t i = 0; i < CHANNELS; ++i) {
+      if (config_.motor[i].encoder_reversed) reversed = static_cast<uint8_t>(reversed | (1u << i));
+    }
+    motor_[channel].arm();
+    pulse_.order(channel, duty, ms, reversed);
+    channel_[channel] = Channel{State::PULSING, Reason::NONE, Rest::RELAX};
   }
   allow_tick();
   return verdict;

@@ -8,9 +8,9 @@
 
 namespace contid {
 
-const uint8_t PROTOCOL_VERSION = 5;
+const uint8_t PROTOCOL_VERSION = 6;
 const uint8_t FIRMWARE_MAJOR = 1;
-const uint8_t FIRMWARE_MINOR = 4;
+const uint8_t FIRMWARE_MINOR = 5;
 const uint8_t FIRMWARE_PATCH = 0;
 
 const uint8_t CHANNELS = 6;
@@ -31,9 +31,12 @@ enum Message : uint8_t {
   STOP = 0x06,
   HOME = 0x07,
   PARK = 0x08,
+  PULSE = 0x09,
+  TRACE = 0x0A,
   HELLO_ANSWER = 0x81,
   CONFIGURED = 0x82,
   TELEMETRY = 0x84,
+  PULSED = 0x8A,
   REFUSED = 0xFF,
 };
 
@@ -55,6 +58,7 @@ enum class State : uint8_t {
   HOMING = 3,   // searches its end stop, under the watchdog
   STOPPED = 4,  // rests as the host requested
   SAFE = 5,     // safe state, latched with its reason
+  PULSING = 6,  // an open-loop pulse, or its trace, is under way
 };
 
 enum class Reason : uint8_t {
@@ -97,6 +101,7 @@ enum class Refusal : uint8_t {
   PERSISTS = 15,       // detail: the channel
   POSITION_LOST = 16,  // detail: the channel; home it, or park it
   OTHER_PORT = 17,     // detail: the port that commands the board
+  STALE = 18,          // the order of a pulse waited somewhere, or came twice
 };
 
 // Ports of a board. While a channel is armed or homing, only the port that commands it may command.
@@ -132,6 +137,13 @@ const int32_t NO_VELOCITY = -2147483647 - 1;
 const int32_t DUTY_FULL = 32767;
 
 const uint32_t TICK_HZ = 1000;
+
+// Bounds of an open-loop pulse, and the length of its trace.
+const int32_t PULSE_DUTY = DUTY_FULL / 5;
+const uint8_t PULSE_MS = 30;
+const uint8_t TRACE_MS = 96;
+const uint8_t CURRENT_EVERY_MS = 2;
+const uint8_t NO_CHANNEL = 0xFF;
 
 }  // namespace contid
 

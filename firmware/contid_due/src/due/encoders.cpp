@@ -21,6 +21,19 @@ const uint8_t EDGE_CHANNELS = CHANNELS - FIRST_EDGE_CHANNEL;
 
 Quadrature decoder[EDGE_CHANNELS];
 
+// Pins of the hardware decoders, track A and track B, whose levels are sampled by the tick.
+const uint8_t DECODER_PINS[FIRST_EDGE_CHANNEL][2] = {{2, 13}, {5, 4}};
+TrackEdges sampled[FIRST_EDGE_CHANNEL];
+
+uint32_t level(uint8_t pin) {
+  const PinDescription& line = g_APinDescription[pin];
+  return (line.pPort->PIO_PDSR & line.ulPin) != 0 ? 1u : 0u;
+}
+
+uint32_t decoder_levels(uint8_t channel) {
+  return level(DECODER_PINS[channel][0]) << 1 | level(DECODER_PINS[channel][1]);
+}
+
 template <uint8_t N> uint32_t levels() { return (PIOD->PIO_PDSR >> EDGE_PINS[N].shift) & 3u; }
 
 template <uint8_t N> void on_edge() { decoder[N].edge(levels<N>()); }
@@ -53,8 +66,9 @@ void start_hardware_decoder(Tc* block, uint32_t id, uint32_t pin_a, uint32_t pin
 }  // namespace
 
 void start_encoders() {
-  start_hardware_decoder(TC0, ID_TC0, 2, 13);
-  start_hardware_decoder(TC2, ID_TC6, 5, 4);
+  start_hardware_decoder(TC0, ID_TC0, DECODER_PINS[0][0], DECODER_PINS[0][1]);
+  start_hardware_decoder(TC2, ID_TC6, DECODER_PINS[1][0], DECODER_PINS[1][1]);
+  for (uint8_t i = 0; i < FIRST_EDGE_CHANNEL; ++i) sampled[i].start(decoder_levels(i));
   start_edge_decoder<0>();
   start_edge_decoder<1>();
   start_edge_decoder<2>();
@@ -80,6 +94,16 @@ void read_encoders(int32_t (&count)[CHANNELS], uint32_t (&missed)[CHANNELS]) {
   for (uint8_t n = 0; n < EDGE_CHANNELS; ++n) {
     count[FIRST_EDGE_CHANNEL + n] = decoder[n].count;
     missed[FIRST_EDGE_CHANNEL + n] = decoder[n].skipped;
+  }
+}
+
+void read_edges(uint32_t (&a)[CHANNELS], uint32_t (&b)[CHANNELS]) {
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    const bool hardware = i < FIRST_EDGE_CHANNEL;
+    if (hardware) sampled[i].see(decoder_levels(i));
+    const TrackEdges& tracks = hardware ? sampled[i] : decoder[i - FIRST_EDGE_CHANNEL].tracks;
+    a[i] = tracks.a;
+    b[i] = tracks.b;
   }
 }
 

@@ -17,6 +17,9 @@ void use_encoders(uint8_t mask);
 // Counts, and edges missed since the start.
 void read_encoders(int32_t (&count)[CHANNELS], uint32_t (&missed)[CHANNELS]);
 
+// Level changes of the tracks since the start; call it once per tick.
+void read_edges(uint32_t (&a)[CHANNELS], uint32_t (&b)[CHANNELS]);
+
 }  // namespace contid
 
 #endif

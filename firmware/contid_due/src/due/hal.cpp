@@ -149,6 +149,7 @@ void read_inputs() {
   ADC->ADC_CR = ADC_CR_START;
   if (role != contid::Role::MOTOR) return;
   contid::read_encoders(inputs.count, inputs.missed);
+  contid::read_edges(inputs.edges_a, inputs.edges_b);
   uint8_t faults = 0;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     const PinDescription& pin = g_APinDescription[PINS[i].fault];

@@ -7,11 +7,16 @@
 
 #include <Arduino.h>
 
+#include "../core/quadrature.h"
 #include "pins.h"
 
 namespace contid {
 
 namespace {
+
+// Filtered levels of the tracks in the input monitor register, IMR.
+const uint16_t LEVEL_A = 0x0080, LEVEL_B = 0x0040;
+TrackEdges sampled[MOTORS];
 
 // The first of the five crossbar outputs of each decoder: track A, then track B.
 const uint8_t TRACK_A[MOTORS] = {66, 71, 76, 81};
@@ -23,6 +28,11 @@ const uint16_t FLAGS = 0x0800 | 0x0080 | 0x0020;  // of CTRL2; cleared by writin
 IMXRT_ENC_t& decoder(uint8_t channel) {
   static IMXRT_ENC_t* const decoders[MOTORS] = {&IMXRT_ENC1, &IMXRT_ENC2, &IMXRT_ENC3, &IMXRT_ENC4};
   return *decoders[channel];
+}
+
+uint32_t levels(uint8_t channel) {
+  const uint16_t monitor = decoder(channel).IMR;
+  return ((monitor & LEVEL_A) != 0 ? 2u : 0u) | ((monitor & LEVEL_B) != 0 ? 1u : 0u);
 }
 
 // Which of its pins an input of the crossbar listens to.
@@ -85,6 +95,7 @@ void start_encoders() {
     unit.UINIT = 0;
     unit.LINIT = 0;
     unit.CTRL = LOAD_POSITION;
+    sampled[i].start(levels(i));
   }
 }
 
@@ -96,6 +107,14 @@ void read_encoders(int32_t (&count)[CHANNELS], uint32_t (&missed)[CHANNELS]) {
     if ((unit.CTRL2 & BOTH_CHANGED) == 0) continue;
     unit.CTRL2 = BOTH_CHANGED;
     ++missed[i];
+  }
+}
+
+void read_edges(uint32_t (&a)[CHANNELS], uint32_t (&b)[CHANNELS]) {
+  for (uint8_t i = 0; i < MOTORS; ++i) {
+    sampled[i].see(levels(i));
+    a[i] = sampled[i].a;
+    b[i] = sampled[i].b;
   }
 }
 

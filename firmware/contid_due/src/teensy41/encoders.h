@@ -12,6 +12,9 @@ void start_encoders();
 // Counts, and times that both tracks changed at once, since the start.
 void read_encoders(int32_t (&count)[CHANNELS], uint32_t (&missed)[CHANNELS]);
 
+// Level changes of the tracks that samples of 1 ms show, since the start; call it once per tick.
+void read_edges(uint32_t (&a)[CHANNELS], uint32_t (&b)[CHANNELS]);
+
 }  // namespace contid
 
 #endif

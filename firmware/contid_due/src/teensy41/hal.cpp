@@ -143,6 +143,7 @@ void read_inputs() {
   if (converting == CHANNELS - 1) convert(0);
   if (role != contid::Role::MOTOR) return;
   contid::read_encoders(inputs.count, inputs.missed);
+  contid::read_edges(inputs.edges_a, inputs.edges_b);
   uint8_t faults = 0;
   for (uint8_t i = 0; i < MOTORS; ++i) {
     const uint8_t pin = BRIDGE_PINS[i].fault;

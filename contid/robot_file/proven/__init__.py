@@ -1,0 +1,1 @@
+"""What was proven about the axes of a robot file."""

@@ -1,0 +1,145 @@
+"""Open-loop pulses of a Due board: order, wait for the end of the trace, read it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from typing import Final
+
+from contid.errors import DeviceError, DeviceLostError
+from contid.hal import AxisOnBus, DeviceKind, Rest
+from contid.hal.pulses import DriveFacts, EncoderAnswer, ProvenDevice, PulseAnswer
+from contid_drivers import defer_signals
+from contid_drivers.due.bus import DueBus
+from contid_drivers.due.codes import CURRENT_SENSE, DUTY_FULL, PULSE_DUTY, TRACE_MS, Reason, Refusal
+from contid_drivers.due.messages import EncoderMotion, Hello, PulseTrace
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
+from contid_drivers.due.service import Monotonic
+from contid_drivers.due.session import PulseRefusedError
+from contid_drivers.due.wiring import axis_options
+
+#: The trace is asked for at this interval, and must be over within this time.
+_POLL_S: Final = 0.02
+_TRACE_S: Final = 2.0
+#: Options that a change of cables or parts changes.
+_WIRING: Final = (
+    "channel", "bridge", "encoder_reversed", "motor_reversed", "counts_per_rev", "start_state", "on_watchdog",
+    "current_ma_per_v", "calibration", "readback",
+)  # fmt: skip
+
+
+class DuePulsedBus:
+    """A Due board whose motors are pulsed one at a time (`contid.hal.pulses.PulsedBus`)."""
+
+    def __init__(self, bus: DueBus, axes: Sequence[AxisOnBus]) -> None:
+        self._bus = bus
+        self._options = {axis.name: axis_options(axis) for axis in axes}
+        hello = bus.hello
+        self._capabilities = hello.capabilities
+        self.device = board(hello)
+
+    def pulse(self, axis: str, duty: float, duration_s: float) -> PulseAnswer:
+        """Drive one axis open loop, and read what every encoder showed.
+
+        See `contid.hal.pulses.PulsedBus`; the board bounds duty and time, and ends the drive.
+        """
+        channel = self._options[axis].number
+        steps, ms = round(duty * DUTY_FULL), round(duration_s * 1000.0)
+        if abs(steps) <= PULSE_DUTY + 1:  # 20 % rounds to one step more
+            steps = max(-PULSE_DUTY, min(PULSE_DUTY, steps))
+        try:
+            self._bus.pulse(channel, steps, ms)
+        except PulseRefusedError as refused:
+            if refused.refusal != Refusal.PERSISTS:
+                raise
+            nothing = {name: EncoderAnswer(0, 0, 0, 0) for name in self._options}
+            return PulseAnswer(axis, duty, ms / 1000.0, 0.0, nothing, (), fault=True)
+        trace = self._trace(axis)
+        self._bus.exchange({})
+        if self._bus.reason(axis) is Reason.BRIDGE:
+            with suppress(DeviceError):
+                self._bus.clear_fault([axis])
+        has_current = bool(self._capabilities[channel] & CURRENT_SENSE) and bool(
+            self._options[axis].stall_current_ma
+        )
+        return PulseAnswer(
+            axis,
+            trace.duty / DUTY_FULL,
+            trace.ordered_ms / 1000.0,
+            trace.driven_ms / 1000.0,
+            self._answers(trace.encoders),
+            trace.positions,
+            fault=bool(trace.faults),
+            currents_a=tuple(ma / 1000.0 for ma in trace.currents_ma) if has_current else (),
+        )
+
+    def _trace(self, axis: str) -> PulseTrace:
+        time.sleep(TRACE_MS / 1000.0)
+        until = time.monotonic() + _TRACE_S
+        while time.monotonic() < until:
+            trace = self._bus.pulse_trace()
+            if trace is not None and trace.complete:
+                return trace
+            time.sleep(_POLL_S)
+        raise DeviceError(
+            f"{self._bus.name}: {axis}", "no trace of its pulse", "check the cable of the board"
+        )
+
+    def _answers(self, encoders: Sequence[EncoderMotion]) -> Mapping[str, EncoderAnswer]:
+        names = {options.number: name for name, options in self._options.items()}
+        return {
+            names.get(i, f"channel m{i}"): EncoderAnswer(*motion)
+            for i, motion in enumerate(encoders)
+            if self._capabilities[i]
+        }
+
+    def counts(self, axis: str) -> int:
+        """Count of the axis's encoder now; moves nothing."""
+        self._bus.exchange({})
+        telemetry = self._bus.telemetry
+        assert telemetry is not None
+        return telemetry.channels[self._options[axis].number].position
+
+
+@contextmanager
+def pulsed_bus(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> Iterator[DuePulsedBus]:
+    """Open a board for pulses; latched faults are cleared, and every motor is without power on exit."""
+    bus = DueBus(name, options, axes, Monotonic())
+    try:
+        bus.open()
+        bus.disable(bus.axes, Rest.RELAX)
+        with suppress(DeviceError):  # a fault of the bridge persists; its pulse reports it
+            bus.clear_fault(bus.axes)
+        yield DuePulsedBus(bus, axes)
+    finally:
+        with defer_signals(), suppress(DeviceLostError):
+            bus.disable(bus.axes, Rest.RELAX)
+        bus.close()
+
+
+def board(hello: Hello) -> ProvenDevice:
+    """The board behind a hello."""
+    return ProvenDevice(hello.unique_id, ".".join(map(str, hello.firmware)))
+
+
+def drive_facts(axis: DueAxisOptions) -> DriveFacts | None:
+    """What the file states about the motor of an axis; None for a regulator."""
+    if axis.kind is not DeviceKind.MOTOR:
+        return None
+    return DriveFacts(
+        axis.counts_per_rev,
+        axis.start is not SafeState.COAST,
+        axis.friction_percent / 100.0,
+        axis.no_load_deg_s,
+        axis.time_constant_ms / 1000.0,
+        ("friction_percent", "no_load_deg_s", "time_constant_ms"),
+        axis.stall_current_ma / 1000.0,
+    )
+
+
+def wiring(options: DueBusOptions, axis: DueAxisOptions) -> Mapping[str, object]:
+    """The options of an axis and its bus that a change of wiring would change."""
+    return {"role": options.role, "connection": options.connection} | axis.model_dump(
+        mode="json", include=set(_WIRING)
+    )

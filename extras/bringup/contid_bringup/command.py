@@ -1,0 +1,111 @@
+"""``contid bringup``: prove the wiring of every axis with bounded energy, and write down what was found."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from collections.abc import Callable, Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from contid.cli.support.parameters import robot_names
+
+if TYPE_CHECKING:
+    from contid.control.engine.wiring import WiredBus
+    from contid_bringup.record import ProvenAxis
+
+
+@click.command()
+@click.argument("robot_file", shell_complete=robot_names)
+@click.argument("axes", nargs=-1)
+@click.option("--yes", is_flag=True, help="Ask nothing; steps by hand are left out. For emulators.")
+@click.option("--dry-run", is_flag=True, help="Examine and print; write nothing.")
+@click.option(
+    "--page", type=click.Path(dir_okay=False), help="Where to write the record; default: FILE-bringup.html."
+)
+def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, page: str | None) -> None:
+    """Prove motors, encoders and bridges of AXES (ROBOT.AXIS; default: all) before a loop closes on them.
+
+    Motors on boards get single pulses of at most 30 ms and 20 % of duty, which the board itself ends, one
+    axis after the other: enough to name swapped or open wires. A proven motor is then measured.
+
+    The results are written into `bringup:` of ROBOT_FILE, and into a page to print. Exit code 4 when
+    something is wrong, 0 only when every axis named or examined is proven.
+    """
+    from contid.cli.commands.home import interruptible
+    from contid.control.engine.wiring import wired_buses
+    from contid.errors import ContidError
+    from contid.remote.server.stop_server import StopServer
+    from contid.robot_file.load import find_robot_file, load_robot_file
+    from contid_bringup.record import write_page, write_section
+
+    path = find_robot_file(robot_file)
+    loaded = load_robot_file(path)
+    buses = wired_buses(loaded)
+    existing = {axis.name for bus in buses for axis in bus.axes}
+    if unknown := [name for name in axes if name not in existing]:
+        raise ContidError(f"no axis {unknown[0]!r}; there are {', '.join(sorted(existing))}")
+    if not yes and not sys.stdin.isatty():
+        raise click.UsageError("it asks before it moves, and stdin is no terminal; --yes asks nothing")
+    if not yes:
+        click.confirm(
+            "Each motor will turn by a few degrees, one after the other. "
+            "Is everybody clear of the robot, and the supply within reach?",
+            abort=True,
+        )
+    by_hand = None if yes else _turn_by_hand
+    records: list[ProvenAxis] = []
+    with interruptible(), StopServer(robot_file, "bring-up"):
+        for bus in buses:
+            only = [axis.name for axis in bus.axes if not axes or axis.name in axes]
+            if only:
+                records += _bring_up(bus, only, by_hand)
+    if not records:
+        raise ContidError(f"{path}: no axis was examined: no driver of this file can be brought up")
+    when = datetime.now().astimezone()
+    if not dry_run:
+        write_section(path, loaded, records, when)
+        written = Path(page) if page else path.with_name(f"{path.stem}-bringup.html")
+        write_page(written, path, loaded, records, when)
+        click.echo(f"written: bringup: in {path}; {written}", err=True)
+    wrong = [record.axis for record in records if record.name != "ok"]
+    if wrong:
+        click.echo(f"not proven: {', '.join(wrong)}", err=True)
+        sys.exit(4)
+    click.echo(f"proven: {', '.join(record.axis for record in records)}", err=True)
+
+
+def _turn_by_hand(axis: str) -> bool:
+    """Ask for one turn; "" is yes."""
+    prompt = f"{axis}: turn its output shaft by one whole turn by hand, then Enter (s: skip)"
+    answer: str = click.prompt(prompt, default="", show_default=False)
+    return not answer.strip()
+
+
+def _bring_up(bus: WiredBus, only: list[str], by_hand: Callable[[str], bool] | None) -> Iterator[ProvenAxis]:
+    from contid.hal.pulses import Pulses
+    from contid_bringup.motor import bring_up_motor
+    from contid_bringup.record import ProvenAxis
+
+    name, options = bus.wiring.name, bus.wiring.options
+    report = functools.partial(click.echo, err=True)
+    if not isinstance(bus.driver, Pulses):
+        click.echo(
+            f"{name}: driver {bus.wiring.driver!r} cannot be brought up; {', '.join(only)} not examined"
+        )
+        return
+    facts = {axis.name: bus.driver.drive_facts(axis.options) for axis in bus.axes}
+    for axis in [each for each in only if facts[each] is None]:
+        click.echo(f"{axis}: no motor; regulators are not examined by this version")
+    motors = {axis: found for axis in only if (found := facts[axis]) is not None}
+    if not motors:
+        return
+    with bus.driver.pulsed_bus(name, options, bus.axes) as pulsed:
+        for axis, found in motors.items():
+            result = bring_up_motor(pulsed, axis, found, report, by_hand)
+            for line in result.lines():
+                click.echo(f"{axis}: {line}")
+            yield ProvenAxis(axis, result.name, pulsed.device, result.lines(), result.fit)

@@ -1,0 +1,107 @@
+"""``contid bringup`` on the linked firmware behind a pty: what it names, writes, and returns."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from contid.cli.commands.check import command as check
+from contid.cli.commands.doctor import command as doctor
+from contid.control.engine.wiring import wired_buses
+from contid.robot_file.load import load_robot_file
+from contid_bringup.command import command
+from contid_drivers.due.emulator import DueEmulator
+from contid_drivers.due.options import DueBusOptions
+
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
+
+CONFIG = Path(__file__).parents[3] / "configs" / "trirack.emulated.yaml"
+FIRST, SECOND = "arm.s1.l1", "arm.s1.l2"
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Path, DueEmulator]]:
+    """The shipped robot of three motors, and its board."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    path = tmp_path / "robot.yaml"
+    text = CONFIG.read_text().replace("./trirack.tty", str(tmp_path / "board"))
+    path.write_text(text.replace("role: motor", "role: motor\n    latency_ms: 60"))
+    (bus,) = wired_buses(load_robot_file(path))
+    assert isinstance(bus.wiring.options, DueBusOptions)
+    with DueEmulator(bus.wiring.options, bus.axes) as board:
+        yield path, board
+
+
+def test_a_healthy_motor_is_proven_measured_and_written_down(robot: tuple[Path, DueEmulator]) -> None:
+    path, _ = robot
+    before = path.read_text()
+    done = CliRunner().invoke(command, [str(path), FIRST, "--yes"])
+    assert done.exit_code == 0, done.output
+    assert f"{FIRST}: ok: motor and encoder are connected" in done.output
+    loaded = load_robot_file(path)
+    found = loaded.file.bringup[FIRST]
+    # The emulated motor has the numbers of the robot file: 5 %, 575 deg/s, 40 ms.
+    assert found.friction_percent == pytest.approx(5.0, rel=0.05)
+    assert found.no_load_deg_s is None or found.no_load_deg_s == pytest.approx(575.0, rel=0.1)
+    assert found.time_constant_ms is None or found.time_constant_ms == pytest.approx(40.0, rel=0.1)
+    assert found.firmware == "1.5.0"
+    assert path.read_text().startswith(before.rstrip("\n"))
+    page = path.with_name("robot-bringup.html").read_text()
+    assert FIRST in page
+    assert found.wiring in page
+
+
+def test_swapped_cables_are_named_and_the_code_is_4(robot: tuple[Path, DueEmulator]) -> None:
+    path, board = robot
+    for line in ("set 0 encoder_of 1", "set 1 encoder_of 0", "set 2 encoder_reversed 1"):
+        board.command(line)
+    start = float(board.command("get 0").split()[1])
+    done = CliRunner().invoke(command, [str(path), "--yes"])
+    assert done.exit_code == 4, done.output
+    assert f"{FIRST}: crossed-axes: driving it moves the encoder of {SECOND}" in done.output
+    assert f"{SECOND}: crossed-axes: driving it moves the encoder of {FIRST}" in done.output
+    assert "arm.s1.l3: reversed: positive duty counts down" in done.output
+    moved_deg = abs(float(board.command("get 0").split()[1]) - start) / 4776 * 360
+    assert moved_deg < 2.0
+    verdicts = {each.verdict for each in load_robot_file(path).file.bringup.values()}
+    assert verdicts == {"crossed-axes", "reversed"}
+    checked = CliRunner().invoke(check, [str(path)])
+    assert checked.exit_code == 0
+    assert f"bringup {FIRST}: crossed-axes at its last bring-up" in checked.output
+
+
+def test_a_change_of_wiring_or_firmware_is_named_afterwards(robot: tuple[Path, DueEmulator]) -> None:
+    path, _ = robot
+    assert CliRunner().invoke(command, [str(path), FIRST, "--yes"]).exit_code == 0
+    assert f"bringup {FIRST}" not in CliRunner().invoke(check, [str(path)]).output
+    text = path.read_text()
+    path.write_text(text.replace("channel: m0,", "channel: m0, counts_per_rev: 4800,"))
+    changed = CliRunner().invoke(check, [str(path)]).output
+    assert f"bringup {FIRST}: its wiring in this file was changed since its bring-up" in changed
+    path.write_text(text.replace("firmware: 1.5.0", "firmware: 1.4.0"))
+    examined = CliRunner().invoke(doctor, [str(path)]).output
+    other = f"warn .*bringup {FIRST}: its firmware is 1.5.0; at its bring-up, .*, it was 1.4.0"
+    assert re.search(other, examined)
+    assert re.search(f"warn .*bringup {SECOND}: never brought up", examined)
+
+
+def test_it_asks_before_it_moves_and_names_unknown_axes(robot: tuple[Path, DueEmulator]) -> None:
+    path, board = robot
+    refused = CliRunner().invoke(command, [str(path)])
+    assert refused.exit_code == 2
+    assert "--yes" in refused.output
+    assert float(board.command("get 0").split()[1]) == 0.0
+    unknown = CliRunner().invoke(command, [str(path), "arm.none", "--yes"])
+    assert "no axis 'arm.none'" in str(unknown.exception)
+
+
+def test_a_dry_run_writes_nothing(robot: tuple[Path, DueEmulator]) -> None:
+    path, _ = robot
+    before = path.read_text()
+    assert CliRunner().invoke(command, [str(path), FIRST, "--yes", "--dry-run"]).exit_code == 0
+    assert path.read_text() == before
+    assert not path.with_name("robot-bringup.html").exists()
