@@ -11,15 +11,15 @@ from typing import Final
 
 from contid.errors import ContidError, DeviceError
 from contid.hal import AxisOnBus, Finding, FoundDevice, Homed, Report, Rest
-from contid_drivers import defer_signals
+from contid.kit.remembered import memory_of
+from contid.kit.serial_ports import find_port, port_name, usb_ports
+from contid.kit.signals import defer_signals
 from contid_drivers.due import identity
 from contid_drivers.due.bus import SILENCE_S, DueBus
 from contid_drivers.due.codes import Reason
 from contid_drivers.due.options import DueBusOptions, Role
 from contid_drivers.due.session import ask_hello
 from contid_drivers.due.wiring import axis_options
-from contid_drivers.remembered import memory_of
-from contid_drivers.serial_ports import find_port, port_name, usb_ports
 
 #: Exchanges timed by the doctor.
 _EXCHANGES = 50
