@@ -36,7 +36,7 @@ def _permission(bus: str, path: str, udev: str) -> Finding:
 
 
 def latency_timer(bus: str, path: str, udev: str) -> Finding:
-    """How long the adapter keeps received bytes back; adapters of FTDI do for 16 ms unless they are told."""
+    """How long the adapter keeps received bytes back; adapters of FTDI do for 16 ms unless set otherwise."""
     timer = TTYS / Path(path).resolve().name / "device" / "latency_timer"
     subject = f"{bus} latency timer"
     try:
