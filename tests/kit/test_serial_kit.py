@@ -70,7 +70,7 @@ def test_without_an_echo_nothing_is_left_out(adapter: PseudoPort) -> None:
     port.close()
 
 
-def test_a_flush_forgets_the_echo_that_never_came(adapter: PseudoPort) -> None:
+def test_a_flush_ends_the_wait_for_an_echo_that_never_came(adapter: PseudoPort) -> None:
     port = opened(adapter, echo=True)
     port.send(REQUEST)
     port.flush()

@@ -11,6 +11,7 @@ from typing import Final
 
 from contid.errors import ContidError, DeviceError
 from contid.hal import AxisOnBus, Finding, FoundDevice, Homed, Report, Rest
+from contid.kit.clock import MonotonicClock
 from contid.kit.remembered import memory_of
 from contid.kit.serial_ports import find_port, port_name, usb_ports
 from contid.kit.signals import defer_signals
@@ -26,13 +27,6 @@ _EXCHANGES = 50
 _TICK_S = 0.005
 
 
-class _Monotonic:
-    """The host's monotonic clock."""
-
-    now = staticmethod(time.monotonic)
-    sleep = staticmethod(time.sleep)
-
-
 def doctor(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> list[Finding]:
     """Port, hello, configuration and the time of an exchange; arms nothing and moves nothing."""
     try:
@@ -42,7 +36,7 @@ def doctor(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> list
         return [Finding(f"{name} port", False, str(error), remedy)]
     findings = [Finding(f"{name} port", True, f"{path} -> {Path(path).resolve()}")]
     findings += port_name(name, options.port, path)
-    with closing(DueBus(name, options, axes, _Monotonic())) as bus:
+    with closing(DueBus(name, options, axes, MonotonicClock())) as bus:
         try:
             bus.open()
             hello = bus.hello
@@ -120,7 +114,7 @@ def home(
             raise DeviceError(
                 f"{name}: {axis}", "it has no homing", "add homing: {direction: ...} to the axis"
             )
-    with closing(DueBus(name, options, axes, _Monotonic())) as bus:
+    with closing(DueBus(name, options, axes, MonotonicClock())) as bus:
         bus.open()
         try:
             bus.clear_fault(only)
@@ -143,7 +137,7 @@ def park(
             raise DeviceError(
                 f"{name}: {axis}", "it has homing and is not parked", f"contid home FILE {axis}"
             )
-    with closing(DueBus(name, options, axes, _Monotonic())) as bus:
+    with closing(DueBus(name, options, axes, MonotonicClock())) as bus:
         bus.open()
         bus.park(only)
         samples = bus.exchange({})
