@@ -14,9 +14,7 @@ from contid.kit.serial_ports import find_port, holders, port_name
 #: Where the kernel describes serial ports.
 TTYS: Final = Path("/sys/class/tty")
 #: What to do about missing rights and slow adapters.
-UDEV: Final = (
-    "install host/99-contid.rules of contid, or join the group dialout, and plug the adapter in again"
-)
+UDEV: Final = "install host/99-contid.rules, or join the group dialout; then plug the adapter in again"
 #: Exchanges of `examine_bus`.
 EXCHANGES: Final = 50
 

@@ -18,8 +18,7 @@ SETTINGS, STATE = (MODEL, 31), (TORQUE, 31)
 #: Series by the major version of a servo (register 3): SCS0009 5, SM8512 8, STS3215 and STS3250 9.
 SERIES: Final = {5: "scs", 8: "sts", 9: "sts"}
 STEPS_PER_RAD: Final = {"sts": 4096 / math.tau, "scs": 1024 / math.radians(300)}
-#: Per unit of register 69.
-CURRENT_A: Final = 0.0065
+CURRENT_A: Final = 0.0065  # per unit of register 69
 
 
 class FeetechBus(SerialBus):
