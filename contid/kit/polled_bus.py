@@ -20,7 +20,7 @@ from contid.hal import AxisOnBus, Clock, Rest, Sample
 log = logging.getLogger(__name__)
 
 #: Orders are sent until an answer confirms them, at most so often.
-ATTEMPTS: Final = 4
+ATTEMPTS: Final = 6
 LOST_TORQUE: Final = "torque lost: it was reset, or another program switched it off"
 
 
@@ -32,12 +32,15 @@ class Reading:
         value: position [rad] or pressure [Pa].
         powered: its torque, or its regulator, is on.
         fault: its present fault, "" without one.
+        goal: the goal that it was sent last, rounded as ``value`` is. None when it does not report it: then
+            power does not wait for it, and a goal that is lost on the wire is a jump.
         velocity, effort, temperature_c, voltage_v: as in `contid.hal.Sample`.
     """
 
     value: float
     powered: bool
     fault: str = ""
+    goal: float | None = None
     velocity: float | None = None
     effort: float | None = None
     temperature_c: float | None = None
@@ -109,29 +112,39 @@ class PolledBus(ABC):
         return dict(self._samples)
 
     def enable(self, axes: Sequence[str]) -> None:
-        """See `contid.hal.Bus.enable`: goal := present, then power; all or nothing."""
+        """See `contid.hal.Bus.enable`: goal := present, confirmed, then power; all or nothing."""
         self._require_axes(axes)
         new = [axis for axis in axes if axis not in self._enabled]
         goals: dict[str, float] = {}
+        limp: list[str] = []  # others hold something, and keep their power whatever happens
+        why = "its power does not switch on"
         try:
             for _ in range(ATTEMPTS):
                 found = self._look({})
                 for axis in axes:
                     self._require_well(axis, found)
-                if not new or (goals and all(found[axis].powered for axis in new)):
+                if not goals:
+                    goals = {axis: found[axis].value for axis in new}
+                    limp = [axis for axis in new if not found[axis].powered]
+                    sent = not goals
+                else:
+                    sent = all(_has_goal(found[axis], goal) for axis, goal in goals.items())
+                if sent and all(found[axis].powered for axis in new):
                     self._enabled.update(new)
                     return
-                goals = goals or {axis: found[axis].value for axis in new}
+                why = "its power does not switch on" if sent else "it does not take its goal"
                 with self._reaching():
-                    self.send(goals)
-                    self.power(new, True)
-            raise DeviceError(", ".join(new), "its power does not switch on", "check its supply")
+                    if sent:
+                        self.power(limp, True)
+                    else:
+                        self.send(goals)
+            raise DeviceError(", ".join(new), why, "check its supply and cable")
         except DeviceLostError:
             raise
         except DeviceError:
-            if goals:
+            if limp:
                 with self._reaching():
-                    self.power(new, False)
+                    self.power(limp, False)
             raise
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
@@ -145,7 +158,9 @@ class PolledBus(ABC):
                 on = [axis for axis in axes if axis not in found or found[axis].powered]
                 if not on:
                     return
-                if rest is Rest.HOLD:  # nothing confirms a goal, so it is repeated
+                if rest is Rest.HOLD:  # where nothing confirms a goal, it is repeated
+                    if goals and all(_has_goal(found.get(a), goal, False) for a, goal in goals.items()):
+                        return
                     goals |= {a: found[a].value for a in on if a in found and a not in goals}
                 with self._reaching():
                     if rest is Rest.HOLD:
@@ -228,3 +243,10 @@ class PolledBus(ABC):
             raise DeviceError(axis, "does not answer", "check its cable")
         if axis in self._latched:
             raise DeviceError(axis, self._latched[axis], "clear the fault first")
+
+
+def _has_goal(reading: Reading | None, goal: float, unreported: bool = True) -> bool:
+    """Whether a device confirms a goal; ``unreported`` for one that does not report it."""
+    if reading is None or reading.goal is None:
+        return unreported
+    return math.isclose(reading.goal, goal, rel_tol=1e-9, abs_tol=1e-9)

@@ -56,8 +56,15 @@ class Facts:
 class BusUnderTest(Protocol):
     """A bus and the powers a test needs over the world behind it."""
 
-    bus: Bus
-    facts: Facts
+    @property
+    def bus(self) -> Bus:
+        """The bus."""
+        ...
+
+    @property
+    def facts(self) -> Facts:
+        """What is true of its devices."""
+        ...
 
     def pump(self, seconds: float, commands: Mapping[str, float] | None = None) -> Mapping[str, Sample]:
         """Exchange at the bus's usual rate for that long, at least once; the last answer comes back."""

@@ -13,8 +13,7 @@ from contid_feetech import FeetechAxisOptions, FeetechOptions
 from contid_feetech.wire import BROADCAST, ERRORS, READ, SYNC_READ, SYNC_WRITE, Answer, packet, signed, take
 
 MODEL, MODE, TORQUE, GOAL = 3, 33, 40, 42
-#: First register and number of bytes: examined at opening, and read in every exchange.
-SETTINGS, STATE = (MODEL, 31), (TORQUE, 31)
+SETTINGS, STATE = (MODEL, 31), (TORQUE, 31)  # first register and size: at opening, in an exchange
 #: Series by the major version of a servo (register 3): SCS0009 5, SM8512 8, STS3215 and STS3250 9.
 SERIES: Final = {5: "scs", 8: "sts", 9: "sts"}
 STEPS_PER_RAD: Final = {"sts": 4096 / math.tau, "scs": 1024 / math.radians(300)}
@@ -65,7 +64,8 @@ class FeetechBus(SerialBus):
         effort = number(data, 29) * CURRENT_A if self._sts else None
         bits = [bit for bit in range(8) if answer.error >> bit & 1]
         fault = ", ".join(ERRORS.get(bit, f"error bit {bit}") for bit in bits)
-        return Reading(value, data[0] != 0, fault, velocity, effort, float(data[23]), data[22] / 10)
+        goal = number(data, GOAL - TORQUE) / self._scale
+        return Reading(value, data[0] != 0, fault, goal, velocity, effort, float(data[23]), data[22] / 10)
 
     def send(self, goals: Mapping[str, float]) -> None:
         blocks = {}
@@ -74,9 +74,9 @@ class FeetechBus(SerialBus):
             if not (-0x7FFF if self._sts else 0) <= goal <= 0x7FFF:
                 raise DeviceError(axis, f"step {goal} is beyond what a servo can be sent")
             speed = round(math.radians(options.speed_deg_s) * self._scale)
-            words = [goal if goal >= 0 else 0x8000 - goal, 0, speed]  # goal, time, speed
+            numbers = [goal if goal >= 0 else 0x8000 - goal, 0, speed]  # goal, time, speed
             acceleration = bytes([options.acceleration]) if self._sts else b""
-            blocks[axis] = acceleration + b"".join(word.to_bytes(2, self._order) for word in words)
+            blocks[axis] = acceleration + b"".join(each.to_bytes(2, self._order) for each in numbers)
         self._write(GOAL - self._sts, blocks)
 
     def power(self, axes: Collection[str], on: bool) -> None:

@@ -1,6 +1,6 @@
 """Packets of Feetech's protocol: ``FF FF ID LENGTH INSTRUCTION DATA.. CHECKSUM``.
 
-Answers have an error byte in the place of the instruction. Words are little-endian in STS and SMS servos,
+Answers have an error byte in the place of the instruction. Numbers are little-endian in STS and SMS servos,
 big-endian in SCS servos; a sign is bit 15 beside a magnitude.
 Source: FT-SCS protocol manual; registers: FT-SMS-STS and FT-SCSCL manuals; the vendor's Python SDK.
 """
