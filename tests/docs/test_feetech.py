@@ -101,6 +101,14 @@ def test_check_names_the_missing_watchdog(folder: Path) -> None:
     assert "id 1 on bus 'servos' already belongs to" in output(folder, "contid", "check", "bad.yaml", code=2)
 
 
+def test_a_driver_that_cannot_be_imported_is_named_with_its_place(folder: Path) -> None:
+    points = folder / "site" / "contid_feetech-1.0.dist-info" / "entry_points.txt"
+    points.write_text(points.read_text().replace("contid_feetech:", "contid_feetech_gone:"))
+    report = output(folder, "contid", "check", "arm.yaml", code=2)
+    assert "arm.yaml:8:13: driver 'feetech' cannot be imported from contid_feetech_gone:DRIVER" in report
+    assert "No module named 'contid_feetech_gone'; install its package again" in report
+
+
 @pytest.mark.realtime
 def test_the_arm_follows_a_circle_on_emulated_servos(folder: Path, servos: dict[int, Servo]) -> None:
     assert "50 of 50 answers" in output(folder, "contid", "doctor", "arm.yaml")
