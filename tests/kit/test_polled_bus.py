@@ -24,11 +24,11 @@ class Device:
     powered: bool = False
     fault: str = ""
     silent: bool = False
-    deaf: int = 0  # so many orders are lost
-    tells: bool = True  # its goal
+    deaf: int = 0  # orders that are lost before one arrives
+    reports: bool = True  # its goal
     lost_power: bool = False  # power that is switched on drops out again
 
-    def hears(self) -> bool:
+    def receives(self) -> bool:
         self.deaf -= 1
         return self.deaf < 0
 
@@ -66,7 +66,7 @@ class ScriptedBus(PolledBus):
         for device in self.devices.values():
             device.settle()
         return {
-            name: Reading(each.value, each.powered, each.fault, each.goal if each.tells else None)
+            name: Reading(each.value, each.powered, each.fault, each.goal if each.reports else None)
             for name, each in self.devices.items()
             if not each.silent
         }
@@ -74,13 +74,13 @@ class ScriptedBus(PolledBus):
     def send(self, goals: Mapping[str, float]) -> None:
         self.sent.append(f"goals {dict(goals)}")
         for name, goal in goals.items():
-            if self.devices[name].hears():
+            if self.devices[name].receives():
                 self.devices[name].goal = goal
 
     def power(self, axes: Collection[str], on: bool) -> None:
         self.sent.append(f"power {sorted(axes)} {on}")
         for name in axes:
-            if self.devices[name].hears():
+            if self.devices[name].receives():
                 self.devices[name].powered = on
 
 
@@ -114,7 +114,7 @@ def test_a_device_that_never_takes_its_goal_gets_no_power(bus: ScriptedBus) -> N
 
 
 def test_a_device_that_reports_no_goal_is_powered_after_one_was_sent(bus: ScriptedBus) -> None:
-    bus.devices["a"].tells = False
+    bus.devices["a"].reports = False
     bus.enable(["a"])
     assert bus.sent == ["goals {'a': 1.0}", "power ['a'] True"]
     bus.disable(["a"], Rest.HOLD)
