@@ -53,7 +53,7 @@ def servos(folder: Path) -> Iterator[dict[int, Servo]]:
         yield made.servos
 
 
-def start(folder: Path, *message: str) -> subprocess.Popen[str]:
+def start(folder: Path, *message: str, stdin: int = subprocess.DEVNULL) -> subprocess.Popen[str]:
     path = [folder / "site", FEETECH, ROOT, ROOT / "drivers"]
     return subprocess.Popen(
         [sys.executable, "-m", *message],
@@ -64,7 +64,7 @@ def start(folder: Path, *message: str) -> subprocess.Popen[str]:
             "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",  # plain pytest
             "XDG_RUNTIME_DIR": str(folder),
         },
-        stdin=subprocess.PIPE,
+        stdin=stdin,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -132,7 +132,7 @@ def test_a_killed_control_process_leaves_no_servo_under_torque(
     folder: Path, servos: dict[int, Servo]
 ) -> None:
     """Servos have no watchdog: the process of the bus applies on_host_loss."""
-    with start(folder, "contid", "run", "arm.yaml", "--on-end", "hold") as daemon:
+    with start(folder, "contid", "run", "arm.yaml", "--on-end", "hold", stdin=subprocess.PIPE) as daemon:
         assert daemon.stdin is not None
         daemon.stdin.write("t_s,s1.l1_mm,s1.l2_mm,s1.l3_mm\n0,160,150,150\n")
         daemon.stdin.flush()
