@@ -133,18 +133,21 @@ def test_a_killed_control_process_leaves_no_servo_under_torque(
 ) -> None:
     """Servos have no watchdog: the process of the bus applies on_host_loss."""
     with start(folder, "contid", "run", "arm.yaml", "--on-end", "hold", stdin=subprocess.PIPE) as daemon:
-        assert daemon.stdin is not None
-        daemon.stdin.write("t_s,s1.l1_mm,s1.l2_mm,s1.l3_mm\n0,160,150,150\n")
-        daemon.stdin.flush()
-        until = time.monotonic() + 20.0
-        while {servo.memory[40] for servo in servos.values()} != {1} and time.monotonic() < until:
-            time.sleep(0.02)
-        assert {servo.memory[40] for servo in servos.values()} == {1}
-        children = psutil.Process(daemon.pid).children()
-        (control,) = (each for each in children if "contid.control.process" in each.cmdline())
-        os.kill(control.pid, signal.SIGKILL)
-        until = time.monotonic() + 2.0
-        while any(servo.memory[40] for servo in servos.values()) and time.monotonic() < until:
-            time.sleep(0.01)
-        assert not any(servo.memory[40] for servo in servos.values())
-        daemon.communicate(timeout=20)
+        try:
+            assert daemon.stdin is not None
+            daemon.stdin.write("t_s,s1.l1_mm,s1.l2_mm,s1.l3_mm\n0,160,150,150\n")
+            daemon.stdin.flush()
+            until = time.monotonic() + 20.0
+            while {servo.memory[40] for servo in servos.values()} != {1} and time.monotonic() < until:
+                time.sleep(0.02)
+            assert {servo.memory[40] for servo in servos.values()} == {1}
+            children = psutil.Process(daemon.pid).children()
+            (control,) = (each for each in children if "contid.control.process" in each.cmdline())
+            os.kill(control.pid, signal.SIGKILL)
+            until = time.monotonic() + 2.0
+            while any(servo.memory[40] for servo in servos.values()) and time.monotonic() < until:
+                time.sleep(0.01)
+            assert not any(servo.memory[40] for servo in servos.values())
+            daemon.communicate(timeout=20)
+        finally:
+            daemon.kill()  # it holds, whatever its input does
