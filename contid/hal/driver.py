@@ -47,7 +47,7 @@ class Driver(Protocol):
 
 
 class UnknownDriverError(ContidError):
-    """The robot file names a driver that is not installed."""
+    """The robot file names a driver that is not installed, or cannot be imported."""
 
 
 def driver_names() -> tuple[str, ...]:
@@ -60,7 +60,7 @@ def load_driver(name: str) -> Driver:
     """Import a driver by name.
 
     Raises:
-        UnknownDriverError: no such driver.
+        UnknownDriverError: no such driver, or one that cannot be imported.
     """
     if name in BUILT_IN:
         point = EntryPoint(name, BUILT_IN[name], ENTRY_POINT_GROUP)
@@ -69,5 +69,9 @@ def load_driver(name: str) -> Driver:
         if not found:
             raise UnknownDriverError(f"unknown driver {name!r}; available: {', '.join(driver_names())}")
         point = found[0]
-    driver: Driver = point.load()
+    try:
+        driver: Driver = point.load()
+    except Exception as error:
+        why = f"driver {name!r} cannot be imported from {point.value}: {type(error).__name__}: {error}"
+        raise UnknownDriverError(f"{why}; install its package again, or remove it") from error
     return driver

@@ -115,9 +115,11 @@ class Loader:
             return None
         try:
             self.drivers[name] = driver = load_driver(common.driver)
-        except UnknownDriverError:
+        except UnknownDriverError as error:
             allowed = allowed_names(driver_names(), common.driver)
-            message = f"driver: {shown(common.driver)} is not installed; {allowed}"
+            broken = common.driver in driver_names()  # installed, and its import failed
+            missing = f"driver: {shown(common.driver)} is not installed; {allowed}"
+            message = str(error) if broken else missing
             self.findings.append(self.document.at_value((*at, "driver"), message))
             return None
         options = self._validated(driver.bus_options, _driver_keys(raw, BUS_KEYS), at, BUS_KEYS)

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import math
-from typing import TypedDict
+from typing import Final, TypedDict
 
 from contid.hal import load_driver
 from contid.robot_file.base import ShapeKind
 from contid.robot_file.chain import Chain
-from contid.robot_file.document import BusWiring
+from contid.robot_file.document import BusWiring, Isolation
 from contid.robot_file.gravity import weight_line
 from contid.robot_file.load import LoadedFile
 from contid.robot_file.robot import RobotDescription
-from contid.robot_file.tick_rate import exchange_time, highest_rate_hz, rate_finding
+from contid.robot_file.tick_rate import exchange_time, highest_rate_hz, rate_finding, watchdog_s
+
+_ON: Final = "they go on to their last goal: give them a relay that drops out"
+#: What follows from devices without a watchdog.
+_UNWATCHED: Final = {
+    Isolation.PROCESS: "its devices have no watchdog: if contid crashes, the process of the bus applies "
+    f"stop.on_host_loss, but if the computer fails {_ON}",
+    Isolation.THREAD: f"its devices have no watchdog: if contid crashes or the computer fails {_ON}",
+}
 
 
 class AxisReport(TypedDict):
@@ -68,7 +76,10 @@ class RobotReport(TypedDict):
 
 
 class BusReport(TypedDict):
-    """One bus; ``highest_rate_hz`` is None where its driver does not compute it."""
+    """One bus; ``highest_rate_hz`` is None where its driver does not compute it.
+
+    ``unwatched`` is what follows from devices without a watchdog, "" where they have one.
+    """
 
     name: str
     driver: str
@@ -77,6 +88,7 @@ class BusReport(TypedDict):
     tolerance_ticks: int
     highest_rate_hz: float | None
     exchange: str
+    unwatched: str
 
 
 class FileReport(TypedDict):
@@ -183,6 +195,7 @@ def _bus(bus: BusWiring, rate_hz: float) -> BusReport:
         "tolerance_ticks": bus.tolerance_ticks,
         "highest_rate_hz": None if time is None else highest_rate_hz(time),
         "exchange": "; ".join(filter(None, (finding.message, finding.remedy))) if finding else "",
+        "unwatched": "" if watchdog_s(bus) else _UNWATCHED[bus.isolation],
     }
 
 

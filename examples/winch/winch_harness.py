@@ -1,7 +1,7 @@
 """The winch driver under contid's contract: the emulated box on this machine's own network, in real time.
 
 From a checkout of contid, with this folder on PYTHONPATH:
-``CONTID_HARNESS=winch_harness:winch python -m pytest tests/contract -k winch_harness``.
+``python -m pytest tests/contract -k winch``.
 """
 
 from __future__ import annotations
@@ -10,19 +10,18 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from contid.control.engine.cycle import RealClock
 from contid.hal import AxisOnBus, DeviceKind, Rest
+from contid.testing import Facts, RealClock, RealTimeRig
 from contid_winch import AxisOptions, BusOptions
 from contid_winch.bus import WinchBus
 from contid_winch.emulator import Box, Drum
-from tests.contract.harness import Facts, RealTimeRig
 
 STEP = math.tau / 3200
 DRUMS = {"left.a": 1, "left.b": 4, "right.a": 5}
 
 
 class WinchRig(RealTimeRig):
-    """A `tests.contract.harness.BusUnderTest` of one emulated box."""
+    """A `contid.testing.BusUnderTest` of one emulated box."""
 
     def __init__(self, box: Box) -> None:
         self.facts = Facts(

@@ -10,12 +10,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from contid.control.engine.cycle import RealClock
 from contid.hal import AxisOnBus, DeviceKind, Rest
+from contid.testing import Facts, RealClock, RealTimeRig
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
-from tests.contract.harness import Facts, RealTimeRig
 
 COUNT = math.tau / 4776.0
 MOTORS = Facts(DeviceKind.MOTOR, 2 * COUNT, 12 * COUNT, 0.2, 60.0, 0.45, 0.2, 0.0, Rest.RELAX)
@@ -32,7 +31,7 @@ REGULATOR = {
 
 
 class DueRig(RealTimeRig):
-    """A `tests.contract.harness.BusUnderTest` of one emulated board."""
+    """A `contid.testing.BusUnderTest` of one emulated board."""
 
     def __init__(self, port: Path, facts: Facts, letter: str, axis_keys: Mapping[str, Any]) -> None:
         self.facts = facts

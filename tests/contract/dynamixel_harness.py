@@ -7,13 +7,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from contid.control.engine.cycle import RealClock
 from contid.hal import AxisOnBus, DeviceKind, Rest
+from contid.testing import Facts, RealClock, RealTimeRig
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
-from tests.contract.harness import Facts, RealTimeRig
 
 AXES = ("left.a", "left.b", "right.a")
 STEP = reg.RAD_PER_TICK
@@ -21,7 +20,7 @@ OVERLOAD = 0x20
 
 
 class DynamixelRig(RealTimeRig):
-    """A `tests.contract.harness.BusUnderTest` of emulated servos."""
+    """A `contid.testing.BusUnderTest` of emulated servos."""
 
     def __init__(self, port: Path) -> None:
         self.facts = Facts(DeviceKind.SERVO, STEP, 3 * STEP, 0.5, 30.0, 0.3, 0.2, 0.0, Rest.HOLD)

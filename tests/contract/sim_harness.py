@@ -8,22 +8,22 @@ from contextlib import contextmanager
 
 from contid.control.engine.cycle import VirtualClock
 from contid.hal import AxisOnBus, DeviceKind, Rest, Sample, load_driver
+from contid.testing import TICK_S, Facts
 from contid_drivers.sim.bus import SimBus
 from contid_drivers.sim.options import FaultKind, SimAxisOptions, SimBusOptions
-from tests.contract.harness import TICK_S, Facts
 from tests.support.sim_faults import advance, heal, inject
 
 AXES = ("left.a", "left.b", "right.a")
 
 
 class SimRig:
-    """A `tests.contract.harness.BusUnderTest` of simulated devices."""
+    """A `contid.testing.BusUnderTest` of simulated devices."""
 
     def __init__(self, options: SimAxisOptions, facts: Facts) -> None:
         self.facts = facts
         self.clock = VirtualClock(100.0)
         axes = [AxisOnBus(name, options) for name in AXES]
-        bus_options = SimBusOptions(seed=1, watchdog_ms=facts.watchdog_s * 1e3)
+        bus_options = SimBusOptions(seed=1, watchdog_ms=facts.silence_s * 1e3)
         bus = load_driver("sim").open_bus("bus", bus_options, axes, self.clock)
         assert isinstance(bus, SimBus)
         self.bus = bus

@@ -71,6 +71,8 @@ def print_report(report: FileReport, columns: Mapping[str, Mapping[str, Sequence
     for bus in report["buses"]:
         if bus["exchange"]:
             echo(f"  {bus['name']}: {bus['exchange']}")
+        if bus["unwatched"]:
+            echo(f"  {bus['name']}: {bus['unwatched']}")
 
 
 def _placeholders(robot: RobotReport, echo: Callable[[str], None]) -> None:

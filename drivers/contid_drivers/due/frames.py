@@ -14,7 +14,7 @@ from typing import Final
 
 from cobs import cobs
 
-from contid_drivers.locked_port import PORT_ERRORS, LockedPort
+from contid.kit.locked_port import PORT_ERRORS, LockedPort
 
 #: Exact on both chips of the programming port; the native port ignores it.
 BAUD: Final = 250_000

@@ -2,7 +2,7 @@
 
 A board counts from ``power_up_deg`` after every start, by the rule that motors without homing are parked when
 its power is off. The host remembers the id of its chip, its start and where the motors stood when the bus was
-closed (`contid_drivers.remembered`): after another start the rule is used for motors that stood there only.
+closed (`contid.kit.remembered`): after another start the rule is used for motors that stood there only.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from dataclasses import replace
 from typing import Final
 
 from contid.errors import DeviceNotFoundError
+from contid.kit.remembered import BusMemory, accept_remedy
 from contid_drivers.due.axis import BoardAxis
 from contid_drivers.due.messages import Hello
-from contid_drivers.remembered import BusMemory, accept_remedy
 
 #: A motor closer than this to its ``power_up_deg`` was parked: play and spring-back of a gear.
 PARKED_RAD: Final = math.radians(10.0)

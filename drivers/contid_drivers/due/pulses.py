@@ -10,12 +10,12 @@ from typing import Final
 from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, DeviceKind, Rest
 from contid.hal.pulses import DriveFacts, EncoderAnswer, ProvenDevice, PulseAnswer
+from contid.kit.clock import MonotonicClock
 from contid_drivers import defer_signals
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.codes import CURRENT_SENSE, DUTY_FULL, PULSE_DUTY, TRACE_MS, Reason, Refusal
 from contid_drivers.due.messages import EncoderMotion, Hello, PulseTrace
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
-from contid_drivers.due.service import Monotonic
 from contid_drivers.due.session import PulseRefusedError
 from contid_drivers.due.wiring import axis_options
 
@@ -105,7 +105,7 @@ class DuePulsedBus:
 @contextmanager
 def pulsed_bus(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> Iterator[DuePulsedBus]:
     """Open a board for pulses; latched faults are cleared, and every motor is without power on exit."""
-    bus = DueBus(name, options, axes, Monotonic())
+    bus = DueBus(name, options, axes, MonotonicClock())
     try:
         bus.open()
         bus.disable(bus.axes, Rest.RELAX)

@@ -11,26 +11,20 @@ from typing import Final
 
 from contid.errors import ContidError, DeviceError
 from contid.hal import AxisOnBus, Finding, FoundDevice, Homed, Report, Rest
-from contid_drivers import defer_signals
+from contid.kit.clock import MonotonicClock
+from contid.kit.remembered import memory_of
+from contid.kit.serial_ports import find_port, port_name, usb_ports
+from contid.kit.signals import defer_signals
 from contid_drivers.due import identity
 from contid_drivers.due.bus import SILENCE_S, DueBus
 from contid_drivers.due.codes import Reason
 from contid_drivers.due.options import DueBusOptions, Role
 from contid_drivers.due.session import ask_hello
 from contid_drivers.due.wiring import axis_options
-from contid_drivers.remembered import memory_of
-from contid_drivers.serial_ports import find_port, port_name, usb_ports
 
 #: Exchanges timed by the doctor.
 _EXCHANGES = 50
 _TICK_S = 0.005
-
-
-class Monotonic:
-    """The host's monotonic clock."""
-
-    now = staticmethod(time.monotonic)
-    sleep = staticmethod(time.sleep)
 
 
 def doctor(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> list[Finding]:
@@ -42,7 +36,7 @@ def doctor(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> list
         return [Finding(f"{name} port", False, str(error), remedy)]
     findings = [Finding(f"{name} port", True, f"{path} -> {Path(path).resolve()}")]
     findings += port_name(name, options.port, path)
-    with closing(DueBus(name, options, axes, Monotonic())) as bus:
+    with closing(DueBus(name, options, axes, MonotonicClock())) as bus:
         try:
             bus.open()
             hello = bus.hello
@@ -120,7 +114,7 @@ def home(
             raise DeviceError(
                 f"{name}: {axis}", "it has no homing", "add homing: {direction: ...} to the axis"
             )
-    with closing(DueBus(name, options, axes, Monotonic())) as bus:
+    with closing(DueBus(name, options, axes, MonotonicClock())) as bus:
         bus.open()
         try:
             bus.clear_fault(only)
@@ -143,7 +137,7 @@ def park(
             raise DeviceError(
                 f"{name}: {axis}", "it has homing and is not parked", f"contid home FILE {axis}"
             )
-    with closing(DueBus(name, options, axes, Monotonic())) as bus:
+    with closing(DueBus(name, options, axes, MonotonicClock())) as bus:
         bus.open()
         bus.park(only)
         samples = bus.exchange({})

@@ -9,14 +9,14 @@ from typing import Final
 
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus, DeviceKind
+from contid.kit.remembered import memory_of
+from contid.kit.serial_ports import find_port
 from contid_drivers.due import identity, messages
 from contid_drivers.due.codes import CURRENT_SENSE, PORTS, PROTOCOL_VERSION, Refusal, Type
 from contid_drivers.due.frames import DuePort, crc16
 from contid_drivers.due.messages import Answer, Configured, Hello, PulseTrace, Refused, Telemetry
 from contid_drivers.due.options import Bridge, DueBusOptions
 from contid_drivers.due.wiring import Adc, axis_options, board_config, config_body
-from contid_drivers.remembered import memory_of
-from contid_drivers.serial_ports import find_port
 
 #: Bound of the drift of two crystals against each other, with their temperature (30 to 50 ppm each).
 DRIFT: Final = 100e-6

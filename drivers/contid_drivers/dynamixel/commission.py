@@ -14,13 +14,13 @@ from typing import Any, Final
 from dynamixel_sdk import COMM_RX_CORRUPT, COMM_RX_TIMEOUT, COMM_SUCCESS, PacketHandler, PortHandler
 
 from contid.errors import DeviceError
+from contid.kit.serial_ports import find_port
 from contid_drivers.dynamixel import duplicates
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.client import REBOOT_S, TRIES, Identity
 from contid_drivers.dynamixel.packets import ALERT
 from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.dynamixel.registers import Register
-from contid_drivers.serial_ports import find_port
 
 #: Option of FACTORY RESET.
 KEEP_ID_AND_BAUD: Final = 2

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Collection, Sequence
-from pathlib import Path
 from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Finding
+from contid.kit.port_checks import owner, port_findings
+from contid.kit.remembered import accept_remedy, memory_of
+from contid.kit.serial_ports import find_port
 from contid_drivers.dynamixel import arming, duplicates
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
@@ -23,8 +24,6 @@ from contid_drivers.dynamixel.grip import read_own_limit
 from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.port import ServoPort
-from contid_drivers.remembered import accept_remedy, memory_of
-from contid_drivers.serial_ports import find_port, holders, port_name
 
 HOT_C: Final = 60
 #: Exchanges with all servos in a row, and the time after which there are enough of them.
@@ -39,15 +38,13 @@ def examine(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus]) 
         path = find_port(name, options.port)
     except DeviceError as error:
         return [Finding(f"{name} port", False, error.message, error.remedy)]
-    findings = [*port_name(name, options.port, path), _permission(name, path), _latency(name, path)]
+    findings = port_findings(name, options.port, path, _UDEV)
     try:
         port = ServoPort(name, path, options.baud, max(options.usb_latency_ms, 20.0) / 1e3)
     except DeviceError as error:
         return [*findings, Finding(f"{name} port", False, error.message, error.remedy)]
     try:
-        others = holders(path)
-        owner = f"locked for contid; also open in {', '.join(others)}" if others else "no other process"
-        findings.append(Finding(f"{name} owner", True, owner))
+        findings.append(owner(name, path))
         client = ServoClient(name, port)
         for axis in axes:
             findings += _servo(client, Axis.of(axis, options), options)
@@ -60,27 +57,6 @@ def examine(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus]) 
     finally:
         port.close()
     return findings
-
-
-def _permission(name: str, path: str) -> Finding:
-    good = os.access(path, os.R_OK | os.W_OK)
-    return Finding(
-        f"{name} permission",
-        good,
-        f"{path} is {'readable and writable' if good else 'not accessible to this user'}",
-        "" if good else _UDEV,
-    )
-
-
-def _latency(name: str, path: str) -> Finding:
-    timer = Path("/sys/class/tty") / Path(path).resolve().name / "device" / "latency_timer"
-    subject = f"{name} latency timer"
-    try:
-        value = int(timer.read_text())
-    except (OSError, ValueError):
-        return Finding(subject, True, "none on this adapter")
-    remedy = "" if value <= 1 else f"{_UDEV}; now: echo 1 | sudo tee {timer}"
-    return Finding(subject, value <= 1, f"{value} ms of delay per read; 1 is right", remedy)
 
 
 def _servo(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> list[Finding]:

@@ -17,6 +17,8 @@ from typing import Final
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Homed, Report
 from contid.hal.homing import BACKOFF_MIN_DEG
+from contid.kit.remembered import memory_of
+from contid.kit.serial_ports import find_port
 from contid_drivers.dynamixel import arming, search, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
@@ -26,8 +28,6 @@ from contid_drivers.dynamixel.link import handshake
 from contid_drivers.dynamixel.options import DynamixelBusOptions, HardStop, SingleTurn, Tensioning
 from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.dynamixel.tensioning import tension
-from contid_drivers.remembered import memory_of
-from contid_drivers.serial_ports import find_port
 
 POLL_S: Final = 0.01
 #: Standing still for this time, with this share of the current.

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
+from contid.kit.remembered import memory_of
+from contid.kit.serial_ports import UsbIdentity, find_port, identity_of
 from contid_drivers.dynamixel import duplicates, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
@@ -22,8 +24,6 @@ from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.packets import sync_write
 from contid_drivers.dynamixel.port import ServoPort
-from contid_drivers.remembered import memory_of
-from contid_drivers.serial_ports import UsbIdentity, find_port, identity_of
 
 log = logging.getLogger(__name__)
 

@@ -15,10 +15,10 @@ from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import FoundDevice, Report
+from contid.kit.serial_ports import usb_ports
 from contid_drivers.dynamixel.commission import sdk_bus
 from contid_drivers.dynamixel.models import PROTOCOL_1_NUMBERS, model_name
 from contid_drivers.dynamixel.port import ServoPort
-from contid_drivers.serial_ports import usb_ports
 
 USUAL_BAUDS: Final = (1000000, 57600)
 OTHER_BAUDS: Final = (2000000, 4000000, 3000000, 115200, 9600)

@@ -13,6 +13,8 @@ from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, FoundDevice, Report
+from contid.kit.remembered import memory_of
+from contid.kit.serial_ports import find_port
 from contid_drivers.dynamixel import commission
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
@@ -22,8 +24,6 @@ from contid_drivers.dynamixel.link import handshake
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.dynamixel.scan import OTHER_BAUDS, scan
-from contid_drivers.remembered import memory_of
-from contid_drivers.serial_ports import find_port
 
 #: A shaft was turned by hand; the other one of its body hardly moves.
 TURNED_TICKS: Final = 200

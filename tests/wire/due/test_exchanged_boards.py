@@ -6,7 +6,7 @@ import pytest
 
 from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError, DeviceNotFoundError
-from contid_drivers import remembered
+from contid.kit import remembered
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.options import DueBusOptions, Role
 from contid_drivers.due.service import accept, park

@@ -13,7 +13,7 @@ import pytest
 from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError, DeviceNotFoundError
 from contid.hal import AxisOnBus, Rest
-from contid_drivers import remembered
+from contid.kit import remembered
 from contid_drivers.dynamixel import DRIVER
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus

@@ -11,7 +11,7 @@ import pytest
 
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import Rest
-from contid_drivers import serial_ports
+from contid.kit import serial_ports
 from contid_drivers.dynamixel import registers as reg
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from pydantic import BaseModel
 
 from contid.control.engine.wiring import WiredBus, device_response, simulated_bodies, wired_buses
-from contid.hal import AxisOnBus, Bus, Clock, SimulatesBodies, load_driver
+from contid.control.tick.supervisor import REST_OF
+from contid.hal import AxisOnBus, Bus, Clock, Rest, SimulatesBodies, load_driver
 from contid.hal.isolated import IsolatedAxisOptions, IsolatedBusOptions
 from contid.robot_file.document import Isolation
 from contid.robot_file.load import LoadedFile
@@ -25,6 +26,7 @@ class BusBody:
         options: of the bus.
         axes: on it.
         bodies: robots whose bodies a simulated bus computes, by name.
+        rests: what axes without a watchdog do when the control process dies, by axis.
     """
 
     name: str
@@ -32,6 +34,7 @@ class BusBody:
     options: BaseModel
     axes: tuple[AxisOnBus, ...]
     bodies: dict[str, BaseModel]
+    rests: dict[str, Rest]
 
     def build(self, clock: Clock) -> Bus:
         """The bus; imports its driver and accesses no device."""
@@ -64,4 +67,9 @@ def _body(loaded: LoadedFile, bus: WiredBus) -> BusBody:
     bodies = {
         name: robot for name, robot, carriers in simulated_bodies(loaded) if carriers == {bus.wiring.name}
     }
-    return BusBody(bus.wiring.name, bus.wiring.driver, bus.wiring.options, bus.axes, bodies)
+    rests = {}
+    if not watchdog_s(bus.wiring):
+        for axis in bus.axes:
+            robot = loaded.file.robots[axis.name.partition(".")[0]]
+            rests[axis.name] = REST_OF[robot.stop.on_host_loss]
+    return BusBody(bus.wiring.name, bus.wiring.driver, bus.wiring.options, bus.axes, bodies, rests)

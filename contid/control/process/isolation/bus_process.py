@@ -22,7 +22,7 @@ from contid.control.process.isolation.output import PipeHandler
 from contid.control.process.isolation.wire import HEAD, LONGEST, LONGEST_TEXT, BusRequest, BusWire
 from contid.control.process.realtime import PRIORITY
 from contid.errors import ContidError
-from contid.hal import Bus, CountsAnswers, LimitsEffort, MeasuresTips
+from contid.hal import Bus, CountsAnswers, LimitsEffort, MeasuresTips, Rest
 
 #: Longest time that a driver may compute at real-time priority without a pause [us]; the kernel then ends it.
 LONGEST_RUN_US: Final = 500_000
@@ -43,12 +43,13 @@ class BusProcess:
         self._packed = body
         self._bus: Bus | None = None
         self._wire: BusWire | None = None
+        self._rests: dict[str, Rest] = {}
         self._hurried = False
         self._ran_s = self._looked_s = 0.0
         self._pid = os.getpid()
 
     def serve(self) -> None:
-        """Answer requests until the control process closes its end."""
+        """Answer requests until the control process closes the bus, or dies."""
         while message := self._connection.recv(LONGEST):
             if os.getpid() != self._pid:  # a copy of the process that the driver made must not use the bus
                 os._exit(0)
@@ -61,6 +62,15 @@ class BusProcess:
             self._look()
             if kind == BusRequest.CLOSE:
                 return
+        self._rest()
+
+    def _rest(self) -> None:
+        """The control process died, and no watchdog of a device stops what it moved."""
+        for rest in set(self._rests.values()):
+            axes = [axis for axis, own in self._rests.items() if own is rest]
+            with suppress(Exception):
+                if self._bus is not None:
+                    self._bus.disable(axes, rest)
 
     def _answer(self, kind: int, number: int, body: bytes) -> bytes:
         match BusRequest(kind):
@@ -99,6 +109,7 @@ class BusProcess:
             body: BusBody = pickle.loads(self._packed)
             self._bus = body.build(RealClock())
             self._wire = BusWire([axis.name for axis in body.axes])
+            self._rests = body.rests
         return self._bus
 
     def _open(self) -> dict[str, Any]:

@@ -29,6 +29,8 @@ PIECE: Final = 1 << 14
 PAUSE_S: Final = 0.01
 #: Priority under SCHED_FIFO: above the processes that a driver may start, below every bus.
 PRIORITY: Final = 1
+#: Longest time that a bus process has at the end of the control process, when it does not end by itself.
+REST_S: Final = 0.5
 #: Longest time to end what a driver has started; it may start more meanwhile.
 REAPED_S: Final = 1.0
 #: Options of prctl(2).
@@ -72,7 +74,15 @@ class Keeper:
                 if self._control in ready and not self._obey():
                     return
         finally:
+            self._leave_time()
             self._end()
+
+    def _leave_time(self) -> None:
+        """Time for the bus process to bring devices without a watchdog to rest; it sees the end as well."""
+        end_s = time.monotonic() + REST_S
+        with suppress(ChildProcessError):
+            while self._child and time.monotonic() < end_s and os.waitpid(self._child, os.WNOHANG)[0] == 0:
+                time.sleep(0.005)
 
     def _obey(self) -> bool:
         """Carry out an order; False when the control process is gone."""

@@ -3,7 +3,7 @@
 Servos have no serial number. The mark is in Min and Max Position Limit (52, 48), which act in position mode
 only (e-manual, register 11): 0 to 63, and 4095 to 4032, so that another program in that mode loses less than
 6 degrees at either end. A servo with other limits has no mark. The host remembers the marks by id
-(`contid_drivers.remembered`); a bus with other servos is refused before anything moves.
+(`contid.kit.remembered`); a bus with other servos is refused before anything moves.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from dataclasses import replace
 from typing import Final
 
 from contid.errors import DeviceError, DeviceNotFoundError
+from contid.kit.remembered import BusMemory, Remembered, accept_remedy
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import ServoClient
-from contid_drivers.remembered import BusMemory, Remembered, accept_remedy
 
 log = logging.getLogger(__name__)
 

@@ -17,10 +17,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-from contid_drivers.control_file import ControlFile
+from contid.kit.control_file import ControlFile
+from contid.kit.pseudo_port import PseudoPort
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator.faults import FaultSwitches, InjectedFault
-from contid_drivers.dynamixel.emulator.pseudo_port import PseudoPort
 from contid_drivers.dynamixel.emulator.replies import addressed, answers
 from contid_drivers.dynamixel.emulator.servo import Servo
 from contid_drivers.dynamixel.emulator.tendons import TendonPlant

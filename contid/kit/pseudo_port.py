@@ -1,8 +1,9 @@
-"""A pseudo terminal as the port of a bus: it can be unplugged, and has the rate that the host set."""
+"""A pseudo terminal as the port of an emulated bus: can be unplugged, and has the rate that the host set."""
 
 from __future__ import annotations
 
 import os
+import re
 import termios
 import tty
 from contextlib import suppress
@@ -10,9 +11,8 @@ from pathlib import Path
 from typing import Final
 
 from contid.errors import DeviceNotFoundError
-from contid_drivers.dynamixel import registers as reg
 
-_RATES: Final = {getattr(termios, f"B{rate}"): rate for rate in reg.BAUD_CODES.values()}
+_RATES: Final = {code: int(name[1:]) for name, code in vars(termios).items() if re.fullmatch(r"B\d+", name)}
 
 
 class PseudoPort:
@@ -22,7 +22,7 @@ class PseudoPort:
         link: its path, None for the pty's own name.
 
     Attributes:
-        descriptor: descriptor of the end of the servos, -1 while unplugged.
+        descriptor: descriptor of the end of the devices, -1 while unplugged.
     """
 
     def __init__(self, link: Path | str | None) -> None:
@@ -70,7 +70,7 @@ class PseudoPort:
             self._link.unlink(missing_ok=True)
 
     def rate(self) -> int:
-        """Baud rate set by the host, 0 for one that servos do not have."""
+        """Baud rate set by the host; 0 for one without a name in termios."""
         return _RATES.get(termios.tcgetattr(self.descriptor)[5], 0)
 
     def read(self) -> bytes:

@@ -8,7 +8,7 @@ import struct
 
 import pytest
 
-from contid_drivers.locked_port import lock_port, unlock_port
+from contid.kit.locked_port import lock_port, unlock_port
 
 TIOCGEXCL = 0x80045440
 

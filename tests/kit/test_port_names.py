@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from contid_drivers import serial_ports
+from contid.kit import serial_ports
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""A serial port with one owner, read with select against monotonic deadlines.
+"""A serial port with one owner: writes, and reads with select against monotonic deadlines.
 
 flock binds cooperating programs, TIOCEXCL every process but root's: a vendor's wizard or a terminal program
 takes no lock; it would read contid's answers and could write to moving devices.
@@ -18,8 +18,10 @@ from typing import Final
 import serial
 
 from contid.errors import DeviceLostError, DeviceNotFoundError
-from contid_drivers.serial_ports import holders
+from contid.kit.serial_ports import holders
 
+#: Longest wait for leftovers on the wire.
+DRAIN_S: Final = 0.01
 #: Errors of a missing or unplugged port, depending on the call; serial.SerialException is an OSError.
 PORT_ERRORS: Final = (OSError, ValueError, TypeError, termios.error)
 
@@ -45,14 +47,21 @@ class LockedPort:
         device: name in messages.
         path: path of the device.
         baud: rate [bit/s].
+        latency_s: allowance for the adapter.
+        echo: the adapter returns what is sent, as those of one-wire buses without a direction control do;
+            it is left out of what is received.
 
     Raises:
         DeviceNotFoundError: missing, not permitted, or in use by another process.
     """
 
-    def __init__(self, device: str, path: str, baud: int) -> None:
+    def __init__(
+        self, device: str, path: str, baud: int, latency_s: float = 0.0, *, echo: bool = False
+    ) -> None:
         self.device = device
         self.path = path
+        self.latency_s = latency_s
+        self._echo = bytearray() if echo else None
         #: Time of one byte with its start and stop bit.
         self.byte_s = 10 / baud
         try:
@@ -89,8 +98,50 @@ class LockedPort:
         self.close()
         return DeviceLostError(self.device, f"port {self.path} is gone: {error}", "plug it in again")
 
+    def flush(self) -> None:
+        """Discard received bytes: late or unexpected answers."""
+        if self._echo:
+            self._echo.clear()
+        try:
+            termios.tcflush(self.fd, termios.TCIFLUSH)
+        except PORT_ERRORS as error:
+            raise self.lost(error) from error
+
+    def drain(self) -> None:
+        """Wait for bytes under way and discard them, so that they answer no later request."""
+        time.sleep(min(self.latency_s, DRAIN_S))
+        self.flush()
+
+    def send(self, wire: bytes) -> float:
+        """Write; returns the time at which the last byte will have left [monotonic s]."""
+        try:
+            if os.write(self.fd, wire) != len(wire):
+                raise self.lost("its output buffer is full")
+        except PORT_ERRORS as error:
+            raise self.lost(error) from error
+        if self._echo is not None:
+            self._echo += wire
+        return time.monotonic() + len(wire) * self.byte_s
+
     def receive(self, deadline: float) -> bytes:
         """Received bytes, as soon as there are some; b"" after ``deadline`` [monotonic s]."""
+        while data := self._read(deadline):
+            if answer := self._without_echo(data):
+                return answer
+        return b""
+
+    def _without_echo(self, data: bytes) -> bytes:
+        """What is not the beginning of the echo that is due; a damaged echo is left in, as any noise."""
+        if not self._echo:
+            return data
+        size = min(len(data), len(self._echo))
+        if data[:size] != self._echo[:size]:
+            self._echo.clear()
+            return data
+        del self._echo[:size]
+        return data[size:]
+
+    def _read(self, deadline: float) -> bytes:
         try:
             wait = deadline - time.monotonic()
             ready, _, _ = select.select([self.fd], [], [], wait if wait > 0.0 else 0.0)
