@@ -7,7 +7,7 @@ import re
 import pytest
 from click.testing import CliRunner
 
-from studies.trunk_statics import main
+from studies.moving.trunk_statics import main
 from tests.support.shared_data import shared_data
 
 

@@ -11,7 +11,7 @@ from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, DeviceKind, Rest
 from contid.hal.pulses import DriveFacts, EncoderAnswer, ProvenDevice, PulseAnswer
 from contid.kit.clock import MonotonicClock
-from contid_drivers import defer_signals
+from contid.kit.signals import defer_signals
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.codes import CURRENT_SENSE, DUTY_FULL, PULSE_DUTY, TRACE_MS, Reason, Refusal
 from contid_drivers.due.messages import EncoderMotion, Hello, PulseTrace

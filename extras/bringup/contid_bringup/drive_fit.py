@@ -42,7 +42,7 @@ _LOWEST: Final = np.log([1e2, 2e-3, 2e-3])
 _HIGHEST: Final = np.log([1e8, 1.0, 0.2])
 
 
-class Estimate(NamedTuple):
+class MeanOfPulses(NamedTuple):
     """A number with its standard deviation."""
 
     value: float
@@ -65,10 +65,10 @@ class DriveFit(NamedTuple):
             number where they show neither of the two.
     """
 
-    friction: Estimate
-    no_load_deg_s: Estimate
-    time_constant_s: Estimate
-    push_deg_s2: Estimate
+    friction: MeanOfPulses
+    no_load_deg_s: MeanOfPulses
+    time_constant_s: MeanOfPulses
+    push_deg_s2: MeanOfPulses
 
 
 def measure(pulse: Pulse, found_duty: float) -> list[PulseAnswer]:
@@ -113,8 +113,8 @@ def fit_drive(answers: Sequence[PulseAnswer], facts: DriveFacts) -> DriveFit | N
     )
 
 
-def _estimate(values: _Values) -> Estimate:
-    return Estimate(float(values.mean()), float(values.std()))
+def _estimate(values: _Values) -> MeanOfPulses:
+    return MeanOfPulses(float(values.mean()), float(values.std()))
 
 
 class _Seen(NamedTuple):

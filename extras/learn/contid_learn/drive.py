@@ -31,7 +31,7 @@ _ended = threading.Event()
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class PolicyDrive:
     """A policy, the robots that it moves, and where it is to bring their tips."""
 
     policy: Policy
@@ -48,7 +48,7 @@ class Drive:
         return PolicyLoop(self.views, self.policy, self.goals, 1.0 / self.rate_hz, duration_s)
 
 
-def load_drive(robot_file: str, file: str, goal: str) -> Drive:
+def load_drive(robot_file: str, file: str, goal: str) -> PolicyDrive:
     """Read a policy for the robots of a file, and the text of its goal.
 
     Raises:
@@ -58,10 +58,10 @@ def load_drive(robot_file: str, file: str, goal: str) -> Drive:
     policy = Policy(file)
     views = views_of(Robot(robot_file), policy.about.rate_hz)
     fits(policy.about, PolicyAbout.of(views, policy.about.rate_hz, policy.about.task), file)
-    return Drive(policy, views, goals_of(views, columns))
+    return PolicyDrive(policy, views, goals_of(views, columns))
 
 
-def drive(socket: Path, driven: Drive, duration_s: float | None) -> None:
+def drive(socket: Path, driven: PolicyDrive, duration_s: float | None) -> None:
     """Drive until the time of the policy is over; raises what went wrong."""
     with _connected(socket) as client:
         client.resume()

@@ -44,7 +44,7 @@ def command(request: Calibration, held_out: TextIO | None, keep_out: float) -> N
     if robot.drives is not None:
         raise ContidError(
             f"{name}: drives: contid calibrate tendon fits robots with a motor per tendon; "
-            "studies/trunk_statics.py shows a fit of a robot with drives"
+            "studies/moving/trunk_statics.py shows a fit of a robot with drives"
         )
     training = _read(request.data, request.source, name)
     other = None if held_out is None else _read(held_out, held_out.name, name)

@@ -1,6 +1,6 @@
 """Delay, lag, swing and tip of real robots in motion, beside black boxes.
 
-``python -m studies.moving_recordings`` prints the tables.
+``python -m studies.moving.recordings`` prints the tables.
 
 Recordings: StanfordASL/trunk-stack (tendon trunk, 100 Hz) and ASU-RISE-Lab/4-chamber-softarm-control
 (pneumatic, 27 to 84 Hz), both MIT, repacked in ``../shared/data/moving``; its README has the columns.

@@ -1,6 +1,6 @@
 """Tip errors of static models of a real trunk with six motors and twelve tendons, from its motor angles.
 
-    python -m studies.trunk_statics FOLDER [--held-out FILE]
+    python -m studies.moving.trunk_statics FOLDER [--held-out FILE]
 
 FOLDER holds ``trunk-dynamic/random_a_0g.csv.gz``: 150 s of StanfordASL/trunk-stack at commit 8b4b923 (MIT,
 (c) 2024 Stanford Autonomous Systems Lab), repacked. The split: models are fitted to the first 60 % of the

@@ -1,0 +1,1 @@
+"""Studies of the recordings of real robots in motion."""
