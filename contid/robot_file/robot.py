@@ -40,6 +40,18 @@ class SectionLength(NamedTuple):
     changes: bool
 
 
+class TipSurface(NamedTuple):
+    """The surface on which the tip of an arm of one section stays.
+
+    Attributes:
+        length_m: of the section, which it keeps [m].
+        behind_m: rigid length from its end to the tip, along it [m].
+    """
+
+    length_m: float
+    behind_m: float
+
+
 class RobotDescription(Strict):
     """One robot of a file. Each model derives a class and adds geometry, limits and correction.
 
@@ -190,6 +202,11 @@ class RobotDescription(Strict):
     def section_lengths(self) -> tuple[SectionLength, ...]:
         """Of every section whose bend a target may state, from the base on."""
         return ()
+
+    @property
+    def tip_surface(self) -> TipSurface | None:
+        """The surface of the tip, where a target may state x and y alone; None for a robot without."""
+        return None
 
     @property
     def passive(self) -> bool:

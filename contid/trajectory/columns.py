@@ -24,6 +24,7 @@ from contid.trajectory.arc_columns import (
     section_columns,
 )
 from contid.trajectory.meaning import Meaning
+from contid.trajectory.surface_columns import SurfaceColumns, is_on_surface, surface_columns
 from contid.units import MM_PER_M
 
 TIME: Final = "t_s"
@@ -98,7 +99,7 @@ class RobotColumns:
     mid: tuple[int, ...] = ()
     load: tuple[int, ...] = ()
     actuation: tuple[int, ...] = ()
-    arcs: tuple[SectionColumns, ...] = ()
+    arcs: tuple[SectionColumns | SurfaceColumns, ...] = ()
     extra: tuple[tuple[str, int], ...] = ()
     measured: tuple[int, ...] = ()
     measured_direction: tuple[int, ...] = ()
@@ -311,9 +312,11 @@ def _gaps(
         places = {place for each, place in mine if each == group}
         members = {name: meaning for name, meaning in known.items() if meaning.group == group}
         given = [name for name, meaning in members.items() if meaning.place in places]
-        lacks = (
-            missing_arcs(description, places) if group == GROUP else [n for n in members if n not in given]
-        )
+        lacks = [name for name in members if name not in given]
+        if group == GROUP:
+            lacks = missing_arcs(description, places)
+        elif group == "tip" and is_on_surface(description, places):
+            lacks = []
         if lacks:
             missing = ", ".join(repr(prefix + name) for name in lacks)
             yield f"column {prefix + given[0]!r} needs {missing} beside it"
@@ -343,6 +346,9 @@ def _group(robot: str, description: RobotDescription, mine: Mapping[tuple[str, i
             extra = (*extra, (names[place], index))
         elif group != GROUP:
             groups[group] = (*groups.get(group, ()), index)
+    if is_on_surface(description, {place for group, place in mine if group == "tip"}):
+        on_surface = surface_columns(description, *groups.pop("tip"))
+        return RobotColumns(robot, extra=extra, arcs=(on_surface,), **groups)
     arcs = section_columns(
         description, {place: index for (group, place), index in mine.items() if group == GROUP}
     )

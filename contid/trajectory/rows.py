@@ -13,6 +13,7 @@ from contid.errors import BadInputError, Located
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Target
 from contid.trajectory.columns import MAX_FINDINGS, ColumnLayout, read_layout
+from contid.trajectory.surface_columns import BesideSurfaceError
 from contid.units import MAX_LINE
 
 #: Two million rows are almost three hours at 200 Hz.
@@ -151,7 +152,11 @@ class RowReader:
                 index = columns.x_axis[0]
                 message = f"the x axis at {layout.names[index]!r} is zero or parallel to the tip's direction"
                 raise BadInputError([Located(self.name, number, self.column(given, index), message)])
-            columns.resolve(row)
+            try:
+                columns.resolve(row)
+            except BesideSurfaceError as error:
+                at = self.column(given, columns.moving[0])
+                raise BadInputError([Located(self.name, number, at, str(error))]) from error
         return row
 
     def column(self, given: str | Sequence[float], index: int) -> int:

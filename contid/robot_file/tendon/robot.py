@@ -11,7 +11,7 @@ from pydantic import model_validator
 
 from contid.robot_file.base import Quantity
 from contid.robot_file.dynamics import Dynamics
-from contid.robot_file.robot import RobotDescription, SectionLength
+from contid.robot_file.robot import RobotDescription, SectionLength, TipSurface
 from contid.robot_file.simulated_body import SimulatedTendons
 from contid.robot_file.tendon.drives import Drive, check_drives, drive_matrix
 from contid.robot_file.tendon.sections import TendonRobotGeometry, TendonRobotLimits
@@ -199,6 +199,16 @@ class TendonRobot(RobotDescription):
         """Sections keep their length; none where loads bend them away from arcs."""
         lengths_mm = () if self.rod is not None else (each.length_mm for each in self.geometry.sections)
         return tuple(SectionLength(length_mm / MM_PER_M, changes=False) for length_mm in lengths_mm)
+
+    @property
+    def tip_surface(self) -> TipSurface | None:
+        """Of one section whose tip is on its axis; none where loads or a residual bring it elsewhere."""
+        beside = any(self.geometry.tip_offset_mm[:2])
+        if len(self.section_lengths) != 1 or beside or self.residual is not None:
+            return None
+        (section,) = self.geometry.sections
+        behind_mm = section.rigid_mm + self.geometry.tip_offset_mm[2]
+        return None if behind_mm < 0.0 else TipSurface(section.length_mm / MM_PER_M, behind_mm / MM_PER_M)
 
     @property
     def kinematics(self) -> str:
