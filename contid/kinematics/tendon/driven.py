@@ -67,7 +67,7 @@ class SharedPlanes:
     def excess(self, actuation: Actuation, /) -> list[float]:
         """By how much every limit is exceeded [m], negative inside; convex."""
         travel = np.array(actuation)
-        cones = np.linalg.norm(self._bends @ travel, axis=1) - self._cone_bound
+        cones = np.sqrt(((self._bends @ travel) ** 2).sum(axis=1)) - self._cone_bound
         found: list[float] = (self._rows @ travel - self._offsets).tolist()
         return found + [float(each) for each in self._cone_scale * cones]
 
