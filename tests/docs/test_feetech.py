@@ -135,7 +135,7 @@ def test_a_killed_control_process_leaves_no_servo_under_torque(
     with start(folder, "contid", "run", "arm.yaml", "--on-end", "hold", stdin=subprocess.PIPE) as daemon:
         try:
             assert daemon.stdin is not None
-            daemon.stdin.write("t_s,s1.l1_mm,s1.l2_mm,s1.l3_mm\n0,160,150,150\n")
+            daemon.stdin.write("s1.l1_mm,s1.l2_mm,s1.l3_mm\n150,150,150\n")
             daemon.stdin.flush()
             until = time.monotonic() + 20.0
             while {servo.memory[40] for servo in servos.values()} != {1} and time.monotonic() < until:

@@ -136,12 +136,13 @@ def _blind_run(
 def _run(pulse: Pulse, answers: list[PulseAnswer], found: float, sign: float, before: int) -> int:
     """Pulses in one direction until both tracks are proven, or one is dead; returns the counts.
 
-    A shaft that goes on the way of the run ``before`` [counts] does not come back: a few counts suffice.
+    A shaft that goes on the way of the run ``before`` [counts] does not come back: a few counts of a short
+    pulse suffice.
     """
     run: list[PulseAnswer] = []
     duty = found
     for _ in range(TRIES):
-        run.append(pulse(sign * duty, PULSE_S))
+        run.append(pulse(sign * duty, PULSE_S if run or not before else 0.5 * PULSE_S))
         answers.append(run[-1])
         counts = sum(answer.own.counts for answer in run)
         same_way = counts * before > 0 and abs(counts) >= STIRRED

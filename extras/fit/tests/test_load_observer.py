@@ -69,6 +69,7 @@ class Creeping(Loaded):
         super().follow(regulators_pa, t_s)
 
 
+@pytest.mark.slow
 def test_an_arm_that_creeps_is_not_a_load(weighed):
     load = weighed[0].sense.load
     found = load.calibration.model_copy(update={"creep_per_decade": 0.03, "creep_sigma": 0.002})

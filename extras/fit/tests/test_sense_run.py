@@ -63,7 +63,7 @@ def test_a_second_calibration_replaces_the_first(folder):
     arm = load_robot_file(folder / "arm.yaml").file.robots["arm"]
     assert isinstance(arm, Cosserat)
     assert arm.sense is not None
-    assert len(arm.sense.load.calibration.covariance_factor) == 22
+    assert len(arm.sense.load.calibration.covariance_factor) == 26
 
 
 def test_a_session_without_measured_tips_is_refused(folder):

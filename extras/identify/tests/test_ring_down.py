@@ -56,6 +56,7 @@ def test_two_modes_are_separated_the_stronger_first() -> None:
     assert [mode.ratio.value for mode in found.modes] == pytest.approx([0.08, 0.05], rel=0.2)
 
 
+@pytest.mark.slow
 def test_intervals_hold_and_poses_are_apart() -> None:
     held = 0
     for seed in range(40):

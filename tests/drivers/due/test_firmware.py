@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from contid.cli.commands.firmware import command as firmware_command
 from contid.errors import DeviceError
 from contid_drivers.due import messages
+from contid_drivers.due.codes import PROTOCOL_VERSION
 from contid_drivers.due.firmware import build_host, build_id, build_note, cache_dir, firmware_dir
 
 
@@ -43,7 +44,9 @@ def test_a_cache_that_cannot_be_made_is_named(monkeypatch: pytest.MonkeyPatch, t
     ],
 )
 def test_a_board_of_an_older_protocol_is_refused_with_a_message(version: int, answer: str) -> None:
-    with pytest.raises(messages.BadAnswerError, match=f"protocol version {version}, this contid 5"):
+    with pytest.raises(
+        messages.BadAnswerError, match=f"protocol version {version}, this contid {PROTOCOL_VERSION}"
+    ):
         messages.read_answer(bytes.fromhex(answer))
 
 
