@@ -54,6 +54,13 @@ class Keeper:
             os.set_blocking(each, False)
         signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
         signal.signal(signal.SIGCHLD, lambda number, frame: None)
+        # The end of the control process comes twice: as the end of the socket, and as this signal. It only
+        # wakes the loop: raised in the middle of the end it would cut the time of the bus process.
+        self._left = False
+        signal.signal(signal.SIGTERM, self._leave)
+
+    def _leave(self, number: int, frame: Any) -> None:
+        self._left = True
 
     def serve(self) -> None:
         """Carry out orders until the control process closes its end."""
@@ -66,6 +73,8 @@ class Keeper:
                 ready = select.select(watched, (), (), timeout_s)[0]
                 if self._woken in ready:
                     os.read(self._woken, PIECE)
+                if self._left:
+                    return
                 if self._output in ready or not ready:
                     self._forward()
                     paused_s = time.monotonic() + PAUSE_S if ready else 0.0

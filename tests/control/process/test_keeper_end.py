@@ -1,0 +1,54 @@
+"""The end of a keeper: its bus process has time to bring devices to rest, however the end comes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from contid.control.process.isolation import bus_process, keeper
+
+RESTS_S = 0.15
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("signals", [0, 1, 5])
+def test_the_bus_process_rests_its_devices(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, signals: int
+) -> None:
+    """The socket ends first, then comes the signal that a dying control process leaves behind."""
+    ready, done = tmp_path / "ready", tmp_path / "done"
+
+    def rest_at_the_end(connection: int, output: int, body: bytes) -> int:
+        with socket.socket(fileno=os.dup(connection)) as theirs:
+            ready.touch()
+            theirs.recv(1)
+        time.sleep(RESTS_S)
+        done.touch()
+        return 0
+
+    monkeypatch.setattr(bus_process, "main", rest_at_the_end)
+    pid, orders = keeper.start("contid.bus.test", b"")
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    socket.send_fds(orders, [keeper.OPEN], [theirs.fileno()])
+    theirs.close()
+    assert arrives(ready.exists)
+    ours.close()
+    orders.close()
+    for _ in range(signals):
+        time.sleep(0.2 * RESTS_S / max(signals, 1))
+        os.kill(pid, signal.SIGTERM)
+    os.waitpid(pid, 0)
+    assert done.exists()
+
+
+def arrives(is_there: Callable[[], bool]) -> bool:
+    end_s = time.monotonic() + 10.0
+    while not is_there() and time.monotonic() < end_s:
+        time.sleep(0.005)
+    return is_there()
