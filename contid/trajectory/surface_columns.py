@@ -37,6 +37,7 @@ class SurfaceColumns:
     Attributes:
         x, y: indices of the coordinates in the world.
         surface: lengths of the section.
+        most_rad: bend at which the tip is farthest from the axis.
         rotation: from the base to the world, row by row; its z axis is vertical.
         origin_m: of the base in the world [m].
         length: no column has the length.
@@ -45,6 +46,7 @@ class SurfaceColumns:
     x: int
     y: int
     surface: TipSurface
+    most_rad: float
     rotation: tuple[float, ...]
     origin_m: tuple[float, float, float]
     length: ClassVar[None] = None
@@ -64,7 +66,7 @@ class SurfaceColumns:
         x, y = row[self.x] - self.origin_m[0], row[self.y] - self.origin_m[1]
         x, y = r[0] * x + r[3] * y, r[1] * x + r[4] * y
         distance = math.hypot(x, y)
-        bend = bend_of(self.surface, distance)
+        bend = bend_of(self.surface, distance, self.most_rad)
         share = bend / distance if distance > 0.0 else 0.0
         row[self.x], row[self.y] = share * x, share * y
 
@@ -89,13 +91,13 @@ def distance_of(surface: TipSurface, bend: float) -> float:
     return surface.length_m * sinc * math.sin(half) + surface.behind_m * math.sin(bend)
 
 
-def bend_of(surface: TipSurface, distance_m: float) -> float:
-    """The least bend [rad] that brings the tip to a distance from the axis.
+def bend_of(surface: TipSurface, distance_m: float, most_rad: float) -> float:
+    """The least bend [rad] that brings the tip to a distance from the axis; ``most_rad`` is `farthest_bend`.
 
     Raises:
         BesideSurfaceError: there is none.
     """
-    low, high = 0.0, _farthest(surface)
+    low, high = 0.0, most_rad
     most_m = distance_of(surface, high)
     if distance_m > most_m:
         if distance_m > most_m * (1.0 + _ROUNDING):
@@ -125,7 +127,8 @@ def is_on_surface(robot: RobotDescription, places: set[int]) -> bool:
 def surface_columns(robot: RobotDescription, x: int, y: int) -> SurfaceColumns:
     """The columns of a robot that takes x and y alone (`is_on_surface`)."""
     assert robot.tip_surface is not None
-    return SurfaceColumns(x, y, robot.tip_surface, robot.base.rotation, robot.base.position_m)
+    surface, base = robot.tip_surface, robot.base
+    return SurfaceColumns(x, y, surface, farthest_bend(surface), base.rotation, base.position_m)
 
 
 def _stands(robot: RobotDescription) -> bool:
@@ -140,7 +143,7 @@ def _slope(surface: TipSurface, bend: float) -> float:
     return surface.length_m * arc + surface.behind_m * math.cos(bend)
 
 
-def _farthest(surface: TipSurface) -> float:
+def farthest_bend(surface: TipSurface) -> float:
     """The bend at which the tip is farthest from the axis [rad]: 133 degrees without a rigid tip."""
     low, high = 0.5 * math.pi, math.pi
     for _ in range(60):

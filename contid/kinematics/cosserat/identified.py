@@ -57,9 +57,14 @@ class SectionErrors:
 
     @classmethod
     def of(cls, numbers: Sequence[float], sections: int) -> SectionErrors:
-        """From moduli, moments, and, where they are given, densities and masses of links in one row."""
+        """From the numbers of `row`."""
         parts = [tuple(numbers[i : i + sections]) for i in range(0, len(numbers), sections)]
         return cls(*parts)
+
+    @property
+    def row(self) -> tuple[float, ...]:
+        """Moduli, moments, and, where they are given, densities and masses of links."""
+        return (*self.modulus, *self.moment, *self.density_kg_m3, *self.link_mass_g)
 
 
 def scaled_arm(robot: Cosserat, errors: SectionErrors) -> Cosserat:

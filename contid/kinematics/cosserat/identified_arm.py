@@ -13,7 +13,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import NearAnswer, RodSolver
-from contid.kinematics.cosserat.identified import SectionErrors, scaled_arm
+from contid.kinematics.cosserat.identified import SectionErrors, scaled_arm, section_errors
 from contid.kinematics.cosserat.model import build_setup
 from contid.robot_file.cosserat import Cosserat
 from contid.targets import ZERO3, Vec3
@@ -46,8 +46,7 @@ class IdentifiedArm:
         self._calibration = calibration = robot.sense.load.calibration
         sections = len(robot.geometry.sections)
         self._engines: list[RodSolver] = []
-        masses = (*calibration.density_kg_m3, *calibration.link_mass_g)
-        errors = np.array([*calibration.modulus, *calibration.moment, *masses])
+        errors = np.array(section_errors(calibration).row)
         self.steps: Array = np.repeat(_STEPS, sections)[: len(errors)]
         for row in (errors, *(errors + np.diag(self.steps))):
             setup = build_setup(scaled_arm(robot, SectionErrors.of(row.tolist(), sections)))

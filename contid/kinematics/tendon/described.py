@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from contid.hal import SpooledTendon
+from contid.kinematics.array import Array
 from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection
 from contid.kinematics.tendon.tension import TendonStatics
 from contid.robot_file.tendon.robot import TendonRobot
@@ -50,6 +51,18 @@ def statics_of(robot: TendonRobot, geometry: TendonGeometry) -> TendonStatics | 
         tension.floor_n if tension.pretension_n is None else tension.pretension_n,
         tension.max_n,
     )
+
+
+def bend_max_of(robot: TendonRobot) -> tuple[float, ...]:
+    """Largest bend of every section of a robot description [rad]."""
+    return tuple(math.radians(bend) for bend in robot.per_section(robot.limits.bend_max_deg))
+
+
+def bends_by_pulls(geometry: TendonGeometry, statics: TendonStatics | None) -> Array:
+    """Bends that pulls give [rad/m], shape ``(2 sections, tendons)``: by the balance, or those nearest."""
+    if statics is not None:
+        return statics.bends_by_pulls
+    return np.asarray(np.linalg.pinv(geometry.pull_matrix), dtype=np.float64)
 
 
 def spooled_tendons(

@@ -13,16 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from contid.kinematics.arc.solver import nearest_note
 from contid.kinematics.array import Array
-from contid.kinematics.tendon.described import geometry_of, statics_of
-from contid.kinematics.tendon.feasible import TendonFeasible, build_bend_solver
-from contid.kinematics.tendon.geometry import BendSections
-from contid.kinematics.tendon.model import TendonModel, bend_max_of
+from contid.kinematics.tendon.described import bend_max_of, bends_by_pulls, geometry_of, statics_of
+from contid.kinematics.tendon.feasible import Plane, TendonFeasible, build_bend_solver
+from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import ZERO3, Actuation, Solution, Target, Vec3
 
@@ -32,14 +31,6 @@ DRIVES: Final = "drives"
 _HELD_M: Final = 1e-7
 #: Part of a bend outside the reach of the drives that is rounding of azimuths [rad].
 _ROUNDED_RAD: Final = 1e-4
-
-
-class _Plane(NamedTuple):
-    """``row Theta <= bound``, named; ``row`` is [m/rad]."""
-
-    name: str
-    row: Array
-    bound_m: float
 
 
 class SharedPlanes:
@@ -125,37 +116,26 @@ class DrivenTendonModel(TendonModel):
         self.axis_names, self.lower, self.upper = robot.axis_names, robot.lower, robot.upper
         self.geometry = geometry_of(robot)
         self.statics = statics_of(robot, self.geometry)
-        if self.statics is not None:
-            bends_by_pulls = self.statics.bends_by_pulls
-        else:
-            bends_by_pulls = np.asarray(np.linalg.pinv(self.geometry.pull_matrix), dtype=np.float64)
-        self.drives = DriveMap.of(bends_by_pulls, matrix)
+        self.drives = DriveMap.of(bends_by_pulls(self.geometry, self.statics), matrix)
         planes = [*self._travel_planes(), *self._pull_planes(robot), *self._subspace_planes()]
-        sections = BendSections.of(self.geometry)
-        self._lengths = np.repeat(sections.backbone_m, 2)
-        self.feasible = TendonFeasible(
-            sections,
-            bend_max_of(robot),
-            np.array([plane.row for plane in planes]) / self._lengths,
-            np.array([plane.bound_m for plane in planes]),
-            tuple(plane.name for plane in planes),
-        )
+        self.feasible = TendonFeasible.of(self.geometry, bend_max_of(robot), planes)
+        self._lengths = np.repeat(self.feasible.sections.backbone_m, 2)
         self.solver = build_bend_solver(self.feasible)
         self._base_m = self.geometry.base_offset_m
         self._by_pulls = self._lengths[:, None] * self.drives.bends_by_drives
         self.shared = SharedPlanes(self.feasible, self._by_pulls, 2 * len(self.axis_names))
         self.taut = self.capstan = self._correction = None
 
-    def _travel_planes(self) -> list[_Plane]:
+    def _travel_planes(self) -> list[Plane]:
         """Least and largest travel of every drive."""
         found = []
         for name, row, low, high in zip(
             self.axis_names, self.drives.drives_by_bends, self.lower, self.upper, strict=True
         ):
-            found += [_Plane(f"{name}.min", -row, -low), _Plane(f"{name}.max", row, high)]
+            found += [Plane(f"{name}.min", -row, -low), Plane(f"{name}.max", row, high)]
         return found
 
-    def _pull_planes(self, robot: TendonRobot) -> list[_Plane]:
+    def _pull_planes(self, robot: TendonRobot) -> list[Plane]:
         """Slack, largest tension and, where they have limits, pulls of every tendon."""
         found = []
         pulls = self.drives.pulls_by_drives @ self.drives.drives_by_bends
@@ -163,17 +143,17 @@ class DrivenTendonModel(TendonModel):
             stretch = pulls - self.geometry.pull_matrix
             rest_n, k = self.statics.rest_n.tolist(), self.statics.tendon_n_per_m.tolist()
             for name, row, rest, stiff in zip(robot.tendon_names, stretch, rest_n, k, strict=True):
-                found.append(_Plane(f"{name}.slack", -row, (rest - robot.tension.floor_n) / stiff))
-                found.append(_Plane(f"{name}.tension", row, (robot.tension.max_n - rest) / stiff))
+                found.append(Plane(f"{name}.slack", -row, (rest - robot.tension.floor_n) / stiff))
+                found.append(Plane(f"{name}.tension", row, (robot.tension.max_n - rest) / stiff))
         for name, row, (low, high) in zip(robot.tendon_names, pulls, robot.pull_limits_m, strict=False):
-            found += [_Plane(f"{name}.min", -row, -low), _Plane(f"{name}.max", row, high)]
+            found += [Plane(f"{name}.min", -row, -low), Plane(f"{name}.max", row, high)]
         return found
 
-    def _subspace_planes(self) -> list[_Plane]:
+    def _subspace_planes(self) -> list[Plane]:
         """Two planes for every direction of bends that the drives do not reach."""
         scale = np.repeat([section.length_m for section in self.geometry.sections], 2)
         rows = [row * float(np.abs(scale * row).max()) for row in self.drives.outside]
-        return [_Plane(DRIVES, sign * row, _HELD_M) for row in rows for sign in (1.0, -1.0)]
+        return [Plane(DRIVES, sign * row, _HELD_M) for row in rows for sign in (1.0, -1.0)]
 
     @property
     def limit_names(self) -> tuple[str, ...]:

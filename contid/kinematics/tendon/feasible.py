@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +27,20 @@ from contid.kinematics.arc.solver import Solver, Tuning
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.geometry import BendSections, TendonGeometry
 from contid.kinematics.tendon.tension import TendonStatics
+
+
+class Plane(NamedTuple):
+    """A limit ``row Theta <= bound`` of the bends.
+
+    Attributes:
+        name: of the limit; several planes can share one.
+        row: by the bends [m/rad], shape ``(2 n,)``.
+        bound_m: its bound.
+    """
+
+    name: str
+    row: Array
+    bound_m: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +77,21 @@ class TendonFeasible(BoundedChain):
         if not np.all(self.excess(self.home) < 0.0):
             raise ValueError("the straight robot is not inside the limits")
 
+    @classmethod
+    def of(
+        cls, geometry: TendonGeometry, bend_max_rad: Sequence[float], planes: Sequence[Plane]
+    ) -> TendonFeasible:
+        """From limits of the bends."""
+        sections = BendSections.of(geometry)
+        per_length = 1.0 / np.repeat(sections.backbone_m, 2)
+        return cls(
+            sections,
+            tuple(bend_max_rad),
+            np.array([plane.row for plane in planes]) * per_length,
+            np.array([plane.bound_m for plane in planes]),
+            tuple(plane.name for plane in planes),
+        )
+
     @property
     def flat(self) -> int:
         """Number of planes; the cones follow."""
@@ -94,31 +124,25 @@ def limits_of(
     statics: TendonStatics | None = None,
 ) -> TendonFeasible:
     """Limits of travel [m] per tendon, of bends [rad] per section, and of tension where it is described."""
-    sections = BendSections.of(geometry)
-    planes: list[tuple[str, Array, float]] = []
+    planes: list[Plane] = []
     for tendon, (name, row) in enumerate(zip(names, geometry.pull_matrix, strict=True)):
         paid_out = 0.0
         if statics is not None:
             paid_out = float((statics.floor_n - statics.rest_n[tendon]) / statics.tendon_n_per_m[tendon])
-        planes.append((f"{name}.min", -row, paid_out - lower_m[tendon]))
+        planes.append(Plane(f"{name}.min", -row, paid_out - lower_m[tendon]))
         if statics is None:
-            planes.append((f"{name}.max", row, upper_m[tendon]))
+            planes.append(Plane(f"{name}.max", row, upper_m[tendon]))
     if statics is not None:
         k, pieces = statics.tendon_n_per_m.tolist(), statics.pieces()
         for tendon, by_bends, at_rest in pieces:
             stretch = (at_rest - float(statics.rest_n[tendon])) / k[tendon]
             row = geometry.pull_matrix[tendon] + by_bends / k[tendon]
-            planes.append((f"{names[tendon]}.max", row, upper_m[tendon] - stretch))
+            planes.append(Plane(f"{names[tendon]}.max", row, upper_m[tendon] - stretch))
         for tendon, by_bends, at_rest in pieces:
             if np.any(by_bends):
                 bound = (statics.limit_n - at_rest) / k[tendon]
-                planes.append((f"{names[tendon]}.tension", by_bends / k[tendon], bound))
-    per_length = 1.0 / np.repeat(sections.backbone_m, 2)
-    normals = np.array([row for _, row, _ in planes]) * per_length
-    offsets = np.array([bound for _, _, bound in planes])
-    return TendonFeasible(
-        sections, tuple(bend_max_rad), normals, offsets, tuple(name for name, _, _ in planes)
-    )
+                planes.append(Plane(f"{names[tendon]}.tension", by_bends / k[tendon], bound))
+    return TendonFeasible.of(geometry, bend_max_rad, planes)
 
 
 def build_bend_solver(feasible: TendonFeasible) -> Solver:

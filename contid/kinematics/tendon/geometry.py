@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from contid.kinematics.arc import arc
 from contid.kinematics.arc.sections import ArcChain
 from contid.kinematics.array import Array
+from contid.robot_file.tendon.sections import pull_matrix, tendon_arms
 from contid.targets import ZERO3, Vec3
 
 
@@ -49,8 +50,7 @@ class TendonSection:
     @property
     def arms(self) -> Array:
         """``d (cos sigma, sin sigma)`` of each tendon [m], shape ``(tendons, 2)``."""
-        radius, angle = np.array(self.radius_m), np.array(self.angle_rad)
-        return np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=-1)
+        return tendon_arms(self.radius_m, self.angle_rad)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +73,7 @@ class TendonGeometry:
     pull_matrix: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        matrix = np.zeros((self.tendons, 2 * self.count))
-        for j, rows in enumerate(self.tendon_slices):
-            for k in range(0 if self.through else j, j + 1):
-                matrix[rows, 2 * k : 2 * k + 2] = self.sections[j].arms
+        matrix = pull_matrix([section.arms for section in self.sections], through=self.through)
         object.__setattr__(self, "pull_matrix", matrix)
 
     @property

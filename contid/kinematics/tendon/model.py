@@ -15,7 +15,7 @@ from contid.kinematics.arc.sections import backbone
 from contid.kinematics.arc.solver import FORCE, ZONE, nearest_note
 from contid.kinematics.array import Array, size_of
 from contid.kinematics.tendon.capstan import CapstanLead
-from contid.kinematics.tendon.described import geometry_of, statics_of
+from contid.kinematics.tendon.described import bend_max_of, bends_by_pulls, geometry_of, statics_of
 from contid.kinematics.tendon.feasible import build_bend_solver, ell_of, limits_of
 from contid.kinematics.tendon.geometry import BendSections
 from contid.kinematics.tendon.residual import TipCorrection
@@ -52,12 +52,8 @@ class TendonModel:
         self.solver = build_bend_solver(self.feasible)
         self._lengths = np.repeat(self.feasible.sections.backbone_m, 2)
         self._base_m = self.geometry.base_offset_m
-        if self.statics is not None:
-            by_pulls = self.statics.bends_by_pulls
-        else:
-            by_pulls = np.asarray(np.linalg.pinv(self.geometry.pull_matrix), dtype=np.float64)
         #: Variables of the solver [m] by pulls [m].
-        self._by_pulls: Array = self._lengths[:, None] * by_pulls
+        self._by_pulls: Array = self._lengths[:, None] * bends_by_pulls(self.geometry, self.statics)
         self._limits = PullLimits(self.lower, self.upper, self.statics, self.feasible, self._by_pulls)
         #: Pulls as bends and tightness; None where tensions are not bounded.
         self.taut = None if self.statics is None else TautPulls(self._limits, self.statics)
@@ -220,11 +216,6 @@ class TendonModel:
         off_m = max(abs(a - w) for a, w in zip(pulls, requested, strict=True))
         note = f"pulls moved by up to {m_to_mm(off_m):.6g} mm to keep every tendon taut and inside the limits"
         return Solution(pulls, residual_m, False, limits, 0, note)
-
-
-def bend_max_of(robot: TendonRobot) -> tuple[float, ...]:
-    """Largest bend of every section of a robot description [rad]."""
-    return tuple(math.radians(bend) for bend in robot.per_section(robot.limits.bend_max_deg))
 
 
 def _moved(tip: Vec3, by: Array) -> Vec3:

@@ -59,18 +59,6 @@ def drive_matrix(drives: Mapping[str, Drive], tendons: Sequence[str]) -> NDArray
     return np.array(rows, dtype=np.float64).reshape(len(tendons), len(drives))
 
 
-def pull_matrix(geometry: TendonRobotGeometry) -> NDArray[np.float64]:
-    """G, pulls by bends [m/rad], as in `contid.kinematics.tendon.geometry`."""
-    blocks = []
-    for j, section in enumerate(geometry.sections):
-        angle, radius = np.radians(section.angles_deg), np.array(section.radius_m)
-        arms = np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=-1)
-        first = 0 if geometry.routing == "through" else j
-        count = len(geometry.sections)
-        blocks.append(np.hstack([arms if first <= k <= j else 0.0 * arms for k in range(count)]))
-    return np.vstack(blocks)
-
-
 def check_drives(
     drives: Mapping[str, Drive], tendons: Sequence[str], geometry: TendonRobotGeometry, *, elastic: bool
 ) -> Iterator[str]:
@@ -97,7 +85,7 @@ def check_drives(
     if loose:
         yield f"drives: no drive pulls {', '.join(loose)}; write each tendon into the pulls of a drive"
         return
-    found, bends = drive_matrix(drives, tendons), pull_matrix(geometry)
+    found, bends = drive_matrix(drives, tendons), geometry.pull_matrix
     most = np.linalg.matrix_rank(bends, _ALIKE * np.linalg.norm(bends, 2))
     if len(drives) > most:
         yield (

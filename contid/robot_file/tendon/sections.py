@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from contid.robot_file.base import Azimuth, Interval, NonNegative, Size, Strict
@@ -12,6 +15,28 @@ from contid.units import MM_PER_M
 #: The native kernel has scratch memory on the stack for this many sections.
 MAX_TENDON_SECTIONS = 8
 MAX_TENDONS = 8  # of a section
+
+
+def tendon_arms(radius_m: Sequence[float], angle_rad: Sequence[float]) -> NDArray[np.float64]:
+    """``d (cos sigma, sin sigma)`` of the tendons of a section [m], shape ``(tendons, 2)``."""
+    radius, angle = np.array(radius_m), np.array(angle_rad)
+    return np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=-1)
+
+
+def pull_matrix(arms: Sequence[NDArray[np.float64]], *, through: bool) -> NDArray[np.float64]:
+    """G, which turns bends into pulls [m/rad], shape ``(tendons, 2 sections)``.
+
+    Args:
+        arms: `tendon_arms` of every section [m].
+        through: True when tendons run through the sections before their own.
+    """
+    matrix = np.zeros((sum(map(len, arms)), 2 * len(arms)))
+    first = 0
+    for j, own in enumerate(arms):
+        for k in range(0 if through else j, j + 1):
+            matrix[first : first + len(own), 2 * k : 2 * k + 2] = own
+        first += len(own)
+    return matrix
 
 
 class TendonSectionDescription(Strict):
@@ -80,6 +105,12 @@ class TendonRobotGeometry(Strict):
     routing: Literal["through", "independent"] = "through"
     base_offset_mm: NonNegative = 0.0
     tip_offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def pull_matrix(self) -> NDArray[np.float64]:
+        """Pulls of tendons by bends [m/rad], shape ``(tendons, 2 sections)``."""
+        arms = [tendon_arms(each.radius_m, np.radians(each.angles_deg).tolist()) for each in self.sections]
+        return pull_matrix(arms, through=self.routing == "through")
 
 
 class TendonRobotLimits(Strict):

@@ -76,7 +76,7 @@ def weighed():
 
 def test_the_wrong_parameters_are_found(weighed):
     calibration = weighed[0]
-    assert calibration.names[:4] == ("s1.modulus", "s2.modulus", "s1.moment", "s2.moment")
+    assert calibration.family.names[:4] == ("s1.modulus", "s2.modulus", "s1.moment", "s2.moment")
     assert calibration.parameters[:4] == pytest.approx([0.04, -0.03, -0.02, -0.02], abs=0.01)
     sigma = np.sqrt(np.diag(calibration.covariance))[-4:]
     assert (np.abs(calibration.parameters[4:]) <= 3.0 * sigma + 1e-9).all()  # it weighs nothing
@@ -102,7 +102,7 @@ def test_an_arm_that_weighs_what_its_file_leaves_out():
     assert calibration.before_m > 0.03
     assert calibration.residual_m < 2e-4
     assert calibration.parameters[:4] == pytest.approx([0.04, -0.03, -0.02, -0.02], abs=0.03)
-    found = dict(zip(calibration.names, calibration.parameters, strict=True))
+    found = dict(zip(calibration.family.names, calibration.parameters, strict=True))
     assert found["s2.density"] == pytest.approx(1070.0, rel=0.05)
     assert np.sqrt((errors[:, 2] ** 2).mean()) <= 0.5  # along gravity [g]
     assert (np.abs(errors) <= intervals).mean() >= 0.85

@@ -38,7 +38,8 @@ def command(session_file: str, write: Path | None, robot: str | None, noise_mm: 
     before, after = found.before_m * 1e3, found.residual_m * 1e3
     click.echo(f"{name}: {found.poses} rests without load")
     click.echo(f"  tip of the model off by {before:.3g} mm rms, corrected by {after:.3g} mm")
-    for parameter, unit, value in zip(found.names, found.units, found.parameters.tolist(), strict=True):
+    family = found.family
+    for parameter, unit, value in zip(family.names, family.units, found.parameters.tolist(), strict=True):
         click.echo(f"  {parameter} {value:+.4g} {unit}" if unit else f"  {parameter} {100.0 * value:+.2f} %")
     creep, sigma = 100.0 * found.creep.per_decade, 100.0 * found.creep.sigma
     click.echo(f"  creep {creep:+.2f} % of the modulus per decade of time, at one rest within {sigma:.2f} %")

@@ -122,7 +122,6 @@ class LoadCalibration:
 
     Attributes:
         model: the one of the family that fits.
-        names, units: of the parameters of the family.
         parameters: values of the parameters of the family.
         middle: middle of the range of every axis [m or Pa], shape ``(k,)``.
         correction: for every axis its offset [m or Pa], its gain, half its loop [m or Pa]; shape ``(3k,)``.
@@ -132,12 +131,11 @@ class LoadCalibration:
         residual_m: root mean square of what remains at the poses of the calibration [m].
         before_m: the same without a correction [m].
         poses: number of poses.
+        family: that the model is of.
         creep: of the moduli; the model is for poses of `contid_fit.sense.creep.REFERENCE_S`.
     """
 
     model: CompliantModel
-    names: tuple[str, ...]
-    units: tuple[str, ...]
     parameters: Array
     middle: Array
     correction: Array
@@ -148,7 +146,7 @@ class LoadCalibration:
     before_m: float
     poses: int
     creep: Creep
-    _family: Family = field(repr=False)
+    family: Family = field(repr=False)
     _varied: _Varied = field(repr=False)
 
     def corrected(self, actuation: Actuation, side: Actuation) -> Actuation:
@@ -160,10 +158,10 @@ class LoadCalibration:
         """The model of a pose of an age, in decades of `contid_fit.sense.creep.decades_of`."""
         if self.creep.per_decade * decades == 0.0:
             return self.model
-        moduli = slice(self._family.moduli)
+        moduli = slice(self.family.moduli)
         softer = self.parameters.copy()
         softer[moduli] -= (1.0 + softer[moduli]) * self.creep.per_decade * decades
-        return self._family.build(softer)
+        return self.family.build(softer)
 
     def tip_covariance(
         self, actuation: Actuation, side: Actuation, load_n: Vec3, jacobian: Array, decades: float = 0.0
@@ -181,7 +179,7 @@ class LoadCalibration:
         by_axes = jacobian @ _design(np.array(actuation), np.array(side), self.middle)
         by_parameters = _by_parameters(self.model, self._varied, corrected, load_n)
         columns = np.hstack([by_axes, by_parameters])
-        crept = self.creep.sigma * decades * by_parameters[:, : self._family.moduli].sum(axis=1)
+        crept = self.creep.sigma * decades * by_parameters[:, : self.family.moduli].sum(axis=1)
         spread: Array = _spread(jacobian, self.axis_sigma, self.tip_sigma_m) + np.outer(crept, crept)
         spread += columns @ self.covariance @ columns.T
         return spread
@@ -262,7 +260,7 @@ def calibrate_without_load(
         correction, scales = correction + step[: 3 * axes], scales + step[3 * axes :]
     _refuse_far(family, model, correction, scales, sigma)
     return LoadCalibration(
-        model, family.names, family.units, scales, middle, correction, _inverse(information),
+        model, scales, middle, correction, _inverse(information),
         axis_sigma, (tip_sigma**2 - noise_m**2) ** 0.5, _rms(errors), before_m, poses, creep, family, varied,
     )  # fmt: skip
 

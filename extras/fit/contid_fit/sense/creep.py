@@ -44,7 +44,7 @@ class Drifts:
         """From ages [s], shape ``(k,)``, and tips [m], shape ``(k, 3)``, of each rest."""
         decades, slopes, sigma = [], [], []
         for ages_s, tips in rests:
-            each = np.log10(np.maximum(ages_s, _LEAST_S) / REFERENCE_S)
+            each = np.array([decades_of(age_s) for age_s in ages_s.tolist()])
             away = each - each.mean()
             spread = max(float(away @ away), 1e-12)
             decades.append(float(each.mean()))
