@@ -20,7 +20,7 @@ import numpy as np
 from contid.kinematics.arc.solver import nearest_note
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.described import bend_max_of, bends_by_pulls, geometry_of, statics_of
-from contid.kinematics.tendon.feasible import Plane, TendonFeasible, build_bend_solver
+from contid.kinematics.tendon.feasible import PullPlane, TendonFeasible, build_bend_solver
 from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import ZERO3, Actuation, Solution, Target, Vec3
@@ -126,16 +126,16 @@ class DrivenTendonModel(TendonModel):
         self.shared = SharedPlanes(self.feasible, self._by_pulls, 2 * len(self.axis_names))
         self.taut = self.capstan = self._correction = None
 
-    def _travel_planes(self) -> list[Plane]:
+    def _travel_planes(self) -> list[PullPlane]:
         """Least and largest travel of every drive."""
         found = []
         for name, row, low, high in zip(
             self.axis_names, self.drives.drives_by_bends, self.lower, self.upper, strict=True
         ):
-            found += [Plane(f"{name}.min", -row, -low), Plane(f"{name}.max", row, high)]
+            found += [PullPlane(f"{name}.min", -row, -low), PullPlane(f"{name}.max", row, high)]
         return found
 
-    def _pull_planes(self, robot: TendonRobot) -> list[Plane]:
+    def _pull_planes(self, robot: TendonRobot) -> list[PullPlane]:
         """Slack, largest tension and, where they have limits, pulls of every tendon."""
         found = []
         pulls = self.drives.pulls_by_drives @ self.drives.drives_by_bends
@@ -143,17 +143,17 @@ class DrivenTendonModel(TendonModel):
             stretch = pulls - self.geometry.pull_matrix
             rest_n, k = self.statics.rest_n.tolist(), self.statics.tendon_n_per_m.tolist()
             for name, row, rest, stiff in zip(robot.tendon_names, stretch, rest_n, k, strict=True):
-                found.append(Plane(f"{name}.slack", -row, (rest - robot.tension.floor_n) / stiff))
-                found.append(Plane(f"{name}.tension", row, (robot.tension.max_n - rest) / stiff))
+                found.append(PullPlane(f"{name}.slack", -row, (rest - robot.tension.floor_n) / stiff))
+                found.append(PullPlane(f"{name}.tension", row, (robot.tension.max_n - rest) / stiff))
         for name, row, (low, high) in zip(robot.tendon_names, pulls, robot.pull_limits_m, strict=False):
-            found += [Plane(f"{name}.min", -row, -low), Plane(f"{name}.max", row, high)]
+            found += [PullPlane(f"{name}.min", -row, -low), PullPlane(f"{name}.max", row, high)]
         return found
 
-    def _subspace_planes(self) -> list[Plane]:
+    def _subspace_planes(self) -> list[PullPlane]:
         """Two planes for every direction of bends that the drives do not reach."""
         scale = np.repeat([section.length_m for section in self.geometry.sections], 2)
         rows = [row * float(np.abs(scale * row).max()) for row in self.drives.outside]
-        return [Plane(DRIVES, sign * row, _HELD_M) for row in rows for sign in (1.0, -1.0)]
+        return [PullPlane(DRIVES, sign * row, _HELD_M) for row in rows for sign in (1.0, -1.0)]
 
     @property
     def limit_names(self) -> tuple[str, ...]:

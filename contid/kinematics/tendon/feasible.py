@@ -29,7 +29,7 @@ from contid.kinematics.tendon.geometry import BendSections, TendonGeometry
 from contid.kinematics.tendon.tension import TendonStatics
 
 
-class Plane(NamedTuple):
+class PullPlane(NamedTuple):
     """A limit ``row Theta <= bound`` of the bends.
 
     Attributes:
@@ -79,7 +79,7 @@ class TendonFeasible(BoundedChain):
 
     @classmethod
     def of(
-        cls, geometry: TendonGeometry, bend_max_rad: Sequence[float], planes: Sequence[Plane]
+        cls, geometry: TendonGeometry, bend_max_rad: Sequence[float], planes: Sequence[PullPlane]
     ) -> TendonFeasible:
         """From limits of the bends."""
         sections = BendSections.of(geometry)
@@ -124,24 +124,24 @@ def limits_of(
     statics: TendonStatics | None = None,
 ) -> TendonFeasible:
     """Limits of travel [m] per tendon, of bends [rad] per section, and of tension where it is described."""
-    planes: list[Plane] = []
+    planes: list[PullPlane] = []
     for tendon, (name, row) in enumerate(zip(names, geometry.pull_matrix, strict=True)):
         paid_out = 0.0
         if statics is not None:
             paid_out = float((statics.floor_n - statics.rest_n[tendon]) / statics.tendon_n_per_m[tendon])
-        planes.append(Plane(f"{name}.min", -row, paid_out - lower_m[tendon]))
+        planes.append(PullPlane(f"{name}.min", -row, paid_out - lower_m[tendon]))
         if statics is None:
-            planes.append(Plane(f"{name}.max", row, upper_m[tendon]))
+            planes.append(PullPlane(f"{name}.max", row, upper_m[tendon]))
     if statics is not None:
         k, pieces = statics.tendon_n_per_m.tolist(), statics.pieces()
         for tendon, by_bends, at_rest in pieces:
             stretch = (at_rest - float(statics.rest_n[tendon])) / k[tendon]
             row = geometry.pull_matrix[tendon] + by_bends / k[tendon]
-            planes.append(Plane(f"{names[tendon]}.max", row, upper_m[tendon] - stretch))
+            planes.append(PullPlane(f"{names[tendon]}.max", row, upper_m[tendon] - stretch))
         for tendon, by_bends, at_rest in pieces:
             if np.any(by_bends):
                 bound = (statics.limit_n - at_rest) / k[tendon]
-                planes.append(Plane(f"{names[tendon]}.tension", by_bends / k[tendon], bound))
+                planes.append(PullPlane(f"{names[tendon]}.tension", by_bends / k[tendon], bound))
     return TendonFeasible.of(geometry, bend_max_rad, planes)
 
 

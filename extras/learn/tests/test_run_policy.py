@@ -33,8 +33,11 @@ def contid_in(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]
     )
 
 
-def written(path: Path, gain: float = 6.0) -> None:
-    """A policy that goes where the goal is; with a gain that is not finite one that answers NaN."""
+def written(path: Path, gain: float = 2.0) -> None:
+    """A policy that goes where the goal is; with a gain that is not finite one that answers NaN.
+
+    With thrice the gain the delay of the stream makes the tip circle about its goal.
+    """
     weights = np.zeros((2, 10))
     weights[:, 6:8] = gain * np.array([[-1.0, 1.0], [1.0, 1.0]])
     write_policy(
@@ -58,7 +61,7 @@ def test_a_policy_brings_the_tip_to_its_goal_and_ends_the_run(tmp_path: Path) ->
     assert "actions; held: " in done.stderr
     moved = commands(tmp_path / "log.csv")
     tip = Robot("finger").fk(moved[-1]).tip
-    assert np.linalg.norm(tip - [30.0, 85.0]) < 5.0
+    assert np.linalg.norm(tip - [30.0, 85.0]) < 1.0
     speed = np.abs(np.diff(moved, axis=0)) * 200.0
     assert speed.max() <= 60.0 * (1.0 + 1e-6)
 
