@@ -21,12 +21,6 @@ STEP_S: Final = 1e-3
 TURN_DEG: Final = 360.0
 
 
-def axis_rates(robot: RobotScene) -> list[float]:
-    """Greatest rate of every axis, in its unit per second."""
-    config = robot.config
-    return [rate * each.per_si for rate, each in zip(config.velocity, config.quantities, strict=True)]
-
-
 def tip_rate_mm_s(robot: RobotScene, samples: Sequence[Actuation]) -> float:
     """Speed of the tip while its fastest axis moves at its limit: the median over samples [mm/s]."""
     model = robot.config.model
