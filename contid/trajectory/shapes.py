@@ -168,9 +168,9 @@ class ShapePath:
                 cos, sin = _cos_sin_turns(self.turns * out)
                 return (half * out * cos, half * out * sin, out)
             case Shape.TRAVERSE:
-                return (half * (2.0 * _smooth(_there_and_back(tau)) - 1.0), 0.0, 0.0)
+                return (half * (2.0 * minimum_jerk(_there_and_back(tau)) - 1.0), 0.0, 0.0)
             case Shape.DIAGONAL:
-                out = _smooth(_there_and_back(tau))
+                out = minimum_jerk(_there_and_back(tau))
                 return (half * (2.0 * out - 1.0), half * (2.0 * out - 1.0), out)
 
 
@@ -178,12 +178,12 @@ def _polygon(corners: tuple[tuple[float, float], ...], tau: float, rest: bool = 
     """The point at ``tau`` in [0, 1) of a lap through the corners, at constant speed or rest to rest."""
     edge = math.floor(tau * len(corners))
     part = tau * len(corners) - edge
-    part = _smooth(part) if rest else part
+    part = minimum_jerk(part) if rest else part
     (x0, y0), (x1, y1) = corners[edge % len(corners)], corners[(edge + 1) % len(corners)]
     return (x0 + part * (x1 - x0), y0 + part * (y1 - y0))
 
 
-def _smooth(part: float) -> float:
+def minimum_jerk(part: float) -> float:
     """Minimum-jerk polynomial from 0 to 1: ``10 p^3 - 15 p^4 + 6 p^5`` (Flash and Hogan 1985)."""
     return part**3 * (10.0 + part * (-15.0 + 6.0 * part))
 

@@ -15,16 +15,19 @@ import os
 import struct
 import termios
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Final
 
+from contid.control.engine.wiring import build_preflight, build_robot_configs
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.preflight.rows import Unreachable
 from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile
-from contid.targets import Actuation, Target
-from contid.trajectory.columns import column_groups
+from contid.targets import Actuation
 from contid.trajectory.read import read_trajectory
-from contid_panel.geometry import PanelGeometry
+from contid.trajectory.shapes import minimum_jerk
+from contid_panel.samples import inside, values_of
 
 #: Swing of an axis at first, as a share of its range; how it is made smaller, and how often.
 SWING: Final = 0.16
@@ -43,14 +46,15 @@ LIVE_ROWS_PER_S: Final = 20.0
 
 def demo_motion(loaded: LoadedFile, rate_hz: float) -> DemoMotion | None:
     """The motion of all robots; None when even the smallest swing is refused."""
-    geometry = PanelGeometry(loaded, rate_hz)
+    configs = build_robot_configs(loaded, rate_hz)
+    preflight = build_preflight(loaded, rate_hz, Unreachable.REFUSE)
+    assert preflight is not None, "refusing always checks"
     swing = SWING
     for _ in range(TRIES):
-        motion = DemoMotion(loaded, [robot.config for robot in geometry.scene.robots], swing)
+        motion = DemoMotion(loaded, configs, swing)
         text = motion.csv(GROWTH_S + motion.period_s)
         try:
-            trajectory = read_trajectory(io.StringIO(text), "demo", loaded.driven)
-            geometry.preflight({}).trajectory(trajectory, "demo")
+            preflight.trajectory(read_trajectory(io.StringIO(text), "demo", loaded.driven), "demo")
         except ContidError:
             swing *= SMALLER
         else:
@@ -65,13 +69,13 @@ class DemoMotion:
         period_s: it repeats after this time.
     """
 
-    def __init__(self, loaded: LoadedFile, configs: list[RobotConfig], swing: float) -> None:
+    def __init__(self, loaded: LoadedFile, configs: Sequence[RobotConfig], swing: float) -> None:
         several = len(loaded.driven) > 1
         self._configs, self._swing = configs, swing
         self._columns: list[str] = []
         for config in configs:
-            groups = column_groups(f"{config.name}." if several else "", loaded.driven[config.name])
-            self._columns += [*groups.get("actuation", []), *groups.get("extra", [])]
+            prefix = f"{config.name}." if several else ""
+            self._columns += [f"{prefix}{each}" for each in loaded.driven[config.name].columns]
         self.period_s = max(SHORTEST_S, *(self._slowest_s(config) for config in configs))
 
     def _slowest_s(self, config: RobotConfig) -> float:
@@ -106,14 +110,12 @@ class DemoMotion:
     def _row(self, t_s: float) -> str:
         row: list[float] = []
         for place, config in enumerate(self._configs):
-            at = self._at(config, t_s, place)
-            row += [value * each.per_si for value, each in zip(at, config.quantities, strict=True)]
+            row += values_of(config, self._at(config, t_s, place))
         return ",".join(f"{value:.12g}" for value in row)
 
     def _at(self, config: RobotConfig, t_s: float, place: int) -> Actuation:
         """Axes of a robot at a time, within the limits that couple them."""
-        share = min(t_s / GROWTH_S, 1.0)
-        grown = share * share * share * (10.0 + share * (6.0 * share - 15.0))
+        grown = minimum_jerk(min(t_s / GROWTH_S, 1.0))
         own = len(config.axis_names) - config.extra_axes
         values = list(config.rest)
         for axis in range(own):
@@ -124,8 +126,7 @@ class DemoMotion:
             turn = 2.0 * math.pi * (t_s / self.period_s - axis / 3.0 - place / 2.0 - 0.17 * (axis // 3))
             begin = min(max(config.rest[axis], low + MARGIN * size), high - MARGIN * size)
             values[axis] = begin + grown * (middle + size * math.sin(turn) - begin)
-        inside = config.model.inverse(Target(actuation=tuple(values[:own])), tuple(values))
-        return (*inside.actuation[:own], *values[own:])
+        return inside(config, tuple(values))
 
 
 def _unread(pipe: int) -> int:

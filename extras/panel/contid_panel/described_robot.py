@@ -14,13 +14,13 @@ from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.robot_file.tri_rack import TriRack
-from contid.targets import Actuation, Target
+from contid.targets import Actuation
 from contid.trajectory.arc_columns import arc_names, arc_values
 from contid.trajectory.columns import column_groups
 from contid.units import MM_PER_M
-from contid_panel.rates import axis_rates, bend_rates, tip_rate_mm_s
+from contid_panel.rates import bend_rates, tip_rate_mm_s
 from contid_panel.reach_surface import reach_surface
-from contid_panel.samples import drawn, rounded_line, tip_mm
+from contid_panel.samples import drawn, inside, rounded_line, tip_mm, values_of
 from contid_view.body_plan import SLENDERNESS
 from contid_view.robot_scene import RobotScene
 from contid_view.tendon_lines import DISCS, RIM
@@ -36,25 +36,24 @@ EXTREME_STARTS: Final = 5
 def described_robot(robot: RobotScene, description: RobotDescription, several: bool) -> Fields:
     """Columns, sizes and reach of one robot; of ``several`` the columns have its name in front."""
     config = robot.config
-    groups = column_groups(f"{config.name}." if several else "", description)
-    axes = [*groups.get("actuation", []), *groups.get("extra", [])]
-    bends = _bends(robot, description, f"{config.name}." if several else "")
-    rest = [value * each.per_si for value, each in zip(config.rest, config.quantities, strict=True)]
-    reach = robot.outline if robot.outline is not None else _reach(robot)
+    prefix = f"{config.name}." if several else ""
+    tip = column_groups(prefix, description).get("tip", [])
+    axes = [f"{prefix}{each}" for each in description.columns]
+    bends = _bends(robot, description, prefix)
     return {
         "planar": robot.planar,
-        "tip_columns": groups.get("tip", []),
+        "tip_columns": tip,
         "axis_columns": axes,
         "bends": bends,
-        "rest": dict(zip(axes, rest, strict=True)),
-        "rates": _rates(robot, description, groups.get("tip", []), axes, bends),
+        "rest": dict(zip(axes, values_of(config, config.rest), strict=True)),
+        "rates": _rates(robot, description, tip, axes, bends),
         "length_mm": robot.length_mm,
         "radius_mm": _radius_mm(description) or robot.length_mm * SLENDERNESS,
         **_counts(description),
         "up": list(robot.up),
         "reach": rounded_line(robot.outline) if robot.outline is not None else [],
         "surface": None if robot.outline is not None else _surface(robot),
-        "bounds": rounded_line(_bounds(robot, reach)),
+        "bounds": rounded_line(_bounds(robot)),
     }
 
 
@@ -68,23 +67,14 @@ def _rates(
     """How fast every column changes at full speed [1/s]."""
     samples = drawn(robot)[:RATE_SAMPLES]
     found = dict.fromkeys(tip, tip_rate_mm_s(robot, samples))
-    found.update(zip(axes, axis_rates(robot), strict=True))
+    found.update(zip(axes, values_of(robot.config, robot.config.velocity), strict=True))
     if bends:
-        inside = [_inside(robot, each) for each in samples]
-        found.update(
-            (each["column"], rate)
-            for each, rate in zip(bends, bend_rates(robot, description, inside), strict=True)
-        )
+        rates = bend_rates(robot, description, [inside(robot.config, each) for each in samples])
+        found.update((each["column"], rate) for each, rate in zip(bends, rates, strict=True))
     return found
 
 
-def _reach(robot: RobotScene) -> Array:
-    """Tips at random actuations within the limits, (n, 3) [mm]."""
-    tips = [tip for each in drawn(robot) if (tip := tip_mm(robot, each)) is not None]
-    return np.array(tips or [np.array(robot.config.frame.origin_in_world) * MM_PER_M])
-
-
-def _bounds(robot: RobotScene, reach: Array) -> Array:
+def _bounds(robot: RobotScene) -> Array:
     """The box of the tips that a robot reaches: its lowest and highest corner, (2, 3) [mm].
 
     Random tips leave out a straight arm, which is the edge of its reach. So the extremes are looked for
@@ -93,11 +83,12 @@ def _bounds(robot: RobotScene, reach: Array) -> Array:
     model = robot.config.model
     starts = [robot.config.rest, model.lower, model.upper, *drawn(robot)]
     found = [(tip, each) for each in starts if (tip := tip_mm(robot, each)) is not None]
-    tips = [*reach, *(tip for tip, _ in found)]
+    tips = [*(() if robot.outline is None else robot.outline), *(tip for tip, _ in found)]
     for coordinate in range(model.dimension):
         for sign in (-1.0, 1.0):
             farthest = np.argsort([-sign * tip[coordinate] for tip, _ in found])[:EXTREME_STARTS]
             tips += [_extreme(robot, found[k][1], coordinate, sign) for k in farthest]
+    tips = tips or [np.array(robot.config.frame.origin_in_world) * MM_PER_M]
     return np.vstack([np.min(tips, axis=0), np.max(tips, axis=0)])
 
 
@@ -109,8 +100,8 @@ def _bends(robot: RobotScene, description: RobotDescription, prefix: str) -> lis
     model = robot.config.model
     if "arcs" not in description.accepts or not isinstance(model, Bending):
         return []
-    inside = [_inside(robot, each) for each in drawn(robot)]
-    shapes = [model.arcs(each) for each in (robot.config.rest, *inside)]
+    reached = [inside(robot.config, each) for each in drawn(robot)]
+    shapes = [model.arcs(each) for each in (robot.config.rest, *reached)]
     rows = np.array([arc_values(description, shape.tolist()) for shape in shapes])
     found = []
     for column, values in zip(arc_names(description), rows.T, strict=True):
@@ -122,12 +113,6 @@ def _bends(robot: RobotScene, description: RobotDescription, prefix: str) -> lis
             low = 0.0
         found.append({"column": prefix + column, "name": name, "minimum": low, "maximum": high, "unit": unit})
     return found
-
-
-def _inside(robot: RobotScene, actuation: Actuation) -> Actuation:
-    """The nearest actuation within the limits that couple axes."""
-    own = len(robot.config.axes) - robot.config.extra_axes
-    return robot.config.model.inverse(Target(actuation=actuation[:own]), actuation).actuation
 
 
 def _extreme(robot: RobotScene, at: Actuation, coordinate: int, sign: float) -> Array:

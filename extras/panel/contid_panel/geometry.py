@@ -11,7 +11,6 @@ import numpy as np
 from contid.control.engine.wiring import chain_guards, clearance_guard
 from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.errors import ContidError
-from contid.kinematics.array import Array
 from contid.remote.protocol.wire import Fields
 from contid.robot_file.load import LoadedFile, load_robot_file
 from contid.targets import Actuation
@@ -37,7 +36,8 @@ class PanelGeometry:
         self.loaded = loaded
         self._clearance = clearance_guard(loaded)
         self.scene: Scene = build_scene(loaded, rate_hz)
-        self._drawn: dict[str, tuple[Actuation, RobotDrawing | None]] = {}
+        #: The newest drawing of every robot, measured and commanded.
+        self._drawn: dict[tuple[str, str], tuple[Actuation, RobotDrawing | None]] = {}
 
     @classmethod
     def of(cls, describe: Mapping[str, Any]) -> PanelGeometry:
@@ -71,8 +71,8 @@ class PanelGeometry:
 
     def describe(self) -> Fields:
         """What does not change: per robot columns, sizes, reach; floor and obstacles."""
-        descriptions = self.loaded.driven
-        several, workspace = len(descriptions) > 1, self.scene.workspace()
+        descriptions, workspace = self.loaded.driven, self.scene.workspace()
+        several = len(descriptions) > 1
         return {
             "planar": self.scene.planar,
             "cell_mm": self.scene.cell_mm,
@@ -96,10 +96,12 @@ class PanelGeometry:
             measured: axes of every robot, in its units: its body is drawn there.
             commanded: the same; where that body is elsewhere it is drawn too, as a ghost.
         """
-        drawings = {
-            robot.config.name: self._drawing(robot, measured.get(robot.config.name))
-            for robot in self.scene.robots
-        }
+        drawings: dict[str, RobotDrawing | None] = {}
+        for robot in self.scene.robots:
+            values = measured.get(robot.config.name)
+            drawings[robot.config.name] = (
+                None if values is None else self._drawing(robot, "measured", actuation_of(robot, values))
+            )
         found = {
             name: [] if drawing is None else [rounded_line(strip) for strip in drawing.strips]
             for name, drawing in drawings.items()
@@ -119,29 +121,23 @@ class PanelGeometry:
         if body is None or commanded is None or None in commanded:
             return []
         actuation = actuation_of(robot, commanded)
-        if actuation == body.actuation:
-            return []
-        try:
-            there = robot.drawing(actuation)
-        except (ValueError, ArithmeticError):
-            return []
+        there = None if actuation == body.actuation else self._drawing(robot, "commanded", actuation)
         if there is None:
             return []
-        apart = float(np.abs(_backbone(there) - _backbone(body)).max())
+        apart = float(np.abs(there.backbone - body.backbone).max())
         return [rounded_line(strip) for strip in there.strips] if apart > GHOST * robot.length_mm else []
 
-    def _drawing(self, robot: RobotScene, measured: Sequence[float] | None) -> RobotDrawing | None:
-        if measured is None:
-            return None
-        actuation = actuation_of(robot, measured)
-        before = self._drawn.get(robot.config.name)
+    def _drawing(self, robot: RobotScene, kind: str, actuation: Actuation) -> RobotDrawing | None:
+        """A robot at an actuation, the last one of its kind if that is the same; None outside its model."""
+        key = (robot.config.name, kind)
+        before = self._drawn.get(key)
         if before is not None and before[0] == actuation:
             return before[1]
         try:
             drawing = robot.drawing(actuation)
-        except (ValueError, ArithmeticError):  # measured outside the domain of the model
+        except (ValueError, ArithmeticError):
             drawing = None
-        self._drawn[robot.config.name] = actuation, drawing
+        self._drawn[key] = actuation, drawing
         return drawing
 
     def preflight(self, commands: Mapping[str, Actuation]) -> Preflight:
@@ -149,9 +145,3 @@ class PanelGeometry:
         configs = tuple(robot.config for robot in self.scene.robots)
         guards, clearance = chain_guards(self.loaded), self._clearance
         return Preflight(configs, guards, Unreachable.REFUSE, commands, clearance)
-
-
-def _backbone(drawing: RobotDrawing) -> Array:
-    """All points of a backbone once; its sections share a point."""
-    first, *others = drawing.strips[: drawing.sections]
-    return np.vstack([first, *(each[1:] for each in others)])

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from contid.client import AsyncClient
 from contid.errors import ContidError
+from contid.remote.client.described_robot import columns_of
 from contid.remote.protocol.wire import ConnectionLostError, Fields, NoDaemonError, RemoteError
 from contid.targets import Actuation
 from contid_panel.expiry import clock_ms
@@ -53,8 +54,6 @@ class Hub:
         self.geometry: PanelGeometry | None = None
         self.newest: Mapping[str, Fields] = {}
         self.described: Fields | None = None
-        #: By robot and field of telemetry, the columns that have its values.
-        self.columns: Mapping[str, Mapping[str, list[str]]] = {}
         self.rates: Mapping[str, float] = {}
         self.rest: Mapping[str, Mapping[str, float]] = {}
         self._mailboxes: set[Mailbox] = set()
@@ -90,15 +89,13 @@ class Hub:
 
     def present(self) -> dict[str, float]:
         """The newest commanded value of every column that is known."""
-        found: dict[str, float] = {}
-        for name, columns in self.columns.items():
+        found: dict[str, float | None] = {}
+        for name, columns in columns_of(self.described or {"robots": {}}).items():
             newest = self.newest.get(name, {})
-            for key, group in columns.items():
-                values = newest.get(key) or ()
-                found.update(
-                    (column, value) for column, value in zip(group, values, strict=False) if value is not None
-                )
-        return found
+            groups = {"command": columns.axes, "command_tip_mm": columns.tip, "bends": columns.bends}
+            for field, group in groups.items():
+                found.update(zip(group, newest.get(field) or (), strict=False))
+        return {column: value for column, value in found.items() if value is not None}
 
     @property
     def watched(self) -> bool:
@@ -149,14 +146,6 @@ class Hub:
             self.geometry, problem = None, str(error)
             log.warning("panel: the robots are not drawn: %s", problem)
         robots = {} if drawing is None else drawing["robots"]
-        self.columns = {
-            name: {
-                "command": each["axis_columns"],
-                "command_tip_mm": each["tip_columns"],
-                "bends": [bend["column"] for bend in each["bends"]],
-            }
-            for name, each in robots.items()
-        }
         self.rates = {column: rate for each in robots.values() for column, rate in each["rates"].items()}
         self.rest = {name: each["rest"] for name, each in robots.items()}
         self.described = describe
@@ -186,10 +175,8 @@ class Hub:
         bodies: Fields = {"robots": {}, "ghosts": {}, "ropes": []}
         if self.geometry is not None:
             bodies = self.geometry.bodies(
-                *(
-                    {name: robot[key] for name, robot in self.newest.items()}
-                    for key in ("measured", "command")
-                )
+                {name: robot["measured"] for name, robot in self.newest.items()},
+                {name: robot["command"] for name, robot in self.newest.items()},
             )
         message = {"kind": "frame", "tick": frame["tick"], "t_s": frame["t_s"], "robots": self.newest}
         text = encode_message({**message, "bodies": bodies, "clock_ms": clock_ms()})

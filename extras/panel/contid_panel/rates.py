@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Final
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.model import Bending
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
@@ -21,54 +23,38 @@ STEP_S: Final = 1e-3
 TURN_DEG: Final = 360.0
 
 
-def axis_rates(robot: RobotScene) -> list[float]:
-    """Greatest rate of every axis, in its unit per second."""
-    config = robot.config
-    return [rate * each.per_si for rate, each in zip(config.velocity, config.quantities, strict=True)]
-
-
 def tip_rate_mm_s(robot: RobotScene, samples: Sequence[Actuation]) -> float:
     """Speed of the tip while its fastest axis moves at its limit: the median over samples [mm/s]."""
     model = robot.config.model
-    speeds = []
-    for here, moved in _moved(robot, samples):
-        try:
-            speeds.append(
-                math.dist(model.forward(here).tip_m, model.forward(moved).tip_m) * MM_PER_M / STEP_S
-            )
-        except (ValueError, ArithmeticError):  # outside the domain of the model
-            continue
-    return _typical(speeds, len(robot.config.model.lower))
+    fastest = []
+    for here in samples:
+        speeds = []
+        for moved in _moved(robot, here):
+            with suppress(ValueError, ArithmeticError):  # outside the domain of the model
+                speeds.append(math.dist(model.forward(here).tip_m, model.forward(moved).tip_m) / STEP_S)
+        if speeds:
+            fastest.append(max(speeds))
+    return float(np.median(fastest)) * MM_PER_M if fastest else 0.0
 
 
 def bend_rates(robot: RobotScene, description: RobotDescription, samples: Sequence[Actuation]) -> list[float]:
     """The same for every column of the bends, in its unit per second."""
     model = robot.config.model
     assert isinstance(model, Bending)
-    changes = []
-    for here, moved in _moved(robot, samples):
-        before, after = (
-            np.array(arc_values(description, model.arcs(each).tolist())) for each in (here, moved)
-        )
-        change = np.abs(after - before)
-        changes.append(np.minimum(change, np.abs(TURN_DEG - change)) / STEP_S)
-    axes = len(model.lower)
-    return [_typical([float(each) for each in column], axes) for column in np.array(changes).T]
+
+    def bends(actuation: Actuation) -> Array:
+        return np.array(arc_values(description, model.arcs(actuation).tolist()))
+
+    fastest = []
+    for here in samples:
+        before = bends(here)
+        changes = np.abs([bends(moved) - before for moved in _moved(robot, here)])
+        fastest.append(np.minimum(changes, np.abs(TURN_DEG - changes)).max(axis=0) / STEP_S)
+    found: list[float] = np.median(fastest, axis=0).tolist()
+    return found
 
 
-def _moved(robot: RobotScene, samples: Sequence[Actuation]) -> list[tuple[Actuation, Actuation]]:
-    """Every sample, and it a step later, for one moving axis after the other."""
-    own = range(len(robot.config.model.lower))
-    pairs = []
-    for sample in samples:
-        here = tuple(sample)
-        for axis in own:
-            step = robot.config.velocity[axis] * STEP_S
-            pairs.append((here, (*here[:axis], here[axis] + step, *here[axis + 1 :])))
-    return pairs
-
-
-def _typical(speeds: Sequence[float], axes: int) -> float:
-    """The median over samples of the fastest axis; 0 without any."""
-    fastest = [max(speeds[first : first + axes]) for first in range(0, len(speeds), axes)]
-    return float(np.median(fastest)) if fastest else 0.0
+def _moved(robot: RobotScene, here: Actuation) -> list[Actuation]:
+    """An actuation a step later, for one moving axis after the other."""
+    steps = [rate * STEP_S for rate in robot.config.velocity]
+    return [(*here[:axis], here[axis] + step, *here[axis + 1 :]) for axis, step in enumerate(steps)]

@@ -14,6 +14,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.batch import forward_many
+from contid.kinematics.body_shape import in_world
 from contid.units import MM_PER_M
 from contid_view.robot_scene import RobotScene
 
@@ -66,16 +67,14 @@ def reach_surface(robot: RobotScene) -> ReachSurface | None:
 
 def _tips_mm(robot: RobotScene) -> Array:
     """Tips in the world frame."""
-    config, actuations = robot.config, _actuations(robot)
+    model, actuations = robot.config.model, _actuations(robot)
     found = []
     for first in range(0, TIPS, CHUNK):
-        table = forward_many(config.model, actuations[first : first + CHUNK], threads=1)
+        table = forward_many(model, actuations[first : first + CHUNK], threads=1)
         found.append(np.asarray(table["tip_m"], dtype=float).reshape(-1, 3))
     tips = np.concatenate(found)
     tips = tips[np.isfinite(tips).all(axis=1)]
-    rotation = np.array(config.frame.rotation).reshape(3, 3)
-    world: Array = (tips @ rotation.T + np.array(config.frame.origin_in_world)) * MM_PER_M
-    return world
+    return in_world(robot.config.frame, tips) * MM_PER_M
 
 
 def _actuations(robot: RobotScene) -> Array:

@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
+from contid.control.tick.config import RobotConfig
 from contid.kinematics.array import Array
-from contid.targets import Actuation
+from contid.targets import Actuation, Target
 from contid.units import MM_PER_M
 from contid_view.robot_scene import RobotScene
 
@@ -22,6 +23,17 @@ DECIMALS: Final = 2
 def actuation_of(robot: RobotScene, values: Sequence[float]) -> Actuation:
     """Values of the axes in their units, as telemetry has them, in m or Pa."""
     return tuple(value / each.per_si for value, each in zip(values, robot.config.quantities, strict=True))
+
+
+def values_of(config: RobotConfig, actuation: Sequence[float]) -> list[float]:
+    """The same in the units of files; also of rates."""
+    return [value * each.per_si for value, each in zip(actuation, config.quantities, strict=True)]
+
+
+def inside(config: RobotConfig, actuation: Actuation) -> Actuation:
+    """The nearest actuation within the limits that couple axes."""
+    own = len(config.axis_names) - config.extra_axes
+    return config.model.inverse(Target(actuation=actuation[:own]), actuation).actuation
 
 
 def drawn(robot: RobotScene) -> list[Actuation]:

@@ -10,9 +10,11 @@ import math
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
+from contid.trajectory.shapes import minimum_jerk
+
 #: Rows per second; between them the daemon follows a smooth curve.
 ROWS_PER_S: Final = 20.0
-#: Greatest slope of the time law s(t) = 10 t^3 - 15 t^4 + 6 t^5, which begins and ends at rest.
+#: Greatest slope of `minimum_jerk`, which begins and ends at rest.
 PEAK: Final = 1.875
 #: A move takes at least the first, at most the second time [s].
 SHORTEST_S: Final = 0.5
@@ -49,6 +51,6 @@ def slow_line(
     rows = []
     for number in range(count + 1):
         t = number / count
-        s = t * t * t * (10.0 + t * (6.0 * t - 15.0))
+        s = minimum_jerk(t)
         rows.append([duration_s * t, *(present[column] + s * way for column, way in ways.items())])
     return TimedRows(["t_s", *target], rows)

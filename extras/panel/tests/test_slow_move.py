@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from contid.robot_file.load import load_named
 from contid_panel.geometry import PanelGeometry
+from contid_panel.rates import tip_rate_mm_s
 from contid_panel.slow_move import slow_line
 
 RATES = {"x_mm": 100.0, "y_mm": 50.0}
@@ -52,3 +55,19 @@ def test_the_tip_of_a_finger_is_as_fast_as_its_racks() -> None:
     (finger,) = drawing["robots"].values()
     axes = [finger["rates"][each] for each in finger["axis_columns"]]
     assert 0.5 * max(axes) < finger["rates"]["x_mm"] < 20.0 * max(axes)
+
+
+def test_an_axis_outside_the_domain_is_left_out_of_its_own_sample_only() -> None:
+    """Two axes, of which one moves the tip at 100 and the other at 10 mm/s, in turn from sample to sample."""
+
+    def forward(actuation: tuple[float, float]) -> SimpleNamespace:
+        x, y = actuation
+        if 0.0 < x < 0.5:
+            raise ValueError("outside")
+        turns = int(x + 0.5) % 2 == 1
+        return SimpleNamespace(tip_m=(0.01 * x + 0.1 * y if turns else 0.1 * x + 0.01 * y, 0.0, 0.0))
+
+    config = SimpleNamespace(velocity=(1.0, 1.0), model=SimpleNamespace(forward=forward, lower=(0.0, 0.0)))
+    samples = [(float(number), 0.0) for number in range(4)]
+    speed = tip_rate_mm_s(SimpleNamespace(config=config), samples)  # type: ignore[arg-type]
+    assert speed == pytest.approx(100.0)

@@ -53,7 +53,7 @@ class SolidBody:
 
     def place(self, drawings: Sequence[RobotDrawing]) -> Cylinders:
         """The cylinders of drawings."""
-        lines = np.stack([_backbone(drawing) for drawing in drawings])
+        lines = np.stack([drawing.backbone for drawing in drawings])
         x, y, z = transported(lines, self._across, self._along)
         shares = np.stack([self._shares(drawing) for drawing in drawings])
         section = np.minimum(self._stations.astype(int), shares.shape[1] - 2)
@@ -101,11 +101,6 @@ def quaternion_of(rotation: Array) -> list[float]:
     table = np.block([[products, last[:, None]], [last[None], four[3:, None]]])
     row = table[int(np.argmax(four))]
     return list(row / np.linalg.norm(row))
-
-
-def _backbone(drawing: RobotDrawing) -> Array:
-    first, *more = drawing.strips[: drawing.sections]
-    return np.concatenate([first, *(strip[1:] for strip in more)])
 
 
 def _interpolated(values: Array, place: Array) -> Array:

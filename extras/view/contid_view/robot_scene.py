@@ -59,6 +59,12 @@ class RobotDrawing:
         return tip
 
     @property
+    def backbone(self) -> Array:
+        """Points of the backbone, each once, as its sections share a point; (n, 3) [mm]."""
+        first, *others = self.strips[: self.sections]
+        return np.concatenate([first, *(strip[1:] for strip in others)])
+
+    @property
     def backbone_mm(self) -> float:
         """Length of the backbone [mm]."""
         return sum(map(_length, self.strips[: self.sections]))
