@@ -15,7 +15,6 @@ import pytest
 
 pytest.register_assert_rewrite(*(f"{__name__}.{name}" for name in ("exchange", "faults", "life", "watchdog")))
 
-from contid.control.engine.cycle import RealClock  # noqa: E402
 from contid.testing.contract import DriverContract  # noqa: E402
 from contid.testing.rig import TICK_S, BusUnderTest, Facts, RealTimeRig, offset, values  # noqa: E402
 
@@ -24,7 +23,6 @@ __all__ = [
     "BusUnderTest",
     "DriverContract",
     "Facts",
-    "RealClock",
     "RealTimeRig",
     "offset",
     "values",

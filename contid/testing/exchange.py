@@ -8,7 +8,7 @@ import pytest
 
 from contid.errors import DeviceError
 from contid.hal import Rest
-from contid.testing.rig import BusUnderTest, offset
+from contid.testing.rig import BusUnderTest, offset, values
 
 
 class ExchangeContract:
@@ -24,19 +24,17 @@ class ExchangeContract:
     def test_an_axis_left_out_keeps_its_goal(self, enabled: BusUnderTest) -> None:
         first, *others = enabled.bus.axes
         goal = offset(enabled, [first], enabled.facts.near)
-        before = {axis: enabled.value(axis) for axis in others}
+        before = values(enabled, others)
         enabled.pump(0.0, goal)
         enabled.pump(enabled.facts.settle_s)
         assert enabled.value(first) == pytest.approx(goal[first], abs=enabled.facts.reading)
-        for axis, value in before.items():
-            assert enabled.value(axis) == pytest.approx(value, abs=enabled.facts.reading)
+        assert values(enabled, before) == pytest.approx(before, abs=enabled.facts.reading)
 
     def test_the_order_of_commands_does_not_matter(self, enabled: BusUnderTest) -> None:
         goals = offset(enabled, enabled.bus.axes, enabled.facts.near)
         backwards = dict(reversed([*goals.items()]))
         assert tuple(enabled.pump(enabled.facts.settle_s, backwards)) == enabled.bus.axes
-        for axis, goal in goals.items():
-            assert enabled.value(axis) == pytest.approx(goal, abs=enabled.facts.reading)
+        assert values(enabled) == pytest.approx(goals, abs=enabled.facts.reading)
 
     def test_a_command_to_a_resting_axis_is_dropped_and_costs_no_other(self, ready: BusUnderTest) -> None:
         first, *others = ready.bus.axes

@@ -35,8 +35,7 @@ class FaultContract:
         enabled.silence(first, True)
         goals = offset(enabled, others, enabled.facts.near)
         enabled.pump(enabled.facts.settle_s, goals)
-        for axis, goal in goals.items():
-            assert enabled.value(axis) == pytest.approx(goal, abs=enabled.facts.reading)
+        assert values(enabled, goals) == pytest.approx(goals, abs=enabled.facts.reading)
 
     def test_enable_is_all_or_nothing(self, ready: BusUnderTest) -> None:
         first, *others = ready.bus.axes
@@ -107,8 +106,7 @@ class FaultContract:
         enabled.bus.enable(enabled.bus.axes)
         near = offset(enabled, enabled.bus.axes, enabled.facts.near)
         enabled.pump(enabled.facts.settle_s, near)
-        for axis, goal in near.items():
-            assert enabled.value(axis) == pytest.approx(goal, abs=enabled.facts.reading)
+        assert values(enabled) == pytest.approx(near, abs=enabled.facts.reading)
 
     def test_a_broken_device_reports_its_fault_and_the_others_go_on(self, enabled: BusUnderTest) -> None:
         first, *others = enabled.bus.axes

@@ -6,7 +6,7 @@ import pytest
 
 from contid.errors import DeviceError
 from contid.hal import Bus, DeviceKind, Rest
-from contid.testing.rig import BusUnderTest, offset
+from contid.testing.rig import BusUnderTest, offset, values
 
 
 class LifeContract:
@@ -58,37 +58,34 @@ class LifeContract:
             assert rig.powered(axis) == powered
 
     def test_no_jump_at_enable(self, enabled: BusUnderTest) -> None:
-        before = {axis: enabled.value(axis) for axis in enabled.bus.axes}
+        before = values(enabled)
         assert all(enabled.powered(axis) for axis in enabled.bus.axes)
         enabled.pump(enabled.facts.settle_s)
-        for axis, value in before.items():
-            # The goal is the reading rounded to a step of the device.
-            assert enabled.value(axis) == pytest.approx(value, abs=enabled.facts.reading)
+        # The goal is the reading rounded to a step of the device.
+        assert values(enabled) == pytest.approx(before, abs=enabled.facts.reading)
 
     def test_no_jump_at_enable_after_the_device_was_sent_elsewhere(self, enabled: BusUnderTest) -> None:
         """The old goal is far away; enabling again must not make the device resume it."""
         enabled.pump(0.0, offset(enabled, enabled.bus.axes, enabled.facts.far))
         enabled.bus.disable(enabled.bus.axes, Rest.HOLD)
         enabled.pump(enabled.facts.settle_s)
-        before = {axis: enabled.value(axis) for axis in enabled.bus.axes}
+        before = values(enabled)
         enabled.bus.enable(enabled.bus.axes)
         enabled.pump(enabled.facts.settle_s)
-        for axis, value in before.items():
-            assert enabled.value(axis) == pytest.approx(value, abs=enabled.facts.reading)
+        assert values(enabled) == pytest.approx(before, abs=enabled.facts.reading)
 
     def test_enabling_twice_does_not_disturb_the_motion(self, enabled: BusUnderTest) -> None:
         goals = offset(enabled, enabled.bus.axes, enabled.facts.near)
         enabled.pump(0.0, goals)
         enabled.bus.enable(enabled.bus.axes)
         enabled.pump(enabled.facts.settle_s)
-        for axis, goal in goals.items():
-            assert enabled.value(axis) == pytest.approx(goal, abs=enabled.facts.reading)
+        assert values(enabled) == pytest.approx(goals, abs=enabled.facts.reading)
 
     def test_hold_stays_where_it_is(self, enabled: BusUnderTest) -> None:
         enabled.pump(0.0, offset(enabled, enabled.bus.axes, enabled.facts.far))
         enabled.bus.disable(enabled.bus.axes, Rest.HOLD)
         enabled.pump(enabled.facts.settle_s)
-        before = {axis: enabled.value(axis) for axis in enabled.bus.axes}
+        before = values(enabled)
         samples = enabled.pump(enabled.facts.silence_s * 2)
         for axis, value in before.items():
             assert enabled.value(axis) == pytest.approx(value, abs=enabled.facts.still)
@@ -98,7 +95,7 @@ class LifeContract:
     @pytest.mark.parametrize("rest", [Rest.RELAX, Rest.VENT])
     def test_relax_and_vent_take_the_force_away(self, enabled: BusUnderTest, rest: Rest) -> None:
         enabled.pump(enabled.facts.settle_s, offset(enabled, enabled.bus.axes, enabled.facts.near))
-        before = {axis: enabled.value(axis) for axis in enabled.bus.axes}
+        before = values(enabled)
         enabled.bus.disable(enabled.bus.axes, rest)
         enabled.pump(enabled.facts.settle_s + enabled.facts.vent_s)
         for axis, value in before.items():

@@ -8,7 +8,7 @@ firmware in real time, so the tests express durations by `BusUnderTest.pump` and
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -122,11 +122,11 @@ class RealTimeRig:
         time.sleep(seconds)
 
 
-def offset(rig: BusUnderTest, axes: Sequence[str], distance: float) -> dict[str, float]:
+def values(rig: BusUnderTest, axes: Iterable[str] | None = None) -> dict[str, float]:
+    """Where axes really are, every one unless some are named."""
+    return {axis: rig.value(axis) for axis in (rig.bus.axes if axes is None else axes)}
+
+
+def offset(rig: BusUnderTest, axes: Iterable[str], distance: float) -> dict[str, float]:
     """Commands that far above where each axis really is."""
-    return {axis: rig.value(axis) + distance for axis in axes}
-
-
-def values(rig: BusUnderTest) -> dict[str, float]:
-    """Where every axis really is."""
-    return {axis: rig.value(axis) for axis in rig.bus.axes}
+    return {axis: value + distance for axis, value in values(rig, axes).items()}

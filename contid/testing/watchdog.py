@@ -22,8 +22,7 @@ class WatchdogContract:
         assert not any(faults.values())
         goals = offset(enabled, enabled.bus.axes, enabled.facts.near)
         enabled.pump(enabled.facts.settle_s, goals)
-        for axis, goal in goals.items():
-            assert enabled.value(axis) == pytest.approx(goal, abs=enabled.facts.reading)
+        assert values(enabled) == pytest.approx(goals, abs=enabled.facts.reading)
 
     def test_the_watchdog_brings_devices_to_rest_by_itself(self, enabled: BusUnderTest) -> None:
         start = values(enabled)
@@ -57,8 +56,7 @@ class WatchdogContract:
         enabled.bus.enable(enabled.bus.axes)
         near = offset(enabled, enabled.bus.axes, enabled.facts.near)
         enabled.pump(enabled.facts.settle_s, near)
-        for axis, goal in near.items():
-            assert enabled.value(axis) == pytest.approx(goal, abs=enabled.facts.reading)
+        assert values(enabled) == pytest.approx(near, abs=enabled.facts.reading)
 
     def test_a_refused_tick_does_not_feed_the_watchdog(self, enabled: BusUnderTest) -> None:
         watchdog_s = _watchdog_s(enabled)
@@ -74,8 +72,7 @@ class WatchdogContract:
         enabled.pump(0.0, goals)
         enabled.bus.clear_fault(enabled.bus.axes)
         enabled.pump(enabled.facts.settle_s, goals)
-        for axis, goal in goals.items():
-            assert enabled.value(axis) == pytest.approx(goal, abs=enabled.facts.reading)
+        assert values(enabled) == pytest.approx(goals, abs=enabled.facts.reading)
 
     def test_reading_alone_feeds_the_watchdog(self, enabled: BusUnderTest) -> None:
         samples = enabled.pump(_watchdog_s(enabled) * 3)

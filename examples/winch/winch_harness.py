@@ -1,7 +1,6 @@
 """The winch driver under contid's contract: the emulated box on this machine's own network, in real time.
 
-From a checkout of contid, with this folder on PYTHONPATH:
-``python -m pytest tests/contract -k winch``.
+From a checkout of contid: ``python -m pytest tests/contract -k winch``.
 """
 
 from __future__ import annotations
@@ -11,7 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from contid.hal import AxisOnBus, DeviceKind, Rest
-from contid.testing import Facts, RealClock, RealTimeRig
+from contid.kit import MonotonicClock
+from contid.testing import Facts, RealTimeRig
 from contid_winch import AxisOptions, BusOptions
 from contid_winch.bus import WinchBus
 from contid_winch.emulator import Box, Drum
@@ -39,7 +39,7 @@ class WinchRig(RealTimeRig):
         host, port = box.address
         options = BusOptions(address=f"{host}:{port}", watchdog_ms=150, reply_ms=60.0)
         axes = [AxisOnBus(axis, AxisOptions(drum=drum)) for axis, drum in DRUMS.items()]
-        self.bus = WinchBus("box", options, axes, RealClock())
+        self.bus = WinchBus("box", options, axes, MonotonicClock())
 
     def value(self, axis: str) -> float:
         with self._drum(axis) as drum:

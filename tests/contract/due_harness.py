@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from contid.hal import AxisOnBus, DeviceKind, Rest
-from contid.testing import Facts, RealClock, RealTimeRig
+from contid.kit import MonotonicClock
+from contid.testing import Facts, RealTimeRig
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
@@ -44,7 +45,7 @@ class DueRig(RealTimeRig):
         role = Role.MOTOR if letter == "m" else Role.PRESSURE
         options = DueBusOptions(port=str(port), role=role, watchdog_ms=200, latency_ms=60.0)
         self.emulator = DueEmulator(options, axes)
-        self.bus = DueBus("board", options, axes, RealClock())
+        self.bus = DueBus("board", options, axes, MonotonicClock())
 
     def _truth(self, axis: str) -> list[float]:
         """Of a tick that began after the question: what the board was asked has reached its outputs."""

@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from contid.hal import AxisOnBus, DeviceKind, Rest
-from contid.testing import Facts, RealClock, RealTimeRig
+from contid.kit import MonotonicClock
+from contid.testing import Facts, RealTimeRig
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
@@ -30,7 +31,7 @@ class DynamixelRig(RealTimeRig):
         self._ids = {axis: i + 1 for i, axis in enumerate(AXES)}
         axes = [AxisOnBus(axis, DynamixelAxisOptions(id=device)) for axis, device in self._ids.items()]
         options = DynamixelBusOptions(port=str(port), watchdog_ms=200, usb_latency_ms=30.0, retry_ms=50.0)
-        self.bus = DynamixelBus("servos", options, axes, RealClock())
+        self.bus = DynamixelBus("servos", options, axes, MonotonicClock())
 
     def value(self, axis: str) -> float:
         return self._servo(axis).position_ticks * STEP

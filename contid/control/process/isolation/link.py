@@ -24,12 +24,14 @@ class KeptProcess:
 
     Attributes:
         ended: how the bus process ended, "" while it runs.
+        cut: the bus process has closed its end of the socket; why comes from its keeper, perhaps later.
         began_s: when the newest request was sent.
     """
 
     def __init__(self, bus: str, body: bytes) -> None:
         """Fork the keeper; ``body`` is what builds the bus."""
         self.ended = ""
+        self.cut = False
         self.began_s = 0.0
         self._bus = bus
         self._keeper, self._orders = keeper.start(f"contid.bus.{bus}", body)
@@ -44,7 +46,7 @@ class KeptProcess:
         self._connection.setblocking(False)
         while select.select([self._orders], (), (), 0.0)[0] and self._news():  # of the one before
             pass
-        self.ended = ""
+        self.ended, self.cut = "", False
         with theirs, suppress(OSError):
             socket.send_fds(self._orders, [keeper.OPEN], [theirs.fileno()])
 
@@ -96,7 +98,7 @@ class KeptProcess:
     def receive(self, kind: BusRequest | None, end_s: float) -> bytes:
         """The answer to the newest request; empty when none came in time or the bus process ended."""
         watched = [self._orders]
-        if self._connection is not None and not self.ended:
+        if self._connection is not None and not self.cut:
             watched.append(self._connection)
         while not self.ended:
             ready = select.select(watched, (), (), max(end_s - time.monotonic(), 0.0))[0]
@@ -105,6 +107,7 @@ class KeptProcess:
             if self._connection in ready:
                 message = self._message()
                 if not message:
+                    self.cut = True
                     watched.remove(self._connection)
                     continue
                 found, number, _ = HEAD.unpack_from(message)

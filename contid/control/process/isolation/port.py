@@ -83,6 +83,7 @@ class IsolatedPort(BusPort):
         super().__init__(IsolatedBus(wiring.name, axes, self), threaded=False)
         self.threaded = True  # for the tick: its answer may come later
         self._driver = wiring.driver
+        self._tolerance = wiring.tolerance_ticks
         self._wire = BusWire(axes)
         options = wiring.options
         assert isinstance(options, IsolatedBusOptions)
@@ -150,10 +151,14 @@ class IsolatedPort(BusPort):
         if not self._link.ended and time.monotonic() - self._link.began_s > longest_s:
             self._link.end_process(f"did not answer for {longest_s:g} s; its process was ended")
         if self._link.ended:
-            text = f"{self.bus.name}: driver {self._driver!r} {self._link.ended}"
-            return self._done(BusReply(lost=text, fault=Fault.DRIVER_ENDED))
+            return self._done(self._reply_of_end(self._link.ended))
         self.stalls += 1
+        if self._link.cut and not self.lost and self.stalls >= self._tolerance:
+            return self._reply_of_end("has ended")  # it stays busy until its keeper reports how
         return None
+
+    def _reply_of_end(self, how: str) -> BusReply:
+        return BusReply(lost=f"{self.bus.name}: driver {self._driver!r} {how}", fault=Fault.DRIVER_ENDED)
 
     def _done(self, reply: BusReply) -> BusReply:
         self.busy = False
