@@ -91,6 +91,10 @@ class SimRobots(Mapping[str, SimRobot]):
         """As a dictionary."""
         return repr(dict(self))
 
+    def __reduce__(self) -> tuple[type[dict[str, SimRobot]], tuple[dict[str, SimRobot]]]:
+        """A copy for another process is a dictionary: compiled models cannot be copied."""
+        return dict, (dict(self),)
+
 
 @dataclass(frozen=True, slots=True)
 class StateReader:
