@@ -12,7 +12,7 @@ import numpy as np
 
 from contid.api.units import Units
 from contid.control.engine.measured_tip import tip_in_world
-from contid.control.engine.tick_layout import CONVERGED, HAS_TARGET, TICK, RecordLayout, RobotRecord
+from contid.control.engine.tick_layout import CONVERGED, HAS_TARGET, TICK, RecordLayout
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.supervisor import Mode
 from contid.kinematics.array import Array
@@ -91,6 +91,10 @@ class SimRobots(Mapping[str, SimRobot]):
         """As a dictionary."""
         return repr(dict(self))
 
+    def __reduce__(self) -> tuple[type[dict[str, SimRobot]], tuple[dict[str, SimRobot]]]:
+        """A copy for another process is a dictionary: compiled models cannot be copied."""
+        return dict, (dict(self),)
+
 
 @dataclass(frozen=True, slots=True)
 class StateReader:
@@ -115,7 +119,7 @@ class StateReader:
 
     def _robot(self, index: int, values: Sequence[float], refused: str) -> SimRobot:
         units, config = self.units, self.configs[index]
-        record: RobotRecord = self.layout.robot(tuple(values), index)
+        record = self.layout.robot(values, index)
         measured = config.transmission.to_actuation(tuple(axis.value for axis in record.axes))
         tip = None
         if all(map(math.isfinite, measured)):

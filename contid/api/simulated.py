@@ -129,10 +129,12 @@ class Sim:
         self._check_open()
         if self._recording is not None:
             raise ContidError("this simulation records, and a session is one run; make a new one")
-        self._process.close()
         loaded = self._loaded if variant is None else variant(self._loaded)
+        if seed is not None:
+            loaded = with_seed(loaded, seed)
+        self._process.close()
         self.events.clear()
-        self.state = self._begin(loaded if seed is None else with_seed(loaded, seed))
+        self.state = self._begin(loaded)
         return self.state
 
     def hold(self) -> None:

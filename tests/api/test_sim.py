@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import pickle
 import re
 import threading
 from pathlib import Path
@@ -65,6 +66,14 @@ def test_a_recording_replays_bit_for_bit(tmp_path: Path) -> None:
     assert "bit for bit" in contid(tmp_path, "replay", str(file))
     with pytest.raises(ContidError, match="file exists; recordings are never overwritten"):
         Sim("hand", record=file)
+
+
+@pytest.mark.parametrize("name", ["finger", "tendon3"])
+def test_a_state_goes_to_another_process(name: str) -> None:
+    with Sim(name) as sim:
+        there = pickle.loads(pickle.dumps(sim.state))
+        assert there.tick == sim.state.tick
+        assert np.array_equal(there[sim.names[0]].tip, sim.state[sim.names[0]].tip)
 
 
 def test_steps_keep_the_rates_of_the_file() -> None:

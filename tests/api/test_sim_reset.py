@@ -10,6 +10,7 @@ import pytest
 
 from contid import Sim
 from contid.errors import ContidError
+from contid.robot_file.load import LoadedFile
 
 GOALS = {"finger": {"x_mm": 30.0, "y_mm": 85.0}, "hand": {"left.x_mm": 10.0, "left.y_mm": 80.0}}
 
@@ -59,3 +60,13 @@ def test_what_records_is_not_reset(tmp_path: Path) -> None:
         sim.reset()
     with pytest.raises(ContidError, match="closed"):
         sim.reset()
+
+
+def test_a_variant_that_is_refused_leaves_the_simulation_as_it_was() -> None:
+    def refused(_: LoadedFile) -> LoadedFile:
+        raise ContidError("no such variant")
+
+    with Sim("finger") as sim, Sim("finger") as other:
+        with pytest.raises(ContidError, match="no such variant"):
+            sim.reset(variant=refused)
+        assert same(played(sim, GOALS["finger"], 30), played(other, GOALS["finger"], 30))

@@ -276,13 +276,20 @@ class RecordLayout:
 
     def decode(self, values: tuple[float, ...]) -> TickRecord:
         """A record from the numbers of `packer`."""
-        robots = tuple(self.robot(values, index) for index in range(len(self.robots)))
-        return TickRecord._make((*HEAD.pick(values), robots))
+        robots, at = [], HEAD.size
+        for robot in self.robots:
+            end = at + ROBOT.size + AXIS.size * len(robot.axes)
+            robots.append(_robot(values[at:end]))
+            at = end
+        return TickRecord._make((*HEAD.pick(values), tuple(robots)))
 
-    def robot(self, values: tuple[float, ...], index: int) -> RobotRecord:
+    def robot(self, values: Sequence[float], index: int) -> RobotRecord:
         """One robot of a record, likewise."""
-        at = self.robot_start(index)
-        start = at + ROBOT.size
-        end = start + AXIS.size * len(self.robots[index].axes)
-        axes = [AxisRecord(*values[each : each + AXIS.size]) for each in range(start, end, AXIS.size)]
-        return RobotRecord._make((*ROBOT.pick(values[at:start]), tuple(axes)))
+        return _robot(tuple(values[self.robot_start(index) : self.robot_start(index + 1)]))
+
+
+def _robot(values: tuple[float, ...]) -> RobotRecord:
+    """A robot from its own numbers: its values, then those of its axes."""
+    places = range(ROBOT.size, len(values), AXIS.size)
+    axes = tuple([AxisRecord(*values[at : at + AXIS.size]) for at in places])
+    return RobotRecord._make((*ROBOT.pick(values), axes))

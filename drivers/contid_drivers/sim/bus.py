@@ -99,12 +99,11 @@ class SimBus:
             if not math.isfinite(value):
                 raise DeviceError(axis, f"a command must be finite, got {value!r}")
         now = self._advance_open()
-        faultless = not self.switches.on
         for axis, value in self._body_faults.commands(commands).items():
-            if axis in self._enabled and (faultless or not self._silent(axis)):
+            if axis in self._enabled and not self._silent(axis):
                 self.devices[axis].command(value)
         for axis, device in self.devices.items():
-            if faultless or not (self._silent(axis) or self.switches.is_on(FaultKind.STALE, axis)):
+            if not self._silent(axis) and not self.switches.is_on(FaultKind.STALE, axis):
                 self._samples[axis] = self._body_faults.seen(axis, device.read(now))
         end = self._wait(now, self._options.latency_ms / 1e3 + self.switches.delay_s)
         for axis, device in self.devices.items():

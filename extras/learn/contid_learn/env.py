@@ -20,9 +20,8 @@ from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.robot_file.load import LoadedFile
 from contid_learn.randomised import Intervals, checked, drawn, varied, with_bodies
-from contid_learn.tasks import Path as GoalPath
-from contid_learn.tasks import Task, drawn_paths
-from contid_learn.views import BOUND, Observation, Seen, TipGoal, observation, row_of, shares, views_of
+from contid_learn.tasks import GoalPath, Task, drawn_paths
+from contid_learn.views import BOUND, Observation, Seen, TipGoal, asked_after, observation, row_of, views_of
 
 #: Share of the size of a robot within which a tip has arrived.
 ARRIVED_SHARE: Final = 0.02
@@ -110,9 +109,8 @@ class TipEnv(gymnasium.Env[Observation, Action]):
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, Info]:
         """Send the row of an action, and run the ticks until the next one."""
-        parts = shares(self.views, np.asarray(action, dtype=np.float64))
         before = self._asked
-        self._asked = {view.name: view.after(before[view.name], parts[view.name]) for view in self.views}
+        self._asked = asked_after(self.views, before, np.asarray(action, dtype=np.float64))
         state = self.sim.step(row_of(self.views, self._asked), ticks=self.ticks)
         if any(robot.refused for robot in state.robots.values()):
             self._asked = before

@@ -14,8 +14,8 @@ ENTRY_POINT: Final = "contid_learn.env:TipEnv"
 
 def environment_ids() -> dict[str, str]:
     """Names of shipped robot files by the id of their environment; emulated twins are left out."""
-    names = sorted(path.name.removesuffix(".yaml") for path in configs_folder().glob("*.yaml"))
-    return {f"contid/{name}-v0": name for name in names if "." not in name}
+    names = sorted(file.stem for file in configs_folder().glob("*.yaml") if "." not in file.stem)
+    return {f"contid/{name}-v0": name for name in names}
 
 
 def register_all() -> None:

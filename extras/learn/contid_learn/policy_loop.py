@@ -20,7 +20,7 @@ import numpy as np
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.remote.client.servo import ServoState
-from contid_learn.views import Observation, RobotView, Seen, TipGoal, observation, row_of, shares
+from contid_learn.views import Observation, RobotView, Seen, TipGoal, asked_after, observation, row_of
 
 #: Share of the period that an answer may take.
 ANSWER_SHARE: Final = 0.6
@@ -157,15 +157,12 @@ class PolicyLoop:
         )
         if action is None:
             self.counts.stale += 1
-        elif not np.isfinite(action).all():
-            self.counts.not_finite += 1
         else:
-            self.counts.used += 1
-        if action is not None:
-            parts = shares(self._views, action)
-            self._asked = {
-                view.name: view.after(self._asked[view.name], parts[view.name]) for view in self._views
-            }
+            if np.isfinite(action).all():
+                self.counts.used += 1
+            else:
+                self.counts.not_finite += 1
+            self._asked = asked_after(self._views, self._asked, action)
         return row_of(self._views, self._asked)
 
 

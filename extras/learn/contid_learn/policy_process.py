@@ -6,13 +6,10 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
 
+from contid.control.daemon.beside import process_beside
 from contid.control.daemon.spawn import module_command
 from contid_learn.drive import load_drive
-
-#: How long the end of a run waits for the end of the policy.
-EXIT_TIMEOUT_S: Final = 5.0
 
 
 class PolicyProcess:
@@ -23,34 +20,21 @@ class PolicyProcess:
         file: of the policy; read here too, so that a wrong one is refused before anything moves.
         goal: text of ``--goal``.
         duration_s: after which the policy ends the run; None: never.
-
-    Attributes:
-        failed: what is incomplete because the process failed, "" while nothing is.
     """
 
     def __init__(self, robot_file: str, file: str, goal: str, duration_s: float | None) -> None:
         load_drive(robot_file, file, goal)
         self._arguments = [robot_file, file, goal, *([] if duration_s is None else [str(duration_s)])]
-        self.failed = ""
+        self._process: subprocess.Popen[bytes] | None = None
+
+    @property
+    def failed(self) -> str:
+        """What is incomplete because the process failed or was killed, "" while nothing is."""
+        return "the motion of --policy" if self._process is not None and self._process.returncode else ""
 
     @contextmanager
     def beside(self, socket: Path) -> Iterator[None]:
         """Drive the robots of the daemon that listens, or will listen, on a socket, until the run ends."""
-        process = subprocess.Popen(
-            module_command("contid_learn.drive", str(socket), *self._arguments),
-            stdin=subprocess.PIPE,
-            # Ctrl-C in a terminal is for the daemon, which decides how the run ends.
-            start_new_session=True,
-        )
-        assert process.stdin is not None
-        try:
+        command = module_command("contid_learn.drive", str(socket), *self._arguments)
+        with process_beside(command) as self._process:
             yield
-        finally:
-            process.stdin.close()  # it watches this end
-            try:
-                if process.wait(EXIT_TIMEOUT_S) != 0:
-                    self.failed = "the motion of --policy"
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-                self.failed = "the motion of --policy"

@@ -5,8 +5,9 @@ Give intervals that were identified on your robot: then a policy meets it among 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -80,31 +81,28 @@ def varied(loaded: LoadedFile, numbers: Mapping[str, float]) -> LoadedFile:
         ContidError: a number that they refuse, or none of them has the key.
     """
     used: set[str] = set()
+
+    def mine(keys: Sequence[str], has: Callable[[str], bool] = lambda _: True) -> dict[str, Any]:
+        found = {key: numbers[key] for key in keys if key in numbers and has(key)}
+        used.update(found)
+        return found
+
     sim = load_driver("sim")
     buses = {}
     for name, bus in loaded.buses.items():
-        axes = []
-        for axis, options in bus.axes:
-            mine = {key: numbers[key] for key in OF_AXES if key in numbers and _takes(sim, options, key)}
-            used |= mine.keys()
-            axes.append((axis, _changed(options, mine)))
-        of_bus = {key: numbers[key] for key in OF_BUSES if key in numbers}
-        used |= of_bus.keys()
-        buses[name] = replace(bus, axes=tuple(axes), options=_changed(bus.options, of_bus))
+        axes = tuple(
+            (axis, _changed(options, mine(OF_AXES, partial(_takes, sim, options))))
+            for axis, options in bus.axes
+        )
+        buses[name] = replace(bus, axes=axes, options=_changed(bus.options, mine(OF_BUSES)))
     robots = {}
     for name, robot in loaded.file.robots.items():
         body: Any = getattr(robot, "sim", None)
-        mine = {key: numbers[key] for key in OF_BODIES if key in numbers and hasattr(body, key)}
-        used |= mine.keys()
-        errors: Any = getattr(body, "errors", None)
-        wrong = {key: numbers[key] for key in OF_ERRORS if key in numbers and errors is not None}
-        used |= wrong.keys()
-        if isinstance(robot, Cosserat) and "modulus_percent" in wrong:
-            count = len(robot.geometry.sections)
-            wrong = {**wrong, "modulus_percent": (wrong["modulus_percent"],) * count}  # type: ignore[dict-item]
-        changes: dict[str, Any] = dict(mine)
-        if wrong:
-            changes["errors"] = _changed(errors, wrong)
+        changes = mine(OF_BODIES, partial(hasattr, body))
+        if isinstance(robot, Cosserat) and body is not None and (errors := mine(OF_ERRORS)):
+            if "modulus_percent" in errors:
+                errors["modulus_percent"] = (errors["modulus_percent"],) * len(robot.geometry.sections)
+            changes["errors"] = _changed(body.errors, errors)
         robots[name] = robot.model_copy(update={"sim": _changed(body, changes)}) if changes else robot
     if missing := sorted(numbers.keys() - used):
         raise ContidError(f"{loaded.path}: randomise: nothing of this file has {', '.join(missing)}")

@@ -30,7 +30,7 @@ class Task(enum.StrEnum):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Path:
+class GoalPath:
     """To and fro between the axes of two poses, at rest at both.
 
     Attributes:
@@ -51,7 +51,7 @@ class Path:
         return TipGoal(self.tips[before] + (place - before) * way, rate * way)
 
 
-def drawn_paths(task: Task, views: Sequence[RobotView], rng: np.random.Generator) -> dict[str, Path]:
+def drawn_paths(task: Task, views: Sequence[RobotView], rng: np.random.Generator) -> dict[str, GoalPath]:
     """The paths of the goals of an episode by robot; a place is a path that does not move."""
     paths = {}
     for view in views:
@@ -61,5 +61,5 @@ def drawn_paths(task: Task, views: Sequence[RobotView], rng: np.random.Generator
         share = np.linspace(0.0, 1.0, WAYPOINTS if task is Task.FOLLOW else 2)[:, None]
         tips = view.robot.fk(place + share * (other - place)).tip
         fastest_s = 0.5 * math.pi * float(np.abs(other - place).max()) / (PATH_SHARE * view.velocity)
-        paths[view.name] = Path(tips, max(LEG_S, fastest_s))
+        paths[view.name] = GoalPath(tips, max(LEG_S, fastest_s))
     return paths

@@ -164,13 +164,14 @@ def observation(
     return np.clip(whole, -BOUND, BOUND).astype(np.float32)
 
 
-def shares(views: Sequence[RobotView], action: Array) -> dict[str, Array]:
-    """The part of an action for each robot."""
-    parts, at = {}, 0
+def asked_after(views: Sequence[RobotView], asked: Mapping[str, Array], action: Array) -> dict[str, Array]:
+    """The axes of all robots to ask for after an action; each robot takes its part of it."""
+    after, at = {}, 0
     for view in views:
-        parts[view.name] = action[at : at + len(view.columns)]
-        at += len(view.columns)
-    return parts
+        end = at + len(view.columns)
+        after[view.name] = view.after(asked[view.name], action[at:end])
+        at = end
+    return after
 
 
 def row_of(views: Sequence[RobotView], asked: Mapping[str, Array]) -> dict[str, float]:

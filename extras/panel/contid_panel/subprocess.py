@@ -6,12 +6,9 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
 
+from contid.control.daemon.beside import process_beside
 from contid.control.daemon.spawn import module_command
-
-#: How long the end of a run waits for the panel's end.
-EXIT_TIMEOUT_S: Final = 5.0
 
 
 @contextmanager
@@ -24,20 +21,5 @@ def panel_process(socket: Path, opens: bool, demonstrates: bool = False) -> Iter
         demonstrates: the input of the run is a demonstration; pages take over without a question.
     """
     command = module_command("contid", "panel", "--socket", str(socket), "--wait")
-    process = subprocess.Popen(
-        command + ["--open"] * opens + ["--demo"] * demonstrates,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        # Ctrl-C in a terminal is for the daemon, which decides how the run ends.
-        start_new_session=True,
-    )
-    assert process.stdin is not None
-    try:
+    with process_beside(command + ["--open"] * opens + ["--demo"] * demonstrates, subprocess.DEVNULL):
         yield
-    finally:
-        process.stdin.close()  # it watches this end
-        try:
-            process.wait(EXIT_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
