@@ -13,7 +13,7 @@ from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.robot_file.findings import allowed_names
 from contid.targets import Vec3
-from contid_camera.jumps import JumpBounds, JumpGate
+from contid_camera.jumps import JumpGate
 from contid_mocap.placing import Rigid, RoomPlacing, rigid
 from contid_mocap.room import RoomFrame, RoomPose
 from contid_mocap.setup_file import MocapSetup, TipPlace
@@ -99,12 +99,10 @@ class RoomTipTracker:
         for name in robots:
             if name not in setup.robots:
                 raise ContidError(f"the setup has no robot {name!r}; {allowed_names(setup.robots, name)}")
-        gate = setup.gate
-        bounds = JumpBounds(gate.speed_mm_s, gate.turn_deg_s, gate.jump_mm, gate.lost)
-        self._stale_s = gate.stale_ms / 1e3
+        self._stale_s = setup.gate.stale_ms / 1e3
         self._room = RoomPlacing(setup.room)
         self._tracked = [
-            _Tracked(name, place, rigid(place), JumpGate(bounds))
+            _Tracked(name, place, rigid(place), JumpGate(setup.gate))
             for name, place in setup.robots.items()
             if name in robots or not robots
         ]
