@@ -28,7 +28,7 @@ from contid_mocap.follow import Follower, FollowReport, follow
 from contid_mocap.natnet import messages
 from contid_mocap.natnet.frame import read_frame
 from contid_mocap.natnet.stream import NatNetAddresses, NatNetStream
-from contid_mocap.sending import TipSender
+from contid_mocap.sending import RoomTipSender
 from contid_mocap.setup_file import MocapSetup, RoomPlace, TipPlace
 from contid_mocap.tip_tracker import RoomTipTracker
 
@@ -75,7 +75,9 @@ def track(path: Path, seconds: float) -> FollowReport:
     stream, report = NatNetStream(NatNetAddresses(HERE, HERE, PORT)), FollowReport()
     try:
         with Client(path, name="benchmark") as client:
-            follow(stream, RoomTipTracker(setup), Follower(TipSender(client, print), print), report, seconds)
+            follow(
+                stream, RoomTipTracker(setup), Follower(RoomTipSender(client, print), print), report, seconds
+            )
     finally:
         stream.close()
     return report
@@ -106,6 +108,7 @@ def main() -> None:
             here, there = multiprocessing.Pipe()
             receiver = multiprocessing.Process(target=bare, args=(asked.seconds, there))
             receiver.start()
+            there.close()  # an end of the receiver without a result then ends this too
             report = track(path, asked.seconds)
             ages = here.recv()
             receiver.join()

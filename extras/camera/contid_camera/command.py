@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from contid.cli.support.orders import socket_option
 from contid.cli.support.parameters import NewFile
-
-if TYPE_CHECKING:
-    from contid_camera.tracker import MeasuredTip
 
 
 @click.command()
@@ -73,25 +68,12 @@ def command(
         click.echo(HEADER)
         report = track(loaded, frames(camera), lambda tip: click.echo(row(tip)), overlay)
     else:
-        from contid.client import Client, RemoteError
+        from contid.client import Client
+        from contid_camera.sending import TipSender
 
-        printed: set[str] = set()
         with Client(socket, name="contid track") as client:
-
-            def send(tip: MeasuredTip) -> None:
-                tip_mm = [value * 1e3 for value in tip.tip_m]
-                try:
-                    client.measure(tip_mm, direction=tip.direction, robot=robot, time_s=tip.time_s)
-                except RemoteError as error:
-                    # A tip out of reach, or too old, does not end the tracker; each reason is printed once.
-                    if error.code != "bad-measurement":
-                        raise
-                    kind = re.sub(r"[-\d.]+", "", str(error))
-                    if kind not in printed:
-                        printed.add(kind)
-                        click.echo(f"contid: {error}", err=True)
-
-            report = track(loaded, frames(camera, paced=True), send, overlay)
+            sender = TipSender(client, lambda line: click.echo(f"contid: {line}", err=True))
+            report = track(loaded, frames(camera, paced=True), lambda tip: sender.send(tip, robot), overlay)
     click.echo(str(report), err=True)
     if report.measured == 0:
         sys.exit(1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -29,21 +28,24 @@ class TimedPose(Protocol):
         """Tip to world, shape ``(3, 3)``; None where it is not measured."""
 
 
-@dataclass(frozen=True, slots=True)
-class JumpBounds:
-    """Bounds of a motion.
+class JumpBounds(Protocol):
+    """Bounds of a motion, as the gate of a setup has them."""
 
-    Attributes:
-        speed_mm_s: no tip is faster.
-        turn_deg_s: no tip turns faster.
-        jump_mm: distance that a tip may move between poses in addition to that of its speed.
-        lost: number of refused poses in a row after which poses are accepted again, if they agree.
-    """
+    @property
+    def speed_mm_s(self) -> float:
+        """No tip is faster."""
 
-    speed_mm_s: float
-    turn_deg_s: float
-    jump_mm: float
-    lost: int
+    @property
+    def turn_deg_s(self) -> float:
+        """No tip turns faster."""
+
+    @property
+    def jump_mm(self) -> float:
+        """Distance that a tip may move between poses in addition to that of its speed."""
+
+    @property
+    def lost(self) -> int:
+        """Number of refused poses in a row after which poses are accepted again, if they agree."""
 
 
 _Pose = TypeVar("_Pose", bound=TimedPose)

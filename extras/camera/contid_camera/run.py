@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.units import MM_PER_M
 from contid_camera.overlay import drawn
+from contid_camera.refusals import Refusals
 from contid_camera.setup_file import LoadedSetup
 from contid_camera.tracker import MeasuredTip, TipTracker
 
@@ -30,13 +30,13 @@ class TrackReport:
     Attributes:
         images: looked at.
         measured: number of images with a tip.
-        refusals: numbers of the others, by reason without its numbers.
+        refusals: of the others.
         work_s: processor time of looking.
     """
 
     images: int = 0
     measured: int = 0
-    refusals: Counter[str] = field(default_factory=Counter)
+    refusals: Refusals = field(default_factory=Refusals)
     work_s: float = 0.0
 
     def __str__(self) -> str:
@@ -45,8 +45,7 @@ class TrackReport:
         lines = [
             f"{self.measured} of {self.images} images measured; {per_s:.0f} a second on one core possible"
         ]
-        lines += [f"  {count} not: {reason}" for reason, count in self.refusals.most_common()]
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.refusals.lines()])
 
 
 def track(
@@ -78,7 +77,7 @@ def track(
         report.work_s += time.process_time() - begin_s
         report.images += 1
         if look.tip is None:
-            report.refusals[_reason(look.refusal)] += 1
+            report.refusals.add(look.refusal)
         else:
             report.measured += 1
             taken(look.tip)
@@ -93,11 +92,6 @@ def row(tip: MeasuredTip) -> str:
     values = [value * MM_PER_M for value in tip.tip_m]
     numbers = [*(f"{value:.4f}" for value in values), *(f"{value:.6f}" for value in tip.direction)]
     return f"{tip.time_s:.6f},{','.join(numbers)},{tip.tip_sd_m * MM_PER_M:.4f},{tip.error_px:.3f}"
-
-
-def _reason(refusal: str) -> str:
-    """A refusal without its numbers."""
-    return " ".join(word for word in refusal.split(";")[0].split() if not word[0].isdigit())
 
 
 def _write(path: Path, image: Array) -> None:

@@ -17,9 +17,11 @@ class TrackGroup(TableGroup):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Insert ``camera`` before arguments that name no tracker."""
-        if args and args[0] not in (*self.list_commands(ctx), *self.get_help_option_names(ctx)):
-            near = difflib.get_close_matches(args[0], self.list_commands(ctx), n=1)
-            if near and "--camera" not in args and "--tags" not in args:
+        known = self.list_commands(ctx)
+        if args and args[0] not in (*known, *self.get_help_option_names(ctx)):
+            # A name near that of a tracker is a slip, where no option shows that a robot is meant.
+            near = [] if _has_camera_option(args) else difflib.get_close_matches(args[0], known, n=1)
+            if near:
                 raise click.UsageError(f"No such command {args[0]!r}. Did you mean {near[0]!r}?", ctx)
             args = [_DEFAULT, *args]
         return super().parse_args(ctx, args)
@@ -27,6 +29,11 @@ class TrackGroup(TableGroup):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command of a tracker; a word that names none is a robot, which the camera looks at."""
         return super().get_command(ctx, cmd_name) or super().get_command(ctx, _DEFAULT)
+
+
+def _has_camera_option(args: list[str]) -> bool:
+    """True of arguments with an option of the camera, as ``--camera 0`` or ``--camera=0``."""
+    return any(each.partition("=")[0] in ("--camera", "--tags") for each in args)
 
 
 command = TrackGroup(

@@ -12,7 +12,7 @@ from contid.kinematics.array import Array
 from contid.targets import Vec3
 from contid.units import MM_PER_M
 from contid_camera.body_pose import BodyPose, alike, solve_pose
-from contid_camera.jumps import JumpBounds, JumpGate
+from contid_camera.jumps import JumpGate
 from contid_camera.setup_file import LoadedSetup, corners_of
 from contid_camera.tags import SeenTag, TagDetector
 
@@ -82,10 +82,7 @@ class TipTracker:
         self._fixed: dict[int, tuple[int, Array]] = {}
         self._moved: dict[int, int] = {}
         self._world_pose: BodyPose | None = None
-        gate = setup.gate
-        self._jumps: JumpGate[MeasuredTip] = JumpGate(
-            JumpBounds(gate.speed_mm_s, gate.turn_deg_s, gate.jump_mm, gate.lost)
-        )
+        self._jumps: JumpGate[MeasuredTip] = JumpGate(setup.gate)
 
     def look(self, image: Array, time_s: float) -> Look:
         """Measure the tip in an image.

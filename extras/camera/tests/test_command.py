@@ -96,6 +96,11 @@ def test_images_that_cannot_be_had_are_named(folder, tmp_path):
     size = contid("track", "--camera", str(folder / "tip.avi"), "--print", cwd=tmp_path)
     assert size.returncode == 2
     assert "images of 640 x 480 pixels; the camera was calibrated with 1280 x 720" in size.stderr
+    joined = contid("track", "--camera=1e", "--print", cwd=folder)
+    assert joined.returncode == 2
+    assert "1e: no such video" in joined.stderr
+    near = contid("track", "vicon1", "--camera=none.avi", "--print", cwd=folder)
+    assert "none.avi: no such video" in near.stderr
     nowhere = contid("track", "--print", cwd=folder)
     assert nowhere.returncode == 2
     assert "--camera" in nowhere.stderr

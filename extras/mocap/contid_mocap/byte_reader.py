@@ -56,7 +56,7 @@ class ByteReader:
             PacketError: more elements than the rest of the packet can hold.
         """
         (number,) = self.take(_INT32)
-        if not 0 <= number * least <= self.left or number < 0:
+        if not 0 <= number * least <= self.left:
             raise PacketError(f"{number} elements are announced at byte {self.at - 4}; they do not fit")
         return int(number)
 

@@ -77,10 +77,8 @@ def receive(
         for _ in range(_MAX_BATCH):
             try:
                 data, ancillary, _, sender = each.recvmsg(_MAX_BYTES, 64)
-            except BlockingIOError:
-                break
             except OSError:
-                break  # an answer of ICMP to an earlier datagram: nothing listens there
+                break  # no more, or an answer of ICMP to an earlier datagram: nothing listens there
             if sender[0] == str(server):
                 found.append((each, Datagram(data, _arrival_s(ancillary))))
     return found

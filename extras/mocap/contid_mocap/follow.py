@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 from contid.units import MM_PER_M
+from contid_camera.refusals import Refusals
 from contid_mocap.room import RoomStream
 from contid_mocap.tip_tracker import RoomTip, RoomTipTracker
 
@@ -27,7 +28,7 @@ class FollowReport:
         looked: poses of the tracked robots in the frames that arrived.
         measured: tips among them.
         missing: frames that did not arrive, over all robots.
-        refusals: numbers of the others, by reason without its numbers.
+        refusals: of the others.
         latency_s: from the capture until a tip is handed on, of the newest tips.
         answer_s: from the capture until that has been done: the daemon has answered.
         facts: of the stream.
@@ -36,7 +37,7 @@ class FollowReport:
     looked: int = 0
     measured: int = 0
     missing: int = 0
-    refusals: Counter[str] = field(default_factory=Counter)
+    refusals: Refusals = field(default_factory=Refusals)
     latency_s: deque[float] = field(default_factory=lambda: deque(maxlen=100_000))
     answer_s: deque[float] = field(default_factory=lambda: deque(maxlen=100_000))
     facts: list[str] = field(default_factory=list)
@@ -44,7 +45,7 @@ class FollowReport:
     def __str__(self) -> str:
         """One line, one for each reason, and those of the stream."""
         lines = [f"{self.measured} of {self.looked} poses measured; {self.missing} frames did not arrive"]
-        lines += [f"  {count} not: {reason}" for reason, count in self.refusals.most_common()]
+        lines += self.refusals.lines()
         for name, ages_s in (("measure", self.latency_s), ("its answer", self.answer_s)):
             if ages_s:
                 ordered = sorted(ages_s)
@@ -83,18 +84,19 @@ def follow(
         seconds: None for no end.
     """
     begun_s = fresh_s = time.monotonic()
-    newest = ""
+    newest, frames = "", 0
     try:
         while seconds is None or time.monotonic() - begun_s < seconds:
             tips = []
             for frame in stream.poll(LOOK_S):
+                frames += 1
                 looks = tracker.look(frame, time.monotonic())
                 for look in looks:
                     report.looked += 1
                     report.missing += look.missing
                     if look.tip is None:
                         newest = look.refusal
-                        report.refusals[_reason(look.refusal)] += 1
+                        report.refusals.add(look.refusal)
                     else:
                         tips.append(look.tip)
                 if any(look.restarted for look in looks):
@@ -103,12 +105,12 @@ def follow(
             if tips:
                 report.latency_s.extend(now_s - tip.time_s for tip in tips)
                 follower.taken(tips)
-                fresh_s = time.monotonic()
+                fresh_s, newest, frames = time.monotonic(), "", 0
                 report.measured += len(tips)
                 report.answer_s.extend(fresh_s - tip.time_s for tip in tips)
             elif now_s - fresh_s >= SILENT_S:
-                follower.notify(f"no tip for {SILENT_S:g} s: {newest or _unseen(stream, tracker)}")
-                fresh_s, newest = now_s, ""
+                follower.notify(f"no tip for {SILENT_S:g} s: {newest or _unseen(stream, tracker, frames)}")
+                fresh_s, newest, frames = now_s, "", 0
     finally:
         report.facts = stream.facts()
 
@@ -120,14 +122,9 @@ def row(tip: RoomTip) -> str:
     return f"{tip.time_s:.6f},{tip.robot},{tip_mm}{direction}"
 
 
-def _unseen(stream: RoomStream, tracker: RoomTipTracker) -> str:
-    """Why nothing comes, where no frame had a tracked name."""
-    names = stream.names()
-    if tracker.unseen and names:
-        return f"no {', '.join(map(repr, tracker.unseen))} among {', '.join(names[:20])}"
-    return "no frame arrives" if not names else "no frame arrives any more"
-
-
-def _reason(refusal: str) -> str:
-    """A refusal without its numbers."""
-    return " ".join(word for word in refusal.split() if not word[0].isdigit())
+def _unseen(stream: RoomStream, tracker: RoomTipTracker, frames: int) -> str:
+    """Why nothing comes, where none of so many frames had a tracked name."""
+    if not frames:
+        return "no frame arrives"
+    among = ", ".join(stream.names()[:20]) or "what arrives"
+    return f"no {', '.join(map(repr, tracker.names))} among {among}"

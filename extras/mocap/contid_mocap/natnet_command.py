@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from ipaddress import IPv4Address
 from pathlib import Path
+from typing import Final
 
 import click
 
+from contid_mocap.natnet.messages import COMMAND_PORT, VERSIONS
 from contid_mocap.options import ADDRESS, list_names, room_options, run_room
 
-_VERSIONS = ("3.0", "3.1", "4.0", "4.1")
+#: Versions by their names.
+NATNET_VERSIONS: Final = {f"{major}.{minor}": (major, minor) for major, minor in VERSIONS}
 
 
 @click.command()
@@ -18,13 +21,19 @@ _VERSIONS = ("3.0", "3.1", "4.0", "4.1")
     "--multicast", type=ADDRESS, help="Group that the server sends to; without it to this computer alone."
 )
 @click.option(
-    "--command-port", type=click.IntRange(1, 65535), default=1510, show_default=True, help="Of the server."
+    "--command-port",
+    type=click.IntRange(1, 65535),
+    default=COMMAND_PORT,
+    show_default=True,
+    help="Of the server.",
 )
 @click.option(
     "--data-port", type=click.IntRange(1, 65535), help="Of the group; default: what the server states."
 )
 @click.option(
-    "--version", type=click.Choice(_VERSIONS), help="Of the frames; default: the newest that both have."
+    "--version",
+    type=click.Choice(list(NATNET_VERSIONS)),
+    help="Of the frames; default: the newest that both have.",
 )
 def command(
     robot: str | None,
@@ -50,8 +59,7 @@ def command(
 
     if multicast is not None and not multicast.is_multicast:
         raise click.BadParameter(f"{multicast} is no multicast group (224.0.0.0 to 239.255.255.255)")
-    major, _, minor = (version or "0.0").partition(".")
-    chosen = (int(major), int(minor)) if version else None
+    chosen = None if version is None else NATNET_VERSIONS[version]
     addresses = NatNetAddresses(server, local, command_port, multicast, data_port, chosen)
     loaded = None if listing else read_setup(setup)
     stream = NatNetStream(addresses)

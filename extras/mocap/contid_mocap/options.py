@@ -119,10 +119,10 @@ def run_room(
             follow(stream, tracker, Follower(print_rows, notify), report, seconds)
         else:
             from contid.client import Client
-            from contid_mocap.sending import TipSender
+            from contid_mocap.sending import RoomTipSender
 
             with Client(socket, name="contid track") as client:
-                follow(stream, tracker, Follower(TipSender(client, notify), notify), report, seconds)
+                follow(stream, tracker, Follower(RoomTipSender(client, notify), notify), report, seconds)
     finally:
         stream.close()
         click.echo(str(report), err=True)

@@ -1,11 +1,7 @@
-"""From the frame of the room to the world frame of the robot file.
-
-Rigid fit: W. Kabsch, "A solution for the best rotation to relate two sets of vectors", Acta Cryst. A32, 1976.
-"""
+"""From the frame of the room to the world frame of the robot file."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,7 +11,8 @@ from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.robot_file.base import Placement
 from contid.units import MM_PER_M
-from contid_mocap.room import RoomFrame, RoomPose
+from contid_adapt.placing.rigid_fit import rigid_fit
+from contid_mocap.room import RoomFrame
 from contid_mocap.setup_file import BaseBody, RoomPlace
 
 #: Rows are the axes x, y, z of the world in those of the room, by the axis of the room that is up.
@@ -82,26 +79,26 @@ class RoomPlacing:
         Args:
             frame: the newest; a body on the base is looked for in it.
         """
-        if self._base is None:
-            assert self._fixed is not None
-            return self._fixed
-        if (pose := frame.poses.get(self._base.body)) is not None and pose.rotation is not None:
-            moved = self._average(pose, self._base)
-            if moved:
-                return moved
-        return self._fixed or f"the body {self._base.body!r} on the base was not seen yet"
+        base = self._base
+        if base is not None:
+            if (pose := frame.poses.get(base.body)) is not None and pose.rotation is not None:
+                self._average(Rigid(pose.rotation, np.array(pose.position_m)), base)
+            # Also when it is lost after it has moved, or comes in another part of the frame than the tip.
+            if self._off:
+                return f"the body {base.body!r} on the base has moved"
+            if self._fixed is None:
+                return f"the body {base.body!r} on the base was not seen yet"
+        assert self._fixed is not None
+        return self._fixed
 
-    def _average(self, pose: RoomPose, base: BaseBody) -> str:
-        """Take the body on the base into the average; a refusal when it has moved."""
-        seen = Rigid(np.asarray(pose.rotation), np.array(pose.position_m))
+    def _average(self, seen: Rigid, base: BaseBody) -> None:
+        """Take the body on the base into the average, unless it has moved."""
         mean = self._mean
-        if mean is not None:
-            off_mm = float(np.linalg.norm(seen.shift - mean.shift)) * MM_PER_M
-            if off_mm > base.moved_mm:
-                self._off += 1
-                if self._off < MOVED_FRAMES:
-                    return f"the body {base.body!r} on the base has moved"
-                mean, self._count = None, 0
+        if mean is not None and float(np.linalg.norm(seen.shift - mean.shift)) * MM_PER_M > base.moved_mm:
+            self._off += 1
+            if self._off < MOVED_FRAMES:
+                return
+            mean, self._count = None, 0
         self._off = 0
         self._count = min(self._count + 1, AVERAGED)
         share = 1.0 / self._count
@@ -111,7 +108,6 @@ class RoomPlacing:
             u, _, vt = np.linalg.svd(mean.turn + share * (seen.turn - mean.turn))
             mean = Rigid(u @ vt, mean.shift + share * (seen.shift - mean.shift))
         self._mean, self._fixed = mean, rigid(base) @ mean.inverse()
-        return ""
 
 
 def fitted(pairs: Array, within_mm: float) -> Rigid:
@@ -124,17 +120,12 @@ def fitted(pairs: Array, within_mm: float) -> Rigid:
     Raises:
         ContidError: the points lie on a line, or do not fit.
     """
-    room, world = pairs[:, :3], pairs[:, 3:]
-    middle, centre = room.mean(axis=0), world.mean(axis=0)
-    u, sizes, vt = np.linalg.svd((world - centre).T @ (room - middle))
-    if sizes[1] < 1e-6 * max(float(sizes[0]), 1e-12):
+    found = rigid_fit(pairs[:, :3], pairs[:, 3:])
+    if found is None:
         raise ContidError("room.fit: the points lie on a line; a plane at least is needed")
-    turn = u @ np.diag([1.0, 1.0, math.copysign(1.0, float(np.linalg.det(u @ vt)))]) @ vt
-    found = Rigid(turn, centre - turn @ middle)
-    off = room @ turn.T + found.shift - world
-    rms_mm = math.sqrt(float(np.mean(np.sum(off**2, axis=1)))) * MM_PER_M
+    rms_mm = found.rms * MM_PER_M
     if rms_mm > within_mm:
         raise ContidError(
             f"room.fit: the points fit with {rms_mm:.3g} mm rms only; room.within_mm is {within_mm:g}"
         )
-    return found
+    return Rigid(found.turn, found.at - found.turn @ found.origin)

@@ -81,7 +81,7 @@ class RoomPlace(Placement):
 
     @model_validator(mode="after")
     def _one(self) -> RoomPlace:
-        pose = self.model_fields_set & {"x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg", "up"}
+        pose = self.model_fields_set & {*Placement.model_fields, "up"}
         ways = [name for name, given in (("a pose", pose), ("fit", self.fit), ("base", self.base)) if given]
         if len(ways) != 1:
             found = " and ".join(ways) or "none"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -13,7 +13,7 @@ from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.robot_file.findings import allowed_names
 from contid.targets import Vec3
-from contid_camera.jumps import JumpBounds, JumpGate
+from contid_camera.jumps import JumpGate
 from contid_mocap.placing import Rigid, RoomPlacing, rigid
 from contid_mocap.room import RoomFrame, RoomPose
 from contid_mocap.setup_file import MocapSetup, TipPlace
@@ -34,14 +34,12 @@ class RoomTip:
         time_s: of the capture, by `time.monotonic`.
         tip_m: in the world.
         rotation: tip to world, shape ``(3, 3)``; None of a marker.
-        frame: number of the frame.
     """
 
     robot: str
     time_s: float
     tip_m: Vec3
     rotation: Array | None
-    frame: int
 
     @property
     def direction(self) -> Vec3 | None:
@@ -81,7 +79,6 @@ class _Tracked:
     jumps: JumpGate[RoomTip]
     number: int | None = None
     older: int = 0
-    seen: bool = field(default=False)
 
 
 class RoomTipTracker:
@@ -99,20 +96,18 @@ class RoomTipTracker:
         for name in robots:
             if name not in setup.robots:
                 raise ContidError(f"the setup has no robot {name!r}; {allowed_names(setup.robots, name)}")
-        gate = setup.gate
-        bounds = JumpBounds(gate.speed_mm_s, gate.turn_deg_s, gate.jump_mm, gate.lost)
-        self._stale_s = gate.stale_ms / 1e3
+        self._stale_s = setup.gate.stale_ms / 1e3
         self._room = RoomPlacing(setup.room)
         self._tracked = [
-            _Tracked(name, place, rigid(place), JumpGate(bounds))
+            _Tracked(name, place, rigid(place), JumpGate(setup.gate))
             for name, place in setup.robots.items()
             if name in robots or not robots
         ]
 
     @property
-    def unseen(self) -> list[str]:
-        """Names that the setup asks for and no frame has had."""
-        return [each.place.name for each in self._tracked if not each.seen]
+    def names(self) -> list[str]:
+        """Names of the bodies and markers that are looked for."""
+        return [each.place.name for each in self._tracked]
 
     def look(self, frame: RoomFrame, now_s: float) -> list[RoomLook]:
         """Measure the tips in a frame; robots whose bodies are not part of it are left out.
@@ -127,19 +122,16 @@ class RoomTipTracker:
         ]
 
     def _looked(self, each: _Tracked, frame: RoomFrame, room: Rigid | str, now_s: float) -> RoomLook:
-        each.seen = True
         pose = frame.poses[each.place.name]
         ahead = 1 if each.number is None else (frame.number - each.number + _WRAP // 2) % _WRAP - _WRAP // 2
-        restarted = False
         if ahead == 0:
             return RoomLook(each.robot, None, "a frame comes twice")
         if ahead < 0:
             each.older += 1
             if each.older < RESTARTED:
                 return RoomLook(each.robot, None, "a frame comes after a later one")
-            restarted = True
         each.number, each.older = frame.number, 0
-        if restarted:
+        if ahead < 0:
             return RoomLook(each.robot, None, "the server has started again", restarted=True)
         tip = self._tip(each, frame, pose, room)
         refusal = tip if isinstance(tip, str) else self._refusal(each, tip, now_s)
@@ -162,7 +154,7 @@ class RoomTipTracker:
         # Nothing is captured after it has arrived: the rest is the bound of the clock.
         ahead_s = frame.time_s - frame.received_s
         time_s = frame.received_s if 0.0 < ahead_s <= AHEAD_S else frame.time_s
-        return RoomTip(each.robot, time_s, (x, y, z), rotation, frame.number)
+        return RoomTip(each.robot, time_s, (x, y, z), rotation)
 
     def _refusal(self, each: _Tracked, tip: RoomTip, now_s: float) -> str:
         """Why a tip is refused; "" when it is taken."""

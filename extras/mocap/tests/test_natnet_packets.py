@@ -141,11 +141,16 @@ def test_definitions_of_every_kind_are_passed():
         for kind, definition in kinds:
             size = struct.pack("<i", len(definition)) if version >= (4, 1) else b""
             data += struct.pack("<i", kind) + size + definition
-        if version < (4, 1):
-            models = read_models(messages.split(message(5, data))[1], (3, 0))
-        else:
-            models = read_models(messages.split(message(5, data))[1], version)
+        models = read_models(messages.split(message(5, data))[1], version)
         assert models.bodies == {7: "tip"}
+        assert models.unknown is None
+
+
+def test_definitions_end_at_a_kind_without_a_size_that_is_not_known():
+    """Before 4.1 nothing states where such a definition ends."""
+    data = struct.pack("<2i", 3, 0) + b"set\0" + struct.pack("<i", 0) + struct.pack("<i", 6) + bytes(40)
+    models = read_models(messages.split(message(5, data))[1], (3, 1))
+    assert (models.markers, models.bodies, models.unknown) == ({"set": []}, {}, 6)
 
 
 def test_what_a_later_version_adds_to_a_section_is_skipped():

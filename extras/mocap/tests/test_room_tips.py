@@ -111,6 +111,18 @@ def test_a_body_on_the_base_carries_the_room():
     assert look(tracker, frame(90, 110.0, plate=moved, tip=tip)).tip is not None
 
 
+def test_a_base_that_has_moved_is_refused_also_in_frames_without_it():
+    """It may be lost after a blow, and Vicon sends base and tip in different packets of a frame."""
+    tracker = RoomTipTracker(setup({"base": {"body": "plate"}}))
+    assert look(tracker, frame(1, plate=pose(), tip=pose())).tip is not None
+    moved = pose((0.11, 0.2, 0.3))
+    for k, poses in enumerate(({"plate": moved}, {}, {"plate": None}), start=2):
+        found = look(tracker, frame(k, 100.0 + 0.01 * k, tip=pose(), **poses))
+        assert found.refusal == "the body 'plate' on the base has moved"
+    assert look(tracker, frame(5, 100.05, plate=pose(), tip=pose())).tip is not None
+    assert look(tracker, frame(6, 100.06, tip=pose())).tip is not None
+
+
 def test_a_body_that_is_lost_gives_no_tip_and_the_next_pose_must_follow_the_last():
     tracker = RoomTipTracker(setup(gate={"lost": 5}))
     assert look(tracker, frame(1)).tip is not None

@@ -5,6 +5,7 @@ import io
 import math
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -13,7 +14,8 @@ from pathlib import Path
 import pytest
 
 from tests.support.command import contid_in
-from tests.support.mocap.rooms import emulated_room, free_udp_port, setup_file
+from tests.support.mocap.rooms import emulated_room, setup_file
+from tests.support.ports import free_port
 
 pytestmark = pytest.mark.process
 
@@ -24,6 +26,20 @@ SETUP = "contid_mocap: 1\nroom: {up: z}\nrobots:\n  arm: {body: tip, z_mm: 10}\n
 def track(folder, kind, room, *arguments):
     port = "--command-port" if kind == "natnet" else "--port"
     return contid_in(folder, "track", kind, *HERE, port, str(room.port), *arguments)
+
+
+def started(folder, room):
+    """A tracker that prints until it is interrupted."""
+    return subprocess.Popen(
+        [
+            *(sys.executable, "-m", "contid", "track", "natnet", *HERE),
+            *("--command-port", str(room.port), "--print"),
+        ],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def rows(done):
@@ -88,7 +104,7 @@ def test_lost_frames_and_hidden_bodies_are_counted_and_not_measured(tmp_path):
 
 def test_markers_by_name_and_a_multicast_group(tmp_path):
     setup_file(tmp_path, "contid_mocap: 1\nroom: {up: z}\nrobots: {arm: {marker: 'tip:Marker3'}}\n")
-    data = free_udp_port()
+    data = free_port(socket.SOCK_DGRAM)
     group = ("--multicast", "239.255.42.99", "--data-port", str(data))
     with emulated_room("natnet", "tip=0,0,0.3", "--rate-hz", "100", *group) as room:
         alone = track(tmp_path, "natnet", room, "--print", "--for", "1")
@@ -136,7 +152,9 @@ def test_names_are_listed_without_a_setup(tmp_path):
 
 def test_what_cannot_work_is_refused_with_its_remedy(tmp_path):
     setup_file(tmp_path, SETUP)
-    silent = contid_in(tmp_path, "track", "natnet", *HERE, "--command-port", str(free_udp_port()), "--print")
+    silent = contid_in(
+        tmp_path, "track", "natnet", *HERE, "--command-port", str(free_port(socket.SOCK_DGRAM)), "--print"
+    )
     assert silent.returncode == 4
     assert "does not answer (Motive: Data Streaming on" in silent.stderr
     foreign = contid_in(
@@ -152,22 +170,36 @@ def test_what_cannot_work_is_refused_with_its_remedy(tmp_path):
     none = contid_in(tmp_path, "track", "natnet", *HERE, "--setup", "none.yaml")
     assert none.returncode == 2
     assert "none.yaml: cannot read it" in none.stderr
+    with emulated_room("natnet", "tip", "--version", "3.1") as room:
+        newer = track(tmp_path, "natnet", room, "--print", "--version", "4.1")
+    assert newer.returncode == 2
+    assert "the server at 127.0.0.1 has NatNet 3.1: leave --version out" in newer.stderr
     near = contid_in(tmp_path, "track", "natnt", *HERE)
     assert near.returncode == 2
     assert "Did you mean 'natnet'?" in near.stderr
 
 
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("natnet", "tip=1"), "'1' is not 3 numbers"),
+        (("natnet", "--version", "5"), "'--version': '5' is not one of '3.0'"),
+        (("natnet", "--rate-hz", "0"), "--rate-hz"),
+        (("natnet", "--address", "203.0.113.7"), "--address is one of this machine"),
+        (("vicon", "--block", "50"), "--block"),
+    ],
+)
+def test_an_emulated_room_refuses_mistakes(tmp_path, arguments, expected):
+    done = contid_in(tmp_path, "track", "emulate", *arguments)
+    assert done.returncode == 2
+    assert expected in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def test_nothing_listens_but_one_socket_of_the_given_address(tmp_path):
     setup_file(tmp_path, SETUP)
     with emulated_room("natnet", "tip", "--rate-hz", "50") as room:
-        arguments = [*HERE, "--command-port", str(room.port), "--print"]
-        tracker = subprocess.Popen(
-            [sys.executable, "-m", "contid", "track", "natnet", *arguments],
-            cwd=tmp_path,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        tracker = started(tmp_path, room)
         assert tracker.stdout is not None
         for _ in range(3):
             assert tracker.stdout.readline()
@@ -191,23 +223,7 @@ def test_a_server_that_starts_again_is_followed(tmp_path):
     setup_file(tmp_path, SETUP)
     with emulated_room("natnet", "tip", "--rate-hz", "100") as room:
         port = room.port
-        tracker = subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "contid",
-                "track",
-                "natnet",
-                *HERE,
-                "--command-port",
-                str(port),
-                "--print",
-            ],
-            cwd=tmp_path,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        tracker = started(tmp_path, room)
         assert tracker.stdout is not None
         for _ in range(20):
             assert tracker.stdout.readline()

@@ -13,15 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from contid_mocap.emulate.natnet_packets import SentBody, SentFrame, SentMarker, SentTimes, Version
+from tests.support.ports import free_port
 
 VERSIONS: Sequence[Version] = ((3, 0), (3, 1), (4, 0), (4, 1))
-
-
-def free_udp_port() -> int:
-    """A UDP port of the loopback address that is free now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 class EmulatedRoom:
@@ -40,7 +34,7 @@ class EmulatedRoom:
 @contextmanager
 def emulated_room(kind: str, *arguments: str, poses: bool = False) -> Iterator[EmulatedRoom]:
     """Run ``contid track emulate`` on the loopback address, from its ready message on."""
-    port = free_udp_port()
+    port = free_port(socket.SOCK_DGRAM)
     process = subprocess.Popen(
         [
             *(sys.executable, "-m", "contid", "track", "emulate", kind, *arguments, "--port", str(port)),

@@ -1,23 +1,20 @@
 """The frame of a table: origin, axes, handedness and scale, or a rigid fit to known points.
 
-``p_robot = at + scale * R (p_table - origin)``. Rigid fit: W. Kabsch, "A solution for the best rotation to
-relate two sets of vectors", Acta Cryst. A32, 1976.
+``p_robot = at + scale * R (p_table - origin)``.
 """
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contid.errors import ContidError
 from contid_adapt.meaning.mapping import Mapping, number_of
 from contid_adapt.meaning.values import Values
-
-Floats: TypeAlias = NDArray[np.float64]
+from contid_adapt.placing.rigid_fit import Floats, rigid_fit
 
 _KEYS: Final = ("x", "y", "z", "up", "origin", "at", "scale", "mirrored", "fit", "within_mm")
 _HELP: Final = (
@@ -206,14 +203,10 @@ def _fitted(given: dict[str, Any], values: Values) -> TableFrame:
     if extra := [key for key in given if key not in ("fit", "within_mm")]:
         raise ContidError(f"a fit finds everything itself; {extra[0]!r} stands beside it")
     table = np.array([[number_of(each, "fit") for each in pair] for pair in pairs])
-    own, world = table[:, :3], table[:, 3:]
-    origin, at = own.mean(axis=0), world.mean(axis=0)
-    u, sizes, vt = np.linalg.svd((world - at).T @ (own - origin))
-    if sizes[1] < 1e-6 * max(sizes[0], 1e-12):
+    found = rigid_fit(table[:, :3], table[:, 3:])
+    if found is None:
         raise ContidError("the points of the fit lie on a line; a plane at least is needed")
-    turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
-    frame = TableFrame(turn, 1.0, origin, at, "")
-    rms = float(np.sqrt(np.mean(np.sum((frame.points(own) - world) ** 2, axis=1))))
+    turn, origin, at, rms = found
     within = number_of(given.get("within_mm", str(_WITHIN_MM)), "within_mm")
     if rms > within:
         raise ContidError(

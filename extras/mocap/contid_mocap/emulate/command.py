@@ -2,42 +2,63 @@
 
 from __future__ import annotations
 
+from ipaddress import IPv4Address
+
 import click
 
+from contid.cli.support.parameters import NUMBER, POSITIVE, NumberRange, Numbers
+from contid.errors import ContidError
 from contid_mocap.emulate.natnet_server import EmulatedNatNet
 from contid_mocap.emulate.scene import EmulatedPose, EmulatedScene
 from contid_mocap.emulate.serving import Faults, serve
 from contid_mocap.emulate.vicon_server import EmulatedVicon
+from contid_mocap.natnet_command import NATNET_VERSIONS
+from contid_mocap.options import ADDRESS
+
+_PORT = click.IntRange(1, 65535)
+_PLACE = Numbers(3, 3, NUMBER)
 
 
 @click.command()
 @click.argument("kind", type=click.Choice(["natnet", "vicon"]))
 @click.argument("bodies", nargs=-1)
-@click.option("--address", default="127.0.0.1", show_default=True, help="Of the emulated server.")
 @click.option(
-    "--port", default=0, help="Command port of natnet, target port of vicon; default 1510 or 51001."
+    "--address", type=ADDRESS, default="127.0.0.1", show_default=True, help="Of the emulated server."
 )
-@click.option("--to", default="127.0.0.1", show_default=True, help="Where vicon sends to.")
-@click.option("--multicast", help="Group that natnet sends to; without it to each client.")
-@click.option("--data-port", default=1511, show_default=True, help="Of the group.")
-@click.option("--rate-hz", default=100.0, show_default=True, help="Frames a second.")
-@click.option("--version", default="4.1", show_default=True, help="Of natnet.")
-@click.option("--block", default=512, show_default=True, help="Size of the packets of vicon.")
-@click.option("--loss", default=0.0, help="Share of the frames that are not sent.")
+@click.option(
+    "--port", type=_PORT, help="Command port of natnet, target port of vicon; default 1510 or 51001."
+)
+@click.option("--to", type=ADDRESS, default="127.0.0.1", show_default=True, help="Where vicon sends to.")
+@click.option("--multicast", type=ADDRESS, help="Group that natnet sends to; without it to each client.")
+@click.option("--data-port", type=_PORT, default=1511, show_default=True, help="Of the group.")
+@click.option("--rate-hz", type=POSITIVE, default=100.0, show_default=True, help="Frames a second.")
+@click.option(
+    "--version", type=click.Choice(list(NATNET_VERSIONS)), default="4.1", show_default=True, help="Of natnet."
+)
+@click.option(
+    "--block",
+    type=click.Choice(["256", "512", "1024"]),
+    default="512",
+    show_default=True,
+    help="Size of the packets of vicon.",
+)
+@click.option("--loss", type=NumberRange(0, 1), default=0.0, help="Share of the frames that are not sent.")
 @click.option("--no-echo", is_flag=True, help="Echo requests of natnet are not answered.")
-@click.option("--delay-ms", default=0.0, help="From the exposure to the transmission.")
+@click.option(
+    "--delay-ms", type=NumberRange(min=0), default=0.0, help="From the exposure to the transmission."
+)
 @click.option("--poses", is_flag=True, help="Poses come on stdin; its end ends the server.")
 def command(
     kind: str,
     bodies: tuple[str, ...],
-    address: str,
-    port: int,
-    to: str,
-    multicast: str | None,
+    address: IPv4Address,
+    port: int | None,
+    to: IPv4Address,
+    multicast: IPv4Address | None,
     data_port: int,
     rate_hz: float,
     version: str,
-    block: int,
+    block: str,
     loss: float,
     no_echo: bool,
     delay_ms: float,
@@ -51,17 +72,21 @@ def command(
     scene = EmulatedScene(dict(map(_pose, bodies)))
     faults = Faults(loss, delay_ms / 1e3, not no_echo)
     server: EmulatedNatNet | EmulatedVicon
-    if kind == "natnet":
-        major, _, minor = version.partition(".")
-        group = (multicast, data_port) if multicast else None
-        server = EmulatedNatNet((address, port or 1510), (int(major), int(minor)), scene, faults, group)
-    else:
-        server = EmulatedVicon(address, (to, port or 51001), block, scene)
+    try:
+        if kind == "natnet":
+            group = (str(multicast), data_port) if multicast else None
+            place = (str(address), port or 1510)
+            server = EmulatedNatNet(place, NATNET_VERSIONS[version], scene, faults, group)
+        else:
+            server = EmulatedVicon(str(address), (str(to), port or 51001), int(block), scene)
+    except OSError as error:
+        remedy = "--address is one of this machine, --port is free"
+        raise ContidError(f"cannot send from {address}: {error.strerror}; {remedy}") from None
     click.echo(f"ready: {kind} at {address}", err=True)
     serve(server, scene, rate_hz, faults, poses)
 
 
 def _pose(text: str) -> tuple[str, EmulatedPose]:
     name, _, numbers = text.partition("=")
-    x, y, z = (float(number) for number in (numbers or "0,0,0").split(","))
+    x, y, z = _PLACE.convert(numbers or "0,0,0", None, None)
     return name, (x, y, z, 0.0, 0.0, 0.0, 1.0)

@@ -18,7 +18,6 @@ from contid_mocap.byte_reader import ByteReader, PacketError
 NatNetVersion = tuple[int, int]
 VERSIONS: Final[tuple[NatNetVersion, ...]] = ((3, 0), (3, 1), (4, 0), (4, 1))
 COMMAND_PORT: Final = 1510
-DATA_PORT: Final = 1511
 
 _HEADER: Final = struct.Struct("<HH")
 _SENDER: Final = struct.Struct("<256s4B4B")

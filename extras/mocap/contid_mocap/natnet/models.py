@@ -10,7 +10,7 @@ import struct
 from dataclasses import dataclass, field
 from typing import Final
 
-from contid_mocap.byte_reader import ByteReader, PacketError
+from contid_mocap.byte_reader import ByteReader
 from contid_mocap.natnet.messages import NatNetVersion
 
 _KIND: Final = struct.Struct("<I")
@@ -84,7 +84,7 @@ def _body(reader: ByteReader, version: NatNetVersion) -> tuple[int, str]:
 
 
 def _pass(kind: int, reader: ByteReader, version: NatNetVersion) -> None:
-    """Read a definition that has no name of a body or a marker."""
+    """Read a definition of kind 2 to 5, which has no name of a body or a marker."""
     if kind == 2:
         reader.text()
         reader.skip(4)
@@ -98,8 +98,6 @@ def _pass(kind: int, reader: ByteReader, version: NatNetVersion) -> None:
         reader.skip(_PLATE if kind == 3 else _KINDS_OF_DEVICE)
         for _ in range(reader.count(1)):
             reader.text()
-    elif kind == 5:
+    else:
         reader.text()
         reader.skip(_CAMERA)
-    else:
-        raise PacketError(f"definition of an unknown kind {kind}")

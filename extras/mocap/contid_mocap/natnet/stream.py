@@ -122,6 +122,8 @@ class NatNetStream:
         lines = [
             f"{self._info.application} at {self._to.server}, NatNet {major}.{minor}; its clock is {clock}"
         ]
+        if self._models.unknown is not None:
+            lines.append(f"  names behind a definition of kind {self._models.unknown} were not read")
         return lines + [f"  {count} packets not read: {text}" for text, count in self._wrong.most_common(5)]
 
     def close(self) -> None:
@@ -154,8 +156,11 @@ class NatNetStream:
             has = "sends to each client" if info.multicast is None else f"sends to the group {info.multicast}"
             remedy = "leave --multicast out" if info.multicast is None else f"--multicast {info.multicast}"
             raise ContidError(f"the server at {self._to.server} {has}: {remedy}")
-        if self._to.version is not None:
-            return self._to.version
+        if (asked := self._to.version) is not None:
+            if asked > info.version:
+                has = f"{info.version[0]}.{info.version[1]}"
+                raise ContidError(f"the server at {self._to.server} has NatNet {has}: leave --version out")
+            return asked
         if info.version > newest and info.multicast is not None:
             raise ContidError(
                 f"the server sends NatNet {info.version[0]}.{info.version[1]} to its group; 4.1 is the "

@@ -1,0 +1,61 @@
+"""What trackers share when they hand tips on: the daemon gets them, refusals are named once."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Protocol
+
+from contid.client import Client, Code, RemoteError
+from contid.targets import Vec3
+from contid.units import MM_PER_M
+
+
+class SentTip(Protocol):
+    """What the daemon gets."""
+
+    @property
+    def time_s(self) -> float:
+        """Time of the capture."""
+
+    @property
+    def tip_m(self) -> Vec3:
+        """Tip in the world."""
+
+    @property
+    def direction(self) -> Vec3 | None:
+        """Of the robot at its tip, in the world; None where it is not measured."""
+
+
+class TipSender:
+    """Sends measured tips; one that the daemon refuses, out of reach or too old, does not end the tracker.
+
+    Args:
+        client: connected to the daemon.
+        notify: gets each reason of a refusal once.
+    """
+
+    def __init__(self, client: Client, notify: Callable[[str], None]) -> None:
+        self._client, self._notify = client, notify
+        self._printed: set[str] = set()
+
+    def send(self, tip: SentTip, robot: str | None) -> None:
+        """Send a tip.
+
+        Args:
+            tip: of the robot.
+            robot: its name; None for the only one of the daemon.
+
+        Raises:
+            RemoteError: another client tracks the robot, or there is no such robot.
+        """
+        tip_mm = [value * MM_PER_M for value in tip.tip_m]
+        try:
+            self._client.measure(tip_mm, direction=tip.direction, robot=robot, time_s=tip.time_s)
+        except RemoteError as error:
+            if error.code != Code.BAD_MEASUREMENT:
+                raise
+            kind = re.sub(r"[-\d.]+", "", str(error))
+            if kind not in self._printed:
+                self._printed.add(kind)
+                self._notify(str(error))
