@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from contid.cli.support.parameters import robot_names
+from contid.cli.support.parameters import NumberRange, robot_names
 from contid_dynamics.pose_option import POSE, actuation_at, moving_robots
 
 if TYPE_CHECKING:
@@ -18,9 +18,7 @@ if TYPE_CHECKING:
 @click.argument("robot_file", shell_complete=robot_names)
 @POSE
 @click.option("--count", type=click.IntRange(1, 24), default=4, show_default=True, help="Modes of a pose.")
-@click.option(
-    "--payload-g", type=click.FloatRange(0.0), default=0.0, help="A mass on the tip besides the file's."
-)
+@click.option("--payload-g", type=NumberRange(0.0), default=0.0, help="A mass on the tip besides the file's.")
 @click.option(
     "--poses", type=click.IntRange(0, 1000), default=0, help="Also the range over this many random poses."
 )

@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from contid.errors import ContidError
 from contid.kinematics.model import build_model
@@ -16,6 +17,7 @@ from contid.robot_file.load import load_named, parse_robot_file
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
 from contid_dynamics.arm import MovingArm
+from contid_dynamics.command import command
 from contid_dynamics.report import pose_modes
 
 SHIPPED = ("stiffflop1", "stiffflop2", "tendon3", "ftdcr_v4")
@@ -109,6 +111,13 @@ def test_the_command_prints_modes_and_names_what_is_missing(
     wrong = contid("modes", "stiffflop2", "--at", "p=3")
     assert wrong.returncode == 2
     assert "allowed: s1.p1_bar" in wrong.stderr
+
+
+@pytest.mark.parametrize("payload", ["nan", "inf"])
+def test_a_payload_is_finite(payload: str) -> None:
+    done = CliRunner().invoke(command, ["stiffflop1", "--payload-g", payload])
+    assert done.exit_code == 2
+    assert "not a finite number" in done.output
 
 
 def test_mistakes_in_dynamics_are_located() -> None:

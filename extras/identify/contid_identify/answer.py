@@ -84,3 +84,11 @@ def answer(sent: Array, period_s: float, at_s: Array, delay_s: float, lag_s: flo
     if before.any():
         found[before] = sent[0]
     return np.asarray(found)
+
+
+def between(values: Array, places: Array) -> Array:
+    """Rows at fractional places, linearly between two; the ends go on."""
+    places = np.clip(places, 0.0, len(values) - 1.0)
+    low = np.minimum(places.astype(int), len(values) - 2)
+    share = (places - low)[:, None]
+    return np.asarray(values[low] * (1.0 - share) + values[low + 1] * share)

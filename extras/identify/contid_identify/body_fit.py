@@ -25,10 +25,12 @@ from contid.robot_file.dynamics import Dynamics
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon.robot import TendonRobot
 from contid_dynamics.arm import MovingArm
+from contid_identify.answer import between
 from contid_identify.delay_lag import JudgedStage
 from contid_identify.estimate import Interval, error_of, estimate
 from contid_identify.recording import RobotRecording
 from contid_identify.ring_down import Decay
+from contid_identify.split import decay_blocks
 
 #: Steps of the twin [s].
 _STEP_S: Final = 4e-3
@@ -38,7 +40,6 @@ _BEFORE_S: Final = 6.0
 #: Standard deviations of the logarithms of mass and damping about the file, and how many are accepted.
 _PRIOR: Final = (math.log(1.5), math.log(2.5))
 _ACCEPTED: Final = 4.0
-_PIECES: Final = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,11 +116,10 @@ def fit_body(
     stages = []
     for name, parameters in (("body of the file", start), ("fitted body", found.values)):
         errors = [error_of(left(parameters, of), _blocks(of)) for of in (fitted, kept)]
-        stages.append(JudgedStage(name, errors[0], errors[1]))
-    mass, damping = math.exp(log_mass), math.exp(log_damping)
+        stages.append(JudgedStage(name, *errors))
     return BodyFit(
-        Interval(mass, mass * found.interval(1.0).half),
-        Interval(damping, damping * found.interval(0.0, 1.0).half),
+        found.interval(1.0).exponential(),
+        found.interval(0.0, 1.0).exponential(),
         found.interval(0.0, 0.0, 1.0),
         tuple(stages),
         (len(fitted), len(moves) - len(fitted)),
@@ -144,11 +144,8 @@ def _left(robot: Cosserat | TendonRobot, parameters: Array, move: _Move) -> Arra
     mass, damping_s = np.exp(parameters[:2]).tolist()
     assert robot.dynamics is not None
     arm = MovingArm(robot.model_copy(update={"dynamics": scaled(robot.dynamics, mass, damping_s)}))
-    late = float(parameters[2]) / _STEP_S
-    places = np.clip(np.arange(len(move.driven)) - late, 0.0, len(move.driven) - 1.0)
-    low = np.minimum(places.astype(int), len(move.driven) - 2)
-    share = (places - low)[:, None]
-    driven = move.driven[low] * (1.0 - share) + move.driven[low + 1] * share
+    places = np.arange(float(len(move.driven))) - float(parameters[2]) / _STEP_S
+    driven = between(move.driven, places)
     arm.settle(driven[0].tolist())
     tips = []
     before = None
@@ -161,9 +158,8 @@ def _left(robot: Cosserat | TendonRobot, parameters: Array, move: _Move) -> Arra
         except ArithmeticError:
             return np.full_like(move.tip_m, 1.0)  # a body that breaks down is no answer
         tips.append(arm.tip_m)
-    grid = (np.arange(len(driven)) + 1.0) * _STEP_S
-    simulated = np.column_stack([np.interp(move.at_s, grid, column) for column in np.array(tips).T])
-    gap = move.tip_m - simulated
+    # The first tip is that behind the first step.
+    gap = move.tip_m - between(np.array(tips), move.at_s / _STEP_S - 1.0)
     return np.asarray(gap - gap.mean(axis=0))
 
 
@@ -191,6 +187,4 @@ def _smoothed(values: Array) -> Array:
 
 
 def _blocks(moves: Sequence[_Move]) -> Array:
-    return np.concatenate(
-        [k * _PIECES + np.arange(len(each.at_s)) * _PIECES // len(each.at_s) for k, each in enumerate(moves)]
-    )
+    return decay_blocks([len(each.at_s) for each in moves])

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import click
 
-from contid.cli.support.parameters import NewFile, robot_names
+from contid.cli.support.parameters import NewFile, NumberRange, robot_names
+from contid_identify.robot_option import ROBOT, chosen_robot
 
 
 @click.command()
@@ -16,13 +17,13 @@ from contid.cli.support.parameters import NewFile, robot_names
 @click.argument(
     "sessions", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False, path_type=Path)
 )
-@click.option("--robot", "name", help="Which robot, where the file has several.")
+@ROBOT
 @click.option("--ring-down", is_flag=True, help="Also frequency and damping, from rests behind moves.")
 @click.option("--body", is_flag=True, help="Also mass and damping of the body, from the same rests.")
 @click.option(
     "--settle",
     "settle_s",
-    type=click.FloatRange(0.0, 10.0),
+    type=NumberRange(0.0, 10.0),
     default=0.2,
     show_default=True,
     help="Time until the devices stand behind a move, for --ring-down and --body [s].",
@@ -59,11 +60,7 @@ def command(
 
     require_extra("contid identify", "scipy")
     robots = load_named(robot_file).driven
-    if name is None and len(robots) > 1:
-        raise ContidError(f"{robot_file}: {len(robots)} robots ({', '.join(robots)}); choose with --robot")
-    name = next(iter(robots)) if name is None else name
-    if name not in robots:
-        raise ContidError(f"{robot_file}: no robot {name!r}; the file has {', '.join(robots)}")
+    name = chosen_robot(robot_file, robots, name)
     if write and not Path(robot_file).is_file():
         raise ContidError(
             f"--write: {robot_file} is not a file of yours; `contid new NAME --from {robot_file}` makes one"
@@ -77,9 +74,11 @@ def command(
         for line in lines(found):
             click.echo(line)
     if html is not None:
+        from contid.whole_file import replacing
         from contid_identify.page import page
 
-        html.write_text(page(found), encoding="utf-8")
+        with replacing(html) as file:
+            file.write(page(found).encode())
         click.echo(f"written to {html}", err=True)
     if write:
         from contid_fit.calibrate.target_robot import write_back

@@ -45,6 +45,14 @@ class JudgedStage:
     kept_out: ErrorSize
 
 
+def judged(name: str, residual: Array, split: TimeSplit) -> JudgedStage:
+    """The errors of one model; ``residual`` is what it leaves over of all samples ``(samples, columns)``."""
+    fitted, kept, pieces = split.fitted, split.kept_out, split.pieces
+    return JudgedStage(
+        name, error_of(residual[fitted], pieces[fitted]), error_of(residual[kept], pieces[kept])
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class AxisAnswer:
     """The answer of one axis.
@@ -90,9 +98,9 @@ def fit_axis(traces: Sequence[CommandedTrace]) -> AxisAnswer:
     most = [2.0 * LONGEST_DELAY_S, np.log(2.0 * LONGEST_LAG_S)]
     found = fit.fitted_to([delay_s, np.log(lag_s)], [0.0, least], most)
     both = fit.judged("dead time and lag", found)
-    lag = float(np.exp(found.values[3]))
-    log_lag = found.interval(0.0, 0.0, 0.0, 1.0)
-    halves = [found.interval(0.0, 0.0, 1.0).half, lag * log_lag.half, found.interval(0.0, 0.0, 1.0, lag).half]
+    own = found.interval(0.0, 0.0, 0.0, 1.0).exponential()
+    lag = own.value
+    halves = [found.interval(0.0, 0.0, 1.0).half, own.half, found.interval(0.0, 0.0, 1.0, lag).half]
     if lag < 0.2 * sure_s:
         # Then the samples show in which period an axis moves, not when within it.
         halves = [max(half, sure_s) if np.isfinite(half) else sure_s for half in halves]
@@ -157,18 +165,14 @@ class _AxisFit:
         x, y = _predicted(self.traces, delay_s, lag_s)[rows], self.measured[rows]
         gain = float(np.cov(x, y)[0, 1] / max(float(np.var(x, ddof=1)), 1e-300))
         line = [float(y.mean() - gain * x.mean()), gain]
-        free = [np.inf, np.inf]
         return estimate(
             lambda p: self.residual(p)[rows],
             np.array([*line, *start]),
             np.array([-np.inf, -np.inf, *low]),
-            np.array([*free, *high]),
+            np.array([np.inf, np.inf, *high]),
             self.split.blocks[rows],
         )
 
     def judged(self, name: str, found: Estimate) -> JudgedStage:
         """The errors of a fit."""
-        left = self.residual(found.values)
-        fitted, kept = self.split.fitted, self.split.kept_out
-        pieces = self.split.pieces
-        return JudgedStage(name, error_of(left[fitted], pieces[fitted]), error_of(left[kept], pieces[kept]))
+        return judged(name, self.residual(found.values), self.split)

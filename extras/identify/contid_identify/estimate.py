@@ -13,6 +13,7 @@ length is to be longer than their memory.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -43,6 +44,11 @@ class Interval:
     def high(self) -> float:
         """Upper end."""
         return self.value + self.half
+
+    def exponential(self) -> Interval:
+        """Of the exponential of the number, to first order."""
+        value = math.exp(self.value)
+        return Interval(value, value * self.half)
 
 
 @dataclass(frozen=True, eq=False)

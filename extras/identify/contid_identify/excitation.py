@@ -7,7 +7,7 @@ From the commands and the noise alone follow the smallest standard deviations th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -53,10 +53,12 @@ def excitation_of(traces: Sequence[CommandedTrace]) -> Excitation:
     noise = _noise(np.concatenate([each.measured[:, 0] for each in traces]))
     nothing = Excitation(span, noise, 0.0, np.inf, np.inf, 1.0, ())
     if span <= _LEAST_MOTION * noise or span <= 0.0:
-        return _warned(nothing, "it hardly moved: nothing about its delay and lag")
+        return replace(nothing, warnings=("it hardly moved: nothing about its delay and lag",))
     information = sum(_information(each) for each in traces)
     if np.linalg.cond(information) > 1e12:
-        return _warned(nothing, "its commands have one shape only: nothing about its delay and lag")
+        return replace(
+            nothing, warnings=("its commands have one shape only: nothing about its delay and lag",)
+        )
     covariance = np.linalg.inv(information) * max(noise, 1e-6 * span) ** 2
     delay_s, lag_s = (1.96 * np.sqrt(np.diag(covariance))).tolist()
     alike = abs(float(covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])))
@@ -64,14 +66,10 @@ def excitation_of(traces: Sequence[CommandedTrace]) -> Excitation:
     if delay_s <= _OF_USE_S:
         return found
     if alike > _ALIKE:
-        return _warned(found, "its commands are slow: they show the sum of delay and lag, not each")
-    return _warned(found, f"its delay is known to {1e3 * delay_s:.0f} ms at best: it moved too little")
-
-
-def _warned(found: Excitation, warning: str) -> Excitation:
-    return Excitation(
-        found.span, found.noise, found.upper_hz, found.delay_s, found.lag_s, found.alike, (warning,)
-    )
+        warning = "its commands are slow: they show the sum of delay and lag, not each"
+    else:
+        warning = f"its delay is known to {1e3 * delay_s:.0f} ms at best: it moved too little"
+    return replace(found, warnings=(warning,))
 
 
 def _noise(values: Array) -> float:

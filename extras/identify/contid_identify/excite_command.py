@@ -7,7 +7,8 @@ from typing import Final
 
 import click
 
-from contid.cli.support.parameters import NewFile, robot_names
+from contid.cli.support.parameters import NewFile, NumberRange, robot_names
+from contid_identify.robot_option import ROBOT, chosen_robot
 
 _KINDS: Final = ("steps", "sines", "chirp", "ring-downs")
 
@@ -17,11 +18,11 @@ _KINDS: Final = ("steps", "sines", "chirp", "ring-downs")
 @click.option(
     "-o", "--output", type=NewFile(dir_okay=False, path_type=Path), required=True, help="A CSV to write."
 )
-@click.option("--robot", "name", help="Which robot, where the file has several.")
+@ROBOT
 @click.option(
     "--duration",
     "duration_s",
-    type=click.FloatRange(10.0, 600.0),
+    type=NumberRange(10.0, 600.0),
     default=60.0,
     show_default=True,
     help="About how long [s].",
@@ -35,7 +36,7 @@ _KINDS: Final = ("steps", "sines", "chirp", "ring-downs")
 )
 @click.option(
     "--upper-hz",
-    type=click.FloatRange(0.2, 20.0),
+    type=NumberRange(0.2, 20.0),
     default=2.0,
     show_default=True,
     help="Highest frequency of steps, sines and chirp.",
@@ -60,18 +61,12 @@ def command(
 
     `contid identify tendon3 shake.mcap`
     """
-    from contid.errors import ContidError
     from contid.robot_file.load import load_named
     from contid.whole_file import replacing
     from contid_identify.excite import exciting
 
     loaded = load_named(robot_file)
-    names = list(loaded.driven)
-    if name is None and len(names) > 1:
-        raise ContidError(f"{robot_file}: {len(names)} robots ({', '.join(names)}); choose with --robot")
-    name = names[0] if name is None else name
-    if name not in names:
-        raise ContidError(f"{robot_file}: no robot {name!r}; the file has {', '.join(names)}")
+    name = chosen_robot(robot_file, loaded.driven, name)
     found = exciting(loaded, name, duration_s, kinds or _KINDS, upper_hz, seed)
     with replacing(output) as file:
         file.write(found.text.encode())

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from contid_identify.delay_lag import JudgedStage
-from contid_identify.estimate import ErrorSize, Interval
+from contid_identify.estimate import CONFIDENCE, ErrorSize, Interval
 from contid_identify.stages import IdentifiedAxis, IdentifiedMotion
 
 _MS = 1e3
@@ -77,7 +77,7 @@ def numbers(found: IdentifiedMotion) -> dict[str, object]:
     out: dict[str, object] = {
         "robot": found.robot,
         "recordings": [each.name for each in found.recordings],
-        "confidence": 0.95,
+        "confidence": CONFIDENCE,
         "axes": [_axis(axis) for axis in found.axes],
     }
     if found.tip is not None:

@@ -60,12 +60,12 @@ class RobotRecording:
         return CommandedTrace(self.period_s, self.sent[:, :count], self.tip_at_s, self.tip_m, self.name)
 
 
-def read_recording(path: Path, name: str | None) -> RobotRecording:
+def read_recording(path: Path, name: str) -> RobotRecording:
     """One robot of a session.
 
     Args:
         path: of the session.
-        name: of the robot; None where there is one.
+        name: of the robot.
 
     Raises:
         SessionError: not a session.
@@ -73,10 +73,8 @@ def read_recording(path: Path, name: str | None) -> RobotRecording:
     """
     session = Session(path)
     names = [each.name for each in session.layout.robots]
-    if name is None and len(names) == 1:
-        name = names[0]
     if name not in names:
-        raise ContidError(f"{path}: robot {name or '?'}: choose with --robot; it has {', '.join(names)}")
+        raise ContidError(f"{path}: robot {name}: choose with --robot; it has {', '.join(names)}")
     place = names.index(name)
     robot = session.robot_file().file.robots[name]
     transmission = RobotTransmission(robot)

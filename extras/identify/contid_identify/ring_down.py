@@ -20,16 +20,15 @@ from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid_identify.estimate import Estimate, Interval, estimate
 from contid_identify.recording import RobotRecording
+from contid_identify.split import decay_blocks
 
 #: A command that changes by less than this share of its span stands still.
-_STANDS: Final = 1e-4
+_STANDS: Final = 1e-6
 #: Commands of one pose differ by less than this share of the span.
 _SAME_POSE: Final = 0.02
 #: Shortest and longest rest that is used [s].
 _LEAST_REST_S: Final = 0.8
 _LONGEST_S: Final = 6.0
-#: Pieces of a decay, over which errors may be correlated.
-_PIECES: Final = 6
 _LEAST_SAMPLES: Final = 30
 #: Amplitude of a swing that is of use, in standard deviations of the noise.
 _LEAST_SWING: Final = 5.0
@@ -90,7 +89,7 @@ def decays_of(recording: RobotRecording, settle_s: float) -> list[Decay]:
     """The rests of a recording behind a move, from ``settle_s`` after its last command on."""
     sent = recording.sent
     span = max(float(np.ptp(sent, axis=0).max()), 1e-300)
-    moving = np.flatnonzero((np.abs(np.diff(sent, axis=0)) > _STANDS * span * 1e-2).any(axis=1)) + 1
+    moving = np.flatnonzero((np.abs(np.diff(sent, axis=0)) > _STANDS * span).any(axis=1)) + 1
     ends = np.append(moving, len(sent))
     found = []
     for before, after in pairwise(ends.tolist()):
@@ -145,13 +144,8 @@ def _fit_pose(decays: Sequence[Decay]) -> RingDown:
     modes = []
     for mode in ranked:
         before = [0.0] * (2 * mode)
-        frequency, ratio = np.exp(found.values[2 * mode : 2 * mode + 2]).tolist()
-        modes.append(
-            FreeMode(
-                Interval(frequency, frequency * found.interval(*before, 1.0).half),
-                Interval(ratio, ratio * found.interval(*before, 0.0, 1.0).half),
-            )
-        )
+        log_hz, log_ratio = found.interval(*before, 1.0), found.interval(*before, 0.0, 1.0)
+        modes.append(FreeMode(log_hz.exponential(), log_ratio.exponential()))
     singly = [float(np.exp(_fitted([each], [modes[0].frequency_hz.value]).values[0])) for each in decays]
     return RingDown(
         decays[0].command,
@@ -182,9 +176,7 @@ def _left(decays: Sequence[Decay], parameters: Array) -> Array:
 
 
 def _fitted(decays: Sequence[Decay], frequencies_hz: Sequence[float]) -> Estimate:
-    blocks = np.concatenate(
-        [k * _PIECES + np.arange(len(each.at_s)) * _PIECES // len(each.at_s) for k, each in enumerate(decays)]
-    )
+    blocks = decay_blocks([len(each.at_s) for each in decays])
     start = np.array([[np.log(hz), np.log(0.1)] for hz in frequencies_hz]).ravel()
     each_low, each_high = np.log([0.2, _RATIO[0]]), np.log([50.0, _RATIO[1]])
     count = len(frequencies_hz)

@@ -19,6 +19,8 @@ _EVERY: Final = 5
 _KEPT: Final = 2
 #: Pieces of a block, over which the bootstrap of errors draws.
 _PIECES: Final = 4
+#: Pieces of a decay, over which errors may be correlated.
+_DECAY_PIECES: Final = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,4 +59,11 @@ def joined_split(times: Sequence[Array]) -> TimeSplit:
         np.concatenate([each.blocks + k * BLOCKS for k, each in enumerate(splits)]),
         np.concatenate([each.pieces + k * BLOCKS * _PIECES for k, each in enumerate(splits)]),
         np.concatenate([each.kept_out for each in splits]),
+    )
+
+
+def decay_blocks(counts: Sequence[int]) -> Array:
+    """The number of the block of each sample of decays one after the other; a decay has blocks of its own."""
+    return np.concatenate(
+        [k * _DECAY_PIECES + np.arange(count) * _DECAY_PIECES // count for k, count in enumerate(counts)]
     )

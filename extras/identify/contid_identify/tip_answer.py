@@ -10,6 +10,7 @@ Pereyra 1973). The map holds in the range of the recording only and is not writt
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
@@ -19,9 +20,9 @@ import numpy as np
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid_identify.answer import CommandedTrace, first_order
-from contid_identify.delay_lag import JudgedStage
-from contid_identify.estimate import Estimate, Interval, error_of, estimate
+from contid_identify.answer import CommandedTrace, between, first_order
+from contid_identify.delay_lag import JudgedStage, judged
+from contid_identify.estimate import Estimate, Interval, estimate
 from contid_identify.split import joined_split
 
 #: Share of the variance of the commands below which a combination of axes counts as not moved.
@@ -48,8 +49,6 @@ class TipAnswer:
         frequency_hz, ratio: damped frequency and damping ratio of the swing; None where it is not shown.
         stages: models and errors [m].
         degree: of the monomials.
-        combinations: of axes that moved.
-        samples: measurements of the fit, and those kept out.
     """
 
     delay_s: Interval
@@ -58,8 +57,6 @@ class TipAnswer:
     ratio: Interval | None
     stages: tuple[JudgedStage, ...]
     degree: int
-    combinations: int
-    samples: tuple[int, int]
 
 
 def fit_tip(traces: Sequence[CommandedTrace], statics_m: Sequence[Array] | None = None) -> TipAnswer:
@@ -94,17 +91,19 @@ def fit_tip(traces: Sequence[CommandedTrace], statics_m: Sequence[Array] | None 
         and stages[3].kept_out.rmse < stages[2].kept_out.rmse
     )
     found = swung if shown else lagged
-    lag_s = float(np.exp(found.values[1]))
     frequency = damping = None
     if shown:
         damped_hz = float(np.exp(swung.values[2])) * np.sqrt(1.0 - ratio**2)
         frequency = Interval(damped_hz, damped_hz * swung.interval(0.0, 0.0, 1.0).half)
-        damping = Interval(ratio, ratio * swung.interval(0.0, 0.0, 0.0, 1.0).half)
-    fitted = int(fit.split.fitted.sum())
+        damping = swung.interval(0.0, 0.0, 0.0, 1.0).exponential()
     return TipAnswer(
-        found.interval(1.0), Interval(lag_s, lag_s * found.interval(0.0, 1.0).half),
-        frequency, damping, tuple(stages), fit.degree, fit.combinations, (fitted, count - fitted),
-    )  # fmt: skip
+        found.interval(1.0),
+        found.interval(0.0, 1.0).exponential(),
+        frequency,
+        damping,
+        tuple(stages),
+        fit.degree,
+    )
 
 
 class _TipFit:
@@ -126,21 +125,21 @@ class _TipFit:
                 "no axis was commanded to move; `contid excite` makes a trajectory that moves it"
             )
         scale = np.abs((sent - middle) @ turns[moved].T).max(axis=0)
-        self.combinations = int(moved.sum())
+        combinations = int(moved.sum())
         rows = int(self.split.fitted.sum())
         degrees = _DEGREES if statics_m is None else (1,)
+        # Monomials of n factors up to degree d without the constant: n + d over d, less one.
         self.degree = next(
-            (d for d in degrees if rows >= _PER_MONOMIAL * len(_monomials(self.combinations, d))), 1
+            (d for d in degrees if rows >= _PER_MONOMIAL * (math.comb(combinations + d, d) - 1)), 1
         )
-        powers = _monomials(self.combinations, self.degree)
         self.inputs = []
         tips = self.measured
         for k, each in enumerate(traces):
             parts = (each.sent - middle) @ turns[moved].T / scale
-            columns = [np.prod(parts[:, list(chosen)], axis=1) for chosen in powers]
+            columns = [np.ones(len(parts)), monomials(parts, self.degree)]
             if statics_m is not None:
-                columns += list(((statics_m[k] - tips.mean(axis=0)) / max(float(np.ptp(tips)), 1e-9)).T)
-            self.inputs.append(np.column_stack((np.ones(len(parts)), *columns)))
+                columns.append((statics_m[k] - tips.mean(axis=0)) / max(float(np.ptp(tips)), 1e-9))
+            self.inputs.append(np.column_stack(columns))
 
     def outputs(self, parameters: Array) -> Array:
         """What the weights act on, at the times of all measurements ``(samples, monomials)``."""
@@ -153,7 +152,7 @@ class _TipFit:
                 hz, ratio = np.exp(parameters[2:4])
                 values = _swing(values, trace.period_s, float(hz), float(ratio))
             delay_s = float(parameters[0]) if len(parameters) else 0.0
-            found.append(_between(values, (trace.at_s - delay_s) / trace.period_s))
+            found.append(between(values, (trace.at_s - delay_s) / trace.period_s))
         return np.concatenate(found)
 
     def residual(self, parameters: Array) -> Array:
@@ -186,18 +185,14 @@ class _TipFit:
 
     def judged(self, name: str, found: Estimate) -> JudgedStage:
         """The errors of a fit [m]."""
-        left = self.residual(found.values)
-        fitted, kept, pieces = self.split.fitted, self.split.kept_out, self.split.pieces
-        return JudgedStage(name, error_of(left[fitted], pieces[fitted]), error_of(left[kept], pieces[kept]))
+        return judged(name, self.residual(found.values), self.split)
 
 
-def _monomials(count: int, degree: int) -> list[tuple[int, ...]]:
-    """Factors of every monomial, without the constant."""
-    return [
-        chosen
-        for power in range(1, degree + 1)
-        for chosen in combinations_with_replacement(range(count), power)
-    ]
+def monomials(values: Array, degree: int) -> Array:
+    """Products of up to ``degree`` columns of ``(n, columns)``, without the constant: ``(n, monomials)``."""
+    columns = range(values.shape[1])
+    chosen = (c for power in range(1, degree + 1) for c in combinations_with_replacement(columns, power))
+    return np.column_stack([np.prod(values[:, list(each)], axis=1) for each in chosen])
 
 
 def _swing(values: Array, period_s: float, frequency_hz: float, ratio: float) -> Array:
@@ -210,11 +205,3 @@ def _swing(values: Array, period_s: float, frequency_hz: float, ratio: float) ->
     )
     first = values[:1]
     return np.asarray(first + lfilter(numerator.ravel(), denominator, values - first, axis=0))
-
-
-def _between(values: Array, places: Array) -> Array:
-    """Rows at fractional places, linearly between two; the ends go on."""
-    places = np.clip(places, 0.0, len(values) - 1.0)
-    low = np.minimum(places.astype(int), len(values) - 2)
-    share = (places - low)[:, None]
-    return np.asarray(values[low] * (1.0 - share) + values[low + 1] * share)

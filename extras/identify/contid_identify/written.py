@@ -15,7 +15,6 @@ from contid.robot_file.dynamics import Dynamics
 from contid.robot_file.edit import Change
 from contid.robot_file.robot import RobotDescription
 from contid_identify.body_fit import scaled
-from contid_identify.delay_lag import AxisAnswer
 from contid_identify.estimate import Interval
 from contid_identify.stages import IdentifiedMotion
 
@@ -41,7 +40,8 @@ def changes(found: IdentifiedMotion, robot: RobotDescription, note: str) -> list
     out: list[Change] = []
     known = [axis.answer for axis in found.axes if axis.answer is not None and _is_known(axis.answer.sum_s)]
     if known and len(known) == len(found.axes):
-        delay_s, lag_s = _longest(known, "delay_s"), _longest(known, "lag_s")
+        delay_s = max(_highest(each.delay_s, each.sum_s) for each in known)
+        lag_s = max(_highest(each.lag_s, each.sum_s) for each in known)
         out += [
             Change("follow_delay_ms", _ms(_MARGIN * delay_s), f"{note}: longest of a healthy axis"),
             Change("follow_lag_ms", max(_ms(_MARGIN * lag_s), 1.0), f"{note}: longest of a healthy axis"),
@@ -122,13 +122,9 @@ def _is_known(of: Interval) -> bool:
     return math.isfinite(of.half) and of.half <= _WIDEST_S
 
 
-def _longest(answers: list[AxisAnswer], key: str) -> float:
-    highs: list[float] = []
-    for each in answers:
-        interval: Interval = getattr(each, key)
-        # Where delay and lag are known as a sum only, the sum bounds both.
-        highs.append(interval.high if _is_known(interval) else each.sum_s.high)
-    return max(0.0, *highs)
+def _highest(of: Interval, sum_s: Interval) -> float:
+    """The upper end; where delay and lag are known as a sum only, the sum bounds both."""
+    return max(0.0, (of if _is_known(of) else sum_s).high)
 
 
 def _ms(seconds: float) -> float:

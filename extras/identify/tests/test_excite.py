@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -12,6 +13,7 @@ from click.testing import CliRunner
 from contid.control.daemon.check_trajectory import check_trajectory
 from contid.errors import ContidError
 from contid_identify.excite_command import command
+from contid_identify.motions import KINDS
 
 
 def written(tmp_path: Path, *arguments: str) -> tuple[str, list[str], np.ndarray]:
@@ -24,7 +26,7 @@ def written(tmp_path: Path, *arguments: str) -> tuple[str, list[str], np.ndarray
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", ["finger", "tendon3"])
+@pytest.mark.parametrize("robot", ["finger", "tendon3", "planar2"])
 def test_the_check_accepts_it_and_every_axis_moves(robot: str, tmp_path: Path) -> None:
     text, header, rows = written(tmp_path, robot, "--duration", "20")
     checked = check_trajectory(robot, "e.csv", io.StringIO(text))
@@ -52,3 +54,35 @@ def test_mistakes_are_named(tmp_path: Path) -> None:
     ):
         with pytest.raises(ContidError, match=message):
             CliRunner().invoke(command, arguments, catch_exceptions=False)
+
+
+@pytest.mark.parametrize("option", ["--duration", "--upper-hz"])
+def test_numbers_are_finite(option: str, tmp_path: Path) -> None:
+    done = CliRunner().invoke(command, ["finger", "-o", str(tmp_path / "e.csv"), option, "nan"])
+    assert done.exit_code == 2
+    assert "not a finite number" in done.output
+
+
+def test_the_command_offers_every_kind() -> None:
+    (kinds,) = [each.type.choices for each in command.params if isinstance(each.type, click.Choice)]
+    assert tuple(kinds) == tuple(KINDS)
+
+
+@pytest.mark.parametrize("kind", ["steps", "sines"])
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_seed_draws_others_and_repeats_its_own(kind: str, count: int) -> None:
+    first, again, other = (KINDS[kind](count, 8.0, 2.0, np.random.default_rng(seed)) for seed in (1, 1, 2))
+    assert np.array_equal(first(1.5), again(1.5))
+    rows, others = first(1.0), other(1.0)
+    assert rows.shape != others.shape or np.abs(rows - others).max() > 0.1
+
+
+def test_steps_that_are_slower_stand_at_the_same_poses() -> None:
+    motion = KINDS["steps"](2, 12.0, 2.0, np.random.default_rng(3))
+    stands = []
+    for slowed in (1.0, 1.5):
+        rows = motion(slowed)
+        still = (np.diff(rows, axis=0) == 0.0).all(axis=1)
+        stands.append(rows[1:][still & ~np.append(False, still[:-1])])
+    assert stands[0] == pytest.approx(stands[1], abs=1e-9)
+    assert len(stands[0]) == 8  # the middle, two away and back, two together, the middle

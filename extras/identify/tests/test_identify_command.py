@@ -74,3 +74,9 @@ def test_mistakes_are_named(recorded: tuple[Path, Path], tmp_path: Path) -> None
     ):
         with pytest.raises(ContidError, match=message):
             identify(*arguments)
+
+
+def test_the_time_to_settle_is_finite(recorded: tuple[Path, Path]) -> None:
+    done = identify("stiffflop1", str(recorded[1]), "--settle", "nan")
+    assert done.exit_code == 2
+    assert "not a finite number" in done.output
