@@ -80,7 +80,6 @@ class DriveFacts:
         counts_per_rev: counts of its encoder in one turn of the output shaft.
         brakes: between pulses its terminals are shorted; else it coasts.
         friction, no_load_deg_s, time_constant_s: duty that just moves it, speed at full duty, response.
-        keys: their keys in the robot file, in this order.
         stall_a: stall current; 0 without a sensor.
     """
 
@@ -89,7 +88,6 @@ class DriveFacts:
     friction: float
     no_load_deg_s: float
     time_constant_s: float
-    keys: tuple[str, str, str]
     stall_a: float = 0.0
 
 

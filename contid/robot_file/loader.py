@@ -116,10 +116,12 @@ class Loader:
         try:
             self.drivers[name] = driver = load_driver(common.driver)
         except UnknownDriverError as error:
-            allowed = allowed_names(driver_names(), common.driver)
-            broken = common.driver in driver_names()  # installed, and its import failed
-            missing = f"driver: {shown(common.driver)} is not installed; {allowed}"
-            message = str(error) if broken else missing
+            names = driver_names()
+            message = (
+                f"driver: {shown(common.driver)} is not installed; {allowed_names(names, common.driver)}"
+            )
+            if common.driver in names:  # installed, and its import failed
+                message = str(error)
             self.findings.append(self.document.at_value((*at, "driver"), message))
             return None
         options = self._validated(driver.bus_options, _driver_keys(raw, BUS_KEYS), at, BUS_KEYS)

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import functools
 import math
-import os
-import signal
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING
 
 import click
 
+from contid.cli.support.moving_commands import interruptible, require_axes, require_writable
 from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 from contid.hal import AxisOnBus, Homed, Homes, Parks, Reference
@@ -55,14 +52,12 @@ def command(robot_file: str, axes: tuple[str, ...], dry_run: bool, force: bool, 
     path = find_robot_file(robot_file)
     loaded = load_robot_file(path)
     buses = wired_buses(loaded)
-    existing = {axis.name for bus in buses for axis in bus.axes}
-    if unknown := [name for name in axes if name not in existing]:
-        raise ContidError(f"no axis {unknown[0]!r}; there are {', '.join(sorted(existing))}")
+    require_axes(buses, axes)
     if parked:
         _park(path, buses, axes)
         return
-    if not dry_run and not os.access(path.resolve().parent, os.W_OK):
-        raise ContidError(f"{path}: its folder is read-only; copy the file and home the copy, or --dry-run")
+    if not dry_run:
+        require_writable(path, "home")
     homed = 0
     with interruptible(), StopServer(robot_file, "homing"):
         for found in _home(loaded, buses, axes, force):
@@ -134,24 +129,6 @@ def _with_reference(loaded: LoadedFile, axis: AxisOnBus, force: bool) -> AxisOnB
         tolerance = REPEAT_TENDON_M * MM_PER_M / abs(reference.mm_per_rad)
         reference = replace(reference, repeat_rad=tolerance)
     return replace(axis, reference=replace(reference, zero_rad=None) if force else reference)
-
-
-@contextmanager
-def interruptible() -> Iterator[None]:
-    """The first Ctrl-C, SIGTERM or SIGHUP interrupts, devices relax; further ones change nothing."""
-    ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-    def interrupt(_number: int, _frame: FrameType | None) -> None:
-        for number in ends:
-            signal.signal(number, signal.SIG_IGN)
-        raise KeyboardInterrupt
-
-    before = {number: signal.signal(number, interrupt) for number in ends}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def zero_of(loaded: LoadedFile, found: Homed) -> float:

@@ -14,7 +14,7 @@ from contid_drivers.due.axis import POSITION_LOST, BoardAxis
 from contid_drivers.due.codes import BoardState, Reason, RestCode, Type
 from contid_drivers.due.messages import Hello, PulseTrace, Refused, Telemetry
 from contid_drivers.due.options import DueBusOptions
-from contid_drivers.due.session import DueConnection, PulseRefusedError, refusal_error
+from contid_drivers.due.session import DueConnection, BoardRefusedError
 
 log = logging.getLogger(__name__)
 
@@ -141,7 +141,7 @@ class DueBus:
         session = self._need_session()
         body = messages.demand(session.config_crc, session.echo_ms, {})
         if not self._update(self._command(session, Type.DEMAND, body)):
-            raise refusal_error(self.name, "cannot enable", axes, None)
+            raise BoardRefusedError(self.name, "cannot enable", axes, None)
         for axis in chosen:
             if axis.fault:
                 remedy = "" if axis.fault == POSITION_LOST else "clear the fault first"
@@ -153,7 +153,7 @@ class DueBus:
             # Armed by an earlier host with that host's goal; arming from rest takes the present position.
             self.disable(stray, Rest.HOLD)
             if any(axis.armed for axis in chosen if axis.name in stray):
-                raise refusal_error(self.name, "cannot enable", stray, None)
+                raise BoardRefusedError(self.name, "cannot enable", stray, None)
         self._request_for(session, Type.ARM, "cannot enable", [axis for axis in chosen if not axis.armed])
         for axis in chosen:
             axis.enabled = True
@@ -215,19 +215,19 @@ class DueBus:
             self._park(self._need_session(), [self._axis(name) for name in axes], parked=False)
         self._request_for(self._need_session(), Type.HOME, "cannot home", [self._axis(name) for name in axes])
 
-    def pulse(self, channel: int, duty: int, ms: int) -> None:
-        """Order one open-loop pulse of a channel; it is not repeated, because it may have been obeyed.
+    def pulse(self, axis: str, duty: int, ms: int) -> None:
+        """Order one open-loop pulse of an axis; it is not repeated, because it may have been obeyed.
 
         Raises:
-            PulseRefusedError: the board refused it, or did not answer.
+            BoardRefusedError: the board refused it, or did not answer.
         """
+        self.exchange({})  # the order echoes a telemetry of now
         session = self._need_session()
-        demand = messages.demand(session.config_crc, session.echo_ms, {})
-        self._update(self._command(session, Type.DEMAND, demand))
-        body = messages.pulse(session.config_crc, session.echo_ms, channel, duty, ms)
+        body = messages.pulse(session.config_crc, session.echo_ms, self._axis(axis).channel, duty, ms)
         answer = self._command(session, Type.PULSE, body)
         if not self._update(answer):
-            raise PulseRefusedError(self.name, channel, answer if isinstance(answer, Refused) else None)
+            refused = answer if isinstance(answer, Refused) else None
+            raise BoardRefusedError(self.name, "cannot pulse", [axis], refused)
 
     def pulse_trace(self) -> PulseTrace | None:
         """What the newest pulse caused so far; None when the board did not answer in time."""
@@ -262,7 +262,7 @@ class DueBus:
             if isinstance(answer, Refused):
                 refusal = answer
                 break
-        raise refusal_error(self.name, what, [axis.name for axis in axes], refusal)
+        raise BoardRefusedError(self.name, what, [axis.name for axis in axes], refusal)
 
     def _command(self, session: DueConnection, kind: Type, body: bytes) -> Telemetry | Refused | None:
         try:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 from contid.errors import ContidError
+from contid.hal.pulses import EncoderAnswer
 from contid_drivers.due.codes import (
     BOARD_CONFIGURED,
     BOARD_DEMAND_STALE,
@@ -116,21 +117,6 @@ class Telemetry:
     channels: Mapping[int, BoardReport]
 
 
-class EncoderMotion(NamedTuple):
-    """What one encoder showed from the start of a pulse to its newest sample.
-
-    Attributes:
-        counts: way, in the sense of the configuration.
-        edges_a, edges_b: level changes of the tracks; of a hardware decoder those that samples of 1 ms show.
-        missed: edges missed.
-    """
-
-    counts: int
-    edges_a: int
-    edges_b: int
-    missed: int
-
-
 @dataclass(frozen=True, slots=True)
 class PulseTrace:
     """What one open-loop pulse caused; empty before the first pulse (``channel`` None).
@@ -139,7 +125,8 @@ class PulseTrace:
         start_ms: uptime of the board when the drive began.
         duty: ordered duty, of `codes.DUTY_FULL`.
         ordered_ms, driven_ms: duration ordered, and driven so far.
-        encoders: of every channel of the board.
+        encoders: of every channel of the board, to the newest sample; of the edges at a hardware decoder,
+            those that samples of 1 ms show.
         faults: numbers of the samples in which the H-bridge reported a fault.
         currents_ma: every second sample, from the first on.
         positions: counts from the start, 1 ms apart, the first 1 ms after the drive began.
@@ -150,7 +137,7 @@ class PulseTrace:
     duty: int = 0
     ordered_ms: int = 0
     driven_ms: int = 0
-    encoders: tuple[EncoderMotion, ...] = ()
+    encoders: tuple[EncoderAnswer, ...] = ()
     faults: tuple[int, ...] = ()
     currents_ma: tuple[int, ...] = ()
     positions: tuple[int, ...] = ()
@@ -314,7 +301,7 @@ def _read_trace(body: bytes) -> PulseTrace:
     channel, start_ms, duty, ordered_ms, driven_ms, samples = _PULSED.unpack_from(body)
     at = _PULSED.size
     encoders = tuple(
-        EncoderMotion(*_MOTION.unpack_from(body, at + _MOTION.size * i)) for i in range(CHANNELS)
+        EncoderAnswer(*_MOTION.unpack_from(body, at + _MOTION.size * i)) for i in range(CHANNELS)
     )
     at += _MOTION.size * CHANNELS
     faults = int.from_bytes(body[at : at + TRACE_MS // 8], "little")

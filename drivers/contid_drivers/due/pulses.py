@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from typing import Final
 
-from contid.errors import DeviceError, DeviceLostError
+from contid.errors import DeviceError
 from contid.hal import AxisOnBus, DeviceKind, Rest
 from contid.hal.pulses import DriveFacts, EncoderAnswer, ProvenDevice, PulseAnswer
 from contid.kit.clock import MonotonicClock
 from contid.kit.signals import defer_signals
 from contid_drivers.due.bus import DueBus
-from contid_drivers.due.codes import CURRENT_SENSE, DUTY_FULL, PULSE_DUTY, TRACE_MS, Reason, Refusal
-from contid_drivers.due.messages import EncoderMotion, Hello, PulseTrace
+from contid_drivers.due.codes import DUTY_FULL, TRACE_MS, Reason, Refusal
+from contid_drivers.due.messages import Hello, PulseTrace
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
-from contid_drivers.due.session import PulseRefusedError
+from contid_drivers.due.session import BoardRefusedError
 from contid_drivers.due.wiring import axis_options
 
 #: The trace is asked for at this interval, and must be over within this time.
@@ -44,14 +44,12 @@ class DuePulsedBus:
 
         See `contid.hal.pulses.PulsedBus`; the board bounds duty and time, and ends the drive.
         """
-        channel = self._options[axis].number
-        steps, ms = round(duty * DUTY_FULL), round(duration_s * 1000.0)
-        if abs(steps) <= PULSE_DUTY + 1:  # 20 % rounds to one step more
-            steps = max(-PULSE_DUTY, min(PULSE_DUTY, steps))
+        ms = round(duration_s * 1000.0)
         try:
-            self._bus.pulse(channel, steps, ms)
-        except PulseRefusedError as refused:
-            if refused.refusal != Refusal.PERSISTS:
+            self._bus.pulse(axis, round(duty * DUTY_FULL), ms)
+        except BoardRefusedError as refused:
+            # Faults were cleared: what is latched still has a cause that persists.
+            if refused.refusal not in (Refusal.PERSISTS, Refusal.LATCHED):
                 raise
             nothing = {name: EncoderAnswer(0, 0, 0, 0) for name in self._options}
             return PulseAnswer(axis, duty, ms / 1000.0, 0.0, nothing, (), fault=True)
@@ -60,9 +58,7 @@ class DuePulsedBus:
         if self._bus.reason(axis) is Reason.BRIDGE:
             with suppress(DeviceError):
                 self._bus.clear_fault([axis])
-        has_current = bool(self._capabilities[channel] & CURRENT_SENSE) and bool(
-            self._options[axis].stall_current_ma
-        )
+        has_current = self._options[axis].stall_current_ma > 0
         return PulseAnswer(
             axis,
             trace.duty / DUTY_FULL,
@@ -86,11 +82,11 @@ class DuePulsedBus:
             f"{self._bus.name}: {axis}", "no trace of its pulse", "check the cable of the board"
         )
 
-    def _answers(self, encoders: Sequence[EncoderMotion]) -> Mapping[str, EncoderAnswer]:
+    def _answers(self, encoders: Sequence[EncoderAnswer]) -> Mapping[str, EncoderAnswer]:
         names = {options.number: name for name, options in self._options.items()}
         return {
-            names.get(i, f"channel m{i}"): EncoderAnswer(*motion)
-            for i, motion in enumerate(encoders)
+            names.get(i, f"channel m{i}"): answer
+            for i, answer in enumerate(encoders)
             if self._capabilities[i]
         }
 
@@ -105,17 +101,18 @@ class DuePulsedBus:
 @contextmanager
 def pulsed_bus(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> Iterator[DuePulsedBus]:
     """Open a board for pulses; latched faults are cleared, and every motor is without power on exit."""
-    bus = DueBus(name, options, axes, MonotonicClock())
-    try:
+    with closing(DueBus(name, options, axes, MonotonicClock())) as bus:
         bus.open()
-        bus.disable(bus.axes, Rest.RELAX)
-        with suppress(DeviceError):  # a fault of the bridge persists; its pulse reports it
-            bus.clear_fault(bus.axes)
-        yield DuePulsedBus(bus, axes)
-    finally:
-        with defer_signals(), suppress(DeviceLostError):
+        try:
+            for axis in bus.axes:
+                with suppress(DeviceError):  # a fault of the bridge persists; its pulse reports it
+                    bus.clear_fault([axis])
+            # After it: a motor that its watchdog left holding holds on when it is cleared.
             bus.disable(bus.axes, Rest.RELAX)
-        bus.close()
+            yield DuePulsedBus(bus, axes)
+        finally:
+            with defer_signals():
+                bus.disable(bus.axes, Rest.RELAX)
 
 
 def board(hello: Hello) -> ProvenDevice:
@@ -133,7 +130,6 @@ def drive_facts(axis: DueAxisOptions) -> DriveFacts | None:
         axis.friction_percent / 100.0,
         axis.no_load_deg_s,
         axis.time_constant_ms / 1000.0,
-        ("friction_percent", "no_load_deg_s", "time_constant_ms"),
         axis.stall_current_ma / 1000.0,
     )
 

@@ -274,22 +274,15 @@ class DueConnection:
         self._port.close()
 
 
-class PulseRefusedError(DeviceError):
-    """The board refused a pulse, or did not answer its order.
+class BoardRefusedError(DeviceError):
+    """The board did not grant a request, or did not answer it.
 
     Attributes:
         refusal: why; None without an answer.
     """
 
-    def __init__(self, name: str, channel: int, answer: Refused | None) -> None:
+    def __init__(self, name: str, what: str, axes: Sequence[str], answer: Refused | None) -> None:
         message = "no answer" if answer is None else answer.message
         remedy = "" if answer is None else _REMEDIES.get(answer.refusal, "")
-        super().__init__(name, f"cannot pulse channel {channel}: {message}", remedy)
+        super().__init__(name, f"{what} {', '.join(axes)}: {message}", remedy)
         self.refusal = None if answer is None else answer.refusal
-
-
-def refusal_error(name: str, what: str, axes: Sequence[str], answer: Refused | None) -> DeviceError:
-    """The error for a request the board did not grant; ``answer`` is None without an answer."""
-    message = "no answer" if answer is None else answer.message
-    remedy = "" if answer is None else _REMEDIES.get(answer.refusal, "")
-    return DeviceError(name, f"{what} {', '.join(axes)}: {message}", remedy)

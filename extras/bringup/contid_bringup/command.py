@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +15,7 @@ from contid.cli.support.parameters import robot_names
 
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus
+    from contid.hal.pulses import DriveFacts
     from contid_bringup.record import ProvenAxis
 
 
@@ -35,7 +36,7 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
     The results are written into `bringup:` of ROBOT_FILE, and into a page to print. Exit code 4 when
     something is wrong, 0 only when every axis named or examined is proven.
     """
-    from contid.cli.commands.home import interruptible
+    from contid.cli.support.moving_commands import interruptible, require_axes, require_writable
     from contid.control.engine.wiring import wired_buses
     from contid.errors import ContidError
     from contid.remote.server.stop_server import StopServer
@@ -45,9 +46,12 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
     path = find_robot_file(robot_file)
     loaded = load_robot_file(path)
     buses = wired_buses(loaded)
-    existing = {axis.name for bus in buses for axis in bus.axes}
-    if unknown := [name for name in axes if name not in existing]:
-        raise ContidError(f"no axis {unknown[0]!r}; there are {', '.join(sorted(existing))}")
+    require_axes(buses, axes)
+    if not dry_run:
+        require_writable(path, "bring up")
+    chosen = [(bus, motors) for bus in buses if (motors := _motors(bus, axes))]
+    if not chosen:
+        raise ContidError(f"{path}: no axis was examined: no driver of this file can be brought up")
     if not yes and not sys.stdin.isatty():
         raise click.UsageError("it asks before it moves, and stdin is no terminal; --yes asks nothing")
     if not yes:
@@ -59,12 +63,8 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
     by_hand = None if yes else _turn_by_hand
     records: list[ProvenAxis] = []
     with interruptible(), StopServer(robot_file, "bring-up"):
-        for bus in buses:
-            only = [axis.name for axis in bus.axes if not axes or axis.name in axes]
-            if only:
-                records += _bring_up(bus, only, by_hand)
-    if not records:
-        raise ContidError(f"{path}: no axis was examined: no driver of this file can be brought up")
+        for bus, motors in chosen:
+            records += _bring_up(bus, motors, by_hand)
     when = datetime.now().astimezone()
     if not dry_run:
         write_section(path, loaded, records, when)
@@ -85,27 +85,41 @@ def _turn_by_hand(axis: str) -> bool:
     return not answer.strip()
 
 
-def _bring_up(bus: WiredBus, only: list[str], by_hand: Callable[[str], bool] | None) -> Iterator[ProvenAxis]:
+def _motors(bus: WiredBus, axes: tuple[str, ...]) -> Mapping[str, DriveFacts]:
+    """The motors of a bus among ``axes`` (empty: all) that can be brought up; names what is left out."""
     from contid.hal.pulses import Pulses
+
+    only = [axis for axis in bus.axes if not axes or axis.name in axes]
+    if only and not isinstance(bus.driver, Pulses):
+        name, driver = bus.wiring.name, bus.wiring.driver
+        left_out = ", ".join(axis.name for axis in only)
+        click.echo(f"{name}: driver {driver!r} cannot be brought up; {left_out} not examined")
+        return {}
+    motors = {}
+    for axis in only:
+        assert isinstance(bus.driver, Pulses)
+        if (facts := bus.driver.drive_facts(axis.options)) is not None:
+            motors[axis.name] = facts
+        else:
+            click.echo(f"{axis.name}: no motor; regulators are not examined by this version")
+    return motors
+
+
+def _bring_up(
+    bus: WiredBus, motors: Mapping[str, DriveFacts], by_hand: Callable[[str], bool] | None
+) -> Iterator[ProvenAxis]:
+    from contid.hal.pulses import Pulses
+    from contid.robot_file.proven.bringup import wiring_digest
     from contid_bringup.motor import bring_up_motor
     from contid_bringup.record import ProvenAxis
 
-    name, options = bus.wiring.name, bus.wiring.options
+    assert isinstance(bus.driver, Pulses)
     report = functools.partial(click.echo, err=True)
-    if not isinstance(bus.driver, Pulses):
-        click.echo(
-            f"{name}: driver {bus.wiring.driver!r} cannot be brought up; {', '.join(only)} not examined"
-        )
-        return
-    facts = {axis.name: bus.driver.drive_facts(axis.options) for axis in bus.axes}
-    for axis in [each for each in only if facts[each] is None]:
-        click.echo(f"{axis}: no motor; regulators are not examined by this version")
-    motors = {axis: found for axis in only if (found := facts[axis]) is not None}
-    if not motors:
-        return
-    with bus.driver.pulsed_bus(name, options, bus.axes) as pulsed:
-        for axis, found in motors.items():
-            result = bring_up_motor(pulsed, axis, found, report, by_hand)
-            for line in result.lines():
+    with bus.driver.pulsed_bus(bus.wiring.name, bus.wiring.options, bus.axes) as pulsed:
+        for axis, facts in motors.items():
+            result = bring_up_motor(pulsed, axis, facts, report, by_hand)
+            lines = result.lines()
+            for line in lines:
                 click.echo(f"{axis}: {line}")
-            yield ProvenAxis(axis, result.name, pulsed.device, result.lines(), result.fit)
+            wiring = wiring_digest(bus.wiring, axis)
+            yield ProvenAxis(axis, result.name, pulsed.device, wiring, lines, result.fit)

@@ -35,7 +35,7 @@ _SAMPLE: Final = 1500
 #: The walk begins with likelihoods flattened by this power, so that it leaves a wrong start.
 _HEAT: Final = 30.0
 #: A pulse that no place agrees with counts as this likely, less with each of these parts of a count beyond.
-_UNLIKELY: Final = math.log(0.02)
+_UNLIKELY: Final = 0.02
 _PART: Final = 0.1
 #: Bounds of the logarithms of v0 / tau [counts/s^2], tau [s], friction.
 _LOWEST: Final = np.log([1e2, 2e-3, 2e-3])
@@ -61,18 +61,15 @@ class DriveFit(NamedTuple):
         friction: share of full duty that just keeps it turning.
         no_load_deg_s: speed at full duty without friction.
         time_constant_s: response of its speed.
-        push_deg_s2: acceleration per duty above friction, ``no_load / time constant``; slow motors show this
-            number where they show neither of the two.
     """
 
     friction: MeanOfPulses
     no_load_deg_s: MeanOfPulses
     time_constant_s: MeanOfPulses
-    push_deg_s2: MeanOfPulses
 
 
 def measure(pulse: Pulse, found_duty: float) -> list[PulseAnswer]:
-    """Pulses of a proven motor for `fit_drive`: two duties, there and back in turn.
+    """Pulses of a proven motor for `fit_drive`: two duties, there and back in turn; a fault ends them.
 
     Their durations differ, so that each starts at another part of a count: pulses that repeat each other
     exactly would count as more knowledge than they are.
@@ -82,8 +79,10 @@ def measure(pulse: Pulse, found_duty: float) -> list[PulseAnswer]:
     answers = []
     for share in _SHARES:
         duty = found_duty + (DUTY_MOST - found_duty) * share
-        for _ in range(_REPEATED):
-            answers += [pulse(duty, next(durations)), pulse(-duty, next(durations))]
+        for sign in (+1.0, -1.0) * _REPEATED:
+            answers.append(pulse(sign * duty, next(durations)))
+            if answers[-1].fault:
+                return answers
     return answers
 
 
@@ -108,9 +107,7 @@ def fit_drive(answers: Sequence[PulseAnswer], facts: DriveFacts) -> DriveFit | N
         [_walk(np.clip(s, _LOWEST + 0.01, _HIGHEST - 0.01), seen, facts.brakes) for s in starts]
     )
     push, tau_s, friction = np.exp(walked).T
-    return DriveFit(
-        _estimate(friction), _estimate(push * tau_s / per_deg), _estimate(tau_s), _estimate(push / per_deg)
-    )
+    return DriveFit(_estimate(friction), _estimate(push * tau_s / per_deg), _estimate(tau_s))
 
 
 def _estimate(values: _Values) -> MeanOfPulses:
@@ -164,8 +161,8 @@ def _log_likelihood(logs: _Values, seen: _Seen, brakes: bool) -> float:
         push * tau, tau, friction, seen.duty, seen.driven_s, brakes, seen.counts.shape[1]
     )
     agree = 1.0 - np.maximum(off.max(axis=1), 0.0) + np.minimum(off.min(axis=1), 0.0)
-    likely = np.log(np.maximum(agree, 0.02))
-    return float(np.where(agree > 0.02, likely, _UNLIKELY + (agree - 0.02) / _PART).sum())
+    beyond = np.minimum(agree - _UNLIKELY, 0.0) / _PART
+    return float((np.log(np.maximum(agree, _UNLIKELY)) + beyond).sum())
 
 
 def places(

@@ -22,7 +22,6 @@ class MotorResult:
     """What was found about one motor.
 
     Attributes:
-        axis: ``ROBOT.AXIS``.
         verdict: what the pulses showed.
         pulses: how many, and ``most_duty`` the strongest of them.
         fit: friction, top speed, time constant; None for a faulty axis, and where it moved too little.
@@ -30,7 +29,6 @@ class MotorResult:
         counts_per_rev: those of the robot file.
     """
 
-    axis: str
     verdict: Verdict
     pulses: int
     most_duty: float
@@ -41,12 +39,7 @@ class MotorResult:
     @property
     def name(self) -> str:
         """``ok``, or the name of what is wrong."""
-        return "counts-per-rev" if self.miscounted and self.proven else self.verdict.fault.value
-
-    @property
-    def proven(self) -> bool:
-        """True when the pulses found nothing wrong."""
-        return self.verdict.fault is WiringFault.NONE
+        return "counts-per-rev" if self.miscounted else self.verdict.fault.value
 
     @property
     def miscounted(self) -> bool:
@@ -102,11 +95,13 @@ def bring_up_motor(
     fit, by_hand = None, None
     if verdict.fault is WiringFault.NONE:
         report(f"{axis}: motor and encoder answer; measuring friction, speed and time constant")
-        measured = measure(pulse, abs(answers[-1].duty))
-        answers += measured
+        answers += measure(pulse, abs(answers[-1].duty))
+        if answers[-1].fault:
+            verdict = Verdict(WiringFault.BRIDGE_TRIPS)
+    if verdict.fault is WiringFault.NONE:
         fit = fit_drive(answers, facts)
         before = bus.counts(axis)
         if turn_by_hand is not None and turn_by_hand(axis):
             by_hand = bus.counts(axis) - before
     most = max(abs(answer.duty) for answer in answers)
-    return MotorResult(axis, verdict, len(answers), most, fit, by_hand, facts.counts_per_rev)
+    return MotorResult(verdict, len(answers), most, fit, by_hand, facts.counts_per_rev)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from contid.hal.pulses import EncoderAnswer, PulseAnswer
-from contid_bringup.probing import STIRRED
+from contid_bringup.probing import STIRRED, total
 
 #: A turning motor draws less than a standing one: its current falls by this share while it is driven.
 _FALLS: Final = 0.12
@@ -140,7 +140,7 @@ def name_fault(answers: Sequence[PulseAnswer], stall_a: float = 0.0) -> Verdict:
         return Verdict(WiringFault.UNDRIVEN)
     if any(answer.fault for answer in driven):
         return Verdict(WiringFault.BRIDGE_TRIPS)
-    own = _total(driven, driven[0].axis)
+    own = total(driven, driven[0].axis)
     if own.missed >= STIRRED:
         together = own.missed >= own.edges // 2 - 1 and abs(own.counts) <= 1
         return Verdict(WiringFault.TRACKS_TOGETHER if together else WiringFault.EDGES_MISSED)
@@ -151,17 +151,9 @@ def name_fault(answers: Sequence[PulseAnswer], stall_a: float = 0.0) -> Verdict:
     return _directions(driven)
 
 
-def _total(answers: Sequence[PulseAnswer], name: str) -> EncoderAnswer:
-    found = [answer.encoders[name] for answer in answers if name in answer.encoders]
-    return EncoderAnswer(*(sum(values) for values in zip(*found, strict=True))) if found else _NOTHING
-
-
-_NOTHING: Final = EncoderAnswer(0, 0, 0, 0)
-
-
 def _others(answers: Sequence[PulseAnswer]) -> dict[str, EncoderAnswer]:
     names = [name for name in answers[0].encoders if name != answers[0].axis]
-    return {name: _total(answers, name) for name in names}
+    return {name: total(answers, name) for name in names}
 
 
 def _unanswered(driven: Sequence[PulseAnswer], listening: PulseAnswer, stall_a: float) -> Verdict:
@@ -207,10 +199,10 @@ def _track_alone(answers: Sequence[PulseAnswer], name: str) -> str:
     A shaft that turns one way shows edges of the two tracks in turn. One that goes to and fro over a single
     edge may show those of one track; so only pulses in one direction count.
     """
-    totals = [_total(run, name) for run in _runs(answers)]
+    runs = [total(run, name) for run in _runs(answers)]
     for track, edges, other in (
-        ("a", [total.edges_a for total in totals], [total.edges_b for total in totals]),
-        ("b", [total.edges_b for total in totals], [total.edges_a for total in totals]),
+        ("a", [run.edges_a for run in runs], [run.edges_b for run in runs]),
+        ("b", [run.edges_b for run in runs], [run.edges_a for run in runs]),
     ):
         if max(edges) >= STIRRED and sum(other) == 0:
             return track
@@ -226,8 +218,8 @@ def _one_track(driven: Sequence[PulseAnswer], alone: str) -> Verdict:
 
 
 def _directions(driven: Sequence[PulseAnswer]) -> Verdict:
-    up = _total([answer for answer in driven if answer.duty > 0.0], driven[0].axis)
-    down = _total([answer for answer in driven if answer.duty < 0.0], driven[0].axis)
+    up = total([answer for answer in driven if answer.duty > 0.0], driven[0].axis)
+    down = total([answer for answer in driven if answer.duty < 0.0], driven[0].axis)
     if max(abs(up.counts), abs(down.counts)) >= STIRRED and min(up.edges, down.edges) < STIRRED - 1:
         return Verdict(WiringFault.ONE_DIRECTION)
     if up.counts > 0 > down.counts:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from typing import Final
 
-from contid.hal.pulses import DriveFacts, PulseAnswer
+from contid.hal.pulses import DriveFacts, EncoderAnswer, PulseAnswer
 
 #: Bounds of the device.
 DUTY_MOST: Final = 0.2
@@ -153,16 +153,20 @@ def _run(pulse: Pulse, answers: list[PulseAnswer], found: float, sign: float, be
     return sum(answer.own.counts for answer in run)
 
 
-def _most(run: Iterable[PulseAnswer]) -> int:
+def total(answers: Sequence[PulseAnswer], name: str) -> EncoderAnswer:
+    """What one encoder showed in all of the pulses; zeros where none of them has it."""
+    found = [answer.encoders[name] for answer in answers if name in answer.encoders]
+    return EncoderAnswer(*map(sum, zip(EncoderAnswer(0, 0, 0, 0), *found, strict=True)))
+
+
+def _most(run: Sequence[PulseAnswer]) -> int:
     """Edges of the encoder that shows most."""
-    run = list(run)
-    return max(sum(answer.encoders[name].edges for answer in run) for name in run[0].encoders)
+    return max(total(run, name).edges for name in run[0].encoders)
 
 
-def _proven(run: list[PulseAnswer]) -> bool:
+def _proven(run: Sequence[PulseAnswer]) -> bool:
     for name in run[0].encoders:
-        a = sum(answer.encoders[name].edges_a for answer in run)
-        b = sum(answer.encoders[name].edges_b for answer in run)
+        _, a, b, _ = total(run, name)
         if min(a, b) >= PROVEN or (min(a, b) == 0 and max(a, b) >= ALONE):
             return True
     return False

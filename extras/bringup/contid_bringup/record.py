@@ -9,10 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from contid.hal.pulses import ProvenDevice
-from contid.robot_file.document import BusWiring
 from contid.robot_file.edit import Change, set_values
 from contid.robot_file.load import LoadedFile, load_robot_file
-from contid.robot_file.proven.bringup import wiring_digest
 from contid.whole_file import replacing
 from contid_bringup.drive_fit import DriveFit
 
@@ -24,6 +22,7 @@ class ProvenAxis(NamedTuple):
         axis: ``ROBOT.AXIS``.
         name: ``ok``, or the name of what is wrong.
         device: the board or servo.
+        wiring: digest of the keys that depend on its cables and parts.
         lines: the findings as they were printed.
         fit: numbers of a motor; None without.
     """
@@ -31,6 +30,7 @@ class ProvenAxis(NamedTuple):
     axis: str
     name: str
     device: ProvenDevice
+    wiring: str
     lines: Sequence[str]
     fit: DriveFit | None = None
 
@@ -41,20 +41,19 @@ def write_section(path: Path, loaded: LoadedFile, records: Sequence[ProvenAxis],
     Raises:
         ContidError: the file cannot be written.
     """
-    buses = {axis: bus for bus in loaded.buses.values() for axis, _ in bus.axes}
     section: dict[str, Mapping[str, str | float]] = {
         name: each.model_dump(exclude_none=True) for name, each in loaded.file.bringup.items()
     }
-    section |= {record.axis: _entry(buses[record.axis], record, when) for record in records}
+    section |= {record.axis: _entry(record, when) for record in records}
     set_values(path, [Change("bringup", section)])
     load_robot_file(path)
 
 
-def _entry(bus: BusWiring, record: ProvenAxis, when: datetime) -> Mapping[str, str | float]:
+def _entry(record: ProvenAxis, when: datetime) -> Mapping[str, str | float]:
     entry: dict[str, str | float] = {
         "date": f"{when:%Y-%m-%d %H:%M}",
         "verdict": record.name,
-        "wiring": wiring_digest(bus, record.axis),
+        "wiring": record.wiring,
         "device": record.device.identity,
         "firmware": record.device.firmware,
     }
@@ -99,7 +98,6 @@ def write_page(
     """
     from contid import __version__
 
-    buses = {axis: bus for bus in loaded.buses.values() for axis, _ in bus.axes}
     rows = "\n".join(
         "<tr>"
         + "".join(
@@ -108,7 +106,7 @@ def write_page(
                 ("", html.escape(record.axis)),
                 (f' class="{"ok" if record.name == "ok" else "bad"}"', html.escape(record.name)),
                 ("", html.escape(f"{record.device.identity}, {record.device.firmware}")),
-                ("", wiring_digest(buses[record.axis], record.axis)),
+                ("", record.wiring),
                 ("", "<br>".join(map(html.escape, record.lines))),
             )
         )

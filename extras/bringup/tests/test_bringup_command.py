@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -11,9 +13,11 @@ from click.testing import CliRunner
 
 from contid.cli.commands.check import command as check
 from contid.cli.commands.doctor import command as doctor
+from contid.control.engine.cycle import RealClock
 from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file
 from contid_bringup.command import command
+from contid_drivers.due.bus import DueBus
 from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueBusOptions
 
@@ -105,3 +109,48 @@ def test_a_dry_run_writes_nothing(robot: tuple[Path, DueEmulator]) -> None:
     assert CliRunner().invoke(command, [str(path), FIRST, "--yes", "--dry-run"]).exit_code == 0
     assert path.read_text() == before
     assert not path.with_name("robot-bringup.html").exists()
+
+
+def _armed(path: Path) -> DueBus:
+    """The bus of the robot, with its first two axes under power."""
+    (bus,) = wired_buses(load_robot_file(path))
+    assert isinstance(bus.wiring.options, DueBusOptions)
+    opened = DueBus(bus.wiring.name, bus.wiring.options, bus.axes, RealClock())
+    opened.open()
+    opened.enable([FIRST, SECOND])
+    return opened
+
+
+def test_a_latched_fault_whose_cause_persists_is_named_and_hides_no_other_axis(
+    robot: tuple[Path, DueEmulator],
+) -> None:
+    path, board = robot
+    with closing(_armed(path)) as bus:
+        board.command("set 0 bridge 1")
+        until = time.monotonic() + 5.0
+        while not bus.exchange({})[FIRST].fault and time.monotonic() < until:
+            time.sleep(0.02)
+    # The second axis is latched too, by the watchdog.
+    done = CliRunner().invoke(command, [str(path), FIRST, SECOND, "--yes", "--dry-run"])
+    assert done.exit_code == 4, done.output
+    assert f"{FIRST}: fault-line" in done.output
+    assert f"{SECOND}: ok" in done.output
+
+
+def test_a_motor_that_its_watchdog_left_holding_is_relaxed_first(robot: tuple[Path, DueEmulator]) -> None:
+    path, _ = robot
+    path.write_text(
+        path.read_text().replace("channel: m0,", "channel: m0, on_watchdog: hold, start_state: brake,")
+    )
+    _armed(path).close()
+    time.sleep(0.5)  # longer than the watchdog
+    done = CliRunner().invoke(command, [str(path), SECOND, "--yes", "--dry-run"])
+    assert done.exit_code == 0, done.output
+
+
+def test_a_file_without_boards_is_refused_before_anything_is_asked(tmp_path: Path) -> None:
+    path = tmp_path / "hand.yaml"
+    path.write_text((CONFIG.parent / "hand.yaml").read_text())
+    refused = CliRunner().invoke(command, [str(path)])
+    assert "no driver of this file can be brought up" in str(refused.exception)
+    assert "cannot be brought up" in refused.output

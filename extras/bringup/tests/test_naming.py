@@ -116,7 +116,6 @@ def facts(made: Bench) -> DriveFacts:
         shaft.friction * rng.uniform(0.7, 1.3),
         shaft.no_load / COUNTS_PER_DEG * rng.uniform(0.7, 1.3),
         shaft.tau * rng.uniform(0.7, 1.3),
-        ("friction_percent", "no_load_deg_s", "time_constant_ms"),
     )
 
 
