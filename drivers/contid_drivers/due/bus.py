@@ -14,7 +14,7 @@ from contid_drivers.due.axis import POSITION_LOST, BoardAxis
 from contid_drivers.due.codes import BoardState, Reason, RestCode, Type
 from contid_drivers.due.messages import Hello, PulseTrace, Refused, Telemetry
 from contid_drivers.due.options import DueBusOptions
-from contid_drivers.due.session import DueConnection, BoardRefusedError
+from contid_drivers.due.session import BoardRefusedError, DueConnection
 
 log = logging.getLogger(__name__)
 
