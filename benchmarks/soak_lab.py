@@ -28,8 +28,8 @@ from contid.control.engine.messages import Message
 from contid.control.engine.wiring import wired_buses
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
-from contid.hal import Emulates
 from contid.robot_file.load import load_robot_file
+from contid_emulate.offered import emulated
 from contid_view.observer import ViewerObserver
 from contid_view.view_target import Kind, ViewTarget
 
@@ -136,10 +136,9 @@ def devices(folder: Path) -> int:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
     with ExitStack() as stack:
         for bus in wired_buses(load_robot_file(folder / "lab.yaml")):
-            emulates = bus.capable(Emulates, "emulate")  # type: ignore[type-abstract]  # a runtime protocol
             switches = folder / f"{bus.wiring.name}.switch"
             switches.touch()
-            stack.enter_context(emulates.emulator(bus.wiring.name, bus.wiring.options, bus.axes, switches))
+            stack.enter_context(emulated(bus, switches))
         print("ready", flush=True)
         signal.sigwait(ends)
     assert threading.active_count() == 1

@@ -9,6 +9,7 @@ contid imports no extra: the metadata of a distribution names what it adds, and 
 | ``contid.exports`` | an option of `contid session export`: `contid.cli.support.added_options.ExportOption` |
 | ``contid.goals`` | options of `contid move`: `contid.cli.support.added_options.GoalOption` |
 | ``contid.workspaces`` | `contid.api.workspace.MeasureWorkspace`, of robots in the plane and in space |
+| ``contid.emulators`` | by the name of a driver, a function like `contid.hal.Emulates.emulator` |
 | ``contid.addresses`` | a function from a text ``NAME:...`` to a `contid.remote.client.wires.Address` |
 
 Drivers (``contid.drivers``), bodies in motion of simulated robots (``contid.bodies``), models
@@ -27,6 +28,7 @@ GOALS: Final = "contid.goals"
 EXPORTS: Final = "contid.exports"
 WORKSPACES: Final = "contid.workspaces"
 ADDRESSES: Final = "contid.addresses"
+EMULATORS: Final = "contid.emulators"
 
 
 def load_all(group: str) -> dict[str, Any]:

@@ -19,7 +19,7 @@ def real_time(on: bool) -> bool:
 
 
 def serve(pipe: Connection, count: int, baud: int) -> None:
-    from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
+    from contid_emulate.dynamixel import DynamixelEmulator, Servo
 
     real_time(True)
     servos = [Servo(i + 1, baud=baud) for i in range(count)]

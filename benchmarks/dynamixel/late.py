@@ -13,7 +13,7 @@ from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusO
 
 def late_samples(ms: float, count: int, fast: bool, exchanges: int = 190) -> tuple[int, int]:
     """Valid samples through an adapter late by ``ms``, and those among them of another exchange."""
-    from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
+    from contid_emulate.dynamixel import DynamixelEmulator, Servo
 
     servos = [Servo(i + 1, position_ticks=1000.0 * (i + 1)) for i in range(count)]
     with DynamixelEmulator(servos) as emulator:

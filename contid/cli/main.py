@@ -48,10 +48,6 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
         "run a recording through today's code and compare every command",
     ),
     "session": ("contid.cli.commands.session", "a recording: summary, check, export, repair"),
-    "emulate": (
-        "contid.cli.commands.emulate",
-        "wire-level devices on ptys: the real drivers without hardware",
-    ),
     "scan": ("contid.cli.commands.scan", "find devices on serial ports"),
     "servo": ("contid.cli.commands.servo", "set the id or baud rate of a servo, or restart it"),
     "doctor": ("contid.cli.commands.doctor", "problems of buses and host, with remedies"),
@@ -66,7 +62,7 @@ SECTIONS: Final = {
     ],
     "Describe": ["new", "check", "schema"],
     "Analyse": ["path", "retime", "fk", "ik", "shape", "replay", "session"],
-    "Maintain": ["scan", "doctor", "home", "servo", "firmware", "emulate"],
+    "Maintain": ["scan", "doctor", "home", "servo", "firmware"],
 }  # fmt: skip
 
 cli = click.version_option(__version__, prog_name="contid")(

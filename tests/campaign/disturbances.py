@@ -13,7 +13,7 @@ moves its robots, disturbs it at a random instant, and looks at the devices from
 | a clock of another epoch (time namespace) | as without it |
 
 After each: no process and no ring left (a ring of a killed run is gone after the next start), and
-`contid.session.check` finds nothing in the session.
+`contid_sessions.check` finds nothing in the session.
 """
 
 from __future__ import annotations

@@ -19,8 +19,8 @@ from contid.client import Client
 from contid.errors import ContidError
 from contid.remote.protocol.socket_path import is_listening
 from contid.robot_file.load import configs_folder
-from contid.session.check import check_session
 from contid.session.read import Session
+from contid_sessions.check import check_session
 from tests.campaign.wired.daemon import NotStartedError
 from tests.campaign.wired.lab_file import LONG_TIMEOUTS, TOLERANCE_TICKS, robot_file
 from tests.campaign.wired.wires import Wires

@@ -15,10 +15,10 @@ import pytest
 
 from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file
-from contid_drivers.due.emulator import DueEmulator as Board
 from contid_drivers.due.options import DueBusOptions as DueOptions
-from contid_drivers.dynamixel.emulator.bench import Bench
 from contid_drivers.dynamixel.options import DynamixelBusOptions as ServoOptions
+from contid_emulate.due import DueEmulator as Board
+from contid_emulate.dynamixel.bench import Bench
 from tests.support.waiting import until
 
 #: Driven by these hands: whether a search is under way, and whether any output is driven.

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from contid.session.check import check_session
 from contid.session.read import Session
+from contid_sessions.check import check_session
 from tests.support.command import contid_in
 
 pytestmark = pytest.mark.process

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from contid.cli.commands.scan import find_by_unplugging
 from contid.cli.commands.servo import command
 from contid.errors import ContidError
-from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
+from contid_emulate.dynamixel import DynamixelEmulator, Servo
 
 
 @pytest.mark.realtime

@@ -14,8 +14,8 @@ from contid.hal import AxisOnBus, DeviceKind, Rest
 from contid.kit import MonotonicClock
 from contid.testing import Facts, RealTimeRig
 from contid_drivers.due.bus import DueBus
-from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
+from contid_emulate.due import DueEmulator
 
 COUNT = math.tau / 4776.0
 MOTORS = Facts(DeviceKind.MOTOR, 2 * COUNT, 12 * COUNT, 0.2, 60.0, 0.45, 0.2, 0.0, Rest.RELAX)

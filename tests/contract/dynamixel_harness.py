@@ -12,8 +12,8 @@ from contid.kit import MonotonicClock
 from contid.testing import Facts, RealTimeRig
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
-from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
+from contid_emulate.dynamixel import DynamixelEmulator, Servo
 
 AXES = ("left.a", "left.b", "right.a")
 STEP = reg.RAD_PER_TICK

@@ -14,11 +14,11 @@ import pytest
 from contid.hal import AxisOnBus
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import Type
-from contid_drivers.due.emulator import plant_commands
 from contid_drivers.due.firmware import WARNINGS, build_host
 from contid_drivers.due.messages import Answer, Telemetry
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from contid_drivers.due.wiring import DUE_ADC, Adc
+from contid_emulate.due import plant_commands
 
 MM_PER_REV = 78.53981633974483  # the 25 mm pinion of part B5: 60.80992066 counts/mm
 REGULATOR: Mapping[str, Any] = {

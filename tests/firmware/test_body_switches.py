@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from contid_drivers.due.codes import BoardState
-from contid_drivers.due.emulator import BoardFault
+from contid_emulate.due import BoardFault
 
 pytestmark = pytest.mark.process
 

@@ -71,7 +71,7 @@ def test_an_export_never_replaces_a_recording(recorded: Path, tmp_path: Path, op
 
 def test_no_incomplete_table_is_left(recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A full disk while a table is written: the old table is unchanged."""
-    from contid.session.export import csv_files
+    from contid_sessions import csv_files
 
     def full(*_: object) -> list[object]:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -19,13 +19,13 @@ from contid.control.engine.cycle import OnEnd
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError, SessionError
 from contid.session.compact import compact, repair
-from contid.session.export.csv_files import export_channels, export_joined
 from contid.session.format.channels import CHANNELS, EVENT, MEASURED, TICK_CHANNELS
 from contid.session.format.metadata import describe
 from contid.session.info import summarize
 from contid.session.read import Session
 from contid.session.replay import replay
 from contid.session.write import SessionWriter
+from contid_sessions.csv_files import export_channels, export_joined
 from tests.session.rewrite import rewritten
 from tests.support.fingers import load
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from contid.hal import (
@@ -118,15 +117,6 @@ class DueDriver:
 
         assert isinstance(options, DueBusOptions)
         return DueBus(name, options, axes, clock)
-
-    def emulator(
-        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], control: Path | None = None
-    ) -> AbstractContextManager[Sequence[str]]:
-        """The firmware itself on a pty; see `contid.hal.Emulates`."""
-        from contid_drivers.due.emulator import emulate
-
-        assert isinstance(options, DueBusOptions)
-        return emulate(name, options, axes, control)
 
     def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
         """Examine without motion; problems are findings, not exceptions (`contid.hal.Diagnoses`)."""

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from contid.hal import (
@@ -92,15 +90,6 @@ class DynamixelDriver:
 
         assert isinstance(options, DynamixelBusOptions)
         return exchange_time(options, [axis for axis in axes if isinstance(axis, DynamixelAxisOptions)])
-
-    def emulator(
-        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], control: Path | None = None
-    ) -> AbstractContextManager[Sequence[str]]:
-        """Emulate the devices of one bus at the port in its options (`contid.hal.Emulates`)."""
-        from contid_drivers.dynamixel.emulator.bench import Bench
-
-        assert isinstance(options, DynamixelBusOptions)
-        return Bench(name, options, axes, control)
 
     def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
         """Examine without motion; problems are findings, not exceptions (`contid.hal.Diagnoses`)."""

@@ -18,8 +18,8 @@ from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file
 from contid_bringup.command import command
 from contid_drivers.due.bus import DueBus
-from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueBusOptions
+from contid_emulate.due import DueEmulator
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 

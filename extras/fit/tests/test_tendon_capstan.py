@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from contid.kinematics.tendon.geometry import TendonGeometry, forward
-from contid_drivers.dynamixel.emulator.servo import Servo
-from contid_drivers.dynamixel.emulator.tendon_friction import FrictionPlant
+from contid_emulate.dynamixel.servo import Servo
+from contid_emulate.dynamixel.tendon_friction import FrictionPlant
 from contid_fit.calibrate.tendon.capstan import capstan_coefficient
 from contid_fit.calibrate.tendon.fit import fit_model
 from contid_fit.calibrate.tendon.models import ElasticBends, Nominal

@@ -8,8 +8,8 @@ import pytest
 
 from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file
-from contid_drivers.dynamixel.emulator.bench import Bench
-from contid_drivers.dynamixel.emulator.motion import FRICTION_MA
+from contid_emulate.dynamixel.bench import Bench
+from contid_emulate.dynamixel.motion import FRICTION_MA
 from tests.sense.squeeze_runs import sense_of
 from tests.support.command import contid_in
 from tests.wire.dynamixel.current_hand import hand

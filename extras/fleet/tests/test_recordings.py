@@ -14,9 +14,9 @@ from mcap.reader import make_reader
 
 from contid.control.engine.events.run import NoteWritten
 from contid.errors import ContidError
-from contid.session.clock_notes import clock_notes
 from contid_fleet.clocks import measure_offset
 from contid_fleet.operator import FleetOperator
+from contid_sessions.clock_notes import clock_notes
 from tests.support.command import contid
 from tests.support.daemons import armed, daemon
 from tests.support.fleets import bridge

@@ -28,8 +28,8 @@ def command(recording: str, serve: bool, robot: str | None) -> None:
     if recording.endswith(".rrd"):
         _show_file(recording, target.kind is Kind.SERVE)
         return
-    from contid.cli.commands.session.export import file_to_draw
     from contid.session.read import Session
+    from contid_sessions.export_command import file_to_draw
     from contid_view.export import draw
 
     session = Session(Path(recording))

@@ -16,8 +16,8 @@ from contid.control.engine.events.robots import FaultLatched, OrderGiven
 from contid.control.engine.tick_layout import ENABLED, TickRecord
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.supervisor import Mode
-from contid.session.check import check_session
 from contid.session.read import Session
+from contid_sessions.check import check_session
 from tests.campaign import invariants, motion_invariants
 from tests.campaign.wired.lab_file import RATE_HZ
 from tests.campaign.wired.switches import Switch

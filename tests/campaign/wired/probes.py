@@ -8,9 +8,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from contid_drivers.due.emulator import DueEmulator as Board
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator.servo import Servo
+from contid_emulate.due import DueEmulator as Board
+from contid_emulate.dynamixel.servo import Servo
 from tests.campaign.wired.lab_file import TOLERANCE_TICKS
 
 #: Age of what a servo read of itself [s]; ticks that a wire may lose in a row before its robot is in FAULT.

@@ -21,12 +21,12 @@ from contid.control.engine.wiring import WiredBus, build_robot_configs, wired_bu
 from contid.control.tick.config import RobotConfig
 from contid.hal import DeviceKind
 from contid.robot_file.load import LoadedFile, load_robot_file
-from contid_drivers.due.emulator import DueEmulator as Board
 from contid_drivers.due.options import DueBusOptions as DueOptions
 from contid_drivers.due.wiring import axis_options
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator.bench import Bench
 from contid_drivers.dynamixel.options import DynamixelBusOptions as ServoOptions
+from contid_emulate.due import DueEmulator as Board
+from contid_emulate.dynamixel.bench import Bench
 from tests.campaign.wired.lab_file import RATE_HZ
 from tests.campaign.wired.probes import EMPTY_PA, ChannelProbe, ServoProbe, falls_s
 from tests.campaign.wired.switches import (

@@ -23,7 +23,7 @@ from contid.errors import ContidError
 from contid.robot_file.load import load_robot_file
 from contid.session.read import Session
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator.bench import Bench
+from contid_emulate.dynamixel.bench import Bench
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 

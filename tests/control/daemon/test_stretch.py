@@ -17,9 +17,9 @@ from contid.control.daemon.stretch import ACCURACY, stretch
 from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import TooFastError, Unreachable
 from contid.robot_file.load import load_named
-from contid.session.check import check_session
 from contid.session.read import Session
 from contid.trajectory.read import read_trajectory
+from contid_sessions.check import check_session
 from tests.support.command import contid_in
 
 pytestmark = pytest.mark.process

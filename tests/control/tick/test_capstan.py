@@ -21,8 +21,8 @@ from contid.hal import Sample
 from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.load import LoadedFile, parse_robot_file
 from contid.targets import Target
-from contid_drivers.dynamixel.emulator.bench import servo_of, tendons_of
-from contid_drivers.dynamixel.emulator.tendon_friction import FrictionPlant
+from contid_emulate.dynamixel.bench import servo_of, tendons_of
+from contid_emulate.dynamixel.tendon_friction import FrictionPlant
 from tests.kinematics.tendon_robots import random_bends
 
 HOMING = ", homing: {method: tension, direction: 1, current_ma: 80}}"

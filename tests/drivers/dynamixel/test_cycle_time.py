@@ -10,11 +10,11 @@ from dynamixel_sdk import Protocol2PacketHandler
 
 from contid.robot_file.tick_rate import highest_rate_hz
 from contid_drivers.dynamixel import cycle_time
-from contid_drivers.dynamixel.emulator import Servo
-from contid_drivers.dynamixel.emulator.replies import answers
 from contid_drivers.dynamixel.exchange.block import INDIRECT
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_drivers.dynamixel.packets import sync_read, take
+from contid_emulate.dynamixel import Servo
+from contid_emulate.dynamixel.replies import answers
 
 
 class Wire:

@@ -10,11 +10,11 @@ import pytest
 from pydantic import ValidationError
 
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator import Servo
 from contid_drivers.dynamixel.exchange.block import INDIRECT_ORDER
 from contid_drivers.dynamixel.models import BY_NAME, LAST_FIRMWARE_AT_208, MODELS, ServoModel, model_name
 from contid_drivers.dynamixel.options import DynamixelAxisOptions
 from contid_drivers.dynamixel.turns import TURNS_MAX, marks_of
+from contid_emulate.dynamixel import Servo
 
 VENDOR: dict[str, Any] = json.loads(Path(__file__).with_name("vendor_registers.json").read_text())["models"]
 GAINS: dict[str, Any] = json.loads(Path(__file__).with_name("vendor_gains.json").read_text())["models"]

@@ -10,8 +10,8 @@ import pytest
 
 from contid.control.engine.cycle import RealClock
 from contid_drivers.due.bus import DueBus
-from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueBusOptions, Role
+from contid_emulate.due import DueEmulator
 from tests.wire.due.boards import MOTORS
 
 

@@ -20,6 +20,7 @@ from contid.hal import AxisOnBus, load_driver
 from contid.robot_file.load import load_robot_file
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
 from contid_drivers.due.service import doctor, home
+from contid_emulate.due import emulate
 from tests.wire.due.boards import MOTORS, PARKED
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
@@ -66,12 +67,12 @@ def test_doctor_without_a_board(tmp_path):
     assert finding.remedy
 
 
-def test_emulator_of_the_driver_follows_its_control_file(tmp_path):
+def test_the_emulator_follows_its_control_file(tmp_path):
     driver: Any = load_driver("due")
     options = DueBusOptions(port=str(tmp_path / "board"), role=Role.MOTOR, latency_ms=60.0)
     control = tmp_path / "faults"
     control.touch()
-    with driver.emulator("motors", options, MOTORS, control) as reported:
+    with emulate("motors", options, MOTORS, control) as reported:
         assert "m2 arm.l2" in reported[0]
         bus = driver.open_bus("motors", options, MOTORS, RealClock())
         bus.open()

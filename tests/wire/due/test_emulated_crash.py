@@ -8,8 +8,8 @@ import psutil
 import pytest
 
 from contid.errors import DeviceError
-from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueBusOptions, Role
+from contid_emulate.due import DueEmulator
 from tests.wire.due.boards import MOTORS
 
 pytestmark = pytest.mark.process

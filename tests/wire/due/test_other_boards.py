@@ -13,9 +13,9 @@ from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus
 from contid_drivers.due.bus import DueBus
-from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from contid_drivers.due.wiring import Adc
+from contid_emulate.due import DueEmulator
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 

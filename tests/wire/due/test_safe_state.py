@@ -26,8 +26,8 @@ from contid.hal import AxisOnBus
 from contid.robot_file.load import load_robot_file
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import Type
-from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueBusOptions
+from contid_emulate.due import DueEmulator
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 

@@ -14,9 +14,9 @@ import pytest
 from contid.control.engine.cycle import RealClock
 from contid.hal import AxisOnBus, Sample
 from contid_drivers.dynamixel.bus import DynamixelBus
-from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 from contid_drivers.dynamixel.link import Opened
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
+from contid_emulate.dynamixel import DynamixelEmulator, Servo
 
 # Generous, because tests share the machine; nothing here is about time.
 PATIENT = {"usb_latency_ms": 40.0, "retry_ms": 80.0, "watchdog_ms": 2000}

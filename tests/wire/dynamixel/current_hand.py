@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from contid_drivers.dynamixel.emulator.motion import FRICTION_MA
+from contid_emulate.dynamixel.motion import FRICTION_MA
 
 
 def hand(folder: Path, configs: Path, policy: str) -> str:

@@ -16,9 +16,9 @@ from contid_drivers.dynamixel import bench_tools
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.commission import reboot, set_id
-from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_drivers.dynamixel.setup import setup
+from contid_emulate.dynamixel import DynamixelEmulator, Servo
 
 pytestmark = pytest.mark.realtime
 

@@ -14,7 +14,7 @@ from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import Rest
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
-from contid_drivers.dynamixel.emulator import Servo
+from contid_emulate.dynamixel import Servo
 
 pytestmark = pytest.mark.realtime
 

@@ -15,7 +15,6 @@ from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient, ServoRefusedError
 from contid_drivers.dynamixel.commission import sdk_bus
-from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 from contid_drivers.dynamixel.packets import (
     STATUS_ERROR_TEXT,
     Instruction,
@@ -25,6 +24,7 @@ from contid_drivers.dynamixel.packets import (
     sync_write,
 )
 from contid_drivers.dynamixel.port import ServoPort
+from contid_emulate.dynamixel import DynamixelEmulator, Servo
 
 pytestmark = pytest.mark.realtime
 

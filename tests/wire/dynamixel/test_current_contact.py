@@ -17,7 +17,7 @@ from contid import Session
 from contid.control.engine.events.robots import ContactBegan
 from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file
-from contid_drivers.dynamixel.emulator.bench import Bench
+from contid_emulate.dynamixel.bench import Bench
 from tests.support.command import contid_in
 from tests.support.waiting import until
 from tests.wire.dynamixel.current_hand import hand

@@ -11,8 +11,8 @@ from contid_drivers.dynamixel import DRIVER
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.doctor import exchanges
-from contid_drivers.dynamixel.emulator import Servo
 from contid_drivers.dynamixel.port import ServoPort
+from contid_emulate.dynamixel import Servo
 
 pytestmark = pytest.mark.realtime
 

@@ -17,8 +17,8 @@ from contid.kit import remembered
 from contid_drivers.dynamixel import DRIVER
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
-from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
+from contid_emulate.dynamixel import DynamixelEmulator, Servo
 
 pytestmark = pytest.mark.realtime
 COUNT = 2

@@ -15,8 +15,8 @@ from pydantic import ValidationError
 from contid.errors import DeviceError
 from contid.hal import Rest
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator import InjectedFault, machine, replies
 from contid_drivers.dynamixel.packets import Instruction
+from contid_emulate.dynamixel import InjectedFault, machine, replies
 
 pytestmark = pytest.mark.realtime
 

@@ -19,9 +19,9 @@ from contid.control.engine.wiring import wired_buses
 from contid.hal import LimitsEffort
 from contid.robot_file.load import load_robot_file
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator import DynamixelEmulator
-from contid_drivers.dynamixel.emulator.bench import Bench
 from contid_drivers.dynamixel.grip import EVERY
+from contid_emulate.dynamixel import DynamixelEmulator
+from contid_emulate.dynamixel.bench import Bench
 from tests.support.command import contid_in
 
 pytestmark = pytest.mark.realtime

@@ -12,8 +12,8 @@ from contid.errors import DeviceError, DeviceNotFoundError
 from contid_drivers.dynamixel import DRIVER
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.commission import reboot, set_baud, set_id
-from contid_drivers.dynamixel.emulator import Servo
 from contid_drivers.dynamixel.scan import scan
+from contid_emulate.dynamixel import Servo
 
 pytestmark = pytest.mark.realtime
 

@@ -17,7 +17,7 @@ from contid.errors import DeviceError
 from contid.hal import Reference
 from contid_drivers.dynamixel import DRIVER, turns
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator import Servo, TendonPlant
+from contid_emulate.dynamixel import Servo, TendonPlant
 
 pytestmark = pytest.mark.realtime
 

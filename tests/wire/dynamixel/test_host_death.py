@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
+from contid_emulate.dynamixel import DynamixelEmulator, Servo
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 

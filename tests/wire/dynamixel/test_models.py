@@ -12,9 +12,9 @@ from contid.hal import AxisOnBus, Rest
 from contid_drivers.dynamixel import mapping
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
-from contid_drivers.dynamixel.emulator import Servo
 from contid_drivers.dynamixel.models import BY_NAME
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
+from contid_emulate.dynamixel import Servo
 
 pytestmark = pytest.mark.realtime
 

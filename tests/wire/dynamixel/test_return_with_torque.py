@@ -11,7 +11,7 @@ import pytest
 from contid.errors import DeviceError
 from contid.hal import Rest
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator import Servo
+from contid_emulate.dynamixel import Servo
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 

@@ -16,8 +16,8 @@ import pytest
 
 from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file
-from contid_drivers.dynamixel.emulator import DynamixelEmulator
-from contid_drivers.dynamixel.emulator.bench import Bench
+from contid_emulate.dynamixel import DynamixelEmulator
+from contid_emulate.dynamixel.bench import Bench
 from tests.support.command import environment
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]

@@ -9,8 +9,8 @@ from typing import Any
 import dynamixel_sdk as sdk
 import pytest
 
-from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
-from contid_drivers.dynamixel.emulator.machine import BOOT_S
+from contid_emulate.dynamixel import DynamixelEmulator, Servo
+from contid_emulate.dynamixel.machine import BOOT_S
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 

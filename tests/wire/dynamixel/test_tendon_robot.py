@@ -16,7 +16,7 @@ from contid.control.engine.wiring import wired_buses
 from contid.remote.protocol.socket_path import is_listening
 from contid.robot_file.load import load_robot_file
 from contid.session.read import Session
-from contid_drivers.dynamixel.emulator.bench import servo_of, tendons_of
+from contid_emulate.dynamixel.bench import servo_of, tendons_of
 from tests.kinematics.tendon_robots import shipped
 from tests.support.command import environment
 from tests.support.waiting import until

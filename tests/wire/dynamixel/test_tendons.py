@@ -15,7 +15,7 @@ from contid.kinematics.tendon.geometry import TendonGeometry
 from contid.kinematics.tendon.tension import TendonStatics
 from contid_drivers.dynamixel import DRIVER
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator import Servo, TendonPlant
+from contid_emulate.dynamixel import Servo, TendonPlant
 from tests.support.tendon_sections import even_section
 
 pytestmark = pytest.mark.process

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from contid.errors import ContidError
-from contid.session.clock_notes import ClockNotes, clock_notes
 from contid.session.format import mcap_records as mcap
 from contid.session.format.indexed_writer import IndexedWriter
 from contid.session.format.mcap_records import MESSAGE_INSIDE
@@ -24,6 +23,7 @@ from contid.session.format.record_stream import RecordStream
 from contid.session.read import Session
 from contid.session.write import PRIVATE, exists_error
 from contid.whole_file import replacing
+from contid_sessions.clock_notes import ClockNotes, clock_notes
 
 #: Metadata by which a merged file is known.
 MERGED: Final = "merged"

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from contid_drivers.dynamixel.emulator.servo import Servo
+from contid_emulate.dynamixel.servo import Servo
 
 #: Newton steps of one balance at most; each has another set of taut tendons.
 _MAX_STEPS = 30

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator.servo import Servo
 from contid_drivers.dynamixel.packets import (
     BROADCAST,
     HEADER,
@@ -22,6 +21,7 @@ from contid_drivers.dynamixel.packets import (
     build_status,
     crc16,
 )
+from contid_emulate.dynamixel.servo import Servo
 
 #: Wait of the next servo of a sync read for a silent one (assumed; not in the manual).
 SLOT_S: Final = 100e-6

@@ -10,8 +10,8 @@ import click
 
 from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
-from contid.hal import Emulates
 from contid.robot_file.load import load_named
+from contid_emulate.offered import emulated
 
 #: SCHED_FIFO priority; the control process has 50.
 _PRIORITY: Final = 40
@@ -50,9 +50,7 @@ def command(driver: str, robot_file: str, faults: Path | None) -> None:
     _request_real_time()
     with ExitStack() as stack:
         for bus in chosen:
-            emulates = bus.capable(Emulates, "emulate")  # type: ignore[type-abstract]  # a runtime protocol
-            context = emulates.emulator(bus.wiring.name, bus.wiring.options, bus.axes, faults)
-            for line in stack.enter_context(context):
+            for line in stack.enter_context(emulated(bus, faults)):
                 click.echo(line)
         click.echo("ready; Ctrl-C ends it", err=True)
         if not early:

@@ -14,9 +14,9 @@ from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events.run import NoteWritten
 from contid.control.process.setup import RunSetup
 from contid.session.format.metadata import describe
-from contid.session.merge import merge_sessions
 from contid.session.read import Session
 from contid.session.write import SessionWriter
+from contid_sessions.merge import merge_sessions
 from tests.support.fingers import load
 
 

@@ -31,8 +31,8 @@ from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
-from contid.session.check_follow import FollowCheck
 from contid.session.read import Session
+from contid_sessions.check_follow import FollowCheck
 
 #: Rounding of float64 in commands, as a share of their largest value.
 _ROUNDING: Final = 1e-9

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from contid.cli.commands.session.summary import MAX_VIOLATIONS
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events.robots import FaultLatched, ModeChanged, OrderGiven
@@ -18,11 +17,12 @@ from contid.control.engine.tick_layout import SKIPPED, TICK
 from contid.control.process.setup import RunSetup
 from contid.control.tick.supervisor import Mode
 from contid.robot_file.load import load_robot_file, parse_robot_file, with_mock
-from contid.session.check import check_session
 from contid.session.format.entries import Entry
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
 from contid.targets import Target
+from contid_sessions.check import check_session
+from contid_sessions.check_command import MAX_VIOLATIONS
 from tests.campaign.script import close_hand
 from tests.session.runs import RUNS, record_virtual
 from tests.support.command import contid

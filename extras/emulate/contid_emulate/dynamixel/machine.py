@@ -9,8 +9,8 @@ import math
 from typing import Final
 
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator.motion import ShaftMotion
-from contid_drivers.dynamixel.emulator.table import ControlTable
+from contid_emulate.dynamixel.motion import ShaftMotion
+from contid_emulate.dynamixel.table import ControlTable
 
 BOOT_S: Final = 0.1
 #: Current of a model without current registers at full load [mA].
@@ -22,7 +22,7 @@ _POSITION_MODES: Final = (3, 4, 5)
 
 
 class ServoMachine(ControlTable):
-    """What a servo does by itself; base of `contid_drivers.dynamixel.emulator.servo.Servo`."""
+    """What a servo does by itself; base of `contid_emulate.dynamixel.servo.Servo`."""
 
     def __init__(
         self,

@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import Final
 
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator.machine import ServoMachine
 from contid_drivers.dynamixel.packets import StatusError
 from contid_drivers.dynamixel.registers import Register
+from contid_emulate.dynamixel.machine import ServoMachine
 
 _EXTENDED_MODES: Final = (4, 5)
 #: Position mode: entering it, and torque on in it, reduce Present Position to one turn (register 132).

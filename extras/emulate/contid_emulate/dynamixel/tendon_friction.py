@@ -21,8 +21,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from contid_drivers.dynamixel.emulator.servo import Servo
-from contid_drivers.dynamixel.emulator.tendons import TendonPlant
+from contid_emulate.dynamixel.servo import Servo
+from contid_emulate.dynamixel.tendons import TendonPlant
 
 Floats = NDArray[np.float64]
 

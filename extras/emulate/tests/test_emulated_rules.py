@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator import Servo
-from contid_drivers.dynamixel.emulator.replies import answers
 from contid_drivers.dynamixel.packets import Instruction, StatusError, build, take
+from contid_emulate.dynamixel import Servo
+from contid_emulate.dynamixel.replies import answers
 
 
 def errors(servo: Servo, instruction: int, parameters: bytes = b"") -> list[int]:

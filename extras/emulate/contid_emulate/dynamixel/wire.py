@@ -20,11 +20,11 @@ from typing import Final, Self
 from contid.kit.control_file import ControlFile
 from contid.kit.pseudo_port import PseudoPort
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator.faults import FaultSwitches, InjectedFault
-from contid_drivers.dynamixel.emulator.replies import addressed, answers
-from contid_drivers.dynamixel.emulator.servo import Servo
-from contid_drivers.dynamixel.emulator.tendons import TendonPlant
 from contid_drivers.dynamixel.packets import Instruction, Packet, build, read_parameters, take
+from contid_emulate.dynamixel.faults import FaultSwitches, InjectedFault
+from contid_emulate.dynamixel.replies import addressed, answers
+from contid_emulate.dynamixel.servo import Servo
+from contid_emulate.dynamixel.tendons import TendonPlant
 
 #: The last part of a wait is spent spinning, because a sleep is late by about as much.
 SPIN_S: Final = 120e-6

@@ -16,8 +16,8 @@ from typing import Any, Final
 import numpy as np
 
 from contid.errors import ContidError
-from contid.session.export.episode import Episode, feature_names, read_episode
 from contid.session.read import Session
+from contid_sessions.episode import Episode, feature_names, read_episode
 
 _VERSION: Final = "v3.0"
 _DATA: Final = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"

@@ -12,12 +12,12 @@ import numpy as np
 
 from contid.hal import AxisOnBus, SpooledTendon
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator.servo import Servo
-from contid_drivers.dynamixel.emulator.tendon_friction import FrictionPlant
-from contid_drivers.dynamixel.emulator.tendons import TendonPlant
-from contid_drivers.dynamixel.emulator.wire import DynamixelEmulator
 from contid_drivers.dynamixel.models import BY_NAME
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions, SingleTurn, Tensioning
+from contid_emulate.dynamixel.servo import Servo
+from contid_emulate.dynamixel.tendon_friction import FrictionPlant
+from contid_emulate.dynamixel.tendons import TendonPlant
+from contid_emulate.dynamixel.wire import DynamixelEmulator
 
 #: Stiffness of an emulated tendon on its own, soft because a backbone yields when its tendons are pulled.
 MA_PER_TICK: Final = 0.2

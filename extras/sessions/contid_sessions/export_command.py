@@ -37,9 +37,9 @@ def export(session_file: str, robot: str | None, **outputs: str | None) -> None:
 
     Tables are in mm and bar: all channels, and axes and tip by forward kinematics of the measurements.
     """
-    from contid.session.export import csv_files
     from contid.session.read import Session
     from contid.session.write import refuse_recording
+    from contid_sessions import csv_files
 
     paths = {name: Path(path) for name, path in outputs.items() if path is not None}
     if not paths:
@@ -59,11 +59,11 @@ def export(session_file: str, robot: str | None, **outputs: str | None) -> None:
                 written += export_csv(session, path)
                 continue
             elif name == "parquet":
-                from contid.session.export.typed_tables import export_parquet
+                from contid_sessions.typed_tables import export_parquet
 
                 export_parquet(session, path)
             elif name == "hdf5":
-                from contid.session.export.typed_tables import export_hdf5
+                from contid_sessions.typed_tables import export_hdf5
 
                 export_hdf5(session, path)
             else:
@@ -87,8 +87,8 @@ def lerobot(folder: str, session_files: tuple[str, ...], task: str, fps: int | N
     observation.state are the measured axes, action the commanded ones, observation.tip the tips by forward
     kinematics; in mm and bar.
     """
-    from contid.session.export.lerobot import export_lerobot
     from contid.session.read import Session
+    from contid_sessions.lerobot import export_lerobot
 
     with counting("ticks read") as count:
         sessions = [Session(Path(name), count) for name in session_files]
@@ -127,7 +127,7 @@ def merge(sessions: tuple[str, ...], output: str) -> None:
     The times are those of the machine that conducted the run. A merged file is for looking at: check, export
     and replay take the originals.
     """
-    from contid.session.merge import merge_sessions
+    from contid_sessions.merge import merge_sessions
 
     report = merge_sessions([Path(path) for path in sessions], Path(output))
     for name, count in report.messages.items():

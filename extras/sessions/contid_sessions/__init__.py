@@ -1,0 +1,20 @@
+"""Recordings checked against the rules of motion, in the formats of other programs, and on one clock."""
+
+from __future__ import annotations
+
+from typing import Final
+
+_EXPORT: Final = "contid_sessions.export_command"
+#: Commands of this extra, see `contid.cli.support.table`.
+COMMANDS: Final = {
+    "session check": (
+        "contid_sessions.check_command",
+        "the motion against the rules, from records alone",
+    ),
+    "session export": (
+        f"{_EXPORT}:export",
+        "as CSV, Parquet, HDF5, for viewers, or its robot file",
+    ),
+    "session lerobot": (f"{_EXPORT}:lerobot", "recordings as a LeRobot dataset, an episode each"),
+    "session merge": (f"{_EXPORT}:merge", "sessions of a fleet run on one clock"),
+}
