@@ -90,9 +90,13 @@ def _schedule(
     medians, worst = ([f"{100 * each:.1f}" for each in pair] for pair in (found.median, found.worst))
     if not quiet:
         click.echo(
-            f"  schedule: {low:g} to {high:g} Hz, fitted to {found.poses} poses; error on {found.kept_out} kept "
-            f"aside: first mode {medians[0]} % (worst {worst[0]}), second {medians[1]} % (worst {worst[1]})"
+            f"  schedule: {low:g} to {high:g} Hz, fitted to {found.poses} poses; error on {found.kept_out} "
+            f"kept aside: first mode {medians[0]} % (worst {worst[0]}), second {medians[1]} % (worst {worst[1]})"
         )
+        if found.outside:
+            click.echo(
+                f"  {found.outside} poses swing slower or faster than shaping takes: as at its edge there"
+            )
     if write:
         path = load_named(robot_file).path
         set_values(path, [Change(f"robots.{name}.rates.shape", found.shape, "contid modes --schedule")])

@@ -24,6 +24,8 @@ _KEPT_OUT: Final = 4
 _FLAT: Final = 3e-3
 #: Frequencies that shaping takes [Hz].
 _LOWEST, _HIGHEST = 0.5, 100.0
+#: Share of the poses whose frequencies may be outside of that; they count as at its edge.
+_OUTSIDE: Final = 0.1
 #: Poses for every number of a polynomial, at least.
 _PER_TERM: Final = 2.0
 _DIGITS: Final = 5
@@ -36,12 +38,14 @@ class FoundSchedule:
     Attributes:
         shape: the value of ``rates.shape``.
         poses: how many it was fitted to.
+        outside: how many of all swing slower or faster than shaping takes, and count as at its edge.
         kept_out: how many it was compared with.
         median, worst: error of the first and second frequency on those, as shares, with and without load.
     """
 
     shape: dict[str, Any]
     poses: int
+    outside: int
     kept_out: int
     median: tuple[float, float]
     worst: tuple[float, float]
@@ -77,10 +81,14 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
     middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 1e-6)
     rows = _terms((values - middle) / half)
     least, most = (float(each) for each in (min(free.min(), loaded.min()), max(free.max(), loaded.max())))
-    if not _LOWEST <= least <= most <= _HIGHEST:
+    outside = np.array([((each < _LOWEST) | (each > _HIGHEST)).any(axis=1) for each in (free, loaded)]).any(0)
+    if outside.mean() > _OUTSIDE:
         raise ContidError(
-            f"frequencies of {least:.3g} to {most:.3g} Hz; shaping takes {_LOWEST:g} to {_HIGHEST:g} Hz"
+            f"frequencies of {least:.3g} to {most:.3g} Hz; shaping takes {_LOWEST:g} to {_HIGHEST:g} Hz, and "
+            f"{outside.sum()} of {len(outside)} poses are outside"
         )
+    least, most = max(least, _LOWEST), min(most, _HIGHEST)
+    free, loaded = np.clip(free, _LOWEST, _HIGHEST), np.clip(loaded, _LOWEST, _HIGHEST)
     logs = _fit(rows[~kept], np.log(free[~kept]))
     slower = _fit(rows[~kept], (free / loaded)[~kept] ** 2 - 1.0) if load_g else None
     schedule: dict[str, Any] = {
@@ -106,6 +114,7 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
     return FoundSchedule(
         {"kind": "zvd", **_at_rest(robot), "schedule": schedule},
         int((~kept).sum()),
+        int(outside.sum()),
         int(kept.sum()),
         (float(np.median(error[:, 0])), float(np.median(error[:, 1]))),
         (float(error[:, 0].max()), float(error[:, 1].max())),
