@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 @click.option(
     "--schedule",
     type=click.IntRange(1, 5000),
-    help="Also frequencies over this many random poses, for rates.shape; with --payload-g over loads up to it.",
+    help="Also frequencies over this many random poses, and up to --payload-g, for rates.shape.",
 )
 @click.option("--write", is_flag=True, help="Write rates.shape with its schedule into ROBOT_FILE.")
 @click.option("--json", "as_json", is_flag=True, help="The numbers and shapes as one JSON object.")
@@ -91,7 +91,8 @@ def _schedule(
     if not quiet:
         click.echo(
             f"  schedule: {low:g} to {high:g} Hz, fitted to {found.poses} poses; error on {found.kept_out} "
-            f"kept aside: first mode {medians[0]} % (worst {worst[0]}), second {medians[1]} % (worst {worst[1]})"
+            f"kept aside: first mode {medians[0]} % (worst {worst[0]}), second {medians[1]} % "
+            f"(worst {worst[1]})"
         )
         if found.outside:
             click.echo(

@@ -81,11 +81,12 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
     middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 1e-6)
     rows = _terms((values - middle) / half)
     least, most = (float(each) for each in (min(free.min(), loaded.min()), max(free.max(), loaded.max())))
-    outside = np.array([((each < _LOWEST) | (each > _HIGHEST)).any(axis=1) for each in (free, loaded)]).any(0)
-    if outside.mean() > _OUTSIDE:
+    both = np.hstack((free, loaded))
+    outside = int(((both < _LOWEST) | (both > _HIGHEST)).any(axis=1).sum())
+    if outside > _OUTSIDE * len(both):
         raise ContidError(
             f"frequencies of {least:.3g} to {most:.3g} Hz; shaping takes {_LOWEST:g} to {_HIGHEST:g} Hz, and "
-            f"{outside.sum()} of {len(outside)} poses are outside"
+            f"{outside} of {len(both)} poses are outside"
         )
     least, most = max(least, _LOWEST), min(most, _HIGHEST)
     free, loaded = np.clip(free, _LOWEST, _HIGHEST), np.clip(loaded, _LOWEST, _HIGHEST)
@@ -114,7 +115,7 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
     return FoundSchedule(
         {"kind": "zvd", **_at_rest(robot), "schedule": schedule},
         int((~kept).sum()),
-        int(outside.sum()),
+        outside,
         int(kept.sum()),
         (float(np.median(error[:, 0])), float(np.median(error[:, 1]))),
         (float(error[:, 0].max()), float(error[:, 1].max())),
@@ -133,7 +134,8 @@ def random_actuations(robot: RobotDescription, count: int, seed: int, share: flo
     rng = np.random.default_rng(seed)
     low, high = np.array(robot.lower), np.array(robot.upper)
     if not isinstance(robot, TendonRobot):
-        return low + rng.random((count, len(low))) * share * (high - low)
+        pressures: Array = low + rng.random((count, len(low))) * share * (high - low)
+        return pressures
     model = build_model(robot.model_copy(update={"residual": None, "friction": None, "rod": None}))
     sections = len(robot.section_lengths)
     greatest = share * np.array(robot.per_section(robot.limits.bend_max_deg)) * DEG
@@ -175,16 +177,15 @@ def _at_rest(robot: RobotDescription) -> dict[str, float]:
     return {"frequency_hz": float(f"{hz:.4g}"), "damping_ratio": float(f"{ratio:.3g}")}
 
 
-def _terms(x: Array) -> Array:
-    x = np.clip(x, -1.0, 1.0)
+def _terms(shares: Array) -> Array:
+    x: Array = np.maximum(-1.0, np.minimum(1.0, shares))
     axes = x.shape[1]
     pairs = [x[:, i] * x[:, j] for i in range(axes) for j in range(i, axes)]
     return np.column_stack((np.ones(len(x)), *x.T, *pairs))
 
 
 def _fit(rows: Array, values: Array) -> Array:
-    found: Array = np.linalg.lstsq(rows, values, rcond=_FLAT)[0]
-    return found
+    return np.asarray(np.linalg.lstsq(rows, values, rcond=_FLAT)[0], dtype=np.float64)
 
 
 def _digits(values: Array) -> list[float]:

@@ -42,13 +42,18 @@ class Plant:
 
 
 def robot_of(name: str, mass: float = 1.0) -> Cosserat | TendonRobot:
-    """A shipped robot whose body weighs as many times as much."""
+    """A shipped robot whose body weighs as many times as much; pneumatic ones hang."""
     (robot,) = load_named(name).driven.values()
     assert isinstance(robot, (Cosserat, TendonRobot))
     assert robot.dynamics is not None
     assert robot.dynamics.mass_g_per_m is not None
     masses = tuple(mass * each for each in robot.dynamics.mass_g_per_m)
-    return robot.model_copy(update={"dynamics": robot.dynamics.model_copy(update={"mass_g_per_m": masses})})
+    return robot.model_copy(
+        update={
+            "down": (0.0, 0.0, -1.0 if isinstance(robot, TendonRobot) else 1.0),
+            "dynamics": robot.dynamics.model_copy(update={"mass_g_per_m": masses}),
+        }
+    )
 
 
 @cache
@@ -57,7 +62,7 @@ def shape_of(name: str, load_g: float, poses: int) -> InputShape:
 
 
 def plant(name: str, moves: int, frequency: float = 1.0, payload_g: float = 0.0, share: float = 1.0) -> Plant:
-    """A plant with frequencies as many times those of the model, and random moves within a share of its reach."""
+    """A plant with frequencies as many times those of the model, and random moves in a share of its reach."""
     arm = MovingArm(robot_of(name, frequency**-2), payload_g * 1e-3)
     actuations = random_actuations(robot_of(name), 2 * moves, seed=11, share=share)
     return Plant(arm, actuations[:moves], actuations[moves:])
