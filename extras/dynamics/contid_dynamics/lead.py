@@ -72,13 +72,14 @@ def answer_of(robot: RobotDescription, pose: Sequence[float], body: bool = True)
     )
 
 
-def led(path: Array, period_s: float, answer: Answer) -> Array:
+def led(path: Array, period_s: float, answer: Answer, times_s: Array | None = None) -> Array:
     """Commands after which the robot does a path, later by its greatest dead time.
 
     Args:
-        path: of the axes ``(ticks, axes)``, from rest to rest.
-        period_s: between two rows.
+        path: of the axes ``(rows, axes)``, from rest to rest; between its rows it is a curve of degree 5.
+        period_s: between two commands.
         answer: of the robot.
+        times_s: of the rows, from 0 on; one per command by default.
 
     Returns:
         Commands ``(ticks, axes)``; rows may be more than those of the path by the waiting of faster axes.
@@ -93,9 +94,11 @@ def led(path: Array, period_s: float, answer: Answer) -> Array:
     rate = 2.0 * math.pi * answer.frequency_hz
     first, second = 2.0 * answer.ratio / rate, rate**-2
     longest = max(answer.delay_s)
+    knots = period_s * np.arange(len(path)) if times_s is None else times_s
     rest = np.repeat(path[:1], _DEGREE, axis=0), np.repeat(path[-1:], _DEGREE, axis=0)
-    times = period_s * (np.arange(len(path) + 2 * _DEGREE) - _DEGREE)
-    end_s = (len(path) - 1) * period_s
+    end_s, beyond = float(knots[-1]), np.arange(1, _DEGREE + 1)
+    before, after = (knots[1] - knots[0]) * beyond, (knots[-1] - knots[-2]) * beyond
+    times = np.concatenate((-before[::-1], knots, end_s + after))
     ticks = math.ceil((end_s + longest - min(answer.delay_s)) / period_s - 1e-9) + 1
     out = np.empty((ticks, path.shape[1]))
     curve = make_interp_spline(times, np.vstack((rest[0], path, rest[1])), k=_DEGREE)
@@ -132,7 +135,7 @@ def within(robot: RobotDescription, name: str, commands: Array, period_s: float)
             )
             raise ContidError(
                 f"{name}.{robot.axis_names[axis]} {what} {shown:.3g} {suffix} at {row * period_s:.3f} s with "
-                f"the lead, allowed: {a:.3g} to {b:.3g}; let the path begin and end at rest, or make it "
-                "slower"
+                f"the lead, allowed: {a:.3g} to {b:.3g}; keep the path off that limit, let it begin and "
+                "end at rest, or make it slower"
             )
     return inside

@@ -39,6 +39,6 @@ def command(robot_file: str, trajectory: Path, output: Path, no_body: bool) -> N
     with replacing(output) as out:
         out.write(found.text.encode())
     click.echo(
-        f"{output}: {found.rows} rows; the tip does the path {1e3 * found.later_s:.0f} ms later. Check it with "
-        f"contid check {robot_file} {output}"
+        f"{output}: {found.rows} rows; the tip does the path {1e3 * found.later_s:.0f} ms later. Check "
+        f"it with contid check {robot_file} {output}"
     )

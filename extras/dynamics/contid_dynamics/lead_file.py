@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -53,10 +52,9 @@ def led_file(loaded: LoadedFile, trajectory: Trajectory, body: bool = True) -> L
         raise ContidError(f"{name}: a lead is for the axes of the model; it has extra ones as well")
     model, frame = build_model(robot), BaseFrame.of(robot.base)
     period_s = 1.0 / loaded.file.rate_hz
-    begin_s, end_s = trajectory.time_of_row(0), trajectory.time_of_row(len(trajectory) - 1)
+    times_s = np.array([trajectory.time_of_row(row) for row in range(len(trajectory))])
     seed, rows = robot.rest, []
-    for tick in range(math.ceil((end_s - begin_s) / period_s - 1e-9) + 1):
-        at_s = min(end_s, begin_s + tick * period_s)
+    for at_s in times_s.tolist():
         target = trajectory.targets_at(at_s)[name]
         answer = model.inverse(frame.target_in_base(target), seed)
         if answer.residual_m > _RESIDUAL_M:
@@ -65,7 +63,9 @@ def led_file(loaded: LoadedFile, trajectory: Trajectory, body: bool = True) -> L
         rows.append(seed)
     path = np.array(rows)
     lags = answer_of(robot, path.mean(axis=0).tolist(), body)
-    commands = robot.quantity.from_si(within(robot, name, led(path, period_s, lags), period_s))
+    commands = robot.quantity.from_si(
+        within(robot, name, led(path, period_s, lags, times_s - times_s[0]), period_s)
+    )
     lines = [",".join(("t_s", *robot.columns))]
     lines += [
         f"{tick * period_s:.6g}," + ",".join(f"{value:.9g}" for value in row)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy.signal import lsim
 
 from contid.errors import ContidError
@@ -16,6 +18,7 @@ from contid.robot_file.load import load_named, parse_robot_file
 from contid_dynamics.arm import MovingArm
 from contid_dynamics.body import MovingBody
 from contid_dynamics.lead import Answer, answer_of, led, within
+from contid_dynamics.lead_command import command
 
 TICK_S: Final = 0.005
 
@@ -42,6 +45,30 @@ def test_what_comes_out_of_the_answer_is_the_path() -> None:
     assert np.abs(without - path).max() > 0.2
 
 
+def test_a_file_is_led_through_its_rows(tmp_path: Path) -> None:
+    """At 20 ms a row; the answer to what is written comes through the rows, later by the dead time."""
+    text = load_named("stiffflop1").text
+    (tmp_path / "arm.yaml").write_text(
+        text.replace("damping_ms: 8", "damping_ms: 8\n      delay_ms: [30]\n      lag_ms: [100]", 1)
+    )
+    wave = round_trip(5.0, 2.5)[::4]
+    rows = [f"{0.02 * k:.2f},{0.2 + 0.3 * each:.9f},0.2,0.2" for k, each in enumerate(wave.tolist())]
+    (tmp_path / "path.csv").write_text("\n".join(("t_s,s1.p1_bar,s1.p2_bar,s1.p3_bar", *rows)) + "\n")
+    arguments = [str(tmp_path / "arm.yaml"), str(tmp_path / "path.csv"), "-o", str(tmp_path / "led.csv")]
+    done = CliRunner().invoke(command, [*arguments, "--no-body"])
+    assert done.exit_code == 0, done.output
+    assert "the tip does the path 30 ms later" in done.output
+    led_rows = np.loadtxt(tmp_path / "led.csv", delimiter=",", skiprows=1)
+    reached = lsim(([1.0], [0.1, 1.0]), led_rows[:, 1] - led_rows[0, 1], led_rows[:, 0])[1] + led_rows[0, 1]
+    at_rows = np.interp(0.02 * np.arange(len(wave)), led_rows[:, 0], reached)
+    assert np.abs(at_rows - (0.2 + 0.3 * wave)).max() < 1e-3
+    text = (tmp_path / "arm.yaml").read_text()
+    shaped = "    rates:\n      shape: {frequency_hz: 5}\n"
+    (tmp_path / "arm.yaml").write_text(text.replace("    rates:\n", shaped, 1))
+    refused = CliRunner().invoke(command, arguments)
+    assert "rates.shape delays what a lead has made up for" in str(refused.exception)
+
+
 def test_axes_with_a_shorter_dead_time_wait() -> None:
     path = np.column_stack((round_trip(4.0, 2.0),) * 2)
     command = led(path, TICK_S, Answer((0.02, 0.10), (0.0, 0.0)))
@@ -56,7 +83,8 @@ def twin(mass: float, payload_g: float = 0.0) -> Cosserat:
     sim = f"    sim: {{dynamics: true, payload_g: {payload_g:g}}}\n    rates:\n"
     text = text.replace(
         "damping_ms: 8",
-        "damping_ms: 8\n      delay_ms: [120, 120, 120, 40, 40, 40]\n      lag_ms: [90, 90, 90, 250, 250, 250]",
+        "damping_ms: 8\n      delay_ms: [120, 120, 120, 40, 40, 40]\n"
+        "      lag_ms: [90, 90, 90, 250, 250, 250]",
         1,
     )
     (robot,) = parse_robot_file(text.replace("    rates:\n", sim, 1), "arm.yaml").driven.values()
@@ -67,7 +95,7 @@ def twin(mass: float, payload_g: float = 0.0) -> Cosserat:
 def pressures(wave: Array) -> Array:
     """Two sections that bend one after the other [Pa]."""
     out = np.zeros((len(wave), 6))
-    out[:, 0], out[:, 4], out[:, 1] = 2e4 + 6e4 * wave, 4e4 * wave, 2e4
+    out[:, 0], out[:, 4], out[:, 1] = 2e4 + 6e4 * wave, 2e4 + 4e4 * wave, 2e4
     return out
 
 

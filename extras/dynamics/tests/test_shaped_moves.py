@@ -164,5 +164,6 @@ def test_a_schedule_leaves_a_twelfth_of_the_swing_where_one_frequency_leaves_mor
 def test_the_swing_left_over_200_moves(name: str, share: float, load_g: float, poses: int) -> None:
     for what, (free, zv, zvd, scheduled) in table(name, 200, share, load_g, poses).items():
         print(f"{name}, {what}: none {free:.2f}, zv {zv:.2f}, zvd {zvd:.2f}, schedule {scheduled:.2f} mm")
-        assert scheduled <= (0.25 if "%" in what or "not" in what else 0.12) * free
+        bar = {"as the model": 0.12, "20 % slower": 0.25, "20 % faster": 0.25}
+        assert scheduled <= bar.get(what, 0.35 if "not" in what else 0.16) * free
         assert scheduled <= zvd
