@@ -94,6 +94,18 @@ class ShapeSchedule(Strict):
             self._frequency(terms, self.second, self.second_loaded, share),
         )
 
+    def scaled(self, share: float) -> ShapeSchedule:
+        """Of a body whose frequencies are a share of these."""
+        log = math.log(share)
+        return self.model_copy(
+            update={
+                "least_hz": min(100.0, max(0.5, self.least_hz * share)),
+                "most_hz": min(100.0, max(0.5, self.most_hz * share)),
+                "first": (self.first[0] + log, *self.first[1:]),
+                "second": (self.second[0] + log, *self.second[1:]),
+            }
+        )
+
     def _frequency(
         self, terms: Sequence[float], log: Sequence[float], loaded: Sequence[float], share: float
     ) -> float:

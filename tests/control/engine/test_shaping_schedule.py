@@ -64,6 +64,14 @@ def test_a_mass_slows_as_one_on_a_spring() -> None:
     assert known.frequencies([0.5]) == loaded.frequencies([0.5], 5e-3 * STANDARD_GRAVITY)
 
 
+def test_a_schedule_of_a_stiffer_body_is_scaled_as_a_whole() -> None:
+    found = schedule(2)
+    stiffer = found.scaled(1.25)
+    for values in np.random.default_rng(3).random((10, 2)).tolist():
+        both = zip(found.frequencies(values), stiffer.frequencies(values), strict=True)
+        assert all(new == pytest.approx(1.25 * old, rel=1e-9) for old, new in both)
+
+
 def test_the_parts_are_those_of_the_goal_and_stay_until_the_last_is_out() -> None:
     """Half a period of each of the two modes, and both after one another."""
     chosen = ShaperChoice.of(shape(of := schedule(2)), Quantity.PRESSURE, TICK_S)
