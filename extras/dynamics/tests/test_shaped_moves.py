@@ -1,7 +1,7 @@
 """Moves shaped over poses: the swing that is left on a plant apart from the model of the schedule.
 
 The plant weighs more or less than the file states, so that its frequencies are wrong by a fifth, or carries
-a mass that the schedule has or has not been told. Moves are those of the approach of the tick, commands of
+a mass that its targets do or do not state. Moves are those of the approach of the tick, commands of
 200 Hz, on the moving rod. Baselines in the same table: no shaping, one frequency for all poses.
 """
 
@@ -138,12 +138,12 @@ def table(name: str, moves: int, share: float, load_g: float, poses: int) -> dic
         "as the model": (1.0, 0.0, 0.0),
         "20 % slower": (0.8, 0.0, 0.0),
         "20 % faster": (1.2, 0.0, 0.0),
-        f"{load_g:g} g, not told": (1.0, load_g, 0.0),
-        f"{load_g:g} g, told": (1.0, load_g, load_g),
+        f"{load_g:g} g, not stated": (1.0, load_g, 0.0),
+        f"{load_g:g} g, stated": (1.0, load_g, load_g),
     }
     return {
-        what: medians(plant(name, moves, frequency, payload_g, share), name, ways, told_g)
-        for what, (frequency, payload_g, told_g) in plants.items()
+        what: medians(plant(name, moves, frequency, payload_g, share), name, ways, stated_g)
+        for what, (frequency, payload_g, stated_g) in plants.items()
     }
 
 
