@@ -80,8 +80,8 @@ def test_the_parts_are_those_of_the_goal_and_stay_until_the_last_is_out() -> Non
     state, last, out = NOT_SHAPED, (0.1e5, 0.1e5), []
     for tick in range(300):
         # After the first tick it turns to another goal, which has other frequencies.
-        command, aim = (goal, goal) if tick == 0 else ((0.2e5, 0.2e5), (0.2e5, 0.9e5))
-        state = next_shaped(chosen.shaper, state, last, command, aim)
+        command, towards = (goal, goal) if tick == 0 else ((0.2e5, 0.2e5), (0.2e5, 0.9e5))
+        state = next_shaped(chosen.shaper, state, last, command, towards)
         last = command
         out.append(state.acting[0])
     steps = np.flatnonzero(np.abs(np.diff(out)) > 1e-6)
