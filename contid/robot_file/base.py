@@ -205,52 +205,6 @@ class Stops(Strict):
     estop: Literal[StopPolicy.RELAX, StopPolicy.VENT] = StopPolicy.RELAX
 
 
-class ShapeKind(enum.StrEnum):
-    """Which vibration is cancelled: ``zv`` that of the stated frequency, ``zvd`` also that of ones nearby."""
-
-    ZV = "zv"
-    ZVD = "zvd"
-
-
-class InputShape(Strict):
-    """Input shaping: a command goes out in parts, so that the swings that they start cancel.
-
-    Motions and stops end later: by half a period of the frequency with ``zv``, by a period with ``zvd``;
-    an emergency stop is not shaped. On a bent path the devices cut corners.
-
-    Attributes:
-        kind: ``zvd``, which bears an error of the frequency, or ``zv``, which takes half as long.
-        frequency_hz: damped frequency of the body, from `contid modes` or a shake that was recorded.
-        damping_ratio: of that mode.
-    """
-
-    kind: ShapeKind = ShapeKind.ZVD
-    frequency_hz: Annotated[float, Field(ge=0.5, le=100)]
-    damping_ratio: Annotated[float, Field(ge=0, le=0.9)] = 0.0
-
-
-class Rates(Strict):
-    """Rate limits per axis, applied to successive commands.
-
-    Attributes:
-        velocity_mm_s, acceleration_mm_s2, jerk_mm_s3: needed by robots whose axes are lengths.
-        velocity_bar_s, acceleration_bar_s2, jerk_bar_s3: needed by robots whose axes are pressures.
-        velocity_deg_s, acceleration_deg_s2, jerk_deg_s3: needed beside them for axes of ``extra_deg``.
-        shape: input shaping of what goes to the devices; off when left out.
-    """
-
-    velocity_mm_s: Rate | None = None
-    acceleration_mm_s2: Rate | None = None
-    jerk_mm_s3: Rate | None = None
-    velocity_bar_s: Rate | None = None
-    acceleration_bar_s2: Rate | None = None
-    jerk_bar_s3: Rate | None = None
-    velocity_deg_s: Rate | None = None
-    acceleration_deg_s2: Rate | None = None
-    jerk_deg_s3: Rate | None = None
-    shape: InputShape | None = None
-
-
 class TipFeedback(Strict):
     """Closed loop on the tip: measured tip positions correct the error of the model.
 

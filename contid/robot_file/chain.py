@@ -8,9 +8,10 @@ from typing import ClassVar, Literal
 from pydantic import Field, model_validator
 
 from contid.errors import Located
-from contid.robot_file.base import Positive, Quantity, Rates, Strict
+from contid.robot_file.base import Positive, Quantity, Strict
 from contid.robot_file.findings import allowed_names
 from contid.robot_file.positions import Document, KeyPath
+from contid.robot_file.rates import Rates
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
 from contid.units import MM_PER_M

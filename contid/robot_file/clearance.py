@@ -179,27 +179,3 @@ def check_clearance(
             if name not in names:
                 message = f"ignore: no body or obstacle {name!r}; {allowed_names(names, name)}"
                 yield document.at_value((*at, "ignore", index, item), message)
-
-
-def check_shapes(
-    document: Document, clearance: Clearance | None, robots: Mapping[str, RobotDescription | None]
-) -> Iterator[Located]:
-    """Findings where input shaping leads a robot off the way that is checked for others.
-
-    Args:
-        document: the robot file.
-        clearance: clearance of the file, None without.
-        robots: robots of the file, None for one with mistakes.
-    """
-    known = {name: robot for name, robot in robots.items() if robot is not None}
-    chained = any(robot.passive for robot in known.values())
-    if clearance is None and not chained:
-        return
-    what = "a rope" if chained else "clearance"
-    for name, robot in known.items():
-        if not robot.passive and robot.rates.shape is not None:
-            yield document.at_key(
-                ("robots", name, "rates", "shape"),
-                f"shape: what goes out is a mean of commands, off the way that is checked for {what}; leave "
-                "one of the two out",
-            )

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import enum
+import glob
+import os
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from contid.errors import Located
 from contid.robot_file.base import Strict
 from contid.robot_file.chain import Chain
 from contid.robot_file.clearance import Clearance
 from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.positions import Document
 from contid.robot_file.proven.bringup import AxisBringup
 from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.tendon.robot import TendonRobot
@@ -90,3 +96,23 @@ class RobotFile(Strict):
     robots: dict[str, AnyRobot]
     clearance: Clearance | None = None
     bringup: dict[str, AxisBringup] = Field(default={})
+
+
+def check_ports(document: Document, buses: Iterable[BusWiring]) -> Iterator[Located]:
+    """Refuse a bus whose port is the device of an earlier one, by the same or another name."""
+    owners: dict[str, BusWiring] = {}
+    for bus in buses:
+        port = getattr(bus.options, "port", None)
+        if not isinstance(port, str):
+            continue
+        owner = owners.setdefault(_device(port), bus)
+        if owner is not bus:
+            message = f"port: {port} is the device of bus {owner.name} as well; a device is one bus"
+            yield document.at_value(("buses", bus.name, "port"), message)
+
+
+def _device(port: str) -> str:
+    """The device behind a path or a glob, links followed; the path itself while it does not exist."""
+    path = str(Path(port).expanduser())
+    found = glob.glob(path)  # noqa: PTH207  # an absolute pattern has no Path to start from
+    return os.path.realpath(found[0] if len(found) == 1 else path)

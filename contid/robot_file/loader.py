@@ -13,15 +13,23 @@ from pydantic import BaseModel, ValidationError
 from contid.errors import MAX_FINDINGS, Located
 from contid.hal import BUILT_IN, Driver, LimitsRate, Restricts, UnknownDriverError, driver_names, load_driver
 from contid.robot_file.base import AxisDescription
-from contid.robot_file.bus_ports import check_ports
 from contid.robot_file.chain import Chain, check_chain
 from contid.robot_file.checks import WiredAxis, check_name, check_robot
-from contid.robot_file.clearance import check_clearance, check_shapes
-from contid.robot_file.document import MAX_RATE_HZ, AnyRobot, BusDescription, BusWiring, Isolation, RobotFile
+from contid.robot_file.clearance import check_clearance
+from contid.robot_file.document import (
+    MAX_RATE_HZ,
+    AnyRobot,
+    BusDescription,
+    BusWiring,
+    Isolation,
+    RobotFile,
+    check_ports,
+)
 from contid.robot_file.findings import allowed_names, explain, shown
 from contid.robot_file.gravity import check_one_world
 from contid.robot_file.model_plugins import ModelPluginError, load_plugin, plugin_names
 from contid.robot_file.positions import Data, Document, KeyPath, step_into
+from contid.robot_file.rates import check_shapes
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tick_rate import rate_too_high, watchdog_too_short
 
@@ -84,7 +92,9 @@ class Loader:
         if not self.recorded:
             self.findings += check_ports(self.document, complete.values())
             self.findings += check_one_world(self.document, described)
-        self.findings += check_shapes(self.document, None if whole is None else whole.clearance, described)
+        self.findings += check_shapes(
+            self.document, whole is not None and whole.clearance is not None, described
+        )
         if whole is not None and whole.clearance is not None:
             self.findings += check_clearance(self.document, whole.clearance, described)
         return complete

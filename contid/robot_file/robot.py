@@ -17,11 +17,11 @@ from contid.robot_file.base import (
     NonNegative,
     Positive,
     Quantity,
-    Rates,
     Stops,
     Strict,
     TipFeedback,
 )
+from contid.robot_file.rates import Rates
 from contid.targets import Actuation, Vec3
 
 #: Default of ``follow_mm``, ``follow_bar`` and ``follow_deg``.

@@ -6,7 +6,6 @@ import math
 from typing import Final, TypedDict
 
 from contid.hal import load_driver
-from contid.robot_file.base import ShapeKind
 from contid.robot_file.chain import Chain
 from contid.robot_file.document import BusWiring, Isolation
 from contid.robot_file.gravity import weight_line
@@ -117,8 +116,16 @@ def _shape(robot: RobotDescription) -> str:
     shape = robot.rates.shape
     if shape is None:
         return ""
-    later_s = (0.5 if shape.kind is ShapeKind.ZV else 1.0) / shape.frequency_hz
-    return f"{shape.kind.value} at {shape.frequency_hz:g} Hz; motions end {later_s:.2f} s later"
+    least_s, most_s = shape.later_s()
+    at, later = f"at {shape.frequency_hz:g} Hz", f"{least_s:.2f} s"
+    if shape.schedule is not None:
+        at = f"over poses, {shape.schedule.least_hz:g} to {shape.schedule.most_hz:g} Hz"
+        later = f"{least_s:.2f} to {most_s:.2f} s"
+    low, high = (100.0 * shape.swing_left(off) for off in (0.8, 1.2))
+    return (
+        f"{shape.kind.value} {at}; motions end {later} later; of a swing 20 % slower {low:.0f} % is left, "
+        f"of one 20 % faster {high:.0f} %"
+    )
 
 
 def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotReport:

@@ -95,6 +95,11 @@ class Approach:
         self._trajectory: Any = solve(problem, straight)
         self.duration_s: float = self._trajectory.duration
 
+    @property
+    def goal(self) -> Actuation:
+        """Position of every axis at the end."""
+        return self._goal
+
     def at(self, time_s: float) -> MotionState:
         """The state ``time_s`` after the start; the start before it, the goal at rest after."""
         if time_s >= self.duration_s:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from contid.control.tick.follow.expected_range import AxisResponse
 from contid.control.tick.follow.responses import axis_responses
 from contid.control.tick.limits import AxisLimits, axis_limits
-from contid.control.tick.shaping import Shaper
+from contid.control.tick.shaping import ShaperChoice
 from contid.control.tick.shared_limits import SharedLimits
 from contid.control.tick.taut import lift_n
 from contid.control.tick.transmission import RobotTransmission
@@ -93,7 +93,7 @@ class RobotConfig:
         shared: limits that the model's own axes share, None without.
         responses: how every axis answers its commands when it is healthy.
         follow_tip_m: how far the tip of the measured axes may be off the way of the commands; None unwatched.
-        shaper: of what goes to the devices, None without.
+        shaping: of what goes to the devices, None without.
         motion_rules: `MOTION_RULES`, or those of the recording that is replayed.
     """
 
@@ -133,7 +133,7 @@ class RobotConfig:
     shared: SharedLimits | None = None
     responses: tuple[AxisResponse, ...] = ()
     follow_tip_m: float | None = None
-    shaper: Shaper | None = None
+    shaping: ShaperChoice | None = None
     motion_rules: int = MOTION_RULES
 
     @property
@@ -205,7 +205,9 @@ def robot_config(
         shared=getattr(model, "shared", None),
         responses=axis_responses(robot, transmission, devices, period_s),
         follow_tip_m=None if robot.follow_tip_mm is None else robot.follow_tip_mm / 1e3,
-        shaper=None if robot.rates.shape is None else Shaper.of(robot.rates.shape, period_s),
+        shaping=None
+        if robot.rates.shape is None
+        else ShaperChoice.of(robot.rates.shape, robot.quantity, period_s),
     )
 
 

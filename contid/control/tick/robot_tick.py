@@ -31,7 +31,7 @@ from contid.control.tick.taut import lifted
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
 from contid.control.tick.transitions import fail, moved, stay, stopped
 from contid.hal import Sample
-from contid.targets import Actuation, Solution, Target, are_numbers
+from contid.targets import ZERO3, Actuation, Solution, Target, Vec3, are_numbers
 from contid.trajectory.approach import Approach
 
 _WATCHED: Final = frozenset(Mode) - {Mode.OFF, Mode.CONNECTING, Mode.FAULT}
@@ -127,7 +127,8 @@ def tick(
             return _squeezed(config, state, state.squeeze, now_s, samples)
         if state.mode is Mode.HOLD and _stands(config, state):
             return TickResult(state, config.transmission.to_device(state.command))
-        return _move(config, state, now_s)
+        going_to = state.goto if state.goto is not None else target
+        return _move(config, state, now_s, ZERO3 if going_to is None else going_to.load_n)
     except (Exception, SystemExit) as error:  # an error in one robot must not stop the others
         failed = fail(config, state, Fault.INTERNAL, f"{type(error).__name__}: {error}", now_s)
         return stop_without_model(config, failed, now_s)
@@ -253,7 +254,7 @@ def _checked(config: RobotConfig, answer: Solution) -> Solution:
     return answer
 
 
-def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
+def _move(config: RobotConfig, state: RobotState, now_s: float, load_n: Vec3 = ZERO3) -> TickResult:
     """Follow the running motion or stand still; change the mode at its end."""
     reference = state.reference
     over = True
@@ -267,7 +268,8 @@ def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
             # A limit that axes share kept it from the end of its stop: it stops where it is.
             state = braking_at_once(config, state, now_s)
             reference = state.motion.at(config.period_s)[0] if state.motion is not None else reference
-    result = _limited(config, state, reference)
+    goal = state.motion.goal if isinstance(state.motion, Approach) else ()
+    result = _limited(config, state, reference, goal=goal, load_n=load_n)
     after, flags = result.state, result.limits
     if not flags and after.command != reference:
         # On its way back to the motion it comes no faster than it can brake.
@@ -299,7 +301,7 @@ def _guarded(config: RobotConfig, state: RobotState, answer: Actuation, target_i
         return _limited(config, replace(state, guard=guard.state), answer, target_in_base, keeps_jerk=True)
     # The limiter gets a motion that it may follow, not the answer that the axes cannot be on.
     chasing = replace(state, guard=guard.state, reference=state.command)
-    result = _limited(config, chasing, guard.command, target_in_base, keeps_jerk=True)
+    result = _limited(config, chasing, guard.command, target_in_base, keeps_jerk=True, goal=answer)
     flags = tuple([a | b for a, b in zip(result.limits or guard.flags, guard.flags, strict=True)])
     return replace(result, state=replace(result.state, reference=answer), limits=flags)
 
@@ -310,8 +312,14 @@ def _limited(
     reference: Actuation,
     target_in_base: Target | None = None,
     keeps_jerk: bool = False,
+    *,
+    goal: Actuation = (),
+    load_n: Vec3 = ZERO3,
 ) -> TickResult:
-    """The state with its next command, and the limits that bound; skipped ticks do not count."""
+    """The state with its next command, and the limits that bound; skipped ticks do not count.
+
+    Where a motion goes and the load on its tip choose how it is shaped; the reference, without a ``goal``.
+    """
     last = state.command
     target_step = [new - old for new, old in zip(reference, state.reference, strict=True)]
     command, flags, straight = next_command(
@@ -319,8 +327,9 @@ def _limited(
     )
     increments = tuple([new - old for new, old in zip(command, last, strict=True)])
     acting, acting_steps, shaped = command, increments, state.shaped
-    if config.shaper is not None:
-        shaped = next_shaped(config.shaper, shaped, last, command)
+    if config.shaping is not None:
+        load_n = load_n if target_in_base is None else target_in_base.load_n
+        shaped = next_shaped(config.shaping.shaper, shaped, last, command, goal or reference, load_n)
         acting = shaped.acting
         before = state.shaped.acting or last
         acting_steps = tuple([new - old for new, old in zip(acting, before, strict=True)])

@@ -8,22 +8,24 @@ Singer and W. P. Seering, "Preshaping Command Inputs to Reduce System Vibration"
     zvd:  1, 2 K, K^2     over (1 + K)^2,        at 0, T/2, T
 
 for the damped period T. Zvd also cancels the change by an error of the frequency. Delays between two ticks
-are divided among them.
+are divided among them. With a schedule over poses zvd is the product of the zv of the two slowest modes.
 
 What goes out is a weighted mean of the commands of the last period: it is within every limit of position,
-speed, acceleration and jerk that those keep, and within every convex limit that axes share.
+speed, acceleration and jerk that those keep, and within every convex limit that axes share. For that the
+weights stay the same until the last command is out: they are chosen when the next motion begins.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import mul
 from typing import Final
 
-from contid.robot_file.base import InputShape, ShapeKind
-from contid.targets import Actuation
+from contid.robot_file.base import Quantity
+from contid.robot_file.rates import InputShape
+from contid.targets import ZERO3, Actuation, Vec3
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,21 +41,59 @@ class Shaper:
     weights: tuple[float, ...]
 
     @classmethod
-    def of(cls, shape: InputShape, period_s: float) -> Shaper:
-        """Of the ``shape`` of a robot file, for a period of the tick."""
-        root = math.sqrt(1.0 - shape.damping_ratio**2)
-        k = math.exp(-shape.damping_ratio * math.pi / root)
-        shares = (1.0, k) if shape.kind is ShapeKind.ZV else (1.0, 2.0 * k, k * k)
-        half_ticks = 0.5 / shape.frequency_hz / period_s
+    def of(cls, shape: InputShape, period_s: float, frequencies: tuple[float, float] | None = None) -> Shaper:
+        """Of the ``shape`` of a robot file, for a period of the tick.
+
+        Args:
+            shape: of the file.
+            period_s: of the tick.
+            frequencies: of the two slowest modes [Hz], None for that of the file.
+        """
         found: dict[int, float] = {}
-        for number, share in enumerate(shares):
-            age = math.floor(number * half_ticks)
-            rest = number * half_ticks - age
+        for after_s, share in shape.impulses(*(frequencies or (shape.frequency_hz,) * 2)):
+            ticks = after_s / period_s
+            age = math.floor(ticks)
+            rest = ticks - age
             for at, part in ((age, 1.0 - rest), (age + 1, rest)):
                 if part > 0.0:
-                    found[at] = found.get(at, 0.0) + share * part / sum(shares)
+                    found[at] = found.get(at, 0.0) + share * part
         ages = tuple(sorted(found))
         return cls(ages, tuple(found[age] for age in ages))
+
+
+@dataclass(frozen=True, slots=True)
+class ShaperChoice:
+    """Which shaper a motion has.
+
+    Attributes:
+        shape: of the file.
+        quantity: of the axes of the model.
+        period_s: of the tick.
+        fixed: without a schedule.
+    """
+
+    shape: InputShape
+    quantity: Quantity
+    period_s: float
+    fixed: Shaper
+
+    @classmethod
+    def of(cls, shape: InputShape, quantity: Quantity, period_s: float) -> ShaperChoice:
+        """Of the ``shape`` of a robot file."""
+        return cls(shape, quantity, period_s, Shaper.of(shape, period_s))
+
+    def shaper(self, pose: Actuation, load_n: Vec3) -> Shaper:
+        """The shaper of a motion.
+
+        Args:
+            pose: for which the body's frequencies count [m or Pa]; axes beyond the model's do not.
+            load_n: known force on the tip.
+        """
+        schedule = self.shape.schedule
+        if schedule is None:
+            return self.fixed
+        values = [self.quantity.from_si(value) for value in pose[: len(schedule.middle)]]
+        return Shaper.of(self.shape, self.period_s, schedule.frequencies(values, math.hypot(*load_n)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,34 +104,43 @@ class Shaped:
         past: commands, the oldest first.
         acting: the weighted mean; empty before the first command.
         ticks_left: until `acting` is the last command, if that stands.
+        shaper: of the present motion, None at rest.
     """
 
     past: tuple[Actuation, ...] = ()
     acting: Actuation = ()
     ticks_left: int = 0
+    shaper: Shaper | None = None
 
 
 NOT_SHAPED: Final = Shaped()
 
 
-def next_shaped(shaper: Shaper, before: Shaped, last: Actuation, command: Actuation) -> Shaped:
+def next_shaped(
+    choose: Callable[[Actuation, Vec3], Shaper],
+    before: Shaped,
+    last: Actuation,
+    command: Actuation,
+    goal: Actuation,
+    load_n: Vec3 = ZERO3,
+) -> Shaped:
     """What goes out after a tick.
 
     Args:
-        shaper: of the robot.
+        choose: the shaper of a motion to a pose under a load.
         before: after the tick before.
         last: the command of the tick before.
         command: of this tick.
+        goal: where the motion goes, as far as that is known.
+        load_n: known force on the tip.
     """
-    longest = shaper.ages[-1]
-    if command != last:
-        left = longest
-    elif before.ticks_left <= 1:
+    if command == last and before.ticks_left <= 1:
         return Shaped((), command, 0)
-    else:
-        left = before.ticks_left - 1
+    shaper = choose(goal, load_n) if before.shaper is None else before.shaper
+    longest = shaper.ages[-1]
+    left = longest if command != last else before.ticks_left - 1
     past = ((*before.past, command) if before.past else (*(last,) * longest, command))[-longest - 1 :]
-    return Shaped(past, _mean(shaper, past), left)
+    return Shaped(past, _mean(shaper, past), left, shaper)
 
 
 def _mean(shaper: Shaper, past: Sequence[Actuation]) -> Actuation:

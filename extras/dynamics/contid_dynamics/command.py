@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -11,6 +11,9 @@ from contid.cli.support.parameters import NumberRange, robot_names
 from contid_dynamics.pose_option import POSE, actuation_at, moving_robots
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from contid.robot_file.robot import RobotDescription
     from contid_dynamics.report import PoseModes
 
 
@@ -22,18 +25,35 @@ if TYPE_CHECKING:
 @click.option(
     "--poses", type=click.IntRange(0, 1000), default=0, help="Also the range over this many random poses."
 )
+@click.option(
+    "--schedule",
+    type=click.IntRange(1, 5000),
+    help="Also frequencies over this many random poses, and up to --payload-g, for rates.shape.",
+)
+@click.option("--write", is_flag=True, help="Write rates.shape with its schedule into ROBOT_FILE.")
 @click.option("--json", "as_json", is_flag=True, help="The numbers and shapes as one JSON object.")
 def command(
-    robot_file: str, at: tuple[str, ...], count: int, payload_g: float, poses: int, as_json: bool
+    robot_file: str,
+    at: tuple[str, ...],
+    count: int,
+    payload_g: float,
+    poses: int,
+    schedule: int | None,
+    write: bool,
+    as_json: bool,
 ) -> None:
     """How fast the body of each robot of ROBOT_FILE swings, and how soon it stops.
 
     The modes are those of small motions about a pose, from the linearised model; robots need `dynamics`.
 
     `contid modes stiffflop2 --at s1.p1_bar=0.6 --payload-g 10 --poses 100`
+
+    `contid modes my_arm.yaml --schedule 300 --payload-g 10 --write`
     """
     from contid_dynamics.report import pose_modes, range_over_poses
 
+    if write and schedule is None:
+        raise click.UsageError("--write needs --schedule COUNT, the poses whose frequencies are written")
     found: dict[str, object] = {}
     for name, robot in moving_robots(robot_file).items():
         actuation = actuation_at(robot, name, at)
@@ -43,8 +63,49 @@ def command(
             found[name] = {**modes.to_json(), **({} if ranges is None else {"ranges_hz": ranges})}
         else:
             _print(name, modes, ranges)
+        if schedule is not None:
+            shape = _schedule(robot_file, name, robot, schedule, payload_g, write, quiet=as_json)
+            if as_json:
+                found[f"{name}.shape"] = shape
     if as_json:
         click.echo(json.dumps(found))
+
+
+def _schedule(
+    robot_file: str,
+    name: str,
+    robot: RobotDescription,
+    poses: int,
+    load_g: float,
+    write: bool,
+    quiet: bool,
+) -> Mapping[str, Any]:
+    """Fit the schedule of a robot, print how well it fits, and write it."""
+    from contid.robot_file.edit import Change, set_values
+    from contid.robot_file.load import load_named
+    from contid_dynamics.schedule import schedule_of
+
+    found = schedule_of(robot, poses, load_g)
+    low, high = found.shape["schedule"]["least_hz"], found.shape["schedule"]["most_hz"]
+    medians, worst = ([f"{100 * each:.1f}" for each in pair] for pair in (found.median, found.worst))
+    if not quiet:
+        click.echo(
+            f"  schedule: {low:g} to {high:g} Hz, fitted to {found.poses} poses; error on {found.kept_out} "
+            f"kept aside: first mode {medians[0]} % (worst {worst[0]}), second {medians[1]} % "
+            f"(worst {worst[1]})"
+        )
+        if found.outside:
+            click.echo(
+                f"  {found.outside} poses swing slower or faster than shaping takes: as at its edge there"
+            )
+    if write:
+        path = load_named(robot_file).path
+        set_values(path, [Change(f"robots.{name}.rates.shape", found.shape, "contid modes --schedule")])
+        if not quiet:
+            click.echo(f"  rates.shape written to {path}")
+    elif not quiet:
+        click.echo("  --write puts it into the robot file, --json prints it")
+    return found.shape
 
 
 def _print(name: str, modes: PoseModes, ranges: list[tuple[float, float]] | None) -> None:

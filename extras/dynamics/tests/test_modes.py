@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import load_named, parse_robot_file
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
+from contid.units import STANDARD_GRAVITY
 from contid_dynamics.arm import MovingArm
 from contid_dynamics.command import command
 from contid_dynamics.report import pose_modes
@@ -111,6 +113,34 @@ def test_the_command_prints_modes_and_names_what_is_missing(
     wrong = contid("modes", "stiffflop2", "--at", "p=3")
     assert wrong.returncode == 2
     assert "allowed: s1.p1_bar" in wrong.stderr
+
+
+def test_a_schedule_is_written_and_has_the_frequencies_of_the_model(tmp_path: Path) -> None:
+    path = tmp_path / "arm.yaml"
+    path.write_text(load_named("stiffflop1").text)
+    done = CliRunner().invoke(command, [str(path), "--schedule", "40", "--payload-g", "3", "--write"])
+    assert done.exit_code == 0, done.output
+    assert "fitted to 30 poses; error on 10 kept aside: first mode" in done.output
+    (robot,) = load_named(str(path)).driven.values()
+    assert robot.rates.shape is not None
+    schedule = robot.rates.shape.schedule
+    assert schedule is not None
+    for payload_g in (0.0, 3.0):
+        modes = pose_modes(robot, (0.9e5, 0.2e5, 0.4e5), 2, payload_g).modes
+        found = schedule.frequencies([0.9, 0.2, 0.4], 1e-3 * payload_g * STANDARD_GRAVITY)
+        assert found == pytest.approx([mode.frequency_hz for mode in modes], rel=0.05)
+
+
+def test_mistakes_of_a_schedule_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "arm.yaml"
+    path.write_text(load_named("stiffflop1").text)
+    alone = CliRunner().invoke(command, [str(path), "--write"])
+    assert alone.exit_code == 2
+    assert "--write needs --schedule COUNT" in alone.output
+    few = CliRunner().invoke(command, [str(path), "--schedule", "8", "--write"])
+    assert few.exit_code != 0
+    assert "3 axes need at least 20 poses" in str(few.exception)
+    assert path.read_text() == load_named("stiffflop1").text
 
 
 @pytest.mark.parametrize("payload", ["nan", "inf"])

@@ -9,6 +9,7 @@ stage *body*, ``rates.shape`` has the strongest mode about the pose with the mos
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from contid.errors import ContidError
 from contid.robot_file.dynamics import Dynamics
@@ -16,6 +17,7 @@ from contid.robot_file.edit import Change
 from contid.robot_file.robot import RobotDescription
 from contid_identify.body_fit import scaled
 from contid_identify.estimate import Interval
+from contid_identify.ring_down import RingDown
 from contid_identify.stages import IdentifiedMotion
 
 #: What the watch of the axes allows above the upper end of an interval.
@@ -50,7 +52,7 @@ def changes(found: IdentifiedMotion, robot: RobotDescription, note: str) -> list
         out += _dynamics(found, len(robot.axis_names), note)
         out += _body(found, robot, note)
     if found.ring_downs:
-        out.append(_shape(found, note))
+        out.append(shape_of(found.ring_downs[0], robot, note))
     if not out:
         raise ContidError("nothing is known well enough to be written; the report names what is missing")
     return out
@@ -101,8 +103,9 @@ def _body(found: IdentifiedMotion, robot: RobotDescription, note: str) -> list[C
     return out
 
 
-def _shape(found: IdentifiedMotion, note: str) -> Change:
-    mode = found.ring_downs[0].modes[0]
+def shape_of(ring: RingDown, robot: RobotDescription, note: str) -> Change:
+    """Input shaping for a mode; a schedule over poses is kept, and scaled to it at its pose."""
+    mode = ring.modes[0]
     hz, ratio = mode.frequency_hz, mode.ratio
     low, high = _SHAPED_HZ
     if not low <= hz.value <= high or not math.isfinite(hz.half) or hz.half > 0.2 * hz.value:
@@ -110,11 +113,20 @@ def _shape(found: IdentifiedMotion, note: str) -> Change:
             f"rates.shape: {hz.value:.3g} +- {hz.half:.2g} Hz is not written; allowed: {low:g} to {high:g} "
             "Hz, known to a fifth: record more ring-downs"
         )
-    value = {
-        "kind": "zvd",
+    old = robot.rates.shape
+    value: dict[str, Any] = {
+        "kind": "zvd" if old is None else old.kind.value,
         "frequency_hz": float(f"{hz.value:.4g}"),
         "damping_ratio": float(f"{min(ratio.value, 0.9):.3g}"),
     }
+    if old is not None and old.schedule is not None:
+        own = robot.quantity.from_si(ring.command[: len(robot.axis_names)])
+        share = hz.value / old.schedule.frequencies(own.tolist())[0]
+        at_rest = {"frequency_hz": old.frequency_hz * share, "damping_ratio": old.damping_ratio}
+        value |= {
+            **at_rest,
+            "schedule": old.schedule.scaled(share).model_dump(mode="json", exclude_defaults=True),
+        }
     return Change("rates.shape", value, f"{note}: +- {hz.half:.2g} Hz, ratio +- {ratio.half:.1g}")
 
 

@@ -13,8 +13,8 @@ from contid.control.engine.virtual import run_virtual
 from contid.control.tick.shaping import NOT_SHAPED, Shaper, next_shaped
 from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid.robot_file.base import InputShape, ShapeKind
 from contid.robot_file.load import load_named, parse_robot_file, with_mock
+from contid.robot_file.rates import InputShape, ShapeKind
 from contid.trajectory.read import read_trajectory
 from tests.support.fingers import Collector
 
@@ -29,7 +29,7 @@ def shaper(kind: str, frequency_hz: float = HZ, damping_ratio: float = RATIO) ->
 def shaped(one: Shaper, commands: Sequence[float] | Array) -> Array:
     state, last, out = NOT_SHAPED, (commands[0],), []
     for value in commands:
-        state = next_shaped(one, state, last, (value,))
+        state = next_shaped(lambda goal, load: one, state, last, (value,), (value,))
         last = (value,)
         out.append(state.acting[0])
     return np.array(out)

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contid.control.tick.transmission import RobotTransmission
-from contid.robot_file.base import AxisDescription, Quantity, Rates
+from contid.robot_file.base import AxisDescription, Quantity
+from contid.robot_file.rates import Rates
 from contid.robot_file.robot import RobotDescription
 
 TABLE = ((0.0, 0.1), (4.0, 0.35), (11.0, 0.6), (12.0, 1.4), (30.0, 1.5))

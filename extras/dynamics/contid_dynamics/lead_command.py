@@ -1,0 +1,44 @@
+"""``contid lead``: a trajectory whose commands make up for the lag and the body of its robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from contid.cli.support.parameters import robot_names
+
+
+@click.command()
+@click.argument("robot_file", shell_complete=robot_names)
+@click.argument("trajectory", type=click.Path(path_type=Path, dir_okay=False, exists=True))
+@click.option(
+    "-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="File to write."
+)
+@click.option("--no-body", is_flag=True, help="Make up for delay and lag only, not for the first mode.")
+def command(robot_file: str, trajectory: Path, output: Path, no_body: bool) -> None:
+    """Write axis values by which the robot of ROBOT_FILE does the path of TRAJECTORY.
+
+    They lead it by the lag of `dynamics` and the first mode of the body; dead times delay the whole path. The
+    path should begin and end at rest. Check the result as any trajectory.
+
+    `contid lead my_arm.yaml circle.csv -o led.csv`
+    """
+    from contid.errors import ContidError
+    from contid.robot_file.load import load_named
+    from contid.trajectory.read import read_trajectory
+    from contid.whole_file import replacing
+    from contid_dynamics.lead_file import led_file
+
+    loaded = load_named(robot_file)
+    if len(loaded.driven) != 1:
+        raise ContidError(f"{robot_file} has {len(loaded.driven)} robots; a lead is for a file with one")
+    with trajectory.open(encoding="utf-8") as file:
+        read = read_trajectory(file, trajectory.name, loaded.driven)
+    found = led_file(loaded, read, body=not no_body)
+    with replacing(output) as out:
+        out.write(found.text.encode())
+    click.echo(
+        f"{output}: {found.rows} rows; the tip does the path {1e3 * found.later_s:.0f} ms later. Check "
+        f"it with contid check {robot_file} {output}"
+    )

@@ -1,0 +1,192 @@
+"""The schedule of input shaping: frequencies of a robot's two slowest modes as polynomials of its axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from contid.errors import ContidError
+from contid.kinematics.array import Array
+from contid.kinematics.model import build_model
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.robot import RobotDescription
+from contid.robot_file.tendon.robot import TendonRobot
+from contid.targets import Target
+from contid.units import DEG
+from contid_dynamics.arm import MovingArm
+
+#: Which of the random poses are kept aside.
+_KEPT_OUT: Final = 4
+#: Directions of the terms with less than this share of the spread of the greatest are left out: the pulls of
+#: one section have a sum that the poses hardly change.
+_FLAT: Final = 3e-3
+#: Frequencies that shaping takes [Hz].
+_LOWEST, _HIGHEST = 0.5, 100.0
+#: Share of the poses whose frequencies may be outside of that; they count as at its edge.
+_OUTSIDE: Final = 0.1
+#: Poses for every number of a polynomial, at least.
+_PER_TERM: Final = 2.0
+_DIGITS: Final = 5
+
+
+@dataclass(frozen=True)
+class FoundSchedule:
+    """A schedule and how well it fits.
+
+    Attributes:
+        shape: the value of ``rates.shape``.
+        poses: how many it was fitted to.
+        outside: how many of all swing slower or faster than shaping takes, and count as at its edge.
+        kept_out: how many it was compared with.
+        median, worst: error of the first and second frequency on those, as shares, with and without load.
+    """
+
+    shape: dict[str, Any]
+    poses: int
+    outside: int
+    kept_out: int
+    median: tuple[float, float]
+    worst: tuple[float, float]
+
+
+def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: int = 1) -> FoundSchedule:
+    """Fit the two slowest frequencies over random poses.
+
+    Args:
+        robot: with ``dynamics``.
+        poses: how many; a fourth of them is kept aside.
+        load_g: greatest mass on the tip, besides that of ``dynamics``; 0 for one that never changes.
+        seed: of the poses.
+
+    Raises:
+        ContidError: it has no moving body, swings too slowly, or there are too few poses.
+    """
+    axes = len(robot.axis_names)
+    terms = 1 + axes + axes * (axes + 1) // 2
+    if poses < _PER_TERM * terms:
+        raise ContidError(f"--schedule {poses}: {axes} axes need at least {round(_PER_TERM * terms)} poses")
+    at_rest = np.array(robot.rest[:axes])
+    actuations = np.vstack((random_actuations(robot, poses - 1, seed), at_rest))
+    free = _frequencies(robot, actuations, 0.0)
+    loaded = _frequencies(robot, actuations, load_g) if load_g else free
+    known = np.isfinite(free).all(axis=1) & np.isfinite(loaded).all(axis=1)
+    actuations, free, loaded = actuations[known], free[known], loaded[known]
+    kept = np.arange(len(free)) % _KEPT_OUT == 0
+    if len(free[~kept]) < terms:
+        raise ContidError(f"the model has an equilibrium at {len(free)} of {poses} poses only; ask for more")
+    values = robot.quantity.from_si(actuations)
+    low, high = values.min(axis=0), values.max(axis=0)
+    middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 1e-6)
+    rows = _terms((values - middle) / half)
+    least, most = (float(each) for each in (min(free.min(), loaded.min()), max(free.max(), loaded.max())))
+    both = np.hstack((free, loaded))
+    outside = int(((both < _LOWEST) | (both > _HIGHEST)).any(axis=1).sum())
+    if outside > _OUTSIDE * len(both):
+        raise ContidError(
+            f"frequencies of {least:.3g} to {most:.3g} Hz; shaping takes {_LOWEST:g} to {_HIGHEST:g} Hz, and "
+            f"{outside} of {len(both)} poses are outside"
+        )
+    least, most = max(least, _LOWEST), min(most, _HIGHEST)
+    free, loaded = np.clip(free, _LOWEST, _HIGHEST), np.clip(loaded, _LOWEST, _HIGHEST)
+    logs = _fit(rows[~kept], np.log(free[~kept]))
+    slower = _fit(rows[~kept], (free / loaded)[~kept] ** 2 - 1.0) if load_g else None
+    schedule: dict[str, Any] = {
+        "middle": _digits(middle),
+        "half": _digits(half),
+        "least_hz": float(f"{least:.4g}"),
+        "most_hz": float(f"{most:.4g}"),
+        "first": _digits(logs[:, 0]),
+        "second": _digits(logs[:, 1]),
+    }
+    if slower is not None:
+        schedule |= {
+            "load_g": load_g,
+            "first_loaded": _digits(slower[:, 0]),
+            "second_loaded": _digits(slower[:, 1]),
+        }
+    predicted = np.exp(rows[kept] @ logs)
+    errors = [np.abs(predicted / free[kept] - 1.0)]
+    if slower is not None:
+        under = predicted / np.sqrt(np.maximum(0.05, 1.0 + rows[kept] @ slower))
+        errors.append(np.abs(under / loaded[kept] - 1.0))
+    error = np.concatenate(errors)
+    return FoundSchedule(
+        {"kind": "zvd", **_at_rest(robot), "schedule": schedule},
+        int((~kept).sum()),
+        outside,
+        int(kept.sum()),
+        (float(np.median(error[:, 0])), float(np.median(error[:, 1]))),
+        (float(error[:, 0].max()), float(error[:, 1].max())),
+    )
+
+
+def random_actuations(robot: RobotDescription, count: int, seed: int, share: float = 1.0) -> Array:
+    """Random actuations ``(count, axes)`` [m or Pa]: of a tendon robot from bends of its sections.
+
+    Args:
+        robot: of the file.
+        count: how many.
+        seed: of the generator.
+        share: of the greatest bend, or of the range of the pressures.
+    """
+    rng = np.random.default_rng(seed)
+    low, high = np.array(robot.lower), np.array(robot.upper)
+    if not isinstance(robot, TendonRobot):
+        pressures: Array = low + rng.random((count, len(low))) * share * (high - low)
+        return pressures
+    model = build_model(robot.model_copy(update={"residual": None, "friction": None, "rod": None}))
+    sections = len(robot.section_lengths)
+    greatest = share * np.array(robot.per_section(robot.limits.bend_max_deg)) * DEG
+    found: list[tuple[float, ...]] = []
+    for _ in range(20 * count):
+        bend, towards = greatest * rng.random(sections), rng.uniform(-np.pi, np.pi, sections)
+        arcs = np.column_stack((bend * np.cos(towards), bend * np.sin(towards), np.zeros(sections)))
+        answer = model.inverse(Target(arcs=tuple(arcs.ravel().tolist())), robot.rest)
+        if answer.converged:
+            found.append(answer.actuation[: len(low)])
+            if len(found) == count:
+                return np.array(found)
+    raise ContidError(f"only {len(found)} of {20 * count} random poses are within the limits")
+
+
+def _frequencies(robot: RobotDescription, actuations: Array, load_g: float) -> Array:
+    """Damped frequencies of the two slowest modes, ``(poses, 2)``; NaN without equilibrium."""
+    arm = MovingArm(robot, load_g * 1e-3)
+    out = np.full((len(actuations), 2), np.nan)
+    for row, actuation in zip(out, actuations.tolist(), strict=True):
+        try:
+            arm.settle(actuation)
+        except ArithmeticError:
+            continue
+        modes = arm.rod.modes()
+        ratio = np.minimum(modes.ratio[:2], 0.95)
+        row[:] = modes.frequency_hz[:2] * np.sqrt(1.0 - ratio**2)
+    out[out <= 0.0] = np.nan
+    return out
+
+
+def _at_rest(robot: RobotDescription) -> dict[str, float]:
+    assert isinstance(robot, (Cosserat, TendonRobot))
+    arm = MovingArm(robot)
+    arm.settle(robot.rest[: len(robot.axis_names)])
+    modes = arm.rod.modes()
+    ratio = min(float(modes.ratio[0]), 0.9)
+    hz = float(modes.frequency_hz[0]) * float(np.sqrt(1.0 - ratio * ratio))
+    return {"frequency_hz": float(f"{hz:.4g}"), "damping_ratio": float(f"{ratio:.3g}")}
+
+
+def _terms(shares: Array) -> Array:
+    x: Array = np.maximum(-1.0, np.minimum(1.0, shares))
+    axes = x.shape[1]
+    pairs = [x[:, i] * x[:, j] for i in range(axes) for j in range(i, axes)]
+    return np.column_stack((np.ones(len(x)), *x.T, *pairs))
+
+
+def _fit(rows: Array, values: Array) -> Array:
+    return np.asarray(np.linalg.lstsq(rows, values, rcond=_FLAT)[0], dtype=np.float64)
+
+
+def _digits(values: Array) -> list[float]:
+    return [float(f"{each:.{_DIGITS}g}") for each in values.tolist()]

@@ -1,0 +1,142 @@
+"""Commands that lead a path: the inverse of the answer in closed form, and the tip of the moving twin."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.signal import lsim
+
+from contid.errors import ContidError
+from contid.kinematics.array import Array
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.load import load_named, parse_robot_file
+from contid_dynamics.arm import MovingArm
+from contid_dynamics.body import MovingBody
+from contid_dynamics.lead import Answer, answer_of, led, within
+from contid_dynamics.lead_command import command
+
+TICK_S: Final = 0.005
+
+
+def round_trip(seconds: float, turn_s: float) -> Array:
+    """A share 0 to 1 that begins and ends at rest, with its derivatives, and turns on the way."""
+    t = np.arange(0.0, seconds + 1e-9, TICK_S)
+    s = np.clip(np.minimum(t, seconds - t) / 1.5, 0.0, 1.0)
+    ease = s**4 * (35.0 - 84.0 * s + 70.0 * s**2 - 20.0 * s**3)
+    wave: Array = ease * (0.5 - 0.5 * np.cos(2.0 * np.pi * t / turn_s))
+    return wave
+
+
+def test_what_comes_out_of_the_answer_is_the_path() -> None:
+    """The answer is integrated by another library, as a transfer function of order three."""
+    path, lag_s, hz, ratio = round_trip(6.0, 2.0), 0.12, 2.3, 0.2
+    command = led(path[:, None], TICK_S, Answer((0.0,), (lag_s,), hz, ratio))[:, 0]
+    rate = 2.0 * math.pi * hz
+    parts = np.polymul([lag_s, 1.0], [1.0 / rate**2, 2.0 * ratio / rate, 1.0])
+    times = TICK_S * np.arange(len(command))
+    reached = lsim(([1.0], parts), command, times)[1]
+    without = lsim(([1.0], parts), path, times)[1]
+    assert np.abs(reached - path).max() < 2e-3
+    assert np.abs(without - path).max() > 0.2
+
+
+def test_a_file_is_led_through_its_rows(tmp_path: Path) -> None:
+    """At 20 ms a row; the answer to what is written comes through the rows, later by the dead time."""
+    text = load_named("stiffflop1").text
+    (tmp_path / "arm.yaml").write_text(
+        text.replace("damping_ms: 8", "damping_ms: 8\n      delay_ms: [30]\n      lag_ms: [100]", 1)
+    )
+    wave = round_trip(5.0, 2.5)[::4]
+    rows = [f"{0.02 * k:.2f},{0.2 + 0.3 * each:.9f},0.2,0.2" for k, each in enumerate(wave.tolist())]
+    (tmp_path / "path.csv").write_text("\n".join(("t_s,s1.p1_bar,s1.p2_bar,s1.p3_bar", *rows)) + "\n")
+    arguments = [str(tmp_path / "arm.yaml"), str(tmp_path / "path.csv"), "-o", str(tmp_path / "led.csv")]
+    done = CliRunner().invoke(command, [*arguments, "--no-body"])
+    assert done.exit_code == 0, done.output
+    assert "the tip does the path 30 ms later" in done.output
+    led_rows = np.loadtxt(tmp_path / "led.csv", delimiter=",", skiprows=1)
+    reached = lsim(([1.0], [0.1, 1.0]), led_rows[:, 1] - led_rows[0, 1], led_rows[:, 0])[1] + led_rows[0, 1]
+    at_rows = np.interp(0.02 * np.arange(len(wave)), led_rows[:, 0], reached)
+    assert np.abs(at_rows - (0.2 + 0.3 * wave)).max() < 1e-3
+    text = (tmp_path / "arm.yaml").read_text()
+    shaped = "    rates:\n      shape: {frequency_hz: 5}\n"
+    (tmp_path / "arm.yaml").write_text(text.replace("    rates:\n", shaped, 1))
+    refused = CliRunner().invoke(command, arguments)
+    assert "rates.shape delays what a lead has made up for" in str(refused.exception)
+
+
+def test_axes_with_a_shorter_dead_time_wait() -> None:
+    path = np.column_stack((round_trip(4.0, 2.0),) * 2)
+    command = led(path, TICK_S, Answer((0.02, 0.10), (0.0, 0.0)))
+    assert len(command) == len(path) + 16
+    assert command[16:, 0] == pytest.approx(path[:, 0], abs=1e-9)
+    assert command[: len(path), 1] == pytest.approx(path[:, 1], abs=1e-9)
+
+
+def twin(mass: float, payload_g: float = 0.0) -> Cosserat:
+    """`stiffflop2` with slow regulators and dead times, other ones of the second section."""
+    text = load_named("stiffflop2").text.replace("[133]", f"[{133 * mass:g}]", 1)
+    sim = f"    sim: {{dynamics: true, payload_g: {payload_g:g}}}\n    rates:\n"
+    text = text.replace(
+        "damping_ms: 8",
+        "damping_ms: 8\n      delay_ms: [120, 120, 120, 40, 40, 40]\n"
+        "      lag_ms: [90, 90, 90, 250, 250, 250]",
+        1,
+    )
+    (robot,) = parse_robot_file(text.replace("    rates:\n", sim, 1), "arm.yaml").driven.values()
+    assert isinstance(robot, Cosserat)
+    return robot
+
+
+def pressures(wave: Array) -> Array:
+    """Two sections that bend one after the other [Pa]."""
+    out = np.zeros((len(wave), 6))
+    out[:, 0], out[:, 4], out[:, 1] = 2e4 + 6e4 * wave, 2e4 + 4e4 * wave, 2e4
+    return out
+
+
+def error_mm(robot: Cosserat, path: Array, commands: Array) -> tuple[float, float]:
+    """RMS distance of the tip from the path: at the file's times, and at the times that suit it best."""
+    body, still = MovingBody(robot), MovingArm(twin(1.0))
+    held = np.vstack((commands, np.repeat(commands[-1:], 160, axis=0)))
+    tips = []
+    for tick, row in enumerate(held.tolist()):
+        body.follow(row, tick * TICK_S)
+        tips.append(body.tip_in_world_m(tick * TICK_S))
+    asked = []
+    for row in path[::10].tolist():
+        still.settle(row, steps=2)
+        asked.append(still.tip_m)
+    found, wish = np.array(tips), np.array(asked)
+    shifts = [
+        1e3 * float(np.sqrt(np.mean(np.sum((found[s : s + len(path) : 10] - wish) ** 2, axis=1))))
+        for s in range(160)
+    ]
+    return shifts[24], min(shifts)
+
+
+def test_the_tip_does_the_path_of_the_file() -> None:
+    """On a plant whose first frequency is 10 % lower; 24 ticks are the greatest dead time."""
+    robot, path = twin(1.0), pressures(round_trip(5.0, 2.5))
+    answer = answer_of(robot, path.mean(axis=0).tolist())
+    commands = within(robot, "arm", led(path, TICK_S, answer), TICK_S)
+    plant = twin(1.0 / 0.81)
+    plain, best = error_mm(plant, path, path)
+    ahead, _ = error_mm(plant, path, commands)
+    print(f"plain {plain:.2f}, plain at the best time {best:.2f}, led {ahead:.2f} mm")
+    assert plain > 5.0
+    assert ahead < 0.25 * plain
+    assert ahead < 0.5 * best
+
+
+def test_a_lead_beyond_the_limits_is_named() -> None:
+    robot = twin(1.0)
+    path = pressures(np.r_[np.zeros(10), np.ones(60)])
+    with pytest.raises(ContidError, match=r"arm\.s1\.p1 .* with the lead, allowed: .* or make it slower"):
+        within(robot, "arm", led(path, TICK_S, answer_of(robot, robot.rest, body=False)), TICK_S)
+    with pytest.raises(ContidError, match="at least 6 are needed"):
+        led(path[:4], TICK_S, Answer((0.0,) * 6, (0.1,) * 6))

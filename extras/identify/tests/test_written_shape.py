@@ -1,0 +1,48 @@
+"""A ring-down scales the schedule of input shaping, and does not take it away."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contid.robot_file.edit import Change, set_values
+from contid.robot_file.load import load_named
+from contid_identify.estimate import Interval
+from contid_identify.ring_down import FreeMode, RingDown
+from contid_identify.written import shape_of
+
+SCHEDULE = (
+    "      shape: {frequency_hz: 4, damping_ratio: 0.1, schedule: {middle: [0.5, 0.5, 0.5], half: [1, 1, 1], "
+    "least_hz: 2, most_hz: 8, first: [1.4, 0.1, 0.2, -0.1, 0, 0, 0, 0, 0, 0], "
+    "second: [1.5, 0.1, 0.2, -0.1, 0, 0, 0, 0, 0, 0]}}\n"
+)
+
+
+def ring(frequency_hz: float) -> RingDown:
+    mode = FreeMode(Interval(frequency_hz, 0.01), Interval(0.08, 0.01))
+    return RingDown(np.array([0.9e5, 0.2e5, 0.4e5]), (mode,), 3, 1e-4, (frequency_hz, frequency_hz))
+
+
+@pytest.mark.parametrize("schedule", ["", SCHEDULE])
+def test_a_shake_scales_the_schedule(schedule: str, tmp_path: Path) -> None:
+    path = tmp_path / "arm.yaml"
+    path.write_text(load_named("stiffflop1").text.replace("    rates:\n", f"    rates:\n{schedule}", 1))
+    (robot,) = load_named(str(path)).driven.values()
+    change = shape_of(ring(5.5), robot, "a shake")
+    (name,) = load_named(str(path)).driven
+    set_values(path, [Change(f"robots.{name}.{change.key}", change.value, change.comment)])
+    (after,) = load_named(str(path)).driven.values()
+    assert after.rates.shape is not None
+    if not schedule:
+        assert (after.rates.shape.frequency_hz, after.rates.shape.damping_ratio) == (5.5, 0.08)
+        return
+    new = after.rates.shape.schedule
+    assert new is not None
+    assert new.frequencies([0.9, 0.2, 0.4])[0] == pytest.approx(5.5)
+    assert robot.rates.shape is not None
+    old = robot.rates.shape.schedule
+    assert old is not None
+    share = new.frequencies([0.3, 0.6, 0.5])[0] / old.frequencies([0.3, 0.6, 0.5])[0]
+    assert share == pytest.approx(after.rates.shape.frequency_hz / 4.0)
