@@ -21,6 +21,11 @@ _LIST: Final = re.compile(r"^(?:array)?[(\[].*[)\]]$|^\{.*\}$", re.DOTALL)
 _OPEN: Final = {"(": ")", "[": "]", "{": "}"}
 
 
+def is_special(text: str) -> bool:
+    """True where a separator may stand inside a cell."""
+    return _SPECIAL.search(text) is not None
+
+
 def begins(line: str, separator: str) -> list[int]:
     """Where the cells of a line begin, from 1, blanks in front left out."""
     places, place = [], 0

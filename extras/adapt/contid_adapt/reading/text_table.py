@@ -15,6 +15,7 @@ from contid_adapt.reading.cells import (
     is_list,
     is_lost,
     is_number,
+    is_special,
     listed,
     number,
     numbers,
@@ -28,6 +29,8 @@ from contid_adapt.reading.table import Table, TableColumn
 #: Rows that are turned into numbers at a time.
 _CHUNK: Final = 20_000
 _MAX_FINDINGS: Final = 20
+#: A line that begins with one of these is no comment, no header and not empty.
+_DIGITS: Final = frozenset("0123456789-")
 #: What Motive and QTM call the number of rows of a file.
 _COUNTS: Final = ("Total Exported Frames", "NO_OF_FRAMES")
 
@@ -68,18 +71,30 @@ def _rows(
     done = 0
 
     def flush() -> None:
+        add(list(zip(*rows, strict=True)), len(rows))
+        rows.clear()
+
+    def add(columns: Sequence[Sequence[str]], count: int) -> None:
         nonlocal done
-        for place, cells in enumerate(zip(*rows, strict=True)):
+        for place, cells in enumerate(columns):
             if dialect.numeric[place] and not any(is_list(cell) for cell in cells[:3]):
                 values, wrong = numbers(cells, dialect.decimal, done)
                 parts[place].append(values)
                 bad[place] += wrong
             else:
                 parts[place].append(np.array([unquoted(cell) for cell in cells], dtype=object))
-        done += len(rows)
-        rows.clear()
+        done += count
 
+    plain_until = start
     for index in range(start, len(lines)):
+        if index < plain_until:
+            continue
+        if not rows and (plain := _plain(lines[index : index + _CHUNK], dialect, header)):
+            plain_until = index + len(plain[0])
+            add(plain, len(plain[0]))
+            numbered += range(index + 1, plain_until + 1)
+            sessions += [session] * len(plain[0])
+            continue
         line = lines[index]
         if not line or line.isspace():
             continue
@@ -118,6 +133,20 @@ def _rows(
     )  # fmt: skip
     _notes(table, dialect, comments, session, whole_end)
     return table
+
+
+def _plain(lines: list[str], dialect: Dialect, header: TableHeader) -> list[list[str]] | None:
+    """The cells of every column of lines that are nothing but rows; None where one needs a closer look."""
+    separator, fields = dialect.separator, dialect.fields
+    if separator == " " or any(line.count(separator) != fields - 1 for line in lines):
+        return None
+    if any(line[:1] not in _DIGITS for line in lines) or not header.lines.isdisjoint(lines):
+        return None
+    text = separator.join(lines)
+    if is_special(text):
+        return None
+    cells = text.split(separator)
+    return [cells[place::fields] for place in range(fields)]
 
 
 def _columns(
