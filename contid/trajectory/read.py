@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Final, TextIO
 
@@ -69,14 +69,16 @@ def _read(
 ) -> Trajectory:
     findings: list[Located] = []
     values, lines = array("d"), array("q")
+    readers = [] if reader is None else [reader]
     number = 0
-    for number, given in _one_by_one(numbered, lambda: reader, values, lines):
+    for number, given in _one_by_one(numbered, readers, values, lines):
         if reader is not None and isinstance(given, str) and not given.strip(", "):
             continue  # An empty row of a spreadsheet.
         try:
             if reader is None:
                 assert isinstance(given, str), "rows of numbers come with a reader"
                 reader = RowReader(given, name, robots, number)
+                readers.append(reader)
                 if not reader.timed:
                     message = f"no column {TIME!r}: a trajectory with times begins with it"
                     raise BadInputError([Located(name, number, 1, message)])
@@ -118,7 +120,7 @@ def _read(
 
 def _one_by_one(
     numbered: Iterable[tuple[int, str | Sequence[float]]],
-    reader: Callable[[], RowReader | None],
+    readers: Sequence[RowReader],
     values: array[float],
     lines: array[int],
 ) -> Iterator[tuple[int, str | Sequence[float]]]:
@@ -126,10 +128,11 @@ def _one_by_one(
     numbered = iter(numbered)
     for header in numbered:
         yield header
-        if (given := reader()) is not None:
+        if readers:
             break
     else:
         return
+    given = readers[0]
     size, time, least_s = len(given.layout.names), given.layout.time, MIN_ROW_INTERVAL_S * _ROUNDING
     while block := list(islice(numbered, LINES)):
         rows = None

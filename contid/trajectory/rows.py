@@ -30,10 +30,11 @@ def numbered_lines(stream: TextIO) -> Iterator[tuple[int, str]]:
     number = 0
     while line := stream.readline(MAX_LINE + 1):
         number += 1
-        given = line.rstrip("\r\n")
-        yield number, given.removeprefix("\ufeff") if number == 1 else given
-        while len(line) > MAX_LINE and not line.endswith("\n"):
-            if not (line := stream.readline(MAX_LINE + 1)):
+        yield number, line.rstrip("\r\n") if number > 1 else line.rstrip("\r\n").removeprefix("\ufeff")
+        if len(line) <= MAX_LINE:
+            continue
+        while not line.endswith("\n"):
+            if len(line := stream.readline(MAX_LINE + 1)) <= MAX_LINE:
                 break
 
 

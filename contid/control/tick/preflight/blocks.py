@@ -2,9 +2,9 @@
 
 A check that is computed tick by tick spends most of its time between the kernels. Where a robot follows tips
 with a model whose kernel answers many of them at once, a block of ticks is answered, and the part of it is
-taken in which every answer is within reach and is commanded as it is: there the check has nothing to find, and
-the state behind it is that of single ticks, bit for bit. From the first tick with anything else on, ticks are
-computed one by one until a block is clean again.
+taken in which every answer is within reach and is commanded as it is. There the check has nothing to find,
+and the state behind it is that of single ticks, bit for bit. From the first tick with anything else on, ticks
+are computed one by one, until a block is clean again.
 """
 
 from __future__ import annotations

@@ -21,11 +21,6 @@ _LIST: Final = re.compile(r"^(?:array)?[(\[].*[)\]]$|^\{.*\}$", re.DOTALL)
 _OPEN: Final = {"(": ")", "[": "]", "{": "}"}
 
 
-def is_special(text: str) -> bool:
-    """True where a separator may stand inside a cell."""
-    return _SPECIAL.search(text) is not None
-
-
 def begins(line: str, separator: str) -> list[int]:
     """Where the cells of a line begin, from 1, blanks in front left out."""
     places, place = [], 0
@@ -127,7 +122,7 @@ def numbers(cells: Sequence[str], decimal: str, first_row: int) -> tuple[NDArray
             values = np.array(list(map(float, cells)))
         except ValueError:
             values = None
-        if values is not None and np.isfinite(values).all() and not any("_" in cell for cell in cells):
+        if values is not None and np.isfinite(values).all() and "_" not in "".join(cells):
             # A number of more digits than a double has: an integer keeps them all.
             if len(values) and np.abs(values).max() > EXACT:
                 whole = _integers(cells)

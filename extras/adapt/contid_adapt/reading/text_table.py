@@ -7,30 +7,29 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contid.errors import BadInputError, Located
 from contid_adapt.meaning.units import name_and_unit, unit_of_name
 from contid_adapt.reading.cells import (
+    EXACT,
     begins,
     is_list,
     is_lost,
     is_number,
-    is_special,
     listed,
     number,
     numbers,
     split,
     unquoted,
 )
-from contid_adapt.reading.dialect import Dialect, find_dialect, is_comment
+from contid_adapt.reading.dialect import DIGITS, Dialect, find_dialect, is_comment
 from contid_adapt.reading.header import TableHeader, read_header
 from contid_adapt.reading.table import Table, TableColumn
 
 #: Rows that are turned into numbers at a time.
 _CHUNK: Final = 20_000
 _MAX_FINDINGS: Final = 20
-#: A line that begins with one of these is no comment, no header and not empty.
-_DIGITS: Final = frozenset("0123456789-")
 #: What Motive and QTM call the number of rows of a file.
 _COUNTS: Final = ("Total Exported Frames", "NO_OF_FRAMES")
 
@@ -71,29 +70,28 @@ def _rows(
     done = 0
 
     def flush() -> None:
-        add(list(zip(*rows, strict=True)), len(rows))
-        rows.clear()
-
-    def add(columns: Sequence[Sequence[str]], count: int) -> None:
         nonlocal done
-        for place, cells in enumerate(columns):
+        for place, cells in enumerate(zip(*rows, strict=True)):
             if dialect.numeric[place] and not any(is_list(cell) for cell in cells[:3]):
                 values, wrong = numbers(cells, dialect.decimal, done)
                 parts[place].append(values)
                 bad[place] += wrong
             else:
                 parts[place].append(np.array([unquoted(cell) for cell in cells], dtype=object))
-        done += count
+        done += len(rows)
+        rows.clear()
 
     plain_until = start
     for index in range(start, len(lines)):
         if index < plain_until:
             continue
-        if not rows and (plain := _plain(lines[index : index + _CHUNK], dialect, header)):
-            plain_until = index + len(plain[0])
-            add(plain, len(plain[0]))
+        if not rows and (plain := _plain(lines[index : index + _CHUNK], dialect, header)) is not None:
+            plain_until = index + len(plain)
+            for place, column in enumerate(plain.T):
+                parts[place].append(column)
+            done += len(plain)
             numbered += range(index + 1, plain_until + 1)
-            sessions += [session] * len(plain[0])
+            sessions += [session] * len(plain)
             continue
         line = lines[index]
         if not line or line.isspace():
@@ -135,18 +133,19 @@ def _rows(
     return table
 
 
-def _plain(lines: list[str], dialect: Dialect, header: TableHeader) -> list[list[str]] | None:
-    """The cells of every column of lines that are nothing but rows; None where one needs a closer look."""
-    separator, fields = dialect.separator, dialect.fields
-    if separator == " " or any(line.count(separator) != fields - 1 for line in lines):
+def _plain(lines: list[str], dialect: Dialect, header: TableHeader) -> NDArray[np.float64] | None:
+    """Lines of nothing but plain numbers, shape ``(lines, fields)``; None where one is anything else."""
+    if dialect.separator == " " or dialect.decimal != "." or not all(dialect.numeric):
         return None
-    if any(line[:1] not in _DIGITS for line in lines) or not header.lines.isdisjoint(lines):
+    if any(line[:1] not in DIGITS for line in lines) or not header.lines.isdisjoint(lines):
         return None
-    text = separator.join(lines)
-    if is_special(text):
+    try:
+        values = np.loadtxt(lines, delimiter=dialect.separator, comments=None, ndmin=2)
+    except ValueError:
         return None
-    cells = text.split(separator)
-    return [cells[place::fields] for place in range(fields)]
+    # Not what is lost or infinite, and not integers of more digits than a double has.
+    right = values.shape == (len(lines), dialect.fields) and np.abs(values).max() <= EXACT
+    return values if right else None
 
 
 def _columns(
