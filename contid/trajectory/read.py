@@ -139,7 +139,7 @@ def _one_by_one(
         texts = [line for _, line in block if isinstance(line, str)]
         if time is not None and texts and not given.is_json and len(lines) + len(texts) <= MAX_ROWS:
             rows = plain_rows(given.layout, texts, least_s)
-        if rows is None or (values and rows[0, time] - values[time - size] < least_s):
+        if rows is None or time is None or (values and rows[0, time] - values[time - size] < least_s):
             yield from block
         else:
             values.frombytes(rows.tobytes())

@@ -277,6 +277,6 @@ def test_shared_memory_that_cannot_be_used_has_its_remedy(
     def refuse(*arguments: object) -> int:
         raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr(ring.os, "open", refuse)
+    monkeypatch.setattr(os, "open", refuse)
     with pytest.raises(ring.RingError, match=remedy):
         ring.create(LAYOUT, seconds=0.1)
