@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 
 from contid.control.tick.soft_start import fitted, played
+from contid.kinematics.array import Array
 from contid.trajectory.timed import Trajectory
 
 #: Every tick is checked within this time after a row and before the next [s]; of the ticks between them, this
@@ -106,7 +107,7 @@ class EveryTick:
         ticks = numbers - lead / 2
         for n in (*range(min(lead, count)), *range(max(0, math.floor(over - tail) - 1), count)):
             ticks[n] = played(n, length, lead, tail)
-        self.times_s = trajectory.start_s + ticks / rate_hz
+        self.times_s: Array = np.asarray(trajectory.start_s + ticks / rate_hz, dtype=np.float64)
         self.times_s[-1] = trajectory.end_s
         last = len(trajectory) - 1
         self.rows = np.minimum(np.maximum(trajectory.rows_at(self.times_s), 0) + 1, last)

@@ -16,6 +16,7 @@ from contid.control.tick.preflight.rows import Preflight
 from contid.control.tick.preflight.ticks import SAMPLES, EveryTick, computes_every, run_ticks
 from contid.errors import BadInputError
 from contid.robot_file.load import LoadedFile, load_named
+from contid.targets import Actuation
 from contid.trajectory import read
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
@@ -71,7 +72,7 @@ def test_verdicts_are_those_of_single_ticks(
 
 def test_ticks_are_those_of_single_ones() -> None:
     loaded = load_named("finger")
-    walks = ([(0.0, 20.0, 80.0)], *([*finger_walk(wild)][:40] for wild in (0.0, 0.5, 1.0)))
+    walks: list[list[Row]] = [[(0.0, 20.0, 80.0)], *([*finger_walk(wild)][:40] for wild in (0.0, 0.5, 1.0))]
     for walk in walks:
         trajectory = written(loaded, "t_s,x_mm,y_mm", iter(walk))
         for rate_hz, lead, tail in ((200.0, 0, 0), (137.3, 4, 10), (50.0, 400, 400), (200.0, 30, 0)):
@@ -95,7 +96,9 @@ def test_followed_counts_what_limit_returns_as_it_is() -> None:
     for scale in (0.5, 0.9, 1.05):
         steps = np.cumsum(random.uniform(-1, 1, (200, 2)) * scale * limits[0].change, axis=0)
         targets = 0.06 + np.cumsum(steps, axis=0)
-        last, last_steps, count = (0.06, 0.06), (0.0, 0.0), 0
+        last: Actuation = (0.06, 0.06)
+        last_steps: Actuation = (0.0, 0.0)
+        count = 0
         for to in targets.tolist():
             pace = [new - old for new, old in zip(to, last, strict=True)]
             command, flags = limit(limits, last, last_steps, to, pace)
