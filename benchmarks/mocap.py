@@ -79,7 +79,11 @@ def track(path: Path, seconds: float) -> FollowReport:
     try:
         with Client(path, name="benchmark") as client:
             follow(
-                stream, RoomTipTracker(setup), Follower(RoomTipSender(client, print), print), report, seconds
+                stream,
+                RoomTipTracker(setup),
+                Follower(RoomTipSender(client, print), print, newest=True),
+                report,
+                seconds,
             )
     finally:
         stream.close()

@@ -124,7 +124,13 @@ def run_room(
 
             request_real_time(TRACKER)
             with Client(socket, name="contid track") as client:
-                follow(stream, tracker, Follower(RoomTipSender(client, notify), notify), report, seconds)
+                follow(
+                    stream,
+                    tracker,
+                    Follower(RoomTipSender(client, notify), notify, newest=True),
+                    report,
+                    seconds,
+                )
     finally:
         stream.close()
         click.echo(str(report), err=True)
