@@ -29,7 +29,7 @@ MOST: Final = 8192
 SINGLES: Final = 64
 
 
-class Block:
+class BlockSize:
     """Size of the next block."""
 
     def __init__(self) -> None:

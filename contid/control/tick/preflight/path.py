@@ -19,7 +19,7 @@ import numpy as np
 
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.next_command import next_command, tip_tolerance_m
-from contid.control.tick.preflight.blocks import Block, clean, takes_blocks, tips_in_base
+from contid.control.tick.preflight.blocks import BlockSize, clean, takes_blocks, tips_in_base
 from contid.control.tick.preflight.clearance import ClearancePreflight
 from contid.control.tick.preflight.jumps import Disturbed, jump_of
 from contid.control.tick.preflight.reasons import NEAR_M, PathFinding, explain, jump, too_fast, undecided
@@ -114,7 +114,7 @@ def _not_clean(
     progress: Callable[[int], None] | None,
 ) -> Iterator[Tick]:
     """The ticks that have to be looked at one by one; the followers go through the others by themselves."""
-    block, number = Block(), 0
+    block, number = BlockSize(), 0
     while number < len(ticks):
         rows = trajectory.values_of_many(ticks.times_s[number : number + block.size])
         answers = [f.clean(tips_in_base(trajectory, f.config, rows)) for f in followers]

@@ -12,7 +12,7 @@ import numpy as np
 
 from contid.clearance.guard import ClearanceGuard
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.preflight.blocks import Block, reached, takes_blocks, tips_in_base
+from contid.control.tick.preflight.blocks import BlockSize, reached, takes_blocks, tips_in_base
 from contid.control.tick.preflight.clearance import ClearancePreflight
 from contid.control.tick.preflight.path import path_findings
 from contid.control.tick.preflight.reasons import PathFinding, explain, slower
@@ -212,7 +212,7 @@ class Preflight:
         if self._guards or not takes_blocks(trajectory, moved):
             yield from range(len(trajectory))
             return
-        block, index = Block(), 0
+        block, index = BlockSize(), 0
         while index < len(trajectory):
             rows = trajectory.rows[index : index + block.size]
             answers = [
