@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Final
 
 from contid.client import Client
+from contid.control.process.realtime import TRACKER, request_real_time
 from contid.remote.protocol.socket_path import is_listening
 from contid_mocap.emulate.natnet_server import EPOCH_S, TICKS_PER_S
 from contid_mocap.follow import Follower, FollowReport, follow
@@ -38,6 +39,7 @@ HERE: Final = IPv4Address("127.0.0.1")
 
 def bare(seconds: float, results: Connection) -> None:
     """Receive frames and note their ages; decoding comes after all of them."""
+    request_real_time(TRACKER)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
         end.bind((str(HERE), 0))
         end.settimeout(1.0)
@@ -69,14 +71,19 @@ def line(name: str, ages_s: Iterable[float]) -> str:
 
 
 def track(path: Path, seconds: float) -> FollowReport:
-    """Track the emulated room into the daemon."""
+    """Track the emulated room into the daemon, as `contid track` does."""
+    request_real_time(TRACKER)
     tip = TipPlace(body="tip", roll_deg=-90)
     setup = MocapSetup(contid_mocap=1, room=RoomPlace(up="z"), robots={"finger": tip})
     stream, report = NatNetStream(NatNetAddresses(HERE, HERE, PORT)), FollowReport()
     try:
         with Client(path, name="benchmark") as client:
             follow(
-                stream, RoomTipTracker(setup), Follower(RoomTipSender(client, print), print), report, seconds
+                stream,
+                RoomTipTracker(setup),
+                Follower(RoomTipSender(client, print), print, newest=True),
+                report,
+                seconds,
             )
     finally:
         stream.close()

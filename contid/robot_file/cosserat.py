@@ -12,9 +12,9 @@ from contid.robot_file.dynamics import Dynamics
 from contid.robot_file.pneumatic.geometry import CosseratGeometry
 from contid.robot_file.pneumatic.sense import ModelErrors, Sense
 from contid.robot_file.pneumatic.simulated import SimulatedArm
-from contid.robot_file.robot import RobotDescription
+from contid.robot_file.robot import RobotDescription, SectionLength
 from contid.targets import Actuation
-from contid.units import BAR
+from contid.units import BAR, MM_PER_M
 
 
 class CosseratLimits(Strict):
@@ -120,8 +120,15 @@ class Cosserat(RobotDescription):
     @property
     def accepts(self) -> frozenset[str]:
         """Kinds of targets; the three pressures of a single section are too few for a direction."""
-        kinds = {"tip", "actuation", "load"}
-        return frozenset(kinds if len(self.geometry.sections) == 1 else kinds | {"mid", "direction"})
+        kinds = super().accepts | {"load"}
+        return kinds if len(self.geometry.sections) == 1 else kinds | {"mid", "direction"}
+
+    @property
+    def section_lengths(self) -> tuple[SectionLength, ...]:
+        """Lengths without pressure."""
+        return tuple(
+            SectionLength(each.length_mm / MM_PER_M, changes=True) for each in self.geometry.sections
+        )
 
     @property
     def lower(self) -> Actuation:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from array import array
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Final, TextIO
 
 import numpy as np
@@ -11,6 +13,7 @@ import numpy as np
 from contid.errors import BadInputError, Located
 from contid.robot_file.robot import RobotDescription
 from contid.trajectory.columns import TIME
+from contid.trajectory.plain_rows import LINES, plain_rows
 from contid.trajectory.rows import MAX_ROWS, RowReader, lines_from_header, numbered_lines
 from contid.trajectory.spline import Floats
 from contid.trajectory.timed import Interpolation, Trajectory
@@ -66,15 +69,16 @@ def _read(
 ) -> Trajectory:
     findings: list[Located] = []
     values, lines = array("d"), array("q")
-    last_time: float | None = None
+    readers = [] if reader is None else [reader]
     number = 0
-    for number, given in numbered:
+    for number, given in _one_by_one(numbered, readers, values, lines):
         if reader is not None and isinstance(given, str) and not given.strip(", "):
             continue  # An empty row of a spreadsheet.
         try:
             if reader is None:
                 assert isinstance(given, str), "rows of numbers come with a reader"
                 reader = RowReader(given, name, robots, number)
+                readers.append(reader)
                 if not reader.timed:
                     message = f"no column {TIME!r}: a trajectory with times begins with it"
                     raise BadInputError([Located(name, number, 1, message)])
@@ -83,11 +87,11 @@ def _read(
             row = reader.row(given, number)
             assert reader.layout.time is not None
             time_s = row[reader.layout.time]
-            if last_time is not None and time_s - last_time < MIN_ROW_INTERVAL_S * _ROUNDING:
+            last_time = values[reader.layout.time - len(row)] if values else -math.inf
+            if time_s - last_time < MIN_ROW_INTERVAL_S * _ROUNDING:
                 column = reader.column(given, reader.layout.time)
                 message = f"{_time_fault(time_s, last_time)} on line {lines[-1]}"
                 raise BadInputError([Located(name, number, column, message)])
-            last_time = time_s
         except BadInputError as error:
             findings += error.findings
             if reader is None or not reader.timed:
@@ -112,6 +116,34 @@ def _read(
     _check_directions(reader, rows, lines, name)
     rows.setflags(write=False)
     return Trajectory(reader.layout, rows, lines, interpolation)
+
+
+def _one_by_one(
+    numbered: Iterable[tuple[int, str | Sequence[float]]],
+    readers: Sequence[RowReader],
+    values: array[float],
+    lines: array[int],
+) -> Iterator[tuple[int, str | Sequence[float]]]:
+    """The lines that have to be looked at one by one; blocks of plain ones are added to values and lines."""
+    numbered = iter(numbered)
+    for header in numbered:
+        yield header
+        if readers:
+            break
+    else:
+        return
+    given = readers[0]
+    size, time, least_s = len(given.layout.names), given.layout.time, MIN_ROW_INTERVAL_S * _ROUNDING
+    while block := list(islice(numbered, LINES)):
+        rows = None
+        texts = [line for _, line in block if isinstance(line, str)]
+        if time is not None and texts and not given.is_json and len(lines) + len(texts) <= MAX_ROWS:
+            rows = plain_rows(given.layout, texts, least_s)
+        if rows is None or time is None or (values and rows[0, time] - values[time - size] < least_s):
+            yield from block
+        else:
+            values.frombytes(rows.tobytes())
+            lines.extend([number for number, _ in block])
 
 
 def _time_fault(time_s: float, last_time: float) -> str:

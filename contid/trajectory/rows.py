@@ -21,15 +21,20 @@ MAX_ROWS: Final = 2_000_000
 #: Maximum number in a row, as written: 10 000 km, 300 years. Squares of larger ones overflow in the models.
 MAX_NUMBER: Final = 1e10
 
+#: Most rows begin with one of these; such a line is no comment.
+_BEGINS: Final = frozenset("0123456789-")
+
 
 def numbered_lines(stream: TextIO) -> Iterator[tuple[int, str]]:
     """Lines with their numbers from 1, without line ends, cut at `MAX_LINE` + 1 characters."""
     number = 0
     while line := stream.readline(MAX_LINE + 1):
         number += 1
-        yield number, line.rstrip("\r\n").removeprefix("\ufeff" if number == 1 else "")
-        while len(line) > MAX_LINE and not line.endswith("\n"):
-            if not (line := stream.readline(MAX_LINE + 1)):
+        yield number, line.rstrip("\r\n") if number > 1 else line.rstrip("\r\n").removeprefix("\ufeff")
+        if len(line) <= MAX_LINE:
+            continue
+        while not line.endswith("\n"):
+            if len(line := stream.readline(MAX_LINE + 1)) <= MAX_LINE:
                 break
 
 
@@ -44,6 +49,9 @@ def lines_from_header(numbered: Iterable[tuple[int, str]]) -> Iterator[tuple[int
     comment: tuple[int, str] | None = None
     header = False
     for number, line in numbered:
+        if header and line[:1] in _BEGINS:
+            yield number, line
+            continue
         if is_comment(line):
             comment = (number, line) if line.strip() else comment
             continue

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contid.targets import Target
 from contid.trajectory.columns import ColumnLayout
@@ -85,6 +86,15 @@ class Trajectory:
         """Index of the last row at or before ``time_s``; the first row for any earlier time."""
         return max(bisect_right(self._times, time_s) - 1, 0)
 
+    @property
+    def times_s(self) -> Floats:
+        """Times of the rows."""
+        return np.frombuffer(self._times)
+
+    def rows_at(self, times_s: Floats) -> NDArray[np.intp]:
+        """Index of the last row at or before each time; -1 before the first."""
+        return np.searchsorted(self.times_s, times_s, side="right") - 1
+
     def targets_at(self, time_s: float) -> Mapping[str, Target]:
         """Target of every robot that has columns, in the world frame.
 
@@ -102,6 +112,17 @@ class Trajectory:
         u = time_s - self._times[index]
         row: list[float] = (((c3 * u + c2) * u + c1) * u + c0).tolist()
         return row
+
+    def values_of_many(self, times_s: Floats) -> Floats:
+        """`values_at` of many times, shape ``(times, columns)``."""
+        index = self.rows_at(times_s)
+        inside = (index >= 0) & (index < len(self._coefficients))
+        rows: Floats = self.rows[np.where(index < 0, 0, -1)]
+        at = index[inside]
+        u = (times_s[inside] - self.times_s[at])[:, None]
+        c0, c1, c2, c3 = self._coefficients[at].transpose(1, 0, 2)
+        rows[inside] = ((c3 * u + c2) * u + c1) * u + c0
+        return rows
 
     def stretched(self, factor: float) -> Trajectory:
         """The same path, each of its parts ``factor`` times slower; it begins at the same time."""

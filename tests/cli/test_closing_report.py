@@ -70,3 +70,8 @@ def test_live_rows_that_outrun_the_limits_are_counted(step_mm: float, outrun: bo
     if found:
         assert 0 < int(re.search(r"in (\d+)", found[1])[1]) < int(found[2])  # type: ignore[index]
         assert "commanded tip error max" in done.stdout
+
+
+def test_one_live_row_is_reported_as_a_way_to_a_point(tmp_path: Path) -> None:
+    done = run("x_mm,y_mm\n20,80\n", tmp_path)
+    assert re.search(r"0 ticks followed; \d\d ticks on the way to a point, none along rows", done.stdout)

@@ -22,6 +22,7 @@ from contid.errors import BadInputError
 from contid.kinematics.extra_axes import WithExtraAxes
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Bending, Model, build_model
+from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import load_named, parse_robot_file
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.sections import SectionRobot
@@ -200,6 +201,56 @@ def test_a_model_without_bends_refuses_them() -> None:
     assert "arcs" not in rod.accepts
     with pytest.raises(BadInputError, match=r"unknown column 's1.bend_deg'"):
         RowReader(",".join(arc_names(robot)), "rows", {"arm": rod})
+
+
+@pytest.mark.parametrize("name", ["stiffflop1", "stiffflop2"])
+def test_bends_of_a_pneumatic_arm_without_loads_are_arcs(name: str) -> None:
+    robot = robot_of(name)
+    model = build_model(robot)
+    assert isinstance(robot, Cosserat)
+    assert isinstance(model, Bending)
+    rigid = tuple(section.link_mm / 1e3 for section in robot.geometry.sections)
+    rng = np.random.default_rng(3)
+    for _ in range(10):
+        bends = rng.uniform(-0.7, 0.7, (len(rigid), 2))
+        asked = np.column_stack((bends, np.zeros(len(rigid))))
+        found = model.inverse(Target(arcs=tuple(asked.ravel().tolist())), robot.rest)
+        assert found.converged
+        arcs = model.arcs(found.actuation)
+        np.testing.assert_allclose(arcs[:, :2], bends, atol=1e-7)
+        # A length that is left open takes the lowest pressures that a turn of the bend needs.
+        above = np.reshape(found.actuation, (-1, 3)) - robot.lower[0]
+        assert np.sqrt(2.0) * above.std(axis=1) == pytest.approx(above.mean(axis=1), abs=1.0)
+        placed = Chain(lambda _, arcs=arcs: arcs, rigid).placed(np.zeros(1))  # type: ignore[misc]
+        np.testing.assert_allclose(model.forward(found.actuation).tip_m, placed.tip, atol=1e-8)
+        whole = tuple(arcs.ravel().tolist())
+        assert model.inverse(Target(arcs=whole), robot.rest).actuation == pytest.approx(
+            found.actuation, abs=0.5
+        )
+
+
+def test_bends_of_a_pneumatic_arm_under_a_load_are_those_of_its_ends() -> None:
+    robot = robot_of("stiffflop1")
+    model = build_model(robot)
+    assert isinstance(model, Bending)
+    load = (0.02, -0.04, 0.05)
+    seed = robot.rest
+    for azimuth in np.linspace(0.0, 6.0, 7).tolist():
+        u, v = 0.4 * math.cos(azimuth), 0.4 * math.sin(azimuth)
+        found = model.inverse(Target(arcs=(u, v, 0.054), load_n=load), seed)
+        assert found.converged
+        seed = found.actuation
+        x, y, z = model.forward(seed, load).direction
+        assert math.acos(z) == pytest.approx(0.4, abs=1e-6)
+        assert math.remainder(math.atan2(y, x) - azimuth, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-6)
+        line = model.shape(seed, 801, load)
+        assert np.linalg.norm(np.diff(line, axis=0), axis=1).sum() == pytest.approx(0.054, abs=1e-5)
+
+
+def test_bends_that_no_pressures_have_hold_the_last_command() -> None:
+    robot = robot_of("stiffflop1")
+    found = build_model(robot).inverse(Target(arcs=(9.0, 0.0, 0.0)), robot.rest)
+    assert (found.actuation, found.converged, found.limited_by) == (robot.rest, False, ("reach",))
 
 
 def test_bends_pass_through_frames_live_vectors_recorded_orders_and_extra_axes() -> None:

@@ -33,7 +33,11 @@ if TYPE_CHECKING:
 @click.option(
     "--parked", is_flag=True, help="AXES without homing stand in their parked pose now; move nothing."
 )
-def command(robot_file: str, axes: tuple[str, ...], dry_run: bool, force: bool, parked: bool) -> None:
+@click.option("--here", is_flag=True, help="AXES were brought to a known place by hand; turn no motor.")
+@click.option("--at-mm", type=float, default=0.0, help="Length at that place; 0 where left out.")
+def command(
+    robot_file: str, axes: tuple[str, ...], dry_run: bool, force: bool, parked: bool, here: bool, at_mm: float
+) -> None:
     """Home AXES (ROBOT.AXIS; default: all with `homing:`) one by one and write their zero into ROBOT_FILE.
 
     Each reference is searched twice, with a way back between. One that repeats to more than 1 degree (2 mm of
@@ -44,6 +48,9 @@ def command(robot_file: str, axes: tuple[str, ...], dry_run: bool, force: bool, 
 
     With --parked, AXES (default: all without homing) count from their parked pose again, after a restart of
     their board lost it. Look at the robot first: contid moves as if it stood there.
+
+    With --here, an axis without homing has the length --at-mm now: `contid home ROBOT.yaml arm.left --here
+    --at-mm 30`. It is to be turned away by hand and back, which shows that its encoder counts.
     """
     from contid.control.engine.wiring import wired_buses
     from contid.remote.server.stop_server import StopServer
@@ -58,6 +65,14 @@ def command(robot_file: str, axes: tuple[str, ...], dry_run: bool, force: bool, 
         return
     if not dry_run:
         require_writable(path, "home")
+    if here:
+        for name in axes:
+            _keep(loaded, path, _here(loaded, buses, name, at_mm, force), dry_run)
+        if not axes:
+            raise ContidError("--here needs the axes that stand in their place: ROBOT.AXIS")
+        return
+    if at_mm:
+        raise ContidError("--at-mm goes with --here; homing has its own `at_mm` in the robot file")
     homed = 0
     with interruptible(), StopServer(robot_file, "homing"):
         for found in _home(loaded, buses, axes, force):
@@ -67,6 +82,26 @@ def command(robot_file: str, axes: tuple[str, ...], dry_run: bool, force: bool, 
         raise ContidError(f"{robot_file}: no axis has `homing:` (docs/devices/dynamixel.md, Zero and turns)")
     if not dry_run:
         load_robot_file(path)
+
+
+def _here(loaded: LoadedFile, buses: Sequence[WiredBus], name: str, at_mm: float, force: bool) -> Homed:
+    """The reference of an axis that a person has brought there."""
+    from contid.cli.support import zero_here
+
+    bus = next(each for each in buses if any(axis.name == name for axis in each.axes))
+    options = next(axis.options for axis in bus.axes if axis.name == name)
+    zero_here.require_place(
+        _described(loaded, name).mm_per_rev, getattr(options, "homing", None), name, at_mm
+    )
+    reference = reference_of(loaded, name, at_mm)
+    if force:
+        reference = replace(reference, zero_rad=None)
+
+    def ask(request: str) -> None:
+        click.prompt(f"{request}, then press Enter", default="", show_default=False, prompt_suffix=" ")
+
+    with zero_here.reading([bus]) as read:
+        return Homed(name, zero_here.here(name, reference, read, ask), at_mm, "by hand, looked at twice")
 
 
 def _keep(loaded: LoadedFile, path: Path, found: Homed, dry_run: bool) -> None:

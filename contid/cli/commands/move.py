@@ -47,14 +47,15 @@ def command(
     """Send robots to a point, or along the rows of --trajectory, and hold there.
 
     Columns are those of a trajectory: `contid move x_mm=40 y_mm=75`, `contid move left x_mm=40 y_mm=75`,
-    `contid move left.x_mm=40 left.y_mm=75 right.x_mm=60 right.y_mm=75`. Ctrl-C holds.
+    `contid move left.x_mm=40 left.y_mm=75 right.x_mm=60 right.y_mm=75`. Axes of a robot that are left out
+    beside others stay: `contid move finger left_mm=58`. Ctrl-C holds.
 
     With --until-force-n fingers hold an object; the point is behind its surface, and any later order releases
     it: `contid move left x_mm=55 y_mm=75 --until-force-n 3`.
 
     With --grip axes in current_based_position mode push with less current: `contid move left --grip 0.3`.
     """
-    from contid.remote.client.move_arguments import columns_and_rows, point
+    from contid.remote.client.move_arguments import columns_and_rows, point, with_other_axes
 
     robots = tuple(part for part in message if "=" not in part)
     added: Mapping[str, GoalOption] = command.added
@@ -74,7 +75,11 @@ def command(
             if only_grip:
                 return limited
         if trajectory is None:
-            goal = goals[0].target(client, values) if goals else target
+            goal = (
+                goals[0].target(client, values)
+                if goals
+                else with_other_axes(target, client.describe(), client.status())
+            )
             return {"move": client.move(goal, until_force_n=until_force_n, wait=not no_wait)}
         return {"refused": client.stream(columns, rows)}
 

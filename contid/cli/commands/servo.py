@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import click
@@ -36,13 +37,31 @@ class ServoPortOptions:
         return self.port, self.baud
 
 
-@click.group()
+class _Servos(click.Group):
+    """The sub-commands, and the name of a robot file in place of one: ``contid servo ROBOT``."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        from contid.robot_file.load import find_robot_file
+
+        if args[0] not in self.commands:
+            with suppress(ContidError, OSError):
+                find_robot_file(args[0])
+                return "watch", self.commands["watch"], args
+        return super().resolve_command(ctx, args)
+
+
+@click.group(cls=_Servos)
 @click.option("--port", help="Serial port the servo is on.")
 @click.option("--baud", default=1000000, show_default=True, help="Baud rate the servo has now.")
 @click.option("--driver", default="dynamixel", show_default=True)
 @click.pass_context
 def command(context: click.Context, port: str | None, baud: int, driver: str) -> None:
-    """Commission servos; connect a servo alone when its id may be taken."""
+    """Commission servos; connect a servo alone when its id may be taken.
+
+    `contid servo ROBOT.yaml` shows position, current, supply and temperature of its axes.
+    """
     from contid.hal import Commissions, load_driver
 
     loaded = load_driver(driver)
@@ -77,6 +96,18 @@ def setup(servo_port: ServoPortOptions, robot_file: str) -> None:
         assert isinstance(bus.driver, Commissions)
         bus.driver.setup(bus.wiring.name, bus.wiring.options, bus.axes, _ask, click.echo)
     click.echo(f"every servo is numbered; next: contid doctor {robot_file}")
+
+
+@command.command("watch")
+@click.argument("robot_file", shell_complete=robot_names)
+@click.option("--once", is_flag=True, help="Print one table; so it is where stdout is no terminal.")
+def watch(robot_file: str, once: bool) -> None:
+    """Show the axes of ROBOT_FILE as they are, until Ctrl-C; nothing moves, torque stays as it is."""
+    from contid.cli.support.live_axes import show
+    from contid.control.engine.wiring import wired_buses
+    from contid.robot_file.load import load_named
+
+    show(wired_buses(load_named(robot_file)), once)
 
 
 def _ask(request: str) -> None:

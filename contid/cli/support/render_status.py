@@ -108,6 +108,10 @@ def _axes(robot: Fields) -> Table:
         notes += axis["limits"]
         if axis["temperature_c"] is not None:
             notes.append(f"{axis['temperature_c']:.0f} C")
+        if axis["voltage_v"] is not None:
+            notes.append(f"{axis['voltage_v']:.1f} V")
+        if axis["effort"] is not None:
+            notes.append(f"effort {axis['effort']:.3g}")
         table.add_row(
             name,
             bar(measured, low, high),

@@ -75,6 +75,7 @@ class Outcomes:
         if not retreating or (going is not None and state.goto is None):
             self._going[index] = None if state.recovering else state.goto
         robots.states[index] = state
+        tally.approached += state.mode is Mode.APPROACH
         if outcome.solution is not None:
             source = self._selector.source
             timed = source is not None and source.time_s is not None

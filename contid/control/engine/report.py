@@ -110,7 +110,8 @@ def _places(axes: Mapping[str, Mapping[str, float]]) -> str:
 def _errors(robot: Mapping[str, Any]) -> str:
     """What the model, the limits and the robot left of the targets, side by side."""
     if not robot["ticks_followed"]:
-        return ""
+        ticks = robot["ticks_approached"]
+        return f"; {ticks} ticks on the way to a point, none along rows" if ticks else ""
     residual_mm, commanded_mm = robot["ik_residual_max_mm"], robot["tip_error_max_mm"]
     text = f"; IK residual max {residual_mm:.3g} mm"
     if commanded_mm > residual_mm + SHOWN_MM:

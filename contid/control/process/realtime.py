@@ -12,14 +12,20 @@ from contid.trajectory.approach import Approach
 
 #: Priority under SCHED_FIFO.
 PRIORITY: Final = 50
+EMULATED: Final = 40
+TRACKER: Final = 30
 #: Sleep ends this long before the deadline and spinning follows: wake-ups are up to 100 us late.
 SPIN_S: Final = 250e-6
 
 
-def request_real_time() -> str:
-    """Run under SCHED_FIFO; returns why not, or "" when it worked."""
+def request_real_time(priority: int = PRIORITY) -> str:
+    """Run under SCHED_FIFO; returns why not, or "" when it worked.
+
+    Processes around the control process take less than `PRIORITY`: emulated devices `EMULATED`, trackers
+    `TRACKER`. A busy machine would else silence devices, and make tips old, by tens of milliseconds.
+    """
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except OSError as error:
         return (
             f"SCHED_FIFO not permitted ({error.strerror}): ticks may be late when the machine is busy; "

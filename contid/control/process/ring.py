@@ -78,7 +78,10 @@ def create(layout: RecordLayout, seconds: float = SECONDS) -> Path:
         if error.errno in (errno.EMFILE, errno.ENFILE):
             raise  # not a matter of memory: the command names the limit of open files
         message = f"{path.parent}: no shared memory of {total / 1e6:.1f} MB for this run: {error.strerror}"
-        raise RingError(f"{message}; remove files from it, or enlarge it (docker: --shm-size)") from error
+        remedy = "remove files from it, or enlarge it (docker: --shm-size)"
+        if error.errno in (errno.EROFS, errno.EACCES, errno.EPERM):
+            remedy = f"mount a tmpfs there that you can write (docker: --tmpfs {path.parent})"
+        raise RingError(f"{message}; {remedy}") from error
     return path
 
 

@@ -20,6 +20,7 @@ from functools import cache
 from typing import Any, Final
 
 from contid.kernels import load
+from contid.kinematics.array import Array
 
 # Which limit bound, as bits of one number per axis; the kernel has the same ones.
 POSITION: Final = 1
@@ -127,3 +128,11 @@ def limit(
         limits, last, last_steps, targets, target_steps
     )
     return limited
+
+
+def followed(
+    limits: Sequence[AxisLimits], last: Sequence[float], last_steps: Sequence[float], targets: Array
+) -> int:
+    """How many of the first targets, shape ``(ticks, axes)``, one a tick, `limit` returns bit for bit."""
+    count: int = kernel().followed(limits, last, last_steps, targets)
+    return count

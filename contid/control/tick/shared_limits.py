@@ -12,7 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+import numpy as np
+
 from contid.control.tick.limits import POSITION, AxisLimits, allowed_steps, brake_step, stops_within
+from contid.kinematics.array import Array
 from contid.targets import Actuation
 
 #: Linear steps to a curved limit, and bisections of the share of the brakes in each.
@@ -24,6 +27,8 @@ _LEAST: Final = 0.1
 _CURVED: Final = 1.2
 #: Greatest slope of a shared limit along one axis.
 _STEEPEST: Final = 2.0
+#: Within this of a limit the closer look is taken [m], above all rounding.
+_NEAR_M: Final = 1e-9
 #: Excess that is rounding [m].
 _ROUNDING_M: Final = 1e-12
 
@@ -89,6 +94,29 @@ def limit_shared(
         return limited
     pairs = zip(flags, command, limited[0], strict=True)
     return command, tuple([flag | (POSITION if now != was else 0) for flag, now, was in pairs])
+
+
+def reaches_shared(
+    shared: SharedLimits, limits: Sequence[AxisLimits], last: Actuation, commands: Array
+) -> int:
+    """How many of the first commands, shape ``(ticks, axes)``, `limit_shared` returns without a closer look.
+
+    Between the commands at which limits are computed none comes nearer than its greatest slope allows.
+    """
+    moves = np.abs(np.diff(commands, axis=0, prepend=[last]))
+    on = (moves / [each.change for each in limits]).max(axis=1, initial=0.0)
+    reach = _STEEPEST * moves.sum(axis=1) * (1.0 + np.maximum(0.0, 0.5 * (on - 1.0))) + _NEAR_M
+    at = 0
+    while at < len(commands):
+        room = -max(shared.excess(tuple(commands[at].tolist())))
+        way = _STEEPEST * np.abs(commands[at:] - commands[at]).sum(axis=1)
+        near = np.flatnonzero(room - way <= reach[at:])
+        if not len(near):
+            return len(commands)
+        if near[0] == 0:
+            return at
+        at += int(near[0])
+    return at
 
 
 def _ahead(moves: Sequence[float], limits: Sequence[AxisLimits]) -> float:

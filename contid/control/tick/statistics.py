@@ -54,6 +54,7 @@ class RobotTally:
 
     Attributes:
         followed: ticks in RUN.
+        approached: ticks on the way to the first target.
         greatest_m: greatest distance of the commanded model's tip from the target [m].
         squares_m2: sum of its squares.
         residual_m: greatest residual of the inverse kinematics [m].
@@ -69,6 +70,7 @@ class RobotTally:
     """
 
     followed: int = 0
+    approached: int = 0
     greatest_m: float = 0.0
     squares_m2: float = 0.0
     residual_m: float = 0.0
@@ -135,6 +137,7 @@ class RobotTally:
         rms_m = math.sqrt(self.squares_m2 / self.followed) if self.followed else 0.0
         return {
             "ticks_followed": self.followed,
+            "ticks_approached": self.approached,
             "ik_residual_max_mm": m_to_mm(self.residual_m),
             "tip_error_max_mm": m_to_mm(self.greatest_m),
             "tip_error_rms_mm": m_to_mm(rms_m),

@@ -7,6 +7,7 @@
 
 #include "../batch_python.hpp"
 #include "../python.hpp"
+#include "bends.hpp"
 #include "solver.hpp"
 
 namespace nb = nanobind;
@@ -23,7 +24,7 @@ Vec vec(nb::handle sequence) {
 nb::tuple triple(Vec a) { return nb::make_tuple(a.x, a.y, a.z); }
 
 constexpr const char* kPressures = "expected three pressures per section";
-constexpr const char* kStations = "stations: an array (n,)";
+constexpr const char* kStationRows = "stations: an array (n,)";
 
 // What contid.kinematics.cosserat.section.Loads has for a section; zero where it has nothing.
 Vec entry(nb::handle table, int section) {
@@ -76,10 +77,11 @@ Arm arm_of(nb::handle setup) {
 
 struct Engine {
   Arm arm;
+  Bends bent;
   double length;
   bool full_rotation;
 
-  explicit Engine(nb::handle setup) : arm(arm_of(setup)) {
+  explicit Engine(nb::handle setup) : arm(arm_of(setup)), bent(arm) {
     length = nb::cast<double>(setup.attr("direction_length"));
     full_rotation = nb::cast<bool>(setup.attr("full_rotation"));
   }
@@ -123,7 +125,7 @@ struct Engine {
   }
 
   nb::tuple statics(nb::handle pressures, nb::handle loads, Stations stations, Frames out) const {
-    if (out.shape(0) != stations.shape(0) || out.shape(1) != kFrame) throw nb::value_error(kStations);
+    if (out.shape(0) != stations.shape(0) || out.shape(1) != kFrame) throw nb::value_error(kStationRows);
     double p[kMost];
     pressures_of(pressures, p);
     Rod under = arm.rod;
@@ -143,6 +145,21 @@ struct Engine {
     const Equilibrium at = arm.forward(under, p, force);
     frames_at(under, p, at.moment, force, at.elements, stations.data(), stations.shape(0), out.data());
     return nb::make_tuple(at.done, triple(at.moment), at.elements);
+  }
+
+  nb::tuple bends(nb::handle pressures, nb::handle force) const {
+    double p[kMost], out[kMost];
+    pressures_of(pressures, p);
+    bent.read(arm, p, vec(force), out);
+    return tuple_of(out, count());
+  }
+
+  nb::object of_bends(nb::handle asked, nb::handle force, nb::handle seed) const {
+    double start[kMost], bend[kMost], p[kMost];
+    read(asked, bend, count(), "expected two components and a length per section");
+    pressures_of(seed, start);
+    if (!bent.solve(arm, bend, vec(force), start, p)) return nb::none();
+    return tuple_of(p, count());
   }
 
   nb::object critical(nb::handle pressures, nb::handle force, double max_factor) const {
@@ -193,5 +210,7 @@ void contid::bind(nb::module_& m) {
       .def("forward", &Engine::forward, nb::arg("pressures"), nb::arg("force"))
       .def("near", &Engine::near, nb::arg("pressures"), nb::arg("force"), nb::arg("guess"))
       .def("statics", &Engine::statics, nb::arg("pressures"), nb::arg("loads"), nb::arg("stations"), nb::arg("out"))
+      .def("bends", &Engine::bends, nb::arg("pressures"), nb::arg("force"))
+      .def("of_bends", &Engine::of_bends, nb::arg("asked"), nb::arg("force"), nb::arg("seed"))
       .def("critical", &Engine::critical, nb::arg("pressures"), nb::arg("force"), nb::arg("max_factor") = 1.0);
 }

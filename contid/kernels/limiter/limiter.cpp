@@ -68,6 +68,26 @@ nb::tuple limit(nb::handle limits, nb::handle last, nb::handle last_steps, nb::h
   return nb::make_tuple(contid::tuple_of(commands, count), numbers_of(flags, count));
 }
 
+// How many of the first targets (a row per tick) `limit` commands as they are.
+std::size_t followed(nb::handle limits, nb::handle last, nb::handle last_steps, Grid targets) {
+  constexpr char what[] = "followed: one number per axis";
+  Axis axes[kMostAxes];
+  double at[kMostAxes], steps[kMostAxes];
+  const int count = axes_of(limits, axes);
+  read(last, at, count, what), read(last_steps, steps, count, what);
+  if (targets.shape(1) != static_cast<std::size_t>(count)) throw nb::value_error(what);
+  for (std::size_t row = 0; row < targets.shape(0); ++row) {
+    const double* const to = targets.data() + row * count;
+    for (int k = 0; k < count; ++k) {
+      const double pace = to[k] - at[k];
+      const AxisCommand next = contid::limit_axis(axes[k], at[k], steps[k], to[k], pace);
+      if (next.flags || next.value != to[k]) return row;
+    }
+    for (int k = 0; k < count; ++k) steps[k] = to[k] - at[k], at[k] = to[k];
+  }
+  return targets.shape(0);
+}
+
 nb::tuple allowed_steps(nb::handle limits, double last, double last_step) {
   const contid::Steps steps = contid::allowed_steps(axis_of(limits), last, last_step);
   return nb::make_tuple(steps.low, steps.high);
@@ -185,6 +205,7 @@ NB_MODULE(KERNEL_MODULE, module) {
              nb::arg("target_step"));
   module.def("limit", &limit, nb::arg("limits"), nb::arg("last"), nb::arg("last_steps"), nb::arg("targets"),
              nb::arg("target_steps"));
+  module.def("followed", &followed, nb::arg("limits"), nb::arg("last"), nb::arg("last_steps"), nb::arg("targets"));
   module.def("pseudo_inverse", &pseudo_inverse, nb::arg("matrix"), nb::arg("singular"), nb::arg("out"));
   module.def("nearest_step", &nearest_step, nb::arg("slopes"), nb::arg("along"), nb::arg("size"), nb::arg("asked"),
              nb::arg("pace"), nb::arg("preferred"), nb::arg("low"), nb::arg("high"), nb::arg("held"), nb::arg("out"));

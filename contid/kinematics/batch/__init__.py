@@ -19,7 +19,7 @@ from contid.kinematics.batch import loop
 from contid.kinematics.batch.rows import POSE, Solutions, Table, Targets, matrix
 from contid.kinematics.model import Model
 
-__all__ = ["POSE", "Solutions", "Table", "Targets", "forward_many", "inverse_many"]
+__all__ = ["POSE", "Solutions", "Table", "Targets", "chains", "forward_many", "inverse_many"]
 
 
 #: Class of a model -> the module with its ``forward`` and ``inverse`` for batches; one returns None where
@@ -81,6 +81,11 @@ def inverse_many(
         return loop.inverse(model, targets, starts, chained)
     found.rows["converged"] |= found.rows["residual_m"] <= tolerance_of(model)
     return found
+
+
+def chains(model: Model) -> bool:
+    """True where a kernel answers tips of which each begins at the answer to the one before (``chained``)."""
+    return getattr(_batch_of(model), "CHAINS", False)
 
 
 def _batch_of(model: Model) -> ModuleType | None:

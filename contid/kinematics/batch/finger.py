@@ -19,6 +19,10 @@ LIMITS: Final = (
 )  # fmt: skip
 
 
+#: Chained rows are solved by the kernel.
+CHAINS: Final = True
+
+
 class _FingerKernel(ManyForward, Protocol):
     def inverse_many(self, tip: Array, out: Bytes, threads: int) -> None: ...
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol, TypeAlias, cast, runtime_checkable
+from typing import Any, Final, Protocol, TypeAlias, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from contid.targets import REACH
 
 #: A table as the kernels take it, shape ``(rows, bytes of a row)``.
 Bytes: TypeAlias = NDArray[np.uint8]
+
+#: Chained rows are solved by the kernel.
+CHAINS: Final = True
 
 
 @runtime_checkable

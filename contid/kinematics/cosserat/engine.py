@@ -151,6 +151,18 @@ class RodSolver:
         """
         return StaticsAnswer(*self._kernel.statics(pressures, loads, stations, out))
 
+    def bends(self, pressures: Sequence[float], force: Vec3) -> tuple[float, ...]:
+        """Components of the bend [rad] and length [mm] of every section (``bends.hpp``) in equilibrium."""
+        found: tuple[float, ...] = self._kernel.bends(pressures, force)
+        return found
+
+    def of_bends(
+        self, asked: Sequence[float], force: Vec3, seed: Sequence[float]
+    ) -> tuple[float, ...] | None:
+        """Pressures [bar] that have bends and lengths, 0 for an open one; None where none were found."""
+        found: tuple[float, ...] | None = self._kernel.of_bends(asked, force, seed)
+        return found
+
     def critical(self, pressures: Sequence[float], force: Vec3, max_factor: float) -> float | None:
         """Least factor of the force, up to ``max_factor``, at which the arm buckles, to 0.5 %.
 

@@ -120,16 +120,18 @@ class Regulators:
 
     def commands(self, chambers: Sequence[float]) -> Actuation:
         """Pressures of the regulators [Pa] for pressures in the chambers [bar], within the limits."""
+        asked = self.asked(chambers)
+        if self._lines is None:
+            return asked
+        ends = zip(asked, self._lower, self._upper, strict=True)
+        return tuple([min(max(p, low), high) for p, low, high in ends])
+
+    def asked(self, chambers: Sequence[float]) -> Actuation:
+        """`commands` without the limits."""
         if self._lines is None:
             return tuple([p * BAR for p in chambers])
-        return tuple(
-            [
-                min(max((p - shift) / slope * BAR, low), high)
-                for p, (slope, shift), low, high in zip(
-                    chambers, self._lines, self._lower, self._upper, strict=True
-                )
-            ]
-        )
+        lines = zip(chambers, self._lines, strict=True)
+        return tuple([(p - shift) / slope * BAR for p, (slope, shift) in lines])
 
     def chamber_rows(self, actuations: Array) -> Array:
         """`chambers` of many rows, shape ``(n, k)``."""

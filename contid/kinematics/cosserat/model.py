@@ -229,6 +229,17 @@ class CosseratModel:
         evenly = np.linspace(0.0, lengths[-1], points)
         return np.stack([np.interp(evenly, lengths, line[:, i]) for i in range(3)], axis=1) / MM_PER_M
 
+    def arcs(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
+        """Bends and lengths of the sections (``contid/kernels/cosserat/bends.hpp``)."""
+        found = self.engine.bends(self.regulators.chambers(actuation), load_n)
+        return np.reshape(found, (-1, 3)) / (1.0, 1.0, MM_PER_M)
+
+    def of_arcs(self, arcs: Sequence[float], seed: Actuation, load_n: Vec3 = ZERO3) -> Actuation:
+        """Pressures that have these bends; NaN where none were found."""
+        asked = [each * MM_PER_M if k % 3 == 2 else each for k, each in enumerate(arcs)]
+        found = self.engine.of_bends(asked, load_n, self.regulators.chambers(seed))
+        return (math.nan,) * len(seed) if found is None else self.regulators.asked(found)
+
     def critical_load_n(self, actuation: Actuation, load_n: Vec3, max_factor: float = 1.0) -> float | None:
         """Magnitude of the tip force along ``load_n`` at which the arm buckles at these pressures [N].
 

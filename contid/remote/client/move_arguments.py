@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from contid.errors import BadInputError, ContidError, Located
+from contid.remote.client.described_robot import columns_of
 
 
 def point(arguments: Sequence[str]) -> dict[str, float]:
@@ -32,6 +34,34 @@ def point(arguments: Sequence[str]) -> dict[str, float]:
     if not target:
         raise ContidError("no COLUMN=VALUE; for example x_mm=40 y_mm=75")
     return target
+
+
+def with_other_axes(
+    target: Mapping[str, float], describe: Mapping[str, Any], status: Mapping[str, Any]
+) -> dict[str, float]:
+    """A target of some axes of a robot with the commands of its others, which stay where they are.
+
+    Args:
+        target: value by column.
+        describe: of the daemon.
+        status: of the daemon.
+    """
+    found, robots = dict(target), columns_of(describe)
+    for name, robot in robots.items():
+        known = describe["robots"][name]["columns"]
+        mine = {each for each in target if each.startswith(f"{name}.")}
+        mine |= {each for each in target if len(robots) == 1 and each in known}
+        own = {each.removeprefix(f"{name}."): each for each in mine}
+        axes = [each.removeprefix(f"{name}.") for each in robot.axes]
+        if not own or not own.keys() < set(axes):
+            continue
+        prefix = next(iter(own.values())).removesuffix(next(iter(own)))
+        at = status["robots"][name].get("axes", {})
+        for column, unit, values in zip(axes, robot.units, at.values(), strict=False):
+            command = values[f"command_{unit}"]
+            if column not in own and command is not None:
+                found[f"{prefix}{column}"] = command
+    return found
 
 
 def columns_and_rows(file: Iterable[str]) -> tuple[list[str], Iterator[list[float]]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Final
 
 import click
 
@@ -12,9 +11,6 @@ from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 from contid.robot_file.load import load_named
 from contid_emulate.offered import emulated
-
-#: SCHED_FIFO priority; the control process has 50.
-_PRIORITY: Final = 40
 
 
 @click.command()
@@ -34,6 +30,7 @@ def command(driver: str, robot_file: str, faults: Path | None) -> None:
     import signal
 
     from contid.control.engine.wiring import wired_buses
+    from contid.control.process.realtime import EMULATED, request_real_time
 
     chosen = [bus for bus in wired_buses(load_named(robot_file)) if bus.wiring.driver == driver]
     if not chosen:
@@ -47,7 +44,7 @@ def command(driver: str, robot_file: str, faults: Path | None) -> None:
     early: list[int] = []
     for number in ends:
         signal.signal(number, lambda received, _frame: early.append(received))
-    _request_real_time()
+    request_real_time(EMULATED)
     with ExitStack() as stack:
         for bus in chosen:
             for line in stack.enter_context(emulated(bus, faults)):
@@ -57,15 +54,3 @@ def command(driver: str, robot_file: str, faults: Path | None) -> None:
             signal.sigwait(ends)
     for number in ends:  # the end of the interpreter restores the default action of others
         signal.signal(number, signal.SIG_IGN)
-
-
-def _request_real_time() -> None:
-    """Run just below the control process in priority, where that is permitted.
-
-    Otherwise a busy host silences emulated devices for tens of milliseconds, and robots go to FAULT.
-    """
-    import os
-    from contextlib import suppress
-
-    with suppress(OSError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))

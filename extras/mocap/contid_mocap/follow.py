@@ -27,6 +27,7 @@ class FollowReport:
     Attributes:
         looked: poses of the tracked robots in the frames that arrived.
         measured: tips among them.
+        overtaken: tips that a newer one replaced before they could be handed on.
         missing: frames that did not arrive, over all robots.
         refusals: of the others.
         latency_s: from the capture until a tip is handed on, of the newest tips.
@@ -36,6 +37,7 @@ class FollowReport:
 
     looked: int = 0
     measured: int = 0
+    overtaken: int = 0
     missing: int = 0
     refusals: Refusals = field(default_factory=Refusals)
     latency_s: deque[float] = field(default_factory=lambda: deque(maxlen=100_000))
@@ -45,6 +47,8 @@ class FollowReport:
     def __str__(self) -> str:
         """One line, one for each reason, and those of the stream."""
         lines = [f"{self.measured} of {self.looked} poses measured; {self.missing} frames did not arrive"]
+        if self.overtaken:
+            lines.append(f"{self.overtaken} tips were overtaken by newer ones while the daemon answered")
         lines += self.refusals.lines()
         for name, ages_s in (("measure", self.latency_s), ("its answer", self.answer_s)):
             if ages_s:
@@ -61,10 +65,12 @@ class Follower:
     Attributes:
         taken: gets the tips of one look, in the order of their frames.
         notify: gets a line for the user.
+        newest: it gets the newest tip of each robot only, as a tick takes no other.
     """
 
     taken: Callable[[Sequence[RoomTip]], None]
     notify: Callable[[str], None]
+    newest: bool = False
 
 
 def follow(
@@ -102,6 +108,9 @@ def follow(
                 if any(look.restarted for look in looks):
                     stream.restart()
             now_s = time.monotonic()
+            if follower.newest:
+                found, tips = len(tips), list({tip.robot: tip for tip in tips}.values())
+                report.overtaken += found - len(tips)
             if tips:
                 report.latency_s.extend(now_s - tip.time_s for tip in tips)
                 follower.taken(tips)

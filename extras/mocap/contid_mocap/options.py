@@ -119,10 +119,18 @@ def run_room(
             follow(stream, tracker, Follower(print_rows, notify), report, seconds)
         else:
             from contid.client import Client
+            from contid.control.process.realtime import TRACKER, request_real_time
             from contid_mocap.sending import RoomTipSender
 
+            request_real_time(TRACKER)
             with Client(socket, name="contid track") as client:
-                follow(stream, tracker, Follower(RoomTipSender(client, notify), notify), report, seconds)
+                follow(
+                    stream,
+                    tracker,
+                    Follower(RoomTipSender(client, notify), notify, newest=True),
+                    report,
+                    seconds,
+                )
     finally:
         stream.close()
         click.echo(str(report), err=True)

@@ -9,10 +9,9 @@ from contid_mocap.tip_tracker import RoomTip
 
 
 class RoomTipSender(TipSender):
-    """Sends the newest tip of each robot."""
+    """Sends the tips of a room."""
 
     def __call__(self, tips: Sequence[RoomTip]) -> None:
-        """Send the tips of one look; raises as `send`."""
-        # A tick takes the newest pose; older ones of the same look would only cost time.
-        for tip in {tip.robot: tip for tip in tips}.values():
+        """Send the tips of one look, of which a robot has one; raises as `send`."""
+        for tip in tips:
             self.send(tip, tip.robot)

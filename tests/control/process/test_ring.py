@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import os
 import random
@@ -267,3 +268,15 @@ def test_an_incomplete_ring_is_refused_and_its_descriptor_closed(tmp_path: Path,
     with pytest.raises((ring.RingError, ValueError)):
         RingReader(path)
     assert len(list(Path("/proc/self/fd").iterdir())) == before
+
+
+@pytest.mark.parametrize(("number", "remedy"), [(errno.EROFS, "mount a tmpfs"), (errno.ENOSPC, "--shm-size")])
+def test_shared_memory_that_cannot_be_used_has_its_remedy(
+    number: int, remedy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*arguments: object) -> int:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(ring.RingError, match=remedy):
+        ring.create(LAYOUT, seconds=0.1)

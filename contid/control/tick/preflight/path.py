@@ -15,13 +15,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.next_command import next_command, tip_tolerance_m
+from contid.control.tick.preflight.blocks import BlockSize, clean, takes_blocks, tips_in_base
 from contid.control.tick.preflight.clearance import ClearancePreflight
 from contid.control.tick.preflight.jumps import Disturbed, jump_of
 from contid.control.tick.preflight.reasons import NEAR_M, PathFinding, explain, jump, too_fast, undecided
-from contid.control.tick.preflight.ticks import EVERY, SAMPLES, Tick, run_ticks
+from contid.control.tick.preflight.ticks import EVERY, SAMPLES, EveryTick, Tick, computes_every, run_ticks
 from contid.control.tick.soft_start import ease_ticks
+from contid.kinematics.array import Array
 from contid.targets import Actuation, Target
 from contid.trajectory.timed import Trajectory
 
@@ -70,7 +74,11 @@ def path_findings(
         return set[int]().union(*each_robots)
 
     samples = EVERY if any(_redundant(config) for config in configs) else SAMPLES
-    path = run_ticks(trajectory, 1.0 / configs[0].period_s, lead, tail, corners, samples)
+    rate_hz = 1.0 / configs[0].period_s
+    if clearance is None and _in_blocks(trajectory, configs, rate_hz):
+        path = _not_clean(trajectory, EveryTick(trajectory, rate_hz, lead, tail), followers, progress)
+    else:
+        path = run_ticks(trajectory, rate_hz, lead, tail, corners, samples)
     for count, tick in enumerate(path):
         row = tick.row
         if progress is not None and count % 1000 == 0:
@@ -93,6 +101,36 @@ def path_findings(
     yield from refused.values()
 
 
+def _in_blocks(trajectory: Trajectory, configs: Sequence[RobotConfig], rate_hz: float) -> bool:
+    """True where every tick is computed and blocks of them can be (`blocks`)."""
+    simple = not any(map(_redundant, configs)) and computes_every(trajectory, rate_hz)
+    return simple and takes_blocks(trajectory, configs)
+
+
+def _not_clean(
+    trajectory: Trajectory,
+    ticks: EveryTick,
+    followers: Sequence[_Follower],
+    progress: Callable[[int], None] | None,
+) -> Iterator[Tick]:
+    """The ticks that have to be looked at one by one; the followers go through the others by themselves."""
+    block, number = BlockSize(), 0
+    while number < len(ticks):
+        rows = trajectory.values_of_many(ticks.times_s[number : number + block.size])
+        answers = [f.clean(tips_in_base(trajectory, f.config, rows)) for f in followers]
+        count = min(map(len, answers))
+        number += count
+        if count:
+            targets = trajectory.targets_at(ticks[number - 1].time_s)
+            for follower, own in zip(followers, answers, strict=True):
+                follower.skip(own[:count], targets[follower.name])
+            if progress is not None:
+                progress(ticks[number - 1].row)
+        end = min(number + block.after(count, len(rows)), len(ticks))
+        yield from (ticks[each] for each in range(number, end))
+        number = end
+
+
 def _redundant(config: RobotConfig) -> bool:
     """True with more axes than coordinates of the tip, or with tendons, whose tensions are chosen."""
     own = len(config.axes) - config.extra_axes
@@ -109,7 +147,7 @@ class _Follower:
 
     def __init__(self, config: RobotConfig, first: Target, seed: Actuation) -> None:
         self.name = config.name
-        self._config = config
+        self.config = config
         self._target = config.frame.target_in_base(first)
         self._goal = config.model.inverse(self._target, seed).actuation
         self._disturbed = Disturbed(config, self._goal) if _redundant(config) else None
@@ -120,6 +158,20 @@ class _Follower:
         #: Greatest step and change of step of each axis since the command was last on the curve.
         self._peaks = [(0.0, 0.0) for _ in self._goal]
 
+    def clean(self, tips: Array) -> Array:
+        """Answers to the first of these tips, one a tick, that a check has nothing to find in."""
+        if self.command != self._goal:
+            return np.empty((0, len(self._goal)))
+        return clean(self.config, tips, self.command, self.steps)
+
+    def skip(self, answers: Array, target: Target) -> None:
+        """Go to ``target``, in the world, through such answers."""
+        before = self.command if len(answers) == 1 else tuple(answers[-2].tolist())
+        self.command = self._goal = tuple(answers[-1].tolist())
+        self.steps = self._pace = tuple([new - old for new, old in zip(self.command, before, strict=True)])
+        self._target = self.config.frame.target_in_base(target)
+        self._peaks = [(0.0, 0.0) for _ in self._goal]
+
     def corners(self, targets: Sequence[Target], ticks: Sequence[int]) -> set[int]:
         """Indices of targets before which an axis may change its speed by more than it can in a tick.
 
@@ -127,7 +179,7 @@ class _Follower:
             targets: that follow the one reached.
             ticks: from the one before to each of them.
         """
-        config, found = self._config, set[int]()
+        config, found = self.config, set[int]()
         seed, goal, pace = self.command, self._goal, self._pace
         for index, (target, apart) in enumerate(zip(targets, ticks, strict=True)):
             try:
@@ -143,7 +195,7 @@ class _Follower:
 
     def follow(self, target: Target, ticks: int) -> PathFinding | None:
         """Go to the target, ``ticks`` ticks after the one before; returns why that fails, or None."""
-        config = self._config
+        config = self.config
         in_base = config.frame.target_in_base(target)
         try:
             solution = config.model.inverse(in_base, self.command)
@@ -193,7 +245,7 @@ class _Follower:
         For the axes of the model that is the distance of the tip over its tolerance, on the axis that is
         furthest behind; 0 for the others.
         """
-        config = self._config
+        config = self.config
         forward, own = config.model.forward, len(goal) - config.extra_axes
         off_m = math.dist(forward(command, in_base.load_n).tip_m, forward(goal, in_base.load_n).tip_m)
         behind = [abs(a - b) / lag for a, b, lag in zip(goal, command, self._lag, strict=True)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from contid.clearance.guard import ClearanceGuard
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.preflight.blocks import BlockSize, reached, takes_blocks, tips_in_base
 from contid.control.tick.preflight.clearance import ClearancePreflight
 from contid.control.tick.preflight.path import path_findings
 from contid.control.tick.preflight.reasons import PathFinding, explain, slower
@@ -176,7 +177,7 @@ class Preflight:
         before = dict(self._seeds)
         refused = _Refused(trajectory, name)
         total = len(trajectory)
-        for index in range(total):
+        for index in self._not_clean(trajectory):
             if progress is not None and index % 1000 == 0:
                 progress(index, total)
             wrong = self.between_rows(trajectory, index) or self._row(
@@ -204,6 +205,29 @@ class Preflight:
                 TooFastError(refused.findings(), slowdown) if too_fast else BadInputError(refused.findings())
             )
         return trajectory.accepted()
+
+    def _not_clean(self, trajectory: Trajectory) -> Iterator[int]:
+        """The rows that have to be looked at one by one: all but blocks that are within reach (`blocks`)."""
+        moved = self._moved(trajectory)
+        if self._guards or not takes_blocks(trajectory, moved):
+            yield from range(len(trajectory))
+            return
+        block, index = BlockSize(), 0
+        while index < len(trajectory):
+            rows = trajectory.rows[index : index + block.size]
+            answers = [
+                reached(each, tips_in_base(trajectory, each, rows), self._seeds[each.name]) for each in moved
+            ]
+            count = min(map(len, answers))
+            if count:
+                self._seeds |= {
+                    each.name: tuple(own[count - 1].tolist())
+                    for each, own in zip(moved, answers, strict=True)
+                }
+            index += count
+            singles = block.after(count, len(rows))
+            yield from range(index, min(index + singles, len(trajectory)))
+            index += singles
 
     def follows(self, trajectory: Trajectory, name: str) -> bool:
         """True when the rates of the robots allow the curve, whose rows were checked before.

@@ -17,7 +17,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
+import numpy as np
+
 from contid.control.tick.soft_start import fitted, played
+from contid.kinematics.array import Array
 from contid.trajectory.timed import Trajectory
 
 #: Every tick is checked within this time after a row and before the next [s]; of the ticks between them, this
@@ -85,6 +88,44 @@ def run_ticks(
             block = []
         yield tick
     yield from block
+
+
+class EveryTick:
+    """All ticks of a run of which `run_ticks` leaves none out.
+
+    Attributes:
+        times_s: in the trajectory, shape ``(ticks,)``.
+        rows: that they lead to.
+    """
+
+    def __init__(self, trajectory: Trajectory, rate_hz: float, lead: int, tail: int) -> None:
+        length = (trajectory.end_s - trajectory.start_s) * rate_hz
+        lead, tail = fitted(lead, length), fitted(tail, length)
+        over = length + 0.5 * (lead + tail)
+        count = math.ceil(over)
+        numbers = np.arange(count + 1)
+        ticks = numbers - lead / 2
+        for n in (*range(min(lead, count)), *range(max(0, math.floor(over - tail) - 1), count)):
+            ticks[n] = played(n, length, lead, tail)
+        self.times_s: Array = np.asarray(trajectory.start_s + ticks / rate_hz, dtype=np.float64)
+        self.times_s[-1] = trajectory.end_s
+        last = len(trajectory) - 1
+        self.rows = np.minimum(np.maximum(trajectory.rows_at(self.times_s), 0) + 1, last)
+        self.rows[-1] = last
+
+    def __len__(self) -> int:
+        """Number of ticks."""
+        return len(self.times_s)
+
+    def __getitem__(self, number: int) -> Tick:
+        """A tick as `run_ticks` has it."""
+        return Tick(number, 1, float(self.times_s[number]), int(self.rows[number]))
+
+
+def computes_every(trajectory: Trajectory, rate_hz: float) -> bool:
+    """True when no interval between rows is so long that `run_ticks` leaves ticks out."""
+    longest_s = float(np.diff(trajectory.times_s).max(initial=0.0))
+    return longest_s * rate_hz < 3 * math.ceil(EDGE_S * rate_hz)
 
 
 def _sampled(

@@ -122,7 +122,7 @@ def numbers(cells: Sequence[str], decimal: str, first_row: int) -> tuple[NDArray
             values = np.array(list(map(float, cells)))
         except ValueError:
             values = None
-        if values is not None and np.isfinite(values).all() and not any("_" in cell for cell in cells):
+        if values is not None and np.isfinite(values).all() and "_" not in "".join(cells):
             # A number of more digits than a double has: an integer keeps them all.
             if len(values) and np.abs(values).max() > EXACT:
                 whole = _integers(cells)

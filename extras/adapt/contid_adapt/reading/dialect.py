@@ -39,6 +39,10 @@ class Dialect:
     start: int
 
 
+#: A line that begins with one of these is no comment, no header and not empty.
+DIGITS: Final = frozenset("0123456789-")
+
+
 def is_comment(line: str) -> bool:
     """True for a line that begins with a sign of comments."""
     return line.lstrip().startswith(_COMMENT)
@@ -51,7 +55,11 @@ def find_dialect(lines: Sequence[str], file: str) -> Dialect:
         BadInputError: no rows of numbers.
     """
     first = re.match(r'^"?sep=(.)"?', lines[0])
-    rows = [index for index, line in enumerate(lines) if line.strip() and not is_comment(line)]
+    rows = [
+        index
+        for index, line in enumerate(lines)
+        if line[:1] in DIGITS or (line.strip() and not is_comment(line))
+    ]
     if first:
         rows = rows[1:]
     if not rows:

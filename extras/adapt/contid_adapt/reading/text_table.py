@@ -7,10 +7,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contid.errors import BadInputError, Located
 from contid_adapt.meaning.units import name_and_unit, unit_of_name
 from contid_adapt.reading.cells import (
+    EXACT,
     begins,
     is_list,
     is_lost,
@@ -21,7 +23,7 @@ from contid_adapt.reading.cells import (
     split,
     unquoted,
 )
-from contid_adapt.reading.dialect import Dialect, find_dialect, is_comment
+from contid_adapt.reading.dialect import DIGITS, Dialect, find_dialect, is_comment
 from contid_adapt.reading.header import TableHeader, read_header
 from contid_adapt.reading.table import Table, TableColumn
 
@@ -79,7 +81,18 @@ def _rows(
         done += len(rows)
         rows.clear()
 
+    plain_until = start
     for index in range(start, len(lines)):
+        if index < plain_until:
+            continue
+        if not rows and (plain := _plain(lines[index : index + _CHUNK], dialect, header)) is not None:
+            plain_until = index + len(plain)
+            for place, column in enumerate(plain.T):
+                parts[place].append(column)
+            done += len(plain)
+            numbered += range(index + 1, plain_until + 1)
+            sessions += [session] * len(plain)
+            continue
         line = lines[index]
         if not line or line.isspace():
             continue
@@ -118,6 +131,21 @@ def _rows(
     )  # fmt: skip
     _notes(table, dialect, comments, session, whole_end)
     return table
+
+
+def _plain(lines: list[str], dialect: Dialect, header: TableHeader) -> NDArray[np.float64] | None:
+    """Lines of nothing but plain numbers, shape ``(lines, fields)``; None where one is anything else."""
+    if dialect.separator == " " or dialect.decimal != "." or not all(dialect.numeric):
+        return None
+    if any(line[:1] not in DIGITS for line in lines) or not header.lines.isdisjoint(lines):
+        return None
+    try:
+        values = np.loadtxt(lines, delimiter=dialect.separator, comments=None, ndmin=2)
+    except ValueError:
+        return None
+    # Not what is lost or infinite, and not integers of more digits than a double has.
+    right = values.shape == (len(lines), dialect.fields) and np.abs(values).max() <= EXACT
+    return values if right else None
 
 
 def _columns(

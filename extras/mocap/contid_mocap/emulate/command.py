@@ -7,6 +7,7 @@ from ipaddress import IPv4Address
 import click
 
 from contid.cli.support.parameters import NUMBER, POSITIVE, NumberRange, Numbers
+from contid.control.process.realtime import EMULATED, request_real_time
 from contid.errors import ContidError
 from contid_mocap.emulate.natnet_server import EmulatedNatNet
 from contid_mocap.emulate.scene import EmulatedPose, EmulatedScene
@@ -82,6 +83,7 @@ def command(
     except OSError as error:
         remedy = "--address is one of this machine, --port is free"
         raise ContidError(f"cannot send from {address}: {error.strerror}; {remedy}") from None
+    request_real_time(EMULATED)
     click.echo(f"ready: {kind} at {address}", err=True)
     serve(server, scene, rate_hz, faults, poses)
 
