@@ -113,6 +113,8 @@ class Bench:
         for wires in self.wires.values():
             wires.motor = wires.shaft if wires.motor < 0 else wires.motor
         self._random = random.Random(self.seed)
+        self._noisy = any(wires.noise or wires.slow_filter for wires in self.wires.values())
+        self._quarters: list[int] = []
         self._start = [shaft.place for shaft in self.shafts]
         self._decoders = {name: Decoder(*self._levels(name)) for name in self.wires}
 
@@ -132,6 +134,11 @@ class Bench:
         return a, b
 
     def _look(self) -> None:
+        """Decode the levels, where one can have changed."""
+        quarters = [math.floor(shaft.place) for shaft in self.shafts]
+        if quarters == self._quarters and not self._noisy:
+            return
+        self._quarters = quarters
         for name, decoder in self._decoders.items():
             if self.wires[name].slow_filter and self._random.random() < self.wires[name].slow_filter:
                 continue
@@ -157,11 +164,16 @@ class Bench:
             flowing = 0.0
             for number, shaft in enumerate(self.shafts):
                 own = number == wires.motor
-                current = shaft.step(sign if own else 0.0, driven and own)
-                if own:
-                    flowing = abs(current)
-                far = max(self.furthest.get(number, 0.0), abs(shaft.place - self._start[number]))
-                self.furthest[number] = far
+                if own and driven:
+                    flowing = abs(shaft.step(sign, True))
+                elif shaft.speed == 0.0:
+                    continue
+                else:
+                    current = abs(shaft.step(0.0, False))
+                    flowing = current if own else flowing
+                far = abs(shaft.place - self._start[number])
+                if far > self.furthest.get(number, 0.0):
+                    self.furthest[number] = far
             self._look()
             if (i + 1) % 10 == 0:
                 positions.append(self._decoders[axis].count - start[axis][0])
