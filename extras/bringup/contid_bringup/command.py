@@ -16,6 +16,9 @@ from contid.cli.support.parameters import robot_names
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus
     from contid.hal.pulses import DriveFacts
+    from contid.robot_file.load import LoadedFile
+    from contid_bringup.motor import ByHand
+    from contid_bringup.naming import WiringFault
     from contid_bringup.record import ProvenAxis
 
 
@@ -28,10 +31,11 @@ if TYPE_CHECKING:
     "--page", type=click.Path(dir_okay=False), help="Where to write the record; default: FILE-bringup.html."
 )
 def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, page: str | None) -> None:
-    """Prove motors, encoders and bridges of AXES (ROBOT.AXIS; default: all) before a loop closes on them.
+    """Prove motors, encoders, bridges and servos of AXES (ROBOT.AXIS; default: all) before a loop closes.
 
-    Motors on boards get single pulses of at most 30 ms and 20 % of duty, which the board itself ends, one
-    axis after the other: enough to name swapped or open wires. A proven motor is then measured.
+    Motors on boards and Dynamixel servos get single pulses of at most 30 ms and 20 % of duty, which the
+    device itself bounds, one axis after the other: enough to name swapped or open wires. A proven one is
+    then measured.
 
     The results are written into `bringup:` of ROBOT_FILE, and into a page to print. Exit code 4 when
     something is wrong, 0 only when every axis named or examined is proven.
@@ -60,11 +64,11 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
             "Is everybody clear of the robot, and the supply within reach?",
             abort=True,
         )
-    by_hand = None if yes else _turn_by_hand
+    by_hand = None if yes else Person()
     records: list[ProvenAxis] = []
     with interruptible(), StopServer(robot_file, "bring-up"):
         for bus, motors in chosen:
-            records += _bring_up(bus, motors, by_hand)
+            records += _bring_up(loaded, bus, motors, by_hand)
     when = datetime.now().astimezone()
     if not dry_run:
         write_section(path, loaded, records, when)
@@ -78,11 +82,31 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
     click.echo(f"proven: {', '.join(record.axis for record in records)}", err=True)
 
 
-def _turn_by_hand(axis: str) -> bool:
-    """Ask for one turn; "" is yes."""
-    prompt = f"{axis}: turn its output shaft by one whole turn by hand, then Enter (s: skip)"
-    answer: str = click.prompt(prompt, default="", show_default=False)
-    return not answer.strip()
+class Person:
+    """Asks the person at the terminal (`contid_bringup.motor.ByHand`)."""
+
+    def turned(self, axis: str) -> bool:
+        """Ask for one turn; "" is yes."""
+        prompt = f"{axis}: turn its output shaft by one whole turn by hand, then Enter (s: skip)"
+        answer: str = click.prompt(prompt, default="", show_default=False)
+        return not answer.strip()
+
+    def saw(self, axis: str, wiggle: Callable[[], None]) -> WiringFault:
+        """Wiggle it until the person has seen which part turned, and which way first."""
+        from contid_bringup.naming import WiringFault
+
+        answers = {"y": WiringFault.NONE, "o": WiringFault.OTHER_TURNED, "w": WiringFault.WRONG_SENSE}
+        while True:
+            click.echo(
+                f"{axis}: look at it; it turns by a few degrees, first so that its value rises, and back"
+            )
+            wiggle()
+            answer: str = click.prompt(
+                "y: it did; o: another part turned; w: it began the wrong way; a: again",
+                type=click.Choice([*answers, "a"]),
+            )
+            if answer in answers:
+                return answers[answer]
 
 
 def _motors(bus: WiredBus, axes: tuple[str, ...]) -> Mapping[str, DriveFacts]:
@@ -106,7 +130,7 @@ def _motors(bus: WiredBus, axes: tuple[str, ...]) -> Mapping[str, DriveFacts]:
 
 
 def _bring_up(
-    bus: WiredBus, motors: Mapping[str, DriveFacts], by_hand: Callable[[str], bool] | None
+    loaded: LoadedFile, bus: WiredBus, motors: Mapping[str, DriveFacts], by_hand: ByHand | None
 ) -> Iterator[ProvenAxis]:
     from contid.hal.pulses import Pulses
     from contid.robot_file.proven.bringup import wiring_digest
@@ -117,9 +141,11 @@ def _bring_up(
     report = functools.partial(click.echo, err=True)
     with bus.driver.pulsed_bus(bus.wiring.name, bus.wiring.options, bus.axes) as pulsed:
         for axis, facts in motors.items():
-            result = bring_up_motor(pulsed, axis, facts, report, by_hand)
+            robot, _, own = axis.partition(".")
+            sense = loaded.driven[robot].axes[own].direction
+            result = bring_up_motor(pulsed, axis, facts, report, by_hand, sense)
             lines = result.lines()
             for line in lines:
                 click.echo(f"{axis}: {line}")
             wiring = wiring_digest(bus.wiring, axis)
-            yield ProvenAxis(axis, result.name, pulsed.device, wiring, lines, result.fit)
+            yield ProvenAxis(axis, result.name, pulsed.device(axis), wiring, lines, result.fit)

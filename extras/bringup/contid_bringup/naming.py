@@ -37,6 +37,8 @@ class WiringFault(enum.StrEnum):
     DEAD_ENCODER = "dead-encoder"
     NO_MOTION = "does-not-move"
     NO_COUNT = "no-count"
+    OTHER_TURNED = "other-part"
+    WRONG_SENSE = "wrong-sense"
 
 
 #: What each name means, and what to do.
@@ -101,6 +103,37 @@ MEANINGS: Final[dict[WiringFault, tuple[str, str]]] = {
         "it does not move at 20 % duty, or its encoder is dead; without a current sensor both look alike",
         "turn the shaft by hand and look whether `contid status` counts; check encoder, motor and supply",
     ),
+    WiringFault.OTHER_TURNED: (
+        "another part of the robot turned than the one that has this name",
+        "exchange the channels or ids of the two axes in the robot file, or their plugs",
+    ),
+    WiringFault.WRONG_SENSE: (
+        "it turned the other way than the robot file means",
+        "change the sign of `direction` at the axis, then home it again",
+    ),
+}
+#: The same of a servo, whose motor, encoder and bridge are one part.
+SEALED: Final[dict[WiringFault, tuple[str, str]]] = {
+    WiringFault.NONE: ("it turns the right way, and comes back", ""),
+    WiringFault.FAULT_LINE: ("it reports a hardware error at rest; nothing was driven", "see below"),
+    WiringFault.BRIDGE_TRIPS: ("it reports a hardware error when it drives", "see below"),
+    WiringFault.UNDRIVEN: ("its position changes although nothing is driven", "hold the robot still"),
+    WiringFault.CROSSED_AXES: (
+        "driving it moves {other}, and its own position stands still",
+        "look for the secondary id of {other}; or its encoder is dead, and the robot couples the two",
+    ),
+    WiringFault.REVERSED: (
+        "positive PWM counts down",
+        "reset it: `contid servo reset`; if it persists, replace the servo",
+    ),
+    WiringFault.ONE_DIRECTION: (
+        "it turns in one direction only",
+        "an end stop or a tight tendon is in the way",
+    ),
+    WiringFault.NO_COUNT: (
+        "it does not move at 20 % of its PWM, or its encoder is dead",
+        "loosen what blocks it, or its tendon, and measure its supply at the plug; then replace the servo",
+    ),
 }
 
 
@@ -110,20 +143,27 @@ class Verdict(NamedTuple):
     Attributes:
         fault: its name; ``WiringFault.NONE`` for a proven axis.
         other: the other axis or input concerned, "" for none.
+        sealed: of a servo.
     """
 
     fault: WiringFault
     other: str = ""
+    sealed: bool = False
+
+    @property
+    def _meaning(self) -> tuple[str, str]:
+        meanings = MEANINGS | SEALED if self.sealed else MEANINGS
+        return meanings[self.fault]
 
     @property
     def message(self) -> str:
         """What was seen."""
-        return MEANINGS[self.fault][0].format(other=self.other)
+        return self._meaning[0].format(other=self.other)
 
     @property
     def remedy(self) -> str:
         """What to do about it."""
-        return MEANINGS[self.fault][1].format(other=self.other)
+        return self._meaning[1].format(other=self.other)
 
 
 def name_fault(answers: Sequence[PulseAnswer], stall_a: float = 0.0) -> Verdict:

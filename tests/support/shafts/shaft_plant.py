@@ -105,7 +105,6 @@ class Bench:
     seed: int = 0
     current_noise: float = 0.01
     sensor: bool = False
-    device: ProvenDevice = field(default_factory=lambda: ProvenDevice("bench", "1"))
     pulses: list[tuple[str, float, float]] = field(default_factory=list)
     furthest: dict[int, float] = field(default_factory=dict)
 
@@ -198,6 +197,12 @@ class Bench:
             tripped,
             tuple(currents) if self.sensor else (),
         )
+
+    def device(self, axis: str) -> ProvenDevice:
+        return ProvenDevice("bench", "1")
+
+    def notes(self, axis: str) -> tuple[str, ...]:
+        return ()
 
     def counts(self, axis: str) -> int:
         return self._decoders[axis].count
