@@ -39,6 +39,8 @@ _PWM_MODE: Final = 16
 _TRACE_S: Final = 0.096
 _POLL_S: Final = 0.002
 _FREE: Final = 2.0
+#: A trace ends when the servo stands for this time.
+_STILL_S: Final = 0.05
 #: Pulses that a stalled host cut short are repeated this often.
 _TRIES: Final = 4
 #: No-load speed of a model whose page was not read for it: faster than those have [rpm].
@@ -148,9 +150,11 @@ class ServoPulsedBus:
         if client.read(device, reg.BUS_WATCHDOG) == reg.WATCHDOG_TRIPPED:
             return None
         client.write(device, reg.BUS_WATCHDOG, 0)
-        while time.monotonic() < end + _TRACE_S:
-            seen.append(self._look(servo))
+        moved = time.monotonic()
+        while (now := time.monotonic()) < end + _TRACE_S and (not units or now < moved + _STILL_S):
             time.sleep(_POLL_S)
+            seen.append(self._look(servo))
+            moved = now if seen[-1].counts != seen[-2].counts else moved
         ways = [TimedCount(_since(first, each), each.counts - first.counts) for each in seen]
         grid = range(1, round(ways[-1].time_s * 1000.0) + 1)
         positions = [

@@ -83,4 +83,4 @@ def _least_squares(off: Callable[[_Values], _Values], guess: _Values) -> _Found:
         else:
             damping *= 4.0
     spread = error @ error / max(len(error) - len(values), 1)
-    return _Found(values, np.sqrt(spread * np.diag(np.linalg.pinv(normal))))
+    return _Found(values, np.sqrt(spread * (np.linalg.pinv(jacobian) ** 2).sum(axis=1)))
