@@ -139,7 +139,7 @@ class Pulses(Protocol):
         """Open the bus for pulses; on exit every motor is without power."""
 
     def drive_facts(self, axis: BaseModel) -> DriveFacts | None:
-        """What the file states about the motor of an axis; None for a device that cannot be pulsed."""
+        """What the file states about the motor of an axis; None for a regulator."""
 
 
 @runtime_checkable

@@ -10,9 +10,10 @@ from typing import Final, Protocol
 from contid.hal import Report
 from contid.hal.pulses import DriveFacts, PulsedBus
 from contid_bringup.drive_fit import DriveFit, fit_drive, measure
-from contid_bringup.naming import Verdict, WiringFault, name_fault
+from contid_bringup.naming import Verdict, name_fault
 from contid_bringup.probing import DUTY_MOST, PULSE_S, Pulse, from_rest, probe
 from contid_bringup.timed_fit import fit_timed
+from contid_bringup.wiring_faults import WiringFault
 
 #: A turn by hand is accurate to this share.
 _BY_HAND: Final = 0.05

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from contid.hal.pulses import DriveFacts, PulseAnswer
 from contid_bringup.motor import bring_up_motor
-from contid_bringup.naming import WiringFault
+from contid_bringup.wiring_faults import WiringFault
 from tests.support.shafts.shaft_plant import Bench, Shaft, Wires
 
 AXIS = "arm.x"
