@@ -232,9 +232,10 @@ def pulsed_bus(
 
 def _left_over(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> list[str]:
     """Cure the settings that the robot file states, torque off; name these, and the limits that differ."""
+    cured = _write_settings(client, axis, options)
     if client.read(axis.device, reg.PWM_LIMIT) == PROBE_PWM:
         client.write(axis.device, reg.PWM_LIMIT, _PWM_FULL)
-    cured = _write_settings(client, axis, options)
+        cured.append(f"pwm limit {PROBE_PWM} -> {_PWM_FULL}, of a bring-up that was cut off")
     named = [f"{each.message} -> {each.remedy}" for each in left_over.changed_limits(client, axis.device)]
     return [*([f"left by another program, now as in the file: {', '.join(cured)}"] if cured else []), *named]
 

@@ -104,7 +104,7 @@ class Person:
         answers = {"y": WiringFault.NONE, "o": WiringFault.OTHER_TURNED, "w": WiringFault.WRONG_SENSE}
         while True:
             click.echo(
-                f"{axis}: look at it; it turns by a few degrees, first so that its value rises, and back"
+                f"{axis}: look at it; it turns by a degree or so, first so that its value rises, and back"
             )
             wiggle()
             answer: str = click.prompt(

@@ -11,15 +11,14 @@ from contid.hal import Report
 from contid.hal.pulses import DriveFacts, PulsedBus
 from contid_bringup.drive_fit import DriveFit, fit_drive, measure
 from contid_bringup.naming import Verdict, name_fault
-from contid_bringup.probing import DUTY_MOST, PULSE_S, Pulse, from_rest, probe
+from contid_bringup.probing import DUTY_MOST, Pulse, blind_s, from_rest, probe
 from contid_bringup.timed_fit import fit_timed
 from contid_bringup.wiring_faults import WiringFault
 
 #: A turn by hand is accurate to this share.
 _BY_HAND: Final = 0.05
-#: A wiggle: times to and fro, pulses each way.
-_WIGGLES: Final = 3
-_ONE_WAY: Final = 2
+#: Times to and fro of a wiggle.
+_WIGGLES: Final = 4
 
 
 @dataclass(frozen=True)
@@ -125,7 +124,7 @@ def bring_up_motor(
         else:
             fit = fit_timed(answers, facts) if facts.sealed else fit_drive(answers, facts)
             if by_hand is not None:
-                verdict = Verdict(by_hand.saw(axis, functools.partial(_wiggle, pulse, sense, found)))
+                verdict = Verdict(by_hand.saw(axis, functools.partial(_wiggle, pulse, facts, sense, found)))
     if verdict.fault is WiringFault.NONE and by_hand is not None and not facts.sealed:
         before = bus.counts(axis)
         if by_hand.turned(axis):
@@ -136,10 +135,8 @@ def bring_up_motor(
     return MotorResult(verdict, len(answers), most, fit, counted, facts.counts_per_rev, notes)
 
 
-def _wiggle(pulse: Pulse, sense: int, found_duty: float) -> None:
-    """To and fro, visibly: first in the sense in which the value of the axis rises."""
+def _wiggle(pulse: Pulse, facts: DriveFacts, sense: int, found_duty: float) -> None:
+    """To and fro by a degree or so: first in the sense in which the value of the axis rises."""
     duty = sense * 0.5 * (found_duty + DUTY_MOST)
-    for _ in range(_WIGGLES):
-        for sign in (+1.0, -1.0):
-            for _ in range(_ONE_WAY):
-                from_rest(pulse)(sign * duty, PULSE_S)
+    for sign in (+1.0, -1.0) * _WIGGLES:
+        from_rest(pulse)(sign * duty, blind_s(facts, duty))

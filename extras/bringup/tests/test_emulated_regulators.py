@@ -24,7 +24,9 @@ def test_half_of_the_range_is_named_and_the_one_beside_it_is_proven(
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     path = tmp_path / "robot.yaml"
     text = CONFIG.read_text().replace("./stiffflop1-regulators.tty", str(tmp_path / "board"))
-    path.write_text(text.replace("role: pressure", "role: pressure\n    latency_ms: 60\n    watchdog_ms: 1000"))
+    path.write_text(
+        text.replace("role: pressure", "role: pressure\n    latency_ms: 60\n    watchdog_ms: 1000")
+    )
     (bus,) = wired_buses(load_robot_file(path))
     assert isinstance(bus.wiring.options, DueBusOptions)
     with DueEmulator(bus.wiring.options, bus.axes) as board:

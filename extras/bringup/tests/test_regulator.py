@@ -25,16 +25,18 @@ def bench(rng: random.Random, **wires: float | bool | None) -> Chambers:
     return Chambers([regulator(rng, **wires), regulator(rng)])
 
 
-def crossed(rng: random.Random, what: str) -> Chambers:
-    return Chambers([regulator(rng), regulator(rng)], **{what: {0: 1, 1: 0}})
+def crossed(rng: random.Random, *, commands: bool) -> Chambers:
+    exchanged = {0: 1, 1: 0}
+    two = [regulator(rng), regulator(rng)]
+    return Chambers(two, command_of=exchanged) if commands else Chambers(two, output_of=exchanged)
 
 
 FAULTS = {
     "command open": (lambda r: bench(r, command_gain=0.0), RegulatorFault.NO_ANSWER),
     "output open": (lambda r: bench(r, output_v=0.0), RegulatorFault.NO_ANSWER),
     "output shorted to the supply": (lambda r: bench(r, output_v=10.0), RegulatorFault.READ_BACK_HIGH),
-    "commands exchanged": (lambda r: crossed(r, "command_of"), RegulatorFault.CROSSED),
-    "outputs exchanged": (lambda r: crossed(r, "output_of"), RegulatorFault.CROSSED),
+    "commands exchanged": (lambda r: crossed(r, commands=True), RegulatorFault.CROSSED),
+    "outputs exchanged": (lambda r: crossed(r, commands=False), RegulatorFault.CROSSED),
     "0-10 V command at a 0-5 V output": (lambda r: bench(r, command_gain=0.5), RegulatorFault.HALF),
     "0-5 V command at a 0-10 V output": (lambda r: bench(r, command_gain=2.0), RegulatorFault.DOUBLE),
     "output of 5 V": (lambda r: bench(r, output_gain=0.5), RegulatorFault.HALF),
@@ -76,3 +78,16 @@ def test_a_step_that_the_board_ended_is_never_right() -> None:
     held = [Held(1e4, 1e4, 1e4, {}), Held(2e4, 2e4, 2e4, {})]
     assert name_regulator_fault(held, stopped=True).fault is RegulatorFault.STOPPED
     assert name_regulator_fault(held, stopped=False).fault is RegulatorFault.NONE
+
+
+@pytest.mark.campaign
+def test_eleven_faults_on_25_plants_and_100_healthy_ones() -> None:
+    wrong = [
+        (fault, seed)
+        for fault, (build, expected) in FAULTS.items()
+        for seed in range(25)
+        if examine(build(random.Random(seed))).fault is not expected
+    ]
+    assert len(wrong) <= 0.05 * 25 * len(FAULTS), wrong
+    healthy = [examine(bench(random.Random(1000 + seed))).name for seed in range(100)]
+    assert set(healthy) == {"ok"}
