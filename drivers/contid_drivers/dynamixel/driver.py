@@ -130,21 +130,21 @@ class DynamixelDriver:
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]
     ) -> AbstractContextManager[PulsedBus]:
         """Open the bus for pulses; on exit every servo is without torque (`contid.hal.pulses.Pulses`)."""
-        from contid_drivers.dynamixel.pulses import pulsed_bus
+        from contid_drivers.dynamixel.checks.pulses import pulsed_bus
 
         assert isinstance(options, DynamixelBusOptions)
         return pulsed_bus(name, options, axes)
 
     def drive_facts(self, axis: BaseModel) -> DriveFacts:
         """What the manual states about the motor of a servo."""
-        from contid_drivers.dynamixel.pulses import drive_facts
+        from contid_drivers.dynamixel.checks.pulses import drive_facts
 
         assert isinstance(axis, DynamixelAxisOptions)
         return drive_facts(axis)
 
     def wiring(self, options: BaseModel, axis: BaseModel) -> Mapping[str, object]:
         """The options that a change of wiring would change (`contid.hal.pulses.Proves`)."""
-        from contid_drivers.dynamixel.pulses import wiring
+        from contid_drivers.dynamixel.checks.pulses import wiring
 
         assert isinstance(options, DynamixelBusOptions)
         assert isinstance(axis, DynamixelAxisOptions)
@@ -152,7 +152,7 @@ class DynamixelDriver:
 
     def devices(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> Mapping[str, ProvenDevice]:
         """The servo of each axis that answers (`contid.hal.pulses.Proves`)."""
-        from contid_drivers.dynamixel.pulses import devices
+        from contid_drivers.dynamixel.checks.pulses import devices
 
         assert isinstance(options, DynamixelBusOptions)
         return devices(name, options, axes)

@@ -104,7 +104,7 @@ def bring_up_motor(
         axis: ``ROBOT.AXIS``.
         facts: what the robot file states about it.
         report: takes lines about the progress.
-        by_hand: a person who is asked; None: nobody is.
+        by_hand: a person who is asked; None: without one.
         sense: of the device, 1 or -1, in which the value of the axis rises.
 
     Raises:

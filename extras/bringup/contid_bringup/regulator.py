@@ -19,7 +19,7 @@ from contid_bringup.regulator_faults import MEANINGS, NONE, Held, RegulatorFault
 #: Steps, as shares of the largest pressure of the axis; and the longest hold of each.
 STEPS: Final = (0.1, 0.2)
 HOLD_S: Final = 4.0
-#: Between two exchanges; readings are averages over this time, and stand when those so many apart are equal.
+#: Between two exchanges; readings are averages over this time, and stand when two of them are equal.
 _PERIOD_S: Final = 0.01
 _WINDOW_S: Final = 0.1
 _APART: Final = 2
@@ -100,7 +100,7 @@ def bring_up_regulator(
             step = _hold(read, axis, share * most_pa, rest.means)
             held.append(step.held)
             if step.sample.fault:
-                # A second step tells a scale, which is the same at every pressure, from a leak.
+                # A scale is the same at a second step, a leak is not.
                 notes = _notes(step.sample)
                 bus.disable([axis], Rest.VENT)
                 read({}, HOLD_S / 2.0)

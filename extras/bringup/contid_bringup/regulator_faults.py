@@ -60,12 +60,12 @@ MEANINGS: Final[dict[RegulatorFault, tuple[str, str]]] = {
     ),
     RegulatorFault.HALF: (
         "its reading is half of the command",
-        "a gauge tells which: with half of the pressure a 0-10 V command is at a 0-5 V output, else the "
+        "look at a gauge: with half of the pressure a 0-10 V command is at a 0-5 V output, else the "
         "pressure output has half of its range; correct the wiring, or `calibration` or `readback`",
     ),
     RegulatorFault.DOUBLE: (
         "its reading is double the command",
-        "a gauge tells which: with double the pressure a 0-5 V command is at a 0-10 V output, else the "
+        "look at a gauge: with double the pressure a 0-5 V command is at a 0-10 V output, else the "
         "pressure output has double its range; correct the wiring, or `calibration` or `readback`",
     ),
     RegulatorFault.SCALE: (
