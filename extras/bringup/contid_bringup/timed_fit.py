@@ -1,8 +1,8 @@
 """Friction, top speed and time constant of a servo from counts that it timed itself while it drove.
 
-The model is that of `contid_bringup.drive_fit`. A host has the time when it sent a pulse, not that when the servo
-began: its start on the servo's clock is found for every pulse. Least squares by Levenberg's and Marquardt's
-method; the deviations are those of the linear problem at the solution.
+The model is that of `contid_bringup.drive_fit`. A host has the time when it sent a pulse, not that when the
+servo began: its start on the servo's clock is found for every pulse. Least squares by the method of Levenberg
+and Marquardt; the deviations are those of the linear problem at the solution.
 """
 
 from __future__ import annotations
