@@ -1,6 +1,6 @@
 """Drivers whose devices prove their wiring before a loop closes on it: ``contid bringup``.
 
-Motors with encoders answer single open-loop pulses, bounded on the device in duty and time.
+Motors with encoders, and servos, answer single open-loop pulses, bounded on the device in duty and time.
 """
 
 from __future__ import annotations
@@ -43,6 +43,13 @@ class EncoderAnswer(NamedTuple):
         return self.edges_a + self.edges_b
 
 
+class TimedCount(NamedTuple):
+    """Counts since the start of a pulse, and the device's time [s] since one of them."""
+
+    time_s: float
+    counts: int
+
+
 @dataclass(frozen=True, slots=True)
 class PulseAnswer:
     """What one pulse caused.
@@ -55,6 +62,7 @@ class PulseAnswer:
         positions: counts of the axis's encoder since the start, 1 ms apart, the first after 1 ms.
         fault: the driver of the motor reported a fault.
         currents_a: current of the motor, 2 ms apart, the first after 1 ms; empty without a sensor.
+        timed: counts of the axis's encoder while it was driven, timed by the device; empty: by ``positions``.
     """
 
     axis: str
@@ -65,6 +73,7 @@ class PulseAnswer:
     positions: tuple[int, ...]
     fault: bool = False
     currents_a: tuple[float, ...] = ()
+    timed: tuple[TimedCount, ...] = ()
 
     @property
     def own(self) -> EncoderAnswer:
@@ -81,6 +90,8 @@ class DriveFacts:
         brakes: between pulses its terminals are shorted; else it coasts.
         friction, no_load_deg_s, time_constant_s: duty that just moves it, speed at full duty, response.
         stall_a: stall current; 0 without a sensor.
+        sealed: motor, encoder and bridge are one part, a servo.
+        longest_s: longest pulse of its device.
     """
 
     counts_per_rev: float
@@ -89,12 +100,18 @@ class DriveFacts:
     no_load_deg_s: float
     time_constant_s: float
     stall_a: float = 0.0
+    sealed: bool = False
+    longest_s: float = 0.03
 
 
 class PulsedBus(Protocol):
     """An open bus whose motors are pulsed one at a time."""
 
-    device: ProvenDevice
+    def device(self, axis: str) -> ProvenDevice:
+        """The board or servo of an axis."""
+
+    def notes(self, axis: str) -> Sequence[str]:
+        """What else was found about an axis, a line each."""
 
     def pulse(self, axis: str, duty: float, duration_s: float) -> PulseAnswer:
         """Drive one axis open loop, and read what every encoder showed.
@@ -102,7 +119,7 @@ class PulsedBus(Protocol):
         Args:
             axis: ``ROBOT.AXIS``.
             duty: -0.2 to 0.2; the device refuses more.
-            duration_s: at most 0.03; the device ends the drive by itself.
+            duration_s: at most `DriveFacts.longest_s`; the device ends the drive by itself.
 
         Raises:
             DeviceError: refused, or the device does not answer.
@@ -122,7 +139,7 @@ class Pulses(Protocol):
         """Open the bus for pulses; on exit every motor is without power."""
 
     def drive_facts(self, axis: BaseModel) -> DriveFacts | None:
-        """What the file states about the motor of an axis; None for a device that cannot be pulsed."""
+        """What the file states about the motor of an axis; None for a regulator."""
 
 
 @runtime_checkable

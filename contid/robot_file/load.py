@@ -19,6 +19,7 @@ from contid.robot_file.findings import allowed_names, with_renamed_keys
 from contid.robot_file.loader import Loader, robot_classes
 from contid.robot_file.model_plugins import load_plugin
 from contid.robot_file.positions import read_document, read_text
+from contid.robot_file.proven.bringup import slowed
 from contid.robot_file.robot import RobotDescription
 
 
@@ -74,7 +75,7 @@ def parse_robot_file(text: str, name: str, recorded: bool = False) -> LoadedFile
     buses = loader.load()
     if loader.findings:
         raise BadInputError(first_findings(loader.findings))
-    return LoadedFile(Path(name), text, _robot_file(document.data), buses)
+    return slowed(LoadedFile(Path(name), text, _robot_file(document.data), buses))
 
 
 def with_mock(loaded: LoadedFile) -> LoadedFile:
@@ -91,7 +92,8 @@ def with_mock(loaded: LoadedFile) -> LoadedFile:
         )
         options = sim.bus_options(**driver.mock_options(bus.options))
         buses[name] = replace(bus, driver="sim", options=options, axes=axes, isolation=Isolation.THREAD)
-    return replace(loaded, buses=buses)
+    # Simulated devices are not those that were proven.
+    return replace(loaded, buses=buses, file=loaded.file.model_copy(update={"bringup": {}}))
 
 
 def _robot_file(data: Any) -> RobotFile:

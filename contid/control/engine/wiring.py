@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -33,12 +34,15 @@ from contid.robot_file.chain import Chain
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.document import BusWiring
 from contid.robot_file.load import LoadedFile
+from contid.robot_file.proven.bringup import changed_axes, slow_notice
 from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.robot_file.tick_rate import watchdog_s
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
+
+log = logging.getLogger(__name__)
 
 _Capability = TypeVar("_Capability")
 
@@ -91,6 +95,8 @@ def open_buses(loaded: LoadedFile, clock: Clock) -> Mapping[str, Bus]:
     Raises:
         DeviceNotFoundError: one could not be opened; the others are closed again.
     """
+    for axis, change in changed_axes(loaded).items():
+        log.warning("%s: %s; %s", axis, change, slow_notice(axis))
     buses = build_buses(loaded, clock)
     try:
         for name, bus in buses.items():

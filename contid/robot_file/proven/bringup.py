@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from contid.robot_file.document import BusWiring
     from contid.robot_file.load import LoadedFile
 
+#: Share of its velocities that a robot keeps while an axis is not as it was proven.
+UNPROVEN_SHARE: Final = 0.2
+_VELOCITIES: Final = ("velocity_mm_s", "velocity_bar_s", "velocity_deg_s")
 #: What to do about an axis that is not as it was proven.
 _REMEDY = "contid bringup FILE {axis}"
 
@@ -58,28 +62,59 @@ def wiring_digest(bus: BusWiring, axis: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
+def changed_axes(loaded: LoadedFile) -> dict[str, str]:
+    """What is not as it was proven, by axis; axes without a change, or without a bring-up, are left out."""
+    buses = {axis: bus for bus in loaded.buses.values() for axis, _ in bus.axes}
+    changed = {}
+    for axis, found in loaded.file.bringup.items():
+        if axis not in buses:
+            continue
+        if found.verdict != "ok":
+            changed[axis] = f"{found.verdict} at its last bring-up, {found.date}"
+        elif found.wiring != wiring_digest(buses[axis], axis):
+            changed[axis] = f"its wiring in this file was changed since its bring-up, {found.date}"
+    return changed
+
+
+def slowed(loaded: LoadedFile) -> LoadedFile:
+    """The same file, whose robots with a changed axis have `UNPROVEN_SHARE` of their velocities."""
+    names = {axis.partition(".")[0] for axis in changed_axes(loaded)}
+    if not names:
+        return loaded
+    robots = dict(loaded.file.robots)
+    for name in names & robots.keys():
+        rates = robots[name].rates
+        slow = {
+            key: value * UNPROVEN_SHARE for key in _VELOCITIES if (value := getattr(rates, key)) is not None
+        }
+        robots[name] = robots[name].model_copy(update={"rates": rates.model_copy(update=slow)})
+    return replace(loaded, file=loaded.file.model_copy(update={"robots": robots}))
+
+
 def bringup_findings(loaded: LoadedFile) -> Iterator[Finding]:
     """One finding per axis of a file with ``bringup:``; opens no device."""
-    proven = loaded.file.bringup
+    proven, changed = loaded.file.bringup, changed_axes(loaded)
     if not proven:
         return
     buses = {axis: bus for bus in loaded.buses.values() for axis, _ in bus.axes}
     for axis, bus in buses.items():
-        found = proven.get(axis)
         remedy = _REMEDY.format(axis=axis)
-        if found is None:
+        if axis not in proven:
             if isinstance(load_driver(bus.driver), Proves):
                 yield Finding(f"bringup {axis}", True, "never brought up", remedy, warning=True)
-        elif found.verdict != "ok":
-            message = f"{found.verdict} at its last bring-up, {found.date}"
-            yield Finding(f"bringup {axis}", False, message, remedy)
-        elif found.wiring != wiring_digest(bus, axis):
-            message = f"its wiring in this file was changed since its bring-up, {found.date}"
-            yield Finding(f"bringup {axis}", True, message, remedy, warning=True)
+        elif axis in changed:
+            message = f"{changed[axis]}; {slow_notice(axis)}"
+            ok = proven[axis].verdict == "ok"
+            yield Finding(f"bringup {axis}", ok, message, remedy, warning=ok)
         else:
-            yield Finding(f"bringup {axis}", True, f"proven {found.date}")
+            yield Finding(f"bringup {axis}", True, f"proven {proven[axis].date}")
     for axis in proven.keys() - buses.keys():
         yield Finding(f"bringup {axis}", True, "no such axis any more", "remove it", warning=True)
+
+
+def slow_notice(axis: str) -> str:
+    """What follows for the robot of a changed axis."""
+    return f"{axis.partition('.')[0]} moves at {UNPROVEN_SHARE:.0%} of its velocities until it is brought up"
 
 
 def device_finding(axis: str, found: AxisBringup, device: ProvenDevice) -> Finding | None:

@@ -35,9 +35,15 @@ class DuePulsedBus:
     def __init__(self, bus: DueBus, axes: Sequence[AxisOnBus]) -> None:
         self._bus = bus
         self._options = {axis.name: axis_options(axis) for axis in axes}
-        hello = bus.hello
-        self._capabilities = hello.capabilities
-        self.device = board(hello)
+        self._capabilities = bus.hello.capabilities
+
+    def device(self, axis: str) -> ProvenDevice:
+        """The board."""
+        return board(self._bus.hello)
+
+    def notes(self, axis: str) -> Sequence[str]:
+        """Nothing further."""
+        return ()
 
     def pulse(self, axis: str, duty: float, duration_s: float) -> PulseAnswer:
         """Drive one axis open loop, and read what every encoder showed.

@@ -60,6 +60,16 @@ def _units(axis: Axis, current_ma: float | None) -> int | None:
     return None if current_ma is None else axis.model.to_units(current_ma)
 
 
+def present(client: ServoClient, device: int, register: Register) -> int | None:
+    """What a servo has in a setting; None where older firmware has none, which is then not active."""
+    try:
+        return client.read(device, register)
+    except ServoRefusedError:
+        if register is reg.STARTUP:
+            return None
+        raise
+
+
 def configure(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> None:
     """Write the settings that differ; torque stays as it is, on or off, and so does the position.
 
@@ -73,22 +83,17 @@ def configure(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> 
         hold_position(client, axis)
     read_own_limit(client, axis)
     for register, value in settings(axis, options):
-        try:
-            present = client.read(device, register)
-        except ServoRefusedError:
-            if register is reg.STARTUP:  # not in older firmware, and then not active
-                continue
-            raise
-        if present == value:
+        found = present(client, device, register)
+        if found in (None, value):
             continue
         if register.eeprom and torque:
             raise DeviceError(
                 client.name(device),
-                f"{register.name} is {present}, the robot file requires {value}, and torque is on",
+                f"{register.name} is {found}, the robot file requires {value}, and torque is on",
                 "it can only be changed without torque: support the robot and relax it first",
             )
         under = " under torque" if torque else ""
-        log.info("%s: %s %d -> %d%s", client.name(device), register.name, present, value, under)
+        log.info("%s: %s %d -> %d%s", client.name(device), register.name, found, value, under)
         client.write(device, register, value)
         if register is reg.OPERATING_MODE:
             turns.store(client, axis, axis.turns)

@@ -23,6 +23,7 @@ from contid.hal import (
     RegisterValue,
     Report,
 )
+from contid.hal.pulses import DriveFacts, ProvenDevice, PulsedBus
 from contid.units import DEG
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
@@ -113,6 +114,37 @@ class DynamixelDriver:
 
         assert isinstance(options, DynamixelBusOptions)
         return home(name, options, axes, only, report)
+
+    def pulsed_bus(
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]
+    ) -> AbstractContextManager[PulsedBus]:
+        """Open the bus for pulses; on exit every servo is without torque (`contid.hal.pulses.Pulses`)."""
+        from contid_drivers.dynamixel.checks.pulses import pulsed_bus
+
+        assert isinstance(options, DynamixelBusOptions)
+        return pulsed_bus(name, options, axes)
+
+    def drive_facts(self, axis: BaseModel) -> DriveFacts:
+        """What the manual states about the motor of a servo."""
+        from contid_drivers.dynamixel.checks.pulses import drive_facts
+
+        assert isinstance(axis, DynamixelAxisOptions)
+        return drive_facts(axis)
+
+    def wiring(self, options: BaseModel, axis: BaseModel) -> Mapping[str, object]:
+        """The options that a change of wiring would change (`contid.hal.pulses.Proves`)."""
+        from contid_drivers.dynamixel.checks.pulses import wiring
+
+        assert isinstance(options, DynamixelBusOptions)
+        assert isinstance(axis, DynamixelAxisOptions)
+        return wiring(options, axis)
+
+    def devices(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> Mapping[str, ProvenDevice]:
+        """The servo of each axis that answers (`contid.hal.pulses.Proves`)."""
+        from contid_drivers.dynamixel.checks.pulses import devices
+
+        assert isinstance(options, DynamixelBusOptions)
+        return devices(name, options, axes)
 
     def scan(self, ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
         """Devices on ``ports`` (empty: every likely one) at ``bauds`` (empty: all until one answers)."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, suppress
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,11 +13,15 @@ from typing import TYPE_CHECKING
 import click
 
 from contid.cli.support.parameters import robot_names
+from contid.errors import DeviceError
 
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus
     from contid.hal.pulses import DriveFacts
+    from contid.robot_file.load import LoadedFile
+    from contid_bringup.motor import ByHand
     from contid_bringup.record import ProvenAxis
+    from contid_bringup.wiring_faults import WiringFault
 
 
 @click.command()
@@ -28,10 +33,11 @@ if TYPE_CHECKING:
     "--page", type=click.Path(dir_okay=False), help="Where to write the record; default: FILE-bringup.html."
 )
 def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, page: str | None) -> None:
-    """Prove motors, encoders and bridges of AXES (ROBOT.AXIS; default: all) before a loop closes on them.
+    """Prove motors, encoders, bridges and servos of AXES (ROBOT.AXIS; default: all) before a loop closes.
 
-    Motors on boards get single pulses of at most 30 ms and 20 % of duty, which the board itself ends, one
-    axis after the other: enough to name swapped or open wires. A proven motor is then measured.
+    Motors on boards and Dynamixel servos get single pulses of at most 30 ms and 20 % of duty, which the
+    device itself bounds, one axis after the other: enough to name swapped or open wires. A proven one is
+    then measured.
 
     The results are written into `bringup:` of ROBOT_FILE, and into a page to print. Exit code 4 when
     something is wrong, 0 only when every axis named or examined is proven.
@@ -49,22 +55,26 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
     require_axes(buses, axes)
     if not dry_run:
         require_writable(path, "bring up")
-    chosen = [(bus, motors) for bus in buses if (motors := _motors(bus, axes))]
+    chosen = [(bus, found) for bus in buses if (found := _provable(bus, axes))]
     if not chosen:
         raise ContidError(f"{path}: no axis was examined: no driver of this file can be brought up")
     if not yes and not sys.stdin.isatty():
         raise click.UsageError("it asks before it moves, and stdin is no terminal; --yes asks nothing")
     if not yes:
         click.confirm(
-            "Each motor will turn by a few degrees, one after the other. "
+            "One after the other, each motor will turn by a few degrees, each regulator get a fifth of its "
+            "pressure. "
             "Is everybody clear of the robot, and the supply within reach?",
             abort=True,
         )
-    by_hand = None if yes else _turn_by_hand
+    by_hand = None if yes else Person()
     records: list[ProvenAxis] = []
     with interruptible(), StopServer(robot_file, "bring-up"):
-        for bus, motors in chosen:
-            records += _bring_up(bus, motors, by_hand)
+        for bus, found in chosen:
+            if motors := {axis: facts for axis, facts in found.items() if facts is not None}:
+                records += _bring_up(loaded, bus, motors, by_hand)
+            if regulators := [axis for axis, facts in found.items() if facts is None]:
+                records += _bring_up_regulators(bus, regulators)
     when = datetime.now().astimezone()
     if not dry_run:
         write_section(path, loaded, records, when)
@@ -78,15 +88,35 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
     click.echo(f"proven: {', '.join(record.axis for record in records)}", err=True)
 
 
-def _turn_by_hand(axis: str) -> bool:
-    """Ask for one turn; "" is yes."""
-    prompt = f"{axis}: turn its output shaft by one whole turn by hand, then Enter (s: skip)"
-    answer: str = click.prompt(prompt, default="", show_default=False)
-    return not answer.strip()
+class Person:
+    """Asks the person at the terminal (`contid_bringup.motor.ByHand`)."""
+
+    def turned(self, axis: str) -> bool:
+        """Ask for one turn; "" is yes."""
+        prompt = f"{axis}: turn its output shaft by one whole turn by hand, then Enter (s: skip)"
+        answer: str = click.prompt(prompt, default="", show_default=False)
+        return not answer.strip()
+
+    def saw(self, axis: str, wiggle: Callable[[], None]) -> WiringFault:
+        """Wiggle it until the person has seen which part turned, and which way first."""
+        from contid_bringup.wiring_faults import WiringFault
+
+        answers = {"y": WiringFault.NONE, "o": WiringFault.OTHER_TURNED, "w": WiringFault.WRONG_SENSE}
+        while True:
+            click.echo(
+                f"{axis}: look at it; it turns by a degree or so, first so that its value rises, and back"
+            )
+            wiggle()
+            answer: str = click.prompt(
+                "y: it did; o: another part turned; w: it began the wrong way; a: again",
+                type=click.Choice([*answers, "a"]),
+            )
+            if answer in answers:
+                return answers[answer]
 
 
-def _motors(bus: WiredBus, axes: tuple[str, ...]) -> Mapping[str, DriveFacts]:
-    """The motors of a bus among ``axes`` (empty: all) that can be brought up; names what is left out."""
+def _provable(bus: WiredBus, axes: tuple[str, ...]) -> Mapping[str, DriveFacts | None]:
+    """What of a bus among ``axes`` (empty: all) can be brought up; None for regulators."""
     from contid.hal.pulses import Pulses
 
     only = [axis for axis in bus.axes if not axes or axis.name in axes]
@@ -95,18 +125,45 @@ def _motors(bus: WiredBus, axes: tuple[str, ...]) -> Mapping[str, DriveFacts]:
         left_out = ", ".join(axis.name for axis in only)
         click.echo(f"{name}: driver {driver!r} cannot be brought up; {left_out} not examined")
         return {}
-    motors = {}
-    for axis in only:
-        assert isinstance(bus.driver, Pulses)
-        if (facts := bus.driver.drive_facts(axis.options)) is not None:
-            motors[axis.name] = facts
-        else:
-            click.echo(f"{axis.name}: no motor; regulators are not examined by this version")
-    return motors
+    assert not only or isinstance(bus.driver, Pulses)
+    return {axis.name: bus.driver.drive_facts(axis.options) for axis in only}  # type: ignore[attr-defined]
+
+
+def _bring_up_regulators(bus: WiredBus, regulators: Sequence[str]) -> Iterator[ProvenAxis]:
+    from contid.hal import Rest
+    from contid.hal.pulses import Proves
+    from contid.kit.clock import MonotonicClock
+    from contid.kit.signals import defer_signals
+    from contid.robot_file.proven.bringup import wiring_digest
+    from contid_bringup.record import ProvenAxis
+    from contid_bringup.regulator import bring_up_regulator
+
+    name, options, clock = bus.wiring.name, bus.wiring.options, MonotonicClock()
+    report = functools.partial(click.echo, err=True)
+    assert isinstance(bus.driver, Proves)
+    devices = bus.driver.devices(name, options, bus.axes)
+    most_pa = {axis.name: axis.travel[1] for axis in bus.axes if axis.travel is not None}
+    with closing(bus.driver.open_bus(name, options, bus.axes, clock)) as opened:
+        opened.open()
+        try:
+            for axis in opened.axes:
+                with suppress(DeviceError):  # a fault that persists shows in the readings
+                    opened.clear_fault([axis])
+            opened.disable(opened.axes, Rest.VENT)
+            for axis in regulators:
+                others = [each for each in opened.axes if each != axis]
+                result = bring_up_regulator(opened, axis, others, most_pa[axis], clock, report)
+                for line in result.lines():
+                    click.echo(f"{axis}: {line}")
+                wiring = wiring_digest(bus.wiring, axis)
+                yield ProvenAxis(axis, result.name, devices[axis], wiring, result.lines())
+        finally:
+            with defer_signals():
+                opened.disable(opened.axes, Rest.VENT)
 
 
 def _bring_up(
-    bus: WiredBus, motors: Mapping[str, DriveFacts], by_hand: Callable[[str], bool] | None
+    loaded: LoadedFile, bus: WiredBus, motors: Mapping[str, DriveFacts], by_hand: ByHand | None
 ) -> Iterator[ProvenAxis]:
     from contid.hal.pulses import Pulses
     from contid.robot_file.proven.bringup import wiring_digest
@@ -117,9 +174,11 @@ def _bring_up(
     report = functools.partial(click.echo, err=True)
     with bus.driver.pulsed_bus(bus.wiring.name, bus.wiring.options, bus.axes) as pulsed:
         for axis, facts in motors.items():
-            result = bring_up_motor(pulsed, axis, facts, report, by_hand)
+            robot, _, own = axis.partition(".")
+            sense = loaded.driven[robot].axes[own].direction
+            result = bring_up_motor(pulsed, axis, facts, report, by_hand, sense)
             lines = result.lines()
             for line in lines:
                 click.echo(f"{axis}: {line}")
             wiring = wiring_digest(bus.wiring, axis)
-            yield ProvenAxis(axis, result.name, pulsed.device, wiring, lines, result.fit)
+            yield ProvenAxis(axis, result.name, pulsed.device(axis), wiring, lines, result.fit)

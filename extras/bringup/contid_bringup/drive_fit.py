@@ -20,15 +20,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contid.hal.pulses import DriveFacts, PulseAnswer
-from contid_bringup.probing import DUTY_MOST, Pulse, from_rest
+from contid_bringup.probing import DUTY_MOST, PULSE_S, Pulse, from_rest, way_deg
 
 _Values = NDArray[np.float64]
 #: A number is stated when its standard deviation is at most this share of it.
 CERTAIN: Final = 0.03
-#: Pulses in each direction, and where the duty lies between friction and 20 %.
+#: Pulses in each direction, and where the duty lies between friction and 20 %, of short and long pulses.
 _REPEATED: Final = 8
 _SHARES: Final = (0.5, 1.0)
+_LONG_REPEATED: Final = 5
+_LONG_SHARES: Final = (0.1, 1.0)
 _DURATIONS_S: Final = (0.030, 0.027, 0.025, 0.028, 0.024, 0.029, 0.026)
+#: Way of a pulse that is longer than those of a probe, by the robot file, and the steps of its duration.
+MEASURED_DEG: Final = 8.0
+_SHORTER_S: Final = 0.005
 #: Steps of the walk: to settle, and to sample.
 _SETTLE: Final = 1500
 _SAMPLE: Final = 1500
@@ -68,19 +73,24 @@ class DriveFit(NamedTuple):
     time_constant_s: MeanOfPulses
 
 
-def measure(pulse: Pulse, found_duty: float) -> list[PulseAnswer]:
+def measure(pulse: Pulse, found_duty: float, facts: DriveFacts) -> list[PulseAnswer]:
     """Pulses of a proven motor for `fit_drive`: two duties, there and back in turn; a fault ends them.
 
     Their durations differ, so that each starts at another part of a count: pulses that repeat each other
-    exactly would count as more knowledge than they are.
+    exactly would count as more knowledge than they are. A device that allows longer ones than those of a
+    probe turns by about `MEASURED_DEG`.
     """
     pulse = from_rest(pulse)
     durations = itertools.cycle(_DURATIONS_S)
     answers = []
-    for share in _SHARES:
+    long = facts.longest_s > PULSE_S
+    for share in _LONG_SHARES if long else _SHARES:
         duty = found_duty + (DUTY_MOST - found_duty) * share
-        for sign in (+1.0, -1.0) * _REPEATED:
-            answers.append(pulse(sign * duty, next(durations)))
+        longest_s = facts.longest_s
+        while longest_s > PULSE_S and way_deg(facts, duty, longest_s) > MEASURED_DEG:
+            longest_s -= _SHORTER_S
+        for sign in (+1.0, -1.0) * (_LONG_REPEATED if long else _REPEATED):
+            answers.append(pulse(sign * duty, next(durations) * longest_s / PULSE_S))
             if answers[-1].fault:
                 return answers
     return answers

@@ -1,20 +1,24 @@
-"""Bring-up of one motor with an encoder: pulses, the name of what is wrong, its numbers, one turn by hand."""
+"""Bring-up of one motor or servo: pulses, the name of what is wrong, its numbers, what a person sees."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 from contid.hal import Report
 from contid.hal.pulses import DriveFacts, PulsedBus
 from contid_bringup.drive_fit import DriveFit, fit_drive, measure
-from contid_bringup.naming import Verdict, WiringFault, name_fault
-from contid_bringup.probing import probe
+from contid_bringup.naming import Verdict, name_fault
+from contid_bringup.probing import DUTY_MOST, Pulse, blind_s, from_rest, probe
+from contid_bringup.timed_fit import fit_timed
+from contid_bringup.wiring_faults import WiringFault
 
 #: A turn by hand is accurate to this share.
 _BY_HAND: Final = 0.05
+#: Times to and fro of a wiggle.
+_WIGGLES: Final = 4
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,7 @@ class MotorResult:
         fit: friction, top speed, time constant; None for a faulty axis, and where it moved too little.
         counts_by_hand: counts of one turn by hand; None when it was skipped.
         counts_per_rev: those of the robot file.
+        notes: what else was found, a line each.
     """
 
     verdict: Verdict
@@ -35,6 +40,7 @@ class MotorResult:
     fit: DriveFit | None
     counts_by_hand: int | None
     counts_per_rev: float
+    notes: Sequence[str] = ()
 
     @property
     def name(self) -> str:
@@ -70,20 +76,36 @@ class MotorResult:
                     ("time constant", self.fit.time_constant_s, 1000.0, "ms"),
                 )
             ]
-        return found
+        return [*found, *self.notes]
+
+
+class ByHand(Protocol):
+    """A person beside the robot."""
+
+    def turned(self, axis: str) -> bool:
+        """Ask for one turn of the output shaft by hand; False when it was not made."""
+
+    def saw(self, axis: str, wiggle: Callable[[], None]) -> WiringFault:
+        """Ask which part turned and which way; ``wiggle`` moves it to and fro, first as its value rises."""
 
 
 def bring_up_motor(
-    bus: PulsedBus, axis: str, facts: DriveFacts, report: Report, turn_by_hand: Callable[[str], bool] | None
+    bus: PulsedBus,
+    axis: str,
+    facts: DriveFacts,
+    report: Report,
+    by_hand: ByHand | None = None,
+    sense: int = 1,
 ) -> MotorResult:
-    """Prove one motor.
+    """Prove one motor or servo.
 
     Args:
         bus: open for pulses.
         axis: ``ROBOT.AXIS``.
         facts: what the robot file states about it.
         report: takes lines about the progress.
-        turn_by_hand: asks for one turn by hand, and returns whether it was made; None: not asked for.
+        by_hand: a person who is asked; None: without one.
+        sense: of the device, 1 or -1, in which the value of the axis rises.
 
     Raises:
         DeviceError: the device refuses a pulse, or does not answer.
@@ -92,16 +114,29 @@ def bring_up_motor(
     report(f"{axis}: pulses of at most 30 ms, rising to at most 20 % until it stirs")
     answers = probe(pulse, facts)
     verdict = name_fault(answers, facts.stall_a)
-    fit, by_hand = None, None
+    fit, counted = None, None
     if verdict.fault is WiringFault.NONE:
         report(f"{axis}: motor and encoder answer; measuring friction, speed and time constant")
-        answers += measure(pulse, abs(answers[-1].duty))
+        found = abs(answers[-1].duty)
+        answers += measure(pulse, found, facts)
         if answers[-1].fault:
             verdict = Verdict(WiringFault.BRIDGE_TRIPS)
-    if verdict.fault is WiringFault.NONE:
-        fit = fit_drive(answers, facts)
+        else:
+            fit = fit_timed(answers, facts) if facts.sealed else fit_drive(answers, facts)
+            if by_hand is not None:
+                verdict = Verdict(by_hand.saw(axis, functools.partial(_wiggle, pulse, facts, sense, found)))
+    if verdict.fault is WiringFault.NONE and by_hand is not None and not facts.sealed:
         before = bus.counts(axis)
-        if turn_by_hand is not None and turn_by_hand(axis):
-            by_hand = bus.counts(axis) - before
+        if by_hand.turned(axis):
+            counted = bus.counts(axis) - before
     most = max(abs(answer.duty) for answer in answers)
-    return MotorResult(verdict, len(answers), most, fit, by_hand, facts.counts_per_rev)
+    verdict = verdict._replace(sealed=facts.sealed)
+    notes = bus.notes(axis)
+    return MotorResult(verdict, len(answers), most, fit, counted, facts.counts_per_rev, notes)
+
+
+def _wiggle(pulse: Pulse, facts: DriveFacts, sense: int, found_duty: float) -> None:
+    """To and fro by a degree or so: first in the sense in which the value of the axis rises."""
+    duty = sense * 0.5 * (found_duty + DUTY_MOST)
+    for sign in (+1.0, -1.0) * _WIGGLES:
+        from_rest(pulse)(sign * duty, blind_s(facts, duty))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import enum
 import itertools
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from contid.hal.pulses import EncoderAnswer, PulseAnswer
 from contid_bringup.probing import STIRRED, total
+from contid_bringup.wiring_faults import MEANINGS, SEALED, WiringFault
 
 #: A turning motor draws less than a standing one: its current falls by this share while it is driven.
 _FALLS: Final = 0.12
@@ -17,113 +17,33 @@ _FLOWS: Final = 0.1
 _FIRST_CURRENT: Final = 1  # the inductance has passed
 
 
-class WiringFault(enum.StrEnum):
-    """Name of what is wrong with the wiring of a motor, its encoder or its bridge."""
-
-    NONE = "ok"
-    FAULT_LINE = "fault-line"
-    BRIDGE_TRIPS = "bridge-trips"
-    UNDRIVEN = "moves-without-drive"
-    EDGES_MISSED = "edges-missed"
-    TRACKS_TOGETHER = "tracks-together"
-    TRACK_A = "dead-track-a"
-    TRACK_B = "dead-track-b"
-    CROSSED_TRACK = "crossed-track"
-    CROSSED_AXES = "crossed-axes"
-    REVERSED = "reversed"
-    ONE_DIRECTION = "one-direction"
-    SAME_DIRECTION = "same-direction"
-    NO_CURRENT = "no-current"
-    DEAD_ENCODER = "dead-encoder"
-    NO_MOTION = "does-not-move"
-    NO_COUNT = "no-count"
-
-
-#: What each name means, and what to do.
-MEANINGS: Final[dict[WiringFault, tuple[str, str]]] = {
-    WiringFault.NONE: ("motor and encoder are connected and count the right way", ""),
-    WiringFault.FAULT_LINE: (
-        "the driver of the motor reports a fault at rest",
-        "check its supply, its fault line and its pull-up; nothing was driven",
-    ),
-    WiringFault.BRIDGE_TRIPS: (
-        "the driver of the motor reports a fault as soon as it drives",
-        "look for a short of the motor's wires, and whether the supply is strong enough",
-    ),
-    WiringFault.UNDRIVEN: (
-        "the encoder counts although nothing is driven",
-        "hold the robot still; else look for a loose ground or noise on the encoder's wires",
-    ),
-    WiringFault.EDGES_MISSED: (
-        "both tracks change at once now and then: edges are missed",
-        "shorten or shield the encoder's cable; check its supply and pull-ups",
-    ),
-    WiringFault.TRACKS_TOGETHER: (
-        "both tracks always change together",
-        "tracks A and B are connected to each other, or to one output of the encoder",
-    ),
-    WiringFault.TRACK_A: ("track A of its encoder shows no edge, track B does", "connect track A"),
-    WiringFault.TRACK_B: ("track B of its encoder shows no edge, track A does", "connect track B"),
-    WiringFault.CROSSED_TRACK: (
-        "one track of its encoder is at its own input, the other at that of {other}",
-        "put both tracks of each encoder to their own channel",
-    ),
-    WiringFault.CROSSED_AXES: (
-        "driving it moves the encoder of {other}, and its own stands still",
-        "look which shaft turned: its own: swap the encoders; that of {other}: swap the motors",
-    ),
-    WiringFault.REVERSED: (
-        "positive duty counts down",
-        "swap tracks A and B or the motor's wires; or set encoder_reversed or motor_reversed, whichever "
-        "makes positive the sense that the robot file means",
-    ),
-    WiringFault.ONE_DIRECTION: (
-        "it turns in one direction only",
-        "an input line of its bridge is open; or an end stop or a tight tendon is in the way",
-    ),
-    WiringFault.SAME_DIRECTION: (
-        "it turns the same way whatever the sign of the duty",
-        "the direction line of its bridge is open, or `bridge` in the robot file is of another kind",
-    ),
-    WiringFault.NO_CURRENT: (
-        "no current flows through the motor at 20 % duty",
-        "connect the motor, and the supply of its bridge",
-    ),
-    WiringFault.DEAD_ENCODER: (
-        "its current falls as that of a turning motor, but its encoder shows no edge",
-        "check supply, ground and both tracks of the encoder",
-    ),
-    WiringFault.NO_MOTION: (
-        "it does not move at 20 % duty; its current stays that of a standing motor",
-        "loosen what blocks it, or its tendon; a shaft with more friction cannot be proven by pulses",
-    ),
-    WiringFault.NO_COUNT: (
-        "it does not move at 20 % duty, or its encoder is dead; without a current sensor both look alike",
-        "turn the shaft by hand and look whether `contid status` counts; check encoder, motor and supply",
-    ),
-}
-
-
 class Verdict(NamedTuple):
     """What the pulses of one axis showed.
 
     Attributes:
         fault: its name; ``WiringFault.NONE`` for a proven axis.
         other: the other axis or input concerned, "" for none.
+        sealed: of a servo.
     """
 
     fault: WiringFault
     other: str = ""
+    sealed: bool = False
+
+    @property
+    def _meaning(self) -> tuple[str, str]:
+        meanings = MEANINGS | SEALED if self.sealed else MEANINGS
+        return meanings[self.fault]
 
     @property
     def message(self) -> str:
         """What was seen."""
-        return MEANINGS[self.fault][0].format(other=self.other)
+        return self._meaning[0].format(other=self.other)
 
     @property
     def remedy(self) -> str:
         """What to do about it."""
-        return MEANINGS[self.fault][1].format(other=self.other)
+        return self._meaning[1].format(other=self.other)
 
 
 def name_fault(answers: Sequence[PulseAnswer], stall_a: float = 0.0) -> Verdict:

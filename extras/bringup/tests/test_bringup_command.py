@@ -148,9 +148,11 @@ def test_a_motor_that_its_watchdog_left_holding_is_relaxed_first(robot: tuple[Pa
     assert done.exit_code == 0, done.output
 
 
-def test_a_file_without_boards_is_refused_before_anything_is_asked(tmp_path: Path) -> None:
-    path = tmp_path / "hand.yaml"
-    path.write_text((CONFIG.parent / "hand.yaml").read_text())
+def test_a_file_of_simulated_buses_is_refused_before_anything_is_asked(tmp_path: Path) -> None:
+    path = tmp_path / "finger.yaml"
+    text = (CONFIG.parent / "finger.yaml").read_text().replace("driver: dynamixel", "driver: sim")
+    text = re.sub(r"\n    (port|baud): .*", "", text)
+    path.write_text(re.sub(r"\bid: \d+", "device: servo", text))
     refused = CliRunner().invoke(command, [str(path)])
     assert "no driver of this file can be brought up" in str(refused.exception)
     assert "cannot be brought up" in refused.output

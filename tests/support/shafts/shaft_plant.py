@@ -105,7 +105,6 @@ class Bench:
     seed: int = 0
     current_noise: float = 0.01
     sensor: bool = False
-    device: ProvenDevice = field(default_factory=lambda: ProvenDevice("bench", "1"))
     pulses: list[tuple[str, float, float]] = field(default_factory=list)
     furthest: dict[int, float] = field(default_factory=dict)
 
@@ -113,6 +112,8 @@ class Bench:
         for wires in self.wires.values():
             wires.motor = wires.shaft if wires.motor < 0 else wires.motor
         self._random = random.Random(self.seed)
+        self._noisy = any(wires.noise or wires.slow_filter for wires in self.wires.values())
+        self._quarters: list[int] = []
         self._start = [shaft.place for shaft in self.shafts]
         self._decoders = {name: Decoder(*self._levels(name)) for name in self.wires}
 
@@ -132,6 +133,11 @@ class Bench:
         return a, b
 
     def _look(self) -> None:
+        """Decode the levels, where one can have changed."""
+        quarters = [math.floor(shaft.place) for shaft in self.shafts]
+        if quarters == self._quarters and not self._noisy:
+            return
+        self._quarters = quarters
         for name, decoder in self._decoders.items():
             if self.wires[name].slow_filter and self._random.random() < self.wires[name].slow_filter:
                 continue
@@ -157,11 +163,16 @@ class Bench:
             flowing = 0.0
             for number, shaft in enumerate(self.shafts):
                 own = number == wires.motor
-                current = shaft.step(sign if own else 0.0, driven and own)
-                if own:
-                    flowing = abs(current)
-                far = max(self.furthest.get(number, 0.0), abs(shaft.place - self._start[number]))
-                self.furthest[number] = far
+                if own and driven:
+                    flowing = abs(shaft.step(sign, True))
+                elif shaft.speed == 0.0:
+                    continue
+                else:
+                    current = abs(shaft.step(0.0, False))
+                    flowing = current if own else flowing
+                far = abs(shaft.place - self._start[number])
+                if far > self.furthest.get(number, 0.0):
+                    self.furthest[number] = far
             self._look()
             if (i + 1) % 10 == 0:
                 positions.append(self._decoders[axis].count - start[axis][0])
@@ -186,6 +197,12 @@ class Bench:
             tripped,
             tuple(currents) if self.sensor else (),
         )
+
+    def device(self, axis: str) -> ProvenDevice:
+        return ProvenDevice("bench", "1")
+
+    def notes(self, axis: str) -> tuple[str, ...]:
+        return ()
 
     def counts(self, axis: str) -> int:
         return self._decoders[axis].count

@@ -178,3 +178,26 @@ def test_alert_is_in_every_answer(bus: DynamixelEmulator, port: Any) -> None:
     value, result, error = protocol.read1ByteTxRx(port, 1, 70)
     assert (value, result, error & 0x80) == (0x20, sdk.COMM_SUCCESS, 0x80)
     assert protocol.write1ByteTxRx(port, 1, 64, 1)[1] & 0x7F == 1
+
+
+def test_pwm_mode_begins_with_the_limit_refuses_more_and_ends_with_its_host(
+    bus: DynamixelEmulator, port: Any
+) -> None:
+    """Registers 11, 36, 98 and 100 of the e-manual, which bound the pulses of a bring-up."""
+    limit, mode, watchdog, goal, torque = 36, 11, 98, 100, 64
+    assert protocol.write2ByteTxRx(port, 1, limit, 177) == (sdk.COMM_SUCCESS, 0)
+    assert protocol.write1ByteTxRx(port, 1, mode, 16) == (sdk.COMM_SUCCESS, 0)
+    assert protocol.read2ByteTxRx(port, 1, goal) == (177, sdk.COMM_SUCCESS, 0)
+    assert protocol.write2ByteTxRx(port, 1, goal, 178) == (sdk.COMM_SUCCESS, 6)
+    assert protocol.write2ByteTxRx(port, 1, goal, 0) == (sdk.COMM_SUCCESS, 0)
+    assert protocol.write1ByteTxRx(port, 1, torque, 1) == (sdk.COMM_SUCCESS, 0)
+    assert protocol.write1ByteTxRx(port, 1, watchdog, 1) == (sdk.COMM_SUCCESS, 0)
+    assert protocol.write2ByteTxRx(port, 1, goal, 177) == (sdk.COMM_SUCCESS, 0)
+    time.sleep(0.3)
+    assert protocol.read1ByteTxRx(port, 1, watchdog) == (255, sdk.COMM_SUCCESS, 0)
+    position = protocol.read4ByteTxRx(port, 1, 132)[0]
+    # 20 ms of at most 0.16 of 7031 ticks/s and the way to a stop.
+    assert 1000 < position < 1000 + 60
+    assert protocol.write2ByteTxRx(port, 1, goal, 100) == (sdk.COMM_SUCCESS, 4)
+    time.sleep(0.1)
+    assert protocol.read4ByteTxRx(port, 1, 132)[0] == position

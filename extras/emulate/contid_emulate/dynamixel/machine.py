@@ -19,6 +19,7 @@ LOAD_FULL_MA: Final = 1400
 STEP_S: Final = 0.002
 #: Modes in which the emulated motor moves; in the others it stands still.
 _POSITION_MODES: Final = (3, 4, 5)
+_PWM_MODE: Final = 16
 
 
 class ServoMachine(ControlTable):
@@ -97,6 +98,7 @@ class ServoMachine(ControlTable):
             self.put(gain, self.by_name[gain.name].default)
         for register in (reg.PROFILE_VELOCITY, reg.PROFILE_ACCELERATION, reg.GOAL_VELOCITY):
             self.put(register, 0)
+        self.put(reg.GOAL_PWM, self.get(reg.PWM_LIMIT))
         if self.model.ma_per_unit:
             self.put(reg.GOAL_CURRENT, self.get(reg.CURRENT_LIMIT))
 
@@ -114,7 +116,11 @@ class ServoMachine(ControlTable):
             step = min(STEP_S, now - self.now)
             self.now += step
             self._watch()
-            if self.torque and self.memory[reg.OPERATING_MODE.address] in _POSITION_MODES:
+            mode = self.memory[reg.OPERATING_MODE.address]
+            if self.torque and mode == _PWM_MODE:
+                share = 0.0 if self.tripped else self.get(reg.GOAL_PWM) / reg.PWM_LIMIT.default
+                self.motion.drive(share, self.supply_decivolt / 10.0 / self.model.supply_v, step)
+            elif self.torque and mode in _POSITION_MODES:
                 self._limits()
                 self.motion.step(step)
                 if self.motion.overloaded:

@@ -20,6 +20,10 @@ MA_PER_TICK: Final = 8.0
 #: Pushing with more than this current against a stop for this time is an overload.
 OVERLOAD_MA: Final = 900.0
 OVERLOAD_S: Final = 0.5
+#: Motor under a PWM: response of its speed, share of full PWM that just moves it, current at standstill.
+TIME_CONSTANT_S: Final = 0.03
+FRICTION_SHARE: Final = 0.04
+STALL_MA: Final = 1470.0
 
 
 class ShaftMotion:
@@ -99,3 +103,25 @@ class ShaftMotion:
         if abs(error) < 0.5 and not blocked and moved == free and abs(self.velocity) * dt < 0.5:
             free, self.velocity, self.current = self.goal, 0.0, -load if load else 0.0
         self.position = free
+
+    def drive(self, share: float, supply: float, dt: float) -> None:
+        """Advance by ``dt`` [s] under a share of full PWM, at a share of the supply of `SPEED_MAX`."""
+        top = supply * SPEED_MAX
+        hold = FRICTION_SHARE * top
+        standing = self.velocity == 0.0
+        if standing and abs(share * top) <= hold:
+            self.current = 0.0
+            return
+        target = share * top - math.copysign(hold, share if standing else self.velocity)
+        kept = math.exp(-dt / TIME_CONSTANT_S)
+        after = target + (self.velocity - target) * kept
+        way = target * dt + (self.velocity - target) * TIME_CONSTANT_S * (1.0 - kept)
+        if after * self.velocity < 0.0:
+            after, way = 0.0, self.velocity * dt / 2.0
+        self.position, moved = (
+            max(self.stops[0], min(self.stops[1], self.position + way)),
+            self.position + way,
+        )
+        self.velocity = after if self.position == moved else 0.0
+        self.goal = self.position
+        self.current = (share * supply - self.velocity / SPEED_MAX) * STALL_MA

@@ -62,6 +62,8 @@ class Servo(ServoMachine):
             return StatusError.RESULT_FAIL
         if register.address == reg.GOAL_CURRENT.address and abs(value) > self.get(reg.CURRENT_LIMIT):
             return StatusError.DATA_LIMIT
+        if register is reg.GOAL_PWM and abs(value) > self.get(reg.PWM_LIMIT):
+            return StatusError.DATA_LIMIT
         mode = self.memory[reg.OPERATING_MODE.address]
         if register is reg.GOAL_POSITION and mode not in _EXTENDED_MODES:
             limits = self.get(reg.MIN_POSITION), self.get(reg.MAX_POSITION)
