@@ -37,9 +37,8 @@ def plot_axes(session: RecordedTicks) -> Figure:
     ]
     places = [table.names.index(name) for name in ("t_s", *names)]
     values = np.concatenate([np.empty((0, len(places))), *(block[:, places] for block in table.blocks())])
-    figure, diagrams = plt.subplots(
-        len(robots), sharex=True, squeeze=False, layout="constrained", figsize=(8.0, 1.0 + 2.6 * len(robots))
-    )
+    figure: Figure = plt.figure(layout="constrained", figsize=(8.0, 1.0 + 2.6 * len(robots)))
+    diagrams = figure.subplots(len(robots), sharex=True, squeeze=False)
     t_s, pairs = values[:, 0], np.split(values[:, 1:], len(axes), axis=1)
     for (number, axis), pair in zip(axes, pairs, strict=True):
         (line,) = diagrams[number, 0].plot(t_s, pair[:, 0], label=axis)

@@ -70,11 +70,9 @@ def test_a_robot_is_its_axes_with_their_limits() -> None:
     assert Cells(Robot("hand")["left"]).captions == shown.captions[:1]
 
 
-@pytest.mark.parametrize(
-    ("targets", "rows"), [([20, 80], 1), ([[20, 80]] * 3, 3), ([[20, 80]] * 12, 10), ([], 0)]
-)
-def test_answers_are_a_table_of_at_most_ten_rows(targets: list[object], rows: int) -> None:
-    answer = Robot("finger").ik(np.reshape(targets, (-1, 2)) if not rows else targets)
+@pytest.mark.parametrize(("shape", "rows"), [((2,), 1), ((3, 2), 3), ((2, 6, 2), 10), ((0, 2), 0)])
+def test_answers_are_a_table_of_at_most_ten_rows(shape: tuple[int, ...], rows: int) -> None:
+    answer = Robot("finger").ik(np.broadcast_to([20.0, 80.0], shape))
     shown = Cells(answer)
     assert shown.rows[0] == [*(answer.dtype.names or ())]
     assert len(shown.rows) == 1 + rows
