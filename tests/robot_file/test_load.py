@@ -146,7 +146,7 @@ def test_the_names_of_shipped_files_are_listed_once() -> None:
         find_robot_file("hnd")
     assert ".emulated" not in str(refused.value)
     assert str(refused.value).endswith("did you mean 'hand'?")
-    with pytest.raises(ContidError, match="did you mean 'hand.emulated'"):
+    with pytest.raises(ContidError, match=r"did you mean 'hand\.emulated'"):
         find_robot_file("hnd.emulated")
 
 
