@@ -1,4 +1,4 @@
-"""A robot learns to reach by moving at random: what axes led where becomes a policy of two layers, in plain NumPy.
+"""A robot learns to reach by moving at random: which axes led where becomes a policy of two layers.
 
     pip install 'contid[learn]'
     python examples/learn_reach.py reach.onnx
