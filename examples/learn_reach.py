@@ -35,9 +35,9 @@ def explored(env, episodes, rng):
         seen, _ = env.reset(seed=int(rng.integers(2**31)))
         over = False
         while not over:
-            aim = rng.uniform(-1.0, 1.0, env.action_space.shape)
+            pose = rng.uniform(-1.0, 1.0, env.action_space.shape)
             for _ in range(20):
-                seen, _, failed, late, _ = env.step(np.tanh(GAIN * (aim - seen[asked])))
+                seen, _, failed, late, _ = env.step(np.tanh(GAIN * (pose - seen[asked])))
                 axes.append(seen[: asked.start])
                 tips.append(seen[tip])
                 over = over or failed or late

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -163,12 +164,13 @@ def test_a_control_process_without_kernels_ends_the_run_with_that_error(tmp_path
 
 def test_a_second_build_compiles_nothing_again(tmp_path: Path) -> None:
     """pip brings nanobind in a folder that is new at every build: neither commands nor headers may tell."""
-    import nanobind
-
+    spec = find_spec("nanobind")
+    assert spec is not None
+    (installed,) = spec.submodule_search_locations or ()
     seen = []
     for name in ("first", "second"):
         package = tmp_path / name / "nanobind"
-        shutil.copytree(Path(nanobind.__file__).parent, package, copy_function=shutil.copy)  # new times
+        shutil.copytree(installed, package, copy_function=shutil.copy)  # new times
         configure = ["cmake", "-S", str(ROOT), "-B", str(tmp_path / "build"), "-G", "Ninja"]
         given = (f"-DPython_EXECUTABLE={sys.executable}", "-DCMAKE_EXPORT_COMPILE_COMMANDS=ON")
         environment = {**os.environ, "PYTHONPATH": str(package.parent)}

@@ -30,7 +30,7 @@ _MAX_BYTES: Final = 4 * MAX_CHARACTERS
 MAX_DEPTH: Final = 32
 MAX_VALUES: Final = 50_000
 MAX_INVISIBLE: Final = 100
-#: What to do about a problem that PyYAML names in its own words.
+#: What to do about a problem that PyYAML names.
 _REMEDIES: Final = {
     "'\\t' that cannot": "; indent with spaces",
     "expected <block end>": "; indent this line as its neighbours, by spaces",

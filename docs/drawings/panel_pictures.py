@@ -62,7 +62,7 @@ def pictures(browser: Any, robot: str, folder: Path) -> None:
     """All pictures of one robot."""
     path = folder / "path.csv"
     with path.open("w") as file:
-        contid("path", *PATHS[robot], "--laps", "40", "--for", robot, stdout=file).wait()
+        contid("path", *PATHS[robot], "--laps", "200", "--for", robot, stdout=file).wait()
     running = contid("run", robot, "--mock", "-q", "--socket", str(folder / "s"), "--trajectory", str(path))
     served = None
     try:
