@@ -152,8 +152,6 @@ class Session:
 
         Raises:
             MissingExtraError: matplotlib is not installed.
-
-        .. versionadded:: 0.2.0
         """
         return plot_axes(self)
 

@@ -26,7 +26,7 @@ def playwright() -> Iterator[Playwright]:
 
 @pytest.fixture(scope="module")
 def browser(playwright: Playwright) -> Iterator[Browser]:
-    """Without WebGL, which a program draws at a price: everything of the page but its picture."""
+    """Without WebGL: everything of the page but its view of the robots, which costs more than the rest."""
     from tests.support.browser import chromium
 
     with chromium(playwright, draws=False) as started:
