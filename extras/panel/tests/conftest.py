@@ -26,7 +26,7 @@ def playwright() -> Iterator[Playwright]:
 
 @pytest.fixture(scope="module")
 def browser(playwright: Playwright) -> Iterator[Browser]:
-    """Without WebGL: everything of the page but its view of the robots, which costs more than the rest."""
+    """Without WebGL: everything of the page but its view of the robots."""
     from tests.support.browser import chromium
 
     with chromium(playwright, draws=False) as started:
