@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -159,3 +160,26 @@ def test_a_control_process_without_kernels_ends_the_run_with_that_error(tmp_path
     assert "Traceback" not in done.stderr
     (line,) = (line for line in done.stdout.splitlines() if "is not compiled: " in line)
     assert f"pip install -e {ROOT}" in line
+
+
+def test_a_second_build_compiles_nothing_again(tmp_path: Path) -> None:
+    """pip brings nanobind in a folder that is new at every build: commands and headers are the same in the next."""
+    spec = find_spec("nanobind")
+    assert spec is not None
+    assert spec.origin is not None
+    installed = Path(spec.origin).parent
+    seen = []
+    for name in ("first", "second"):
+        package = tmp_path / name / "nanobind"
+        shutil.copytree(installed, package, copy_function=shutil.copy)  # new times
+        configure = ["cmake", "-S", str(ROOT), "-B", str(tmp_path / "build"), "-G", "Ninja"]
+        given = (f"-DPython_EXECUTABLE={sys.executable}", "-DCMAKE_EXPORT_COMPILE_COMMANDS=ON")
+        environment = {**os.environ, "PYTHONPATH": str(package.parent)}
+        subprocess.run([*configure, *given], check=True, capture_output=True, env=environment)
+        commands = (tmp_path / "build" / "compile_commands.json").read_text()
+        headers = {path: path.stat().st_mtime_ns for path in (tmp_path / "build").rglob("nanobind/**/*.h")}
+        assert len(headers) > 20
+        assert str(tmp_path / name) not in commands
+        seen.append((commands, headers))
+        shutil.rmtree(package.parent)
+    assert seen[0] == seen[1]

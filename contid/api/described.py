@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from contid import kernels
 from contid.api.arguments import ArgumentError
 from contid.api.units import Units
+from contid.html import html_table
 from contid.kinematics.array import Array
 from contid.kinematics.batch import Solutions
 from contid.robot_file.findings import allowed_names
@@ -117,6 +118,17 @@ class DescribedRobots:
     def __repr__(self) -> str:
         choice = f"[{self._chosen!r}]" if len(self._robots) > 1 and self._chosen else ""
         return f"Robot({str(self.loaded.path)!r}){choice}"
+
+    def _repr_html_(self) -> str:
+        return "".join(self[name]._limits_html() for name in self.names)
+
+    def _limits_html(self) -> str:
+        ranges, description = self.limits, self.description
+        caption = f"{self.name}: {description.model} of {self.loaded.path.name}"
+        if description.placeholder:
+            caption += f", {len(description.placeholder)} placeholder values (contid check names them)"
+        rows = zip(self.axes, *(each.tolist() for each in (ranges.min, ranges.max, ranges.rest)), strict=True)
+        return html_table(caption, ("axis", "min", "max", "rest"), rows)
 
     @property
     def name(self) -> str:

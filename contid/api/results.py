@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from contid.html import html_table
 from contid.kinematics.array import Array
 
+#: Rows that a notebook shows.
+_SHOWN: Final = 10
 
-class PoseRecords(np.recarray[Any, Any]):
+
+class TypedRecords(np.recarray[Any, Any]):
+    """Record arrays that a notebook shows as a table, of the first ten rows."""
+
+    def _repr_html_(self) -> str:
+        names, rows = self.dtype.names or (), self.reshape(-1)
+        caption = f"shape {self.shape}" + (f", the first {_SHOWN} rows" if len(rows) > _SHOWN else "")
+        shown = zip(*(rows[name][:_SHOWN].tolist() for name in names), strict=True)
+        return html_table(caption, names, shown)
+
+
+class PoseRecords(TypedRecords):
     """What `contid.Robot.fk` returns: one entry per row, shapes ``(..., columns)``.
 
     Attributes:
@@ -28,7 +42,7 @@ class PoseRecords(np.recarray[Any, Any]):
     stable: NDArray[np.bool_]
 
 
-class AnswerRecords(np.recarray[Any, Any]):
+class AnswerRecords(TypedRecords):
     """What `contid.Robot.ik` returns: one entry per row, shapes ``(..., columns)``.
 
     Attributes:

@@ -26,6 +26,7 @@ from contid.control.process.setup import RunSetup
 from contid.control.tick.preflight.rows import Unreachable
 from contid.control.tick.supervisor import Mode
 from contid.errors import ContidError
+from contid.html import html_table
 from contid.robot_file.load import LoadedFile, load_named, with_mock
 from contid.session.recording_observer import RecordingObserver
 
@@ -157,6 +158,14 @@ class Sim:
         self._process.close()
         if self._recording is not None:
             self._recording.detach()
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (name, each.mode, each.command.tolist(), each.measured.tolist(), each.tip.tolist())
+            for name, each in self.state.robots.items()
+        ]
+        caption = f"{self._loaded.path.name}, simulated: {self.state.time_s:.3f} s"
+        return html_table(caption, ("robot", "mode", "command", "measured", "tip"), rows)
 
     def __enter__(self) -> Self:
         """Close on leaving."""

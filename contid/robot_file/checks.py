@@ -72,9 +72,9 @@ def check_robot(
     yield from _check_stops(document, at, robot, wired)
     for index, key in enumerate(robot.placeholder):
         if not _is_key(document, at, robot, key):
-            message = (
-                f"placeholder {key!r} names no key of this robot; write it like geometry.{_example(robot)}"
-            )
+            example = f"geometry.{_example(robot)}"
+            message = f"placeholder {key!r} names no key of this robot"
+            message += f"; write it like {example}" if key != example else ""
             yield document.at_value((*at, "placeholder", index), message)
 
 

@@ -30,6 +30,12 @@ _MAX_BYTES: Final = 4 * MAX_CHARACTERS
 MAX_DEPTH: Final = 32
 MAX_VALUES: Final = 50_000
 MAX_INVISIBLE: Final = 100
+#: What to do about a problem that PyYAML names.
+_REMEDIES: Final = {
+    "'\\t' that cannot": "; indent with spaces",
+    "expected <block end>": "; indent this line as its neighbours, by spaces",
+    "mapping values are not allowed": "; quote a value that has a colon, and check the indentation",
+}
 #: Not printable, and allowed: tab, line feed, joiners of scripts and emoji.
 _ALLOWED: Final = "\t\n\u200c\u200d"
 
@@ -136,7 +142,8 @@ def read_document(text: str, file: str) -> Document:
             mark = begin
         line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
         what = " ".join(part for part in (error.context, error.problem) if part)
-        reader.findings.append(Located(file, line, column, f"not YAML: {what}"))
+        remedy = next((text for part, text in _REMEDIES.items() if part in what), "")
+        reader.findings.append(Located(file, line, column, f"not YAML: {what}{remedy}"))
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         column = error.position - (text.rfind("\n", 0, error.position) + 1) + 1

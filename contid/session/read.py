@@ -15,6 +15,7 @@ from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RecordLayout, RobotLayout, TickRecord
 from contid.control.tick.config import MOTION_RULES
 from contid.errors import BadInputError, SessionError
+from contid.html import html_table
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
 from contid.session.export.table import data_frame, row_values
 from contid.session.format import mcap_records as mcap
@@ -24,10 +25,12 @@ from contid.session.format.entries import EndOfFile, Entry, read_entries
 from contid.session.format.mcap_records import DamagedRecordError
 from contid.session.format.metadata import FORMAT, TRAJECTORY, decode_trajectory
 from contid.session.format.record_stream import RecordStream
+from contid.session.plot import plot_axes
 from contid.trajectory.timed import Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 
 class Session:
@@ -143,6 +146,20 @@ class Session:
             MissingExtraError: pandas is not installed.
         """
         return data_frame(self)
+
+    def plot(self) -> Figure:
+        """Commands and measured values of every axis over time, one diagram per robot, by matplotlib.
+
+        Raises:
+            MissingExtraError: matplotlib is not installed.
+        """
+        return plot_axes(self)
+
+    def _repr_html_(self) -> str:
+        time = "virtual" if self.virtual else "real"
+        rows = [(name, robot.model, ", ".join(robot.axes)) for name, robot in self.robots.items()]
+        caption = f"{self.path}: {self.rate_hz:g} Hz in {time} time"
+        return html_table(caption, ("robot", "model", "axes"), rows)
 
     def option(self, name: str) -> str:
         """An option of the run; "" if it was not given."""

@@ -127,6 +127,29 @@ def test_one_mistake_hides_no_other(finger: str) -> None:
     assert len(findings(text)) == 2
 
 
+@pytest.mark.parametrize(
+    ("change", "remedy"),
+    [
+        (("      tip_length_mm", "\ttip_length_mm"), "indent with spaces"),
+        (("      tip_length_mm", "     tip_length_mm"), "indent this line as its neighbours, by spaces"),
+        (("name: finger", "name: my: finger"), "quote a value that has a colon"),
+    ],
+)
+def test_text_that_is_not_yaml_has_a_remedy(finger: str, change: tuple[str, str], remedy: str) -> None:
+    (found,) = findings(finger.replace(*change))
+    assert found.message.startswith("not YAML: ")
+    assert remedy in found.message
+
+
+def test_the_names_of_shipped_files_are_listed_once() -> None:
+    with pytest.raises(ContidError) as refused:
+        find_robot_file("hnd")
+    assert ".emulated" not in str(refused.value)
+    assert str(refused.value).endswith("did you mean 'hand'?")
+    with pytest.raises(ContidError, match=r"did you mean 'hand\.emulated'"):
+        find_robot_file("hnd.emulated")
+
+
 def test_what_is_no_robot_file_is_refused() -> None:
     assert "mapping" in findings("- 1\n")[0].message
     assert "not YAML" in findings("a: [1, 2\nb: }")[0].message

@@ -10,40 +10,41 @@ from pathlib import Path
 from typing import Final
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Error, Page, Playwright, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Error, Page, Playwright
 
 from tests.support.daemons import Running
 from tests.support.panels import PanelProcess
 
 NAMES: Final = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-#: WebGL without a graphics card; no sandbox, because tests may run as root in a container.
-ARGUMENTS: Final = (
-    "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
+#: Tests may run as root in a container, where there is no sandbox.
+ARGUMENTS: Final = ("--no-sandbox",)
+#: WebGL without a graphics card: a page that draws takes 1.3 to 2 s of processor time more.
+DRAWING: Final = (
+    "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist",
 )  # fmt: skip
+NOT_DRAWING: Final = ("--disable-gpu", "--disable-3d-apis")
 #: A loaded machine draws slowly; only a hang fails.
 TIMEOUT_MS: Final = 60_000
 
 
 @contextmanager
-def chromium() -> Iterator[Browser]:
-    """A headless Chromium; the test is skipped where there is none."""
-    with sync_playwright() as playwright:
-        browser = _launched(playwright)
-        try:
-            yield browser
-        finally:
-            browser.close()
+def chromium(playwright: Playwright, *, draws: bool) -> Iterator[Browser]:
+    """A headless Chromium, with or without WebGL; the test is skipped where there is none."""
+    browser = _launched(playwright, (*ARGUMENTS, *(DRAWING if draws else NOT_DRAWING)))
+    try:
+        yield browser
+    finally:
+        browser.close()
 
 
-def _launched(playwright: Playwright) -> Browser:
+def _launched(playwright: Playwright, arguments: tuple[str, ...]) -> Browser:
     path = next(
         filter(None, map(shutil.which, (os.environ.get("CONTID_CHROMIUM", "chromium"), *NAMES))), None
     )
     if path is None and not Path(playwright.chromium.executable_path).exists():
         pytest.skip("no Chromium: apt install chromium, or playwright install chromium")
     try:
-        return playwright.chromium.launch(executable_path=path, args=list(ARGUMENTS), timeout=TIMEOUT_MS)
+        return playwright.chromium.launch(executable_path=path, args=list(arguments), timeout=TIMEOUT_MS)
     except Error as error:
         pytest.skip(f"Chromium does not start here: {str(error).splitlines()[0]}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -67,7 +68,7 @@ def command(name: str, source: str, ports: tuple[str, ...], ids: str | None, yes
             click.echo(f"  the port of bus {bus} is still a placeholder: find yours with contid scan")
     if any(robot.placeholder for robot in loaded.file.robots.values()):
         click.echo("  measure the values under placeholder: on your robot, and delete their names there")
-    click.echo(f"next: contid check {path}")
+    click.echo(f"next: contid check {shlex.quote(str(path))}")
 
 
 def _ports(template: Template, given: tuple[str, ...]) -> dict[str, str]:

@@ -154,6 +154,10 @@ def _checked(
 def open_input(request: RunRequest, loaded: LoadedFile) -> PendingInput | None:
     """The input of a run in real time, not yet read; None without one."""
     if request.trajectory is None and not has_input(sys.stdin):
+        if sys.stdin is not None and sys.stdin.isatty() and request.log_level <= logging.INFO:
+            print_message(
+                "no trajectory: the robots hold; contid move, jog or panel moves them, Ctrl-C ends the run"
+            )
         return None
     message = "waiting for a trajectory on stdin" if request.trajectory is None else "checking the trajectory"
     return PendingInput(message, lambda reader: read_input(request, loaded, reader))

@@ -11,16 +11,34 @@ from tests.support.daemons import Running, armed_daemon
 from tests.support.panels import PanelProcess, panel
 
 if TYPE_CHECKING:  # the other tests of the panel need no playwright
-    from playwright.sync_api import Browser
+    from playwright.sync_api import Browser, Playwright
 
     from tests.support.browser import OpenPage
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def playwright() -> Iterator[Playwright]:
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def browser(playwright: Playwright) -> Iterator[Browser]:
+    """Without WebGL: everything of the page but its view of the robots."""
     from tests.support.browser import chromium
 
-    with chromium() as started:
+    with chromium(playwright, draws=False) as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def drawing(playwright: Playwright) -> Iterator[Browser]:
+    """With WebGL."""
+    from tests.support.browser import chromium
+
+    with chromium(playwright, draws=True) as started:
         yield started
 
 
@@ -41,5 +59,15 @@ def it(browser: Browser, served: PanelProcess) -> Iterator[OpenPage]:
     from tests.support.browser import opened
 
     with opened(browser, served) as page:
+        page.state("f0", "HOLD")
+        yield page
+
+
+@pytest.fixture
+def drawn(drawing: Browser, served: PanelProcess) -> Iterator[OpenPage]:
+    """A page that draws the robots."""
+    from tests.support.browser import opened
+
+    with opened(drawing, served) as page:
         page.state("f0", "HOLD")
         yield page

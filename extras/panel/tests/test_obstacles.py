@@ -72,13 +72,13 @@ def brown_pixels(page: OpenPage) -> int:
 
 @pytest.mark.realtime
 @pytest.mark.parametrize("obstacles", ["", OBSTACLES])
-def test_a_browser_draws_them(browser: Browser, obstacles: str) -> None:
+def test_a_browser_draws_them(drawing: Browser, obstacles: str) -> None:
     from tests.support.browser import opened
 
     with daemon(1, change=lambda text: text + obstacles) as running:
         with running.client() as client:
             armed(client)
-        with panel(running) as served, opened(browser, served) as page:
+        with panel(running) as served, opened(drawing, served) as page:
             page.state("f0", "HOLD")
             if obstacles:
                 until(lambda: brown_pixels(page) > 400, "the obstacles are drawn")

@@ -90,8 +90,8 @@ def faulty() -> Iterator[PanelProcess]:
         yield served
 
 
-def test_a_page_at_rest(it: OpenPage) -> None:
-    assert problems(it) == []
+def test_a_page_at_rest(drawn: OpenPage) -> None:
+    assert problems(drawn) == []
 
 
 def test_a_page_in_control(it: OpenPage) -> None:

@@ -65,38 +65,38 @@ def test_a_jog_out_of_reach_is_refused_with_a_message(it: OpenPage, running: Run
     it.page.wait_for_function("(note) => !note.textContent", arg=note.element_handle(), timeout=10_000)
 
 
-def test_drag_of_the_target_in_the_view(it: OpenPage, running: Running) -> None:
-    it.take_control()
-    canvas = it.page.locator("#view").bounding_box()
+def test_drag_of_the_target_in_the_view(drawn: OpenPage, running: Running) -> None:
+    drawn.take_control()
+    canvas = drawn.page.locator("#view").bounding_box()
     assert canvas is not None
     before = tip_mm(running)
     cursor = "() => document.getElementById('view').style.cursor"
     # Look for the target as a person does: where the pointer becomes a hand.
     grid = [(0.03 * i, 0.05 * k) for k in range(4, 17) for i in range(3, 30)]
     for across, down in grid:
-        it.page.mouse.move(canvas["x"] + across * canvas["width"], canvas["y"] + down * canvas["height"])
-        if it.page.evaluate(cursor) == "grab":
+        drawn.page.mouse.move(canvas["x"] + across * canvas["width"], canvas["y"] + down * canvas["height"])
+        if drawn.page.evaluate(cursor) == "grab":
             break
     else:
         pytest.fail("no target under the pointer")
-    it.page.mouse.down()
-    it.page.mouse.move(
+    drawn.page.mouse.down()
+    drawn.page.mouse.move(
         canvas["x"] + across * canvas["width"] + 25, canvas["y"] + down * canvas["height"] + 20, steps=8
     )
-    it.page.wait_for_timeout(300)
-    it.page.mouse.up()
+    drawn.page.wait_for_timeout(300)
+    drawn.page.mouse.up()
     robot = "f0" if math.dist(tip_mm(running), before) > 1.0 else "f1"
-    it.state(robot, "HOLD")
+    drawn.state(robot, "HOLD")
     with running.client() as client:
         assert states(client) == {"HOLD"}
     if robot == "f1":
         assert tip_mm(running) == pytest.approx(before, abs=0.1)
 
 
-def test_the_robots_are_drawn(it: OpenPage) -> None:
+def test_the_robots_are_drawn(drawn: OpenPage) -> None:
     """The first robot is blue, the second orange; in a fault both would be red, without torque grey."""
-    assert it.page.locator("#view-note").is_hidden()
-    shot = io.BytesIO(it.page.locator("#view").screenshot())
+    assert drawn.page.locator("#view-note").is_hidden()
+    shot = io.BytesIO(drawn.page.locator("#view").screenshot())
     red, green, blue = np.moveaxis(imread(shot, format="png")[..., :3], -1, 0)
     assert np.count_nonzero((blue > red + 0.35) & (blue > 0.6)) > 500
     assert np.count_nonzero((red > blue + 0.35) & (green > blue + 0.2)) > 500

@@ -80,9 +80,9 @@ def test_where_a_program_draws_images_are_apart(idle: Page) -> None:
     assert paced(idle, "pace.software = true; image(16); return pace.wait()") == 250
 
 
-def test_a_program_that_draws_in_place_of_a_graphics_card_is_noticed(it: OpenPage) -> None:
+def test_a_program_that_draws_in_place_of_a_graphics_card_is_noticed(drawn: OpenPage) -> None:
     """Chromium reports no caveat when it was started with one."""
-    assert it.page.locator("#view").get_attribute("data-drawn-by") == "a program"
+    assert drawn.page.locator("#view").get_attribute("data-drawn-by") == "a program"
 
 
 def test_a_new_state_is_written_although_its_image_waits(

@@ -249,10 +249,15 @@ def test_a_remote_panel_is_served_over_tls_only(running: Running, tmp_path: Path
 
 
 def test_a_touch_of_the_page_ends_the_demonstration(tmp_path: Path) -> None:
-    pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
+    sync_api = pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
     from tests.support.browser import chromium, opened
 
-    with _demonstration(tmp_path) as (_, served), chromium() as browser, opened(browser, served) as it:
+    with (
+        _demonstration(tmp_path) as (_, served),
+        sync_api.sync_playwright() as playwright,
+        chromium(playwright, draws=False) as browser,
+        opened(browser, served) as it,
+    ):
         it.state("left", "RUN")
         assert "Demonstration" in it.text("#lease")
         it.page.locator("#view").click()
