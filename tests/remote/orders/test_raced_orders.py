@@ -1,16 +1,20 @@
 """Raced orders of several clients in one process, against a small model of docs/remote.md, "The lease".
 
 The server is real, and so are the engine and its simulated devices, in virtual time. The witness is what is
-sent to the engine, and for which request.
+sent to the engine, and for which request. ``python -m tests.remote.orders.test_raced_orders [--orders N]
+[--seed N]`` runs more of them.
 """
 
 from __future__ import annotations
 
+import argparse
 import asyncio
 import contextvars
+import logging
 import random
 from collections import Counter, deque
 from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
 from typing import Any
 
 import pytest
@@ -41,6 +45,9 @@ from contid.remote.server.request_handler import RequestHandler
 from tests.support.fingers import load
 
 STOPS = ("hold", "stop", "estop", "malformed")
+MOVING = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.ARMING})
+#: Orders of one race.
+PER_RACE = 1000
 #: Client and fields of the request under way, and whose stop it ended by moving.
 REQUEST: contextvars.ContextVar[tuple[int, Mapping[str, Any], set[int]]] = contextvars.ContextVar("request")
 
@@ -69,11 +76,13 @@ class StopModel:
         self.standing: set[int] = set()
         self.moved: Counter[str] = Counter()
         self.broken: list[str] = []
+        self.estops = 0
 
     def sent(self, message: Message) -> None:
         """The server sends an order."""
         client, fields, ended = REQUEST.get((0, {}, set()))
         verb = fields.get("verb", "")
+        self.estops += isinstance(message, Estop)
         if verb in STOPS and isinstance(message, Hold | Stop | Estop):
             self.standing.add(client)
         if isinstance(message, Resume | Recover | Goto | Play | Start) or (
@@ -124,6 +133,9 @@ class VirtualRun:
             inbox.append(self._bulk.popleft()[1])
         for message in inbox:
             self._process.engine.obey(message, self._process.tick)
+            states = self._process.engine.robots.states
+            if isinstance(message, Estop) and any(state.mode in MOVING for state in states):
+                self._model.broken.append(f"an estop left {[state.mode.name for state in states]}")
         self._process.turn()
         events, self._events = self._events, []
         for event in events:
@@ -170,10 +182,12 @@ class VirtualRun:
 class Race:
     """Clients that give orders without waiting for each other."""
 
-    def __init__(self) -> None:
+    def __init__(self, pace: int = 3) -> None:
+        self.pace = pace
         self.model = StopModel()
         self.run = VirtualRun(self.model)
         self.handler = RequestHandler(self.run, lambda client, fields: None, lambda: 0)
+        self.orders = 0
         self.refused: Counter[str] = Counter()
         self.foreign: list[str] = []
 
@@ -182,11 +196,15 @@ class Race:
         request = {"verb": verb, **fields}
         ended: set[int] = set()
         REQUEST.set((client.number, request, ended))
+        self.orders += 1
         try:
             if verb in ("estop", "malformed"):
+                before = self.model.estops
                 wrong = {} if verb == "estop" else {"speed": 1}
                 request = {"verb": "estop", **wrong}
                 self.handler.stops.estop_before_turn(client, encode(request))
+                if self.model.estops == before:
+                    self.model.broken.append(f"client {client.number}: its estop was not sent")
                 await asyncio.sleep(0)
             result = await self.handler.serve(client, request)
         except RemoteError as error:
@@ -232,16 +250,32 @@ class Race:
                 await self.give(client, rng.choice(["acquire", "release"]), **how)
 
     async def ticks(self) -> None:
-        """Ticks, for ever; a few in each turn of the loop, as in a daemon that is busy."""
+        """Ticks, for ever; one or a few in each turn of the loop, as in a daemon that is busy."""
         while True:
-            for _ in range(3):
+            for _ in range(self.pace):
                 self.run.turn(self.handler.notice)
             await asyncio.sleep(0)
 
+    async def go(self, orders: int, clients: int, rng: random.Random) -> None:
+        """Begin orders of random clients, of which each waits for three at most, until so many were given."""
+        crowd = [Client(number) for number in range(1, clients + 1)]
+        while self.orders < orders:
+            client = rng.choice(crowd)
+            if len(client.tasks) < 3:
+                task = asyncio.create_task(self.order(client, rng))
+                client.tasks.add(task)
+                task.add_done_callback(client.tasks.discard)
+            for _ in range(rng.choice([0, 0, 1, 3, 10, 50])):
+                await asyncio.sleep(0)
+            if rng.random() < 0.02:
+                await asyncio.sleep(0.02)
+        await asyncio.gather(*(task for client in crowd for task in client.tasks))
 
-@pytest.fixture
-async def race() -> AsyncIterator[Race]:
-    found = Race()
+
+@asynccontextmanager
+async def racing(pace: int = 3) -> AsyncIterator[Race]:
+    """A race that ticks."""
+    found = Race(pace)
     ticks = asyncio.create_task(found.ticks())
     try:
         yield found
@@ -251,26 +285,25 @@ async def race() -> AsyncIterator[Race]:
         found.handler.pending.close()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-async def test_no_client_moves_after_the_stop_of_another(race: Race, seed: int) -> None:
-    rng = random.Random(seed)
-    clients = [Client(number) for number in range(1, 6)]
-    for _ in range(600):
-        client = rng.choice(clients)
-        if len(client.tasks) < 3:
-            task = asyncio.create_task(race.order(client, rng))
-            client.tasks.add(task)
-            task.add_done_callback(client.tasks.discard)
-        for _ in range(rng.choice([0, 0, 1, 3, 10, 50])):
-            await asyncio.sleep(0)
-        if rng.random() < 0.02:
-            await asyncio.sleep(0.02)
-    await asyncio.gather(*(task for client in clients for task in client.tasks))
+@pytest.fixture
+async def race() -> AsyncIterator[Race]:
+    async with racing() as found:
+        yield found
+
+
+async def test_no_client_moves_after_the_stop_of_another() -> None:
+    async with racing(pace=1) as race:
+        await race.go(700, 8, random.Random(2))
     assert race.model.broken == []
     assert race.foreign == []
-    assert min(race.model.moved[verb] for verb in ("move", "resume", "rows", "end")) > 5, race.model.moved
+    assert min(race.model.moved[verb] for verb in ("move", "resume", "rows", "end")) > 2, race.model.moved
     assert race.refused["stopped"] > 50, race.refused
+    assert race.model.estops > 10
+
+
+@pytest.mark.campaign
+async def test_no_client_of_many_races_moves_after_the_stop_of_another() -> None:
+    assert await races(20_000, 1) == []
 
 
 @pytest.mark.parametrize("script", STOPS)
@@ -311,3 +344,30 @@ async def test_a_trajectory_that_arrives_after_a_stop_is_not_followed(race: Race
     record = race.run.newest()
     assert record is not None
     assert record.robots[0].mode == Mode.HOLD
+
+
+async def races(orders: int, seed: int) -> list[str]:
+    """Races of 2 to 8 clients with one to three ticks a turn; prints them and returns what was wrong."""
+    wrong: list[str] = []
+    given, estops, moved = 0, 0, Counter[str]()
+    while given < orders:
+        rng = random.Random(seed)
+        async with racing(rng.choice([1, 1, 1, 2, 3])) as race:
+            await race.go(PER_RACE, rng.choice([2, 5, 8, 8, 8]), rng)
+        wrong += [f"seed {seed}: {each}" for each in race.model.broken + race.foreign]
+        given, estops, seed = given + race.orders, estops + race.model.estops, seed + 1
+        moved += race.model.moved
+        print(
+            f"seed {seed - 1}: {given} orders, {estops} estops, {moved.total()} moves, {len(wrong)} wrong",
+            flush=True,
+        )
+    return wrong
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--orders", type=int, default=PER_RACE)
+    parser.add_argument("--seed", type=int, default=1)
+    asked = parser.parse_args()
+    logging.disable(logging.CRITICAL)
+    print(*asyncio.run(races(asked.orders, asked.seed)), sep="\n")

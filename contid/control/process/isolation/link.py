@@ -18,7 +18,7 @@ from contid.control.process.isolation.wire import HEAD, LONGEST, BusRequest
 
 #: Longest wait for a keeper that ends its bus process, and what that has started.
 CLOSE_S: Final = 2.0
-#: Flags of a thread that ends, writes a core, or was ended by a signal (linux/sched.h, field 9 of proc_pid_stat).
+#: Flags of a thread that ends, writes a core, or got a deadly signal (linux/sched.h; proc_pid_stat, field 9).
 _ENDING: Final = 0x4 | 0x200 | 0x400
 
 
