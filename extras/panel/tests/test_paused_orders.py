@@ -24,7 +24,7 @@ from contid.control.tick.supervisor import Mode
 from contid.remote.protocol import expiry
 from contid.remote.protocol.wire import RemoteError
 from contid_panel.expiry import VALID_S, validity
-from tests.remote.orders.test_raced_orders import Client, Race, racing
+from tests.remote.orders.races import Client, Race, racing
 
 STOPS = {"hold": Hold, "stop": Stop, "estop": Estop}
 TARGETS = ({"f0.x_mm": 45.0, "f0.y_mm": 75.0}, {"f0.x_mm": 50.0, "f0.y_mm": 75.0})
