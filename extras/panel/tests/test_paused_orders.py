@@ -28,6 +28,7 @@ from tests.remote.orders.races import Client, Race, racing
 
 STOPS = {"hold": Hold, "stop": Stop, "estop": Estop}
 TARGETS = ({"f0.x_mm": 45.0, "f0.y_mm": 75.0}, {"f0.x_mm": 50.0, "f0.y_mm": 75.0})
+MOVES = (Resume, Recover, Goto, Play, Start)
 #: Most turns of the loop that an order is served for before the daemon pauses.
 TURNS = 40
 
@@ -125,12 +126,13 @@ class Paused:
         what = f"{verb}, {pause_s:.1f} s in the {where}"
         if verb in STOPS and not any(isinstance(message, STOPS[verb]) for _, message in self._sent):
             self.wrong.append(f"{what}: not carried out")
-        for at_s, message in self._sent:
-            late = at_s - pressed_s > VALID_S + 1e-6
-            if late and isinstance(message, Resume | Recover | Goto | Play | Start):
-                self.wrong.append(
-                    f"{what}: {type(message).__name__} {at_s - pressed_s:.1f} s after the press"
-                )
+        late = [
+            f"{type(message).__name__} {at_s - pressed_s:.1f} s after the press"
+            for at_s, message in self._sent
+            if at_s - pressed_s > VALID_S + 1e-6 and isinstance(message, MOVES)
+        ]
+        if late:
+            self.wrong.append(f"{what}: {', '.join(late)}")
 
 
 async def paused(pairs: int, seed: int) -> Paused:
