@@ -73,7 +73,7 @@ def test_an_order_may_be_valid_for_less_than_its_response_is_waited_for() -> Non
 
 def test_what_only_ends_something_never_expires() -> None:
     protocol = ClientProtocol(10.0, 1.0)
-    for verb in ("move", "rows", "resume", "recover", "acquire", "status"):
+    for verb in ("move", "rows", "end", "resume", "recover", "acquire", "status"):
         fields = decode(protocol.request(verb, {}).line.strip())
         assert 0.0 < fields[FIELD] - clock_s() <= 1.0
     for verb in LASTING:

@@ -284,13 +284,16 @@ class Daemon:
             return False
         watch = self._silence
         found = watch.look(reader.written, reader.preparing, now_s)
+        where = "" if reader.robot < 0 else f" in the model of {list(self.loaded.driven)[reader.robot]}"
         if found is Silence.KILL:
-            log.error("the control process stands still; it is killed, and the devices stop by themselves")
+            log.error(
+                f"the control process stands still{where}; it is killed, and the devices stop by themselves"
+            )
             self._child.kill()
-            self._report.stalled(watch.silent_s)
+            self._report.stalled(watch.silent_s, where)
             return True
         if found is Silence.BEGAN:
-            log.warning("the control process stands still")
+            log.warning(f"the control process stands still{where}")
         if found in (Silence.BEGAN, Silence.OVER):
             over = found is Silence.OVER
             self._feed.deliver(ControlStalled(silent_s=round(watch.silent_s, 3), over=over))

@@ -40,9 +40,9 @@ class ReportBuilder:
         """The run ends because a part of it failed."""
         self.report.ending, self.report.exit_code = message, 3
 
-    def stalled(self, silent_s: float) -> None:
-        """The control process stood still and was killed."""
-        message = f"the control process stood still for {silent_s:.1f} s and was killed"
+    def stalled(self, silent_s: float, where: str) -> None:
+        """The control process stood still and was killed; ``where`` is "" or " in the model of ..."."""
+        message = f"the control process stood still for {silent_s:.1f} s{where} and was killed"
         self.problem(f"{message}; the devices stop by their own watchdogs")
         self.broken(message)
 

@@ -220,6 +220,7 @@ class Engine:
             before_s, at_s = at_s, costs.now()
             costs.robots_s[index] = at_s - before_s
         costs.watch(False)
+        costs.mark(-1)
         return outcomes
 
     def _fail(self, stage: TickStage, error: Exception, now_s: float) -> None:

@@ -22,6 +22,7 @@ class TickCosts:
         running: index of the robot whose tick runs, -1 for none.
         begun: ticks of robots begun so far.
         watch: called before and after the ticks of all robots, with True and False.
+        mark: called with the index of the robot whose tick begins, and with -1 after those of all robots.
     """
 
     def __init__(self, now: Callable[[], float], robots: int, buses: Sequence[str]) -> None:
@@ -32,8 +33,10 @@ class TickCosts:
         self.running = -1
         self.begun = 0
         self.watch: Callable[[bool], None] = lambda begins: None
+        self.mark: Callable[[int], None] = lambda index: None
 
     def begin(self, index: int) -> None:
         """The tick of a robot begins."""
         self.begun += 1
         self.running = index
+        self.mark(index)

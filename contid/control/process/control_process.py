@@ -99,6 +99,7 @@ class ControlProcess:
             trajectory=setup.trajectory, on_end=setup.on_end, attended=setup.attended,
             guards=chain_guards(setup.loaded), clearance=clearance_guard(setup.loaded),
         )  # fmt: skip
+        self.engine.costs.mark = ring.computes
 
     def run(self) -> None:
         """Run cycles until every robot is at rest."""

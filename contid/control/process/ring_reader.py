@@ -19,6 +19,7 @@ from contid.control.process.ring import (
     F64,
     PART,
     PREPARING,
+    ROBOT,
     STAMP,
     TICKS,
     TRIES,
@@ -70,6 +71,11 @@ class RingReader(MappedRing):
     def preparing(self) -> bool:
         """True while a request to devices is under way that may take longer than a tick."""
         return bool(self._numbers[PREPARING])
+
+    @property
+    def robot(self) -> int:
+        """Index of the robot whose tick is under way, -1 for none."""
+        return self._numbers[ROBOT] - 1
 
     @property
     def written(self) -> int:

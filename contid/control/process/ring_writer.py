@@ -18,6 +18,7 @@ from contid.control.process.ring import (
     EVENTS,
     PART,
     PREPARING,
+    ROBOT,
     STAMP,
     TICKS,
     U64,
@@ -65,6 +66,10 @@ class RingWriter(MappedRing):
     def prepare(self, begins: bool) -> None:
         """Mark that a request to devices begins, which may take longer than a tick, or is over."""
         self._numbers[PREPARING] = begins
+
+    def computes(self, robot: int) -> None:
+        """Mark that the tick of a robot begins, by its index; -1 when those of all are over."""
+        self._numbers[ROBOT] = robot + 1
 
     def finish(self) -> None:
         """Mark the ring as complete."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
@@ -19,6 +19,7 @@ from contid.control.engine.events.run import SourceEnded
 from contid.control.engine.messages import NOT_AT_START, Begin, Hold, Play, Resume, Rows, Start
 from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
+from contid.remote.protocol.expiry import unpaused
 from contid.remote.protocol.wire import Code, Fields, RemoteError, is_number
 from contid.remote.server.gotos import Gotos
 from contid.remote.server.move import MAX_ROWS, Credit, Move, Notify, RowMove
@@ -147,7 +148,13 @@ class Moves:
             raise RemoteError(Code.BAD_TARGET, "a live stream has no start to hold at: rows need t_s")
         move.closed, move.waits = True, hold_at_start
         if move.reader.timed:
-            return await self._play(move)
+            try:
+                async with unpaused("end") as check_pause:
+                    return await self._play(move, check_pause)
+            except RemoteError as error:
+                if error.code == Code.EXPIRED and self._stream is move:
+                    self.abort(move, str(error))
+                raise
         self._stream = None
         if move.last:
             return await self._gotos.begin(move, move.last, [Begin()])
@@ -155,8 +162,8 @@ class Moves:
         move.end(True, "the stream had no rows")
         return {"move": move.number}
 
-    async def _play(self, move: RowMove) -> Fields:
-        """Check a timed trajectory as a whole and let the tick follow it."""
+    async def _play(self, move: RowMove, check_pause: Callable[[], None]) -> Fields:
+        """Check a timed trajectory as a whole and let the tick follow it, unless the daemon stood still."""
         # In a thread: the check of a large one would delay the response to a stop.
         record = self._control.newest()
         check = self._preconditions.trajectory
@@ -168,10 +175,12 @@ class Moves:
             # They moved while it was checked: which answers a robot reaches depends on where it stands.
             trajectory = await asyncio.to_thread(check, move.reader, move.timed_rows, stands)
         self._not_stopped(move)
+        check_pause()
         await self._pending.confirmed(self._pending.send_bulk(Play(trajectory, move.waits)), BULK_TIMEOUT_S)
         if self._stream is None:  # a stop has overtaken it: a later resume must not follow it
             self._control.send(Begin())
         self._not_stopped(move)
+        check_pause()
         move.playing = True
         result: Fields = {"move": move.number, "duration_s": trajectory.end_s - trajectory.start_s}
         if move.waits:

@@ -143,6 +143,35 @@ def test_a_stall_in_any_state_ends_the_run_with_words(state: str) -> None:
         assert reported_s < 0.5 < ended_s
 
 
+#: Runs in the control process only: the model of the second robot is one in C that does not return.
+C_MODEL = """\
+import sys
+if "contid.control.process" in sys.orig_argv:
+    import contid.control.engine.engine as engine
+    tick, calls = engine.tick, 0
+    def slow(config, *rest, **keys):
+        global calls
+        calls += config.name == "f1"
+        if calls == 300:
+            sum(range(10**11))  # in C, and no signal interrupts it as it would a sleep
+        return tick(config, *rest, **keys)
+    engine.tick = slow
+"""
+
+
+@pytest.mark.process
+@pytest.mark.realtime
+def test_a_model_in_c_that_does_not_return_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(C_MODEL)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    with daemon(3) as running:
+        running.process.wait(120)  # the time without a processor does not count
+        code, ending, messages = ended(running)
+    assert code == 3
+    assert "stood still for 0.5 s in the model of f1 and was killed" in ending
+    assert "warning: the control process stands still in the model of f1" in messages
+
+
 @pytest.mark.process
 @pytest.mark.realtime
 @pytest.mark.parametrize(

@@ -123,7 +123,8 @@ class Run:
     def __init__(self, folder: Path, how: str) -> None:
         self.trigger = folder / "trigger"
         self.share = share_of(how)
-        options = f"driver: bad\n    how: {how}\n    trigger: {self.trigger}"
+        # A loaded machine may let the bus wait for longer than the watchdog that is usual.
+        options = f"driver: bad\n    watchdog_ms: 10000\n    how: {how}\n    trigger: {self.trigger}"
         text = fingers(2, buses=2).replace("  bus1:\n    driver: sim", f"  bus1:\n    {options}")
         loaded = isolated(parse_robot_file(text, "fingers.yaml"))
         self.clock = VirtualClock()

@@ -68,6 +68,23 @@ def test_a_socket_that_closed_is_the_end_of_the_driver_and_its_reason_follows(
     assert not bus.busy
 
 
+def test_a_process_that_ends_is_no_stall_while_its_socket_is_still_open(
+    theirs: socket.socket, bus: port.IsolatedPort
+) -> None:
+    """The kernel closes the socket last: after the memory, and after a core was written."""
+    process = process_of(theirs)
+    ended = os.posix_spawn("/bin/true", ["true"], {})
+    os.waitid(os.P_PID, ended, os.WEXITED | os.WNOWAIT)
+    theirs.send(json.dumps({"pid": ended}).encode())
+    assert [bus.take(0.001) for _ in range(TOLERANCE - 1)] == [None] * (TOLERANCE - 1)
+    reply = bus.take(0.001)
+    assert reply is not None
+    assert (reply.fault, reply.lost) == (Fault.DRIVER_ENDED, "bus0: driver 'sim' has ended")
+    assert bus.busy
+    os.waitpid(ended, 0)
+    os.close(process)
+
+
 def test_a_report_in_time_is_the_whole_message(theirs: socket.socket, bus: port.IsolatedPort) -> None:
     os.close(process_of(theirs))
     assert bus.take(0.001) is None
@@ -79,6 +96,7 @@ def test_a_report_in_time_is_the_whole_message(theirs: socket.socket, bus: port.
 
 def test_a_driver_that_is_only_slow_is_a_stall(theirs: socket.socket, bus: port.IsolatedPort) -> None:
     process = process_of(theirs)
+    theirs.send(json.dumps({"pid": os.getpid()}).encode())
     assert [bus.take(0.001) for _ in range(2 * TOLERANCE)] == [None] * (2 * TOLERANCE)
     assert bus.stalls == 2 * TOLERANCE
     os.close(process)

@@ -110,6 +110,7 @@ class Keeper:
         if self._child:
             with suppress(OSError):  # the child does it as well, whichever is first
                 os.setpgid(self._child, self._child)
+            self._unsent.append(json.dumps({"pid": self._child}).encode())
             return
         code = 1
         try:

@@ -10,6 +10,7 @@ import signal
 import socket
 import time
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, Final
 
 from contid.control.process.isolation import keeper
@@ -17,6 +18,8 @@ from contid.control.process.isolation.wire import HEAD, LONGEST, BusRequest
 
 #: Longest wait for a keeper that ends its bus process, and what that has started.
 CLOSE_S: Final = 2.0
+#: Flags of a thread that ends, writes a core, or got a deadly signal (linux/sched.h; proc_pid_stat, field 9).
+_ENDING: Final = 0x4 | 0x200 | 0x400
 
 
 class KeptProcess:
@@ -37,6 +40,7 @@ class KeptProcess:
         self._keeper, self._orders = keeper.start(f"contid.bus.{bus}", body)
         self._connection: socket.socket | None = None
         self._number = 0
+        self._pid = 0
 
     def start_process(self) -> None:
         """Let the keeper fork a bus process, and end one that is there."""
@@ -46,9 +50,21 @@ class KeptProcess:
         self._connection.setblocking(False)
         while select.select([self._orders], (), (), 0.0)[0] and self._news():  # of the one before
             pass
-        self.ended, self.cut = "", False
+        self.ended, self.cut, self._pid = "", False, 0
         with theirs, suppress(OSError):
             socket.send_fds(self._orders, [keeper.OPEN], [theirs.fileno()])
+
+    def is_ending(self) -> bool:
+        """True when the bus process ends or has ended, also before its socket closes.
+
+        The kernel closes it after the memory was given back and a core was written: 10 to 100 ms on a busy
+        machine, which is longer than a stall may last.
+        """
+        flags = 0
+        with suppress(OSError):  # it is gone meanwhile, and the next look finds its socket closed
+            for thread in Path(f"/proc/{self._pid}/task").iterdir() if self._pid else ():
+                flags |= int((thread / "stat").read_text().rpartition(")")[2].split()[6])
+        return self.cut or bool(flags & _ENDING)
 
     def end_process(self, why: str) -> None:
         """Let the keeper end the bus process."""
@@ -135,7 +151,9 @@ class KeptProcess:
             self.ended = self.ended or "has lost its keeper"
             return False
         news = json.loads(message)
-        if "ended" in news:
+        if "pid" in news:
+            self._pid = news["pid"]
+        elif "ended" in news:
             self.ended = self.ended or news["ended"]
         else:
             level, logger, text = news["log"]

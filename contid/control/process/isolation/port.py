@@ -153,7 +153,7 @@ class IsolatedPort(BusPort):
         if self._link.ended:
             return self._done(self._reply_of_end(self._link.ended))
         self.stalls += 1
-        if self._link.cut and not self.lost and self.stalls >= self._tolerance:
+        if not self.lost and self.stalls >= self._tolerance and self._link.is_ending():
             return self._reply_of_end("has ended")  # it stays busy until its keeper reports how
         return None
 

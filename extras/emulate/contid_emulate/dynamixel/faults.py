@@ -19,6 +19,9 @@ Each switch is an `InjectedFault`; as JSON it is one line appended to the contro
     {"fault": "host", "hz": 20}                 a second host reads positions at 20 Hz, until hz is 0
     {"fault": "jam", "id": 3, "on": true}       its shaft is blocked; the current rises to its limit
     {"fault": "freeze", "id": 3, "on": true}    its encoder reports the same position for ever
+    {"fault": "share", "id": 3, "share": 0.33}  its encoder sees a third of the motion (-1: reversed)
+    {"fault": "jump", "id": 3, "degrees": 20}   its encoder reports 20 degrees more from now on
+    {"fault": "slow", "id": 3, "share": 0.1}    a tenth of its top speed is left, until 1
     {"fault": "push", "id": 3, "degrees": 30, "ms": 500}  a hand turns its shaft; under torque it resists
     {"fault": "snap", "id": 3}                  its tendon breaks; with "on": false it is tied again
     {"fault": "tube", "on": false}              a tendon robot is taken out of the tube that holds it straight
@@ -102,6 +105,9 @@ _KEYS: Final[dict[str, tuple[str, ...]]] = {
     "host": ("hz",),
     "jam": ("id", "on"),
     "freeze": ("id", "on"),
+    "share": ("id", "share"),
+    "jump": ("id", "degrees"),
+    "slow": ("id", "share"),
     "push": ("id", "degrees", "ms"),
     "snap": ("id", "on"),
     "tube": ("on",),
@@ -123,6 +129,7 @@ class InjectedFault(Strict):
     bits: int = Field(default=0x04, ge=0, le=0xFF)
     on: bool = True
     degrees: float = 0.0
+    share: float = 1.0
     port: str | None = None
 
     @model_validator(mode="after")

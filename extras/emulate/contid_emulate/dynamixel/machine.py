@@ -147,7 +147,7 @@ class ServoMachine(ControlTable):
         self.stopped_at = self.now
         if self.torque:
             self.motion.velocity = 0.0
-            self.tripped_goal = self.motion.position + self.get(reg.HOMING_OFFSET)
+            self.tripped_goal = self.motion.seen + self.get(reg.HOMING_OFFSET)
             self.motion.goal = self.tripped_goal
 
     def fail(self, bits: int) -> None:
@@ -183,7 +183,7 @@ class ServoMachine(ControlTable):
         """Present Position now [ticks]."""
         if self.frozen is not None:
             return self.frozen
-        return round(self.motion.position) + self.count_offset()
+        return round(self.motion.seen) + self.count_offset()
 
     def _report(self) -> None:
         """Bring the read-only registers up to date."""

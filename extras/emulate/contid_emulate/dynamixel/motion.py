@@ -1,7 +1,8 @@
 """Motion of an emulated servo: a trapezoidal profile towards a goal, a current, and hard stops.
 
 Simplified to what the driver and homing depend on: finite speed, standstill at a stop while the current rises
-to its limit, and an overload after pushing too hard for too long.
+to its limit, and an overload after pushing too hard for too long. The position loop closes over the encoder,
+so one that is wrong leads the shaft elsewhere.
 """
 
 from __future__ import annotations
@@ -34,6 +35,10 @@ class ShaftMotion:
         self.stops = stops
         self.velocity = 0.0
         self.current = 0.0
+        #: The encoder sees this share of the motion since ``_since``, and ``jumped`` more [ticks].
+        self._share, self._since, self.jumped = 1.0, 0.0, 0.0
+        #: Share of its top speed that it has left.
+        self.slowed = 1.0
         self._speed = SPEED_MAX
         self._acceleration = ACCELERATION_MAX
         self._current_limit = 1750.0
@@ -43,18 +48,31 @@ class ShaftMotion:
 
     def limit(self, speed: float, acceleration: float, current: float) -> None:
         """Limits of the profile [ticks/s, ticks/s^2; 0 is none] and of the current [mA]."""
-        self._speed = min(speed, SPEED_MAX)
+        self._speed = min(speed, SPEED_MAX * self.slowed)
         self._acceleration = min(acceleration, ACCELERATION_MAX) if acceleration else ACCELERATION_MAX
         self._current_limit = current
+
+    @property
+    def seen(self) -> float:
+        """Position by the encoder [ticks]."""
+        return self._seen(self.position)
+
+    def _seen(self, position: float) -> float:
+        return self._since + self._share * (position - self._since) + self.jumped
+
+    def see(self, share: float) -> None:
+        """Let the encoder see a share of the motion from now on; 1 makes it a sound one."""
+        self._share, self._since = share, self.position
 
     def release(self) -> None:
         """Torque off: the shaft stays where it is (a self-locking load)."""
         self.velocity = self.current = self._pushed_s = 0.0
-        self.goal = self.position
+        self.goal = self.seen
 
     def turn(self, ticks: float) -> None:
         """Turn the free shaft from outside, as far as its stops."""
-        self.position = self.goal = max(self.stops[0], min(self.stops[1], self.position + ticks))
+        self.position = max(self.stops[0], min(self.stops[1], self.position + ticks))
+        self.goal = self.seen
 
     @property
     def overloaded(self) -> bool:
@@ -67,7 +85,7 @@ class ShaftMotion:
 
     def step(self, dt: float) -> None:
         """Advance by ``dt`` [s] under torque."""
-        error = self.goal - self.position
+        error = self.goal - self.seen
         load = self.load() if self.load is not None else 0.0
         if error == 0.0 and self.velocity == 0.0:
             self.current = -load if load else 0.0  # what holds it
@@ -92,7 +110,7 @@ class ShaftMotion:
         free = max(self.stops[0], min(self.stops[1], moved))
         if moved != free:
             self.velocity = 0.0
-            self.current = self.pushing(self.goal - free)
+            self.current = self.pushing(self.goal - self._seen(free))
             self._pushed_s = self._pushed_s + dt if abs(self.current) > OVERLOAD_MA else 0.0
         else:
             self._pushed_s = 0.0
@@ -101,7 +119,8 @@ class ShaftMotion:
                 min(self._current_limit, needed), error if blocked else self.velocity
             )
         if abs(error) < 0.5 and not blocked and moved == free and abs(self.velocity) * dt < 0.5:
-            free, self.velocity, self.current = self.goal, 0.0, -load if load else 0.0
+            free = self.goal - self.jumped if self._share == 1.0 else free
+            self.velocity, self.current = 0.0, -load if load else 0.0
         self.position = free
 
     def drive(self, share: float, supply: float, dt: float) -> None:

@@ -86,7 +86,7 @@ class Servo(ServoMachine):
             if value == 0 and self.tripped_goal is not None:
                 # The stale goal stays in its register; the motor stays stopped until a new one.
                 self.tripped_goal = None
-                self.motion.goal = self.motion.position
+                self.motion.goal = self.motion.seen
         elif register is reg.GOAL_POSITION or (register is reg.TORQUE_ENABLE and value):
             if register is reg.TORQUE_ENABLE and self.get(reg.OPERATING_MODE) == _ONE_TURN_MODE:
                 self.forget_turns()

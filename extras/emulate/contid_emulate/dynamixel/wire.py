@@ -139,6 +139,12 @@ class DynamixelEmulator:
                 servo.jam(fault.on)
             elif fault.kind == "push":
                 servo.push(math.radians(fault.degrees) / reg.RAD_PER_TICK, fault.ms / 1e3)
+            elif fault.kind == "share":
+                servo.motion.see(fault.share)
+            elif fault.kind == "jump":
+                servo.motion.jumped += math.radians(fault.degrees) / reg.RAD_PER_TICK
+            elif fault.kind == "slow":
+                servo.motion.slowed = fault.share
             elif fault.kind == "freeze":
                 servo.frozen = servo.present() if fault.on else None
 
