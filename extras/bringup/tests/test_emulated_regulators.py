@@ -10,8 +10,8 @@ from click.testing import CliRunner
 from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file
 from contid_bringup.command import command
-from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueBusOptions
+from contid_emulate.due import DueEmulator
 
 CONFIG = Path(__file__).parents[3] / "configs" / "stiffflop1.emulated.yaml"
 

@@ -14,9 +14,9 @@ from contid.robot_file.load import load_robot_file
 from contid_bringup.command import command
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.checks.pulses import PROBE_PWM
-from contid_drivers.dynamixel.emulator.bench import Bench
-from contid_drivers.dynamixel.emulator.servo import Servo
 from contid_drivers.dynamixel.options import DynamixelBusOptions
+from contid_emulate.dynamixel.bench import Bench
+from contid_emulate.dynamixel.servo import Servo
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 

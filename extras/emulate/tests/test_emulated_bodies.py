@@ -11,9 +11,9 @@ import pytest
 from contid.control.tick.faults import Fault
 from contid.robot_file.load import find_robot_file, load_robot_file
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator import InjectedFault
-from contid_drivers.dynamixel.emulator.motion import ShaftMotion
-from contid_drivers.dynamixel.emulator.servo import Servo
+from contid_emulate.dynamixel import InjectedFault
+from contid_emulate.dynamixel.motion import ShaftMotion
+from contid_emulate.dynamixel.servo import Servo
 from tests.campaign.bodies.damaged_bodies import RATE_HZ, STEP_S, STEPS, Watched, axes_of, motion
 
 
