@@ -1,0 +1,33 @@
+"""Random live streams keep every limit and end at rest on their last row (`tests.campaign.streams`)."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.campaign.streams import ROBOTS, campaign, rows_of, staged, violations
+
+#: Streams that exceeded the jerk of their robot by 2.6 to 24 times, or crept along a bend radius for seconds.
+FOUND = (
+    ("stiffflop1", 2000195),  # a valve that closes ended 1e-6 Pa beyond its limit
+    ("stiffflop1", 2000393),  # a stop of an axis that accelerates
+    ("trirack", 1000015),  # a stop that crosses a bend radius early
+    ("trirack2", 1000003),  # a way along a bend radius
+)
+
+
+@pytest.mark.parametrize(("robot", "number"), FOUND)
+def test_streams_that_exceeded_a_limit_keep_it(robot: str, number: int) -> None:
+    stage = staged(robot)
+    assert violations(stage, rows_of(stage, number)) == {}
+
+
+def test_random_streams_keep_every_limit_and_end_on_their_last_row() -> None:
+    tally = campaign(("finger", "cbha"), 4, seed=5)
+    assert not tally.counts, tally.table()
+    assert tally.streams.total() == 4
+
+
+@pytest.mark.campaign
+def test_streams_of_every_robot() -> None:
+    tally = campaign(ROBOTS, 400, seed=6)
+    assert not tally.counts, tally.table()
