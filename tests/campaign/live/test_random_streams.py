@@ -1,10 +1,12 @@
-"""Random live streams keep every limit and end at rest on their last row (`tests.campaign.streams`)."""
+"""Random live streams keep every limit and end at rest on their last row (`tests.campaign.live.random_streams`)."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from tests.campaign.streams import ROBOTS, campaign, rows_of, staged, violations
+from tests.campaign.live.random_streams import ROBOTS, campaign, rows_of, staged, violations
 
 #: Streams that exceeded the jerk of their robot by 2.6 to 24 times, or crept along a bend radius for seconds.
 FOUND = (
@@ -19,6 +21,13 @@ FOUND = (
 def test_streams_that_exceeded_a_limit_keep_it(robot: str, number: int) -> None:
     stage = staged(robot)
     assert violations(stage, rows_of(stage, number)) == {}
+
+
+def test_a_recording_of_rules_1_goes_on_as_it_was() -> None:
+    """By its rules the first of these streams exceeds the jerk, by as much as when it was found."""
+    stage = staged("stiffflop1")
+    before = stage._replace(config=replace(stage.config, motion_rules=1))
+    assert violations(before, rows_of(stage, 2000195))["jerk"] == pytest.approx(24.347013, rel=1e-4)
 
 
 def test_random_streams_keep_every_limit_and_end_on_their_last_row() -> None:

@@ -1,6 +1,6 @@
 """Random live streams: rows that jump, stop, restart, change their rate, go back, turn back, come in bursts.
 
-``python -m tests.campaign.streams [--streams N] [--seed S] [--robots A,B] [--minutes M]``: exit 1 on a
+``python -m tests.campaign.live.random_streams [--streams N] [--seed S] [--robots A,B] [--minutes M]``: exit 1 on a
 violation. Every stream begins with the robot at rest amid its reach and is a function of its number.
 What follows it is the follower of live rows and the tick of the robot, as in the engine, in their own time;
 devices and buses are left out. Judged from the commands alone:
@@ -243,7 +243,7 @@ def campaign(
 
 def main() -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m tests.campaign.streams", description="Random live streams."
+        prog="python -m tests.campaign.live.random_streams", description="Random live streams."
     )
     parser.add_argument("--streams", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
