@@ -1,4 +1,4 @@
-"""Random live streams keep every limit and end at rest on their last row (`tests.campaign.live.random_streams`)."""
+"""Random live streams keep every limit and end at rest on their last row, in a short form."""
 
 from __future__ import annotations
 
