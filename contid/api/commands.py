@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,8 +47,8 @@ class CommandReader:
         robot = self._robots.get(name)
         if robot is None:
             raise ArgumentError(f"no robot {name!r}; {allowed_names(self._robots, name)}")
-        if type(values) in (list, tuple) and len(values) == len(robot.axis_names):
-            given: Sequence[float] = values
+        if isinstance(values, list | tuple) and len(values) == len(robot.axis_names):
+            given: Sequence[Any] = values
             if all(type(value) is float and abs(value) <= MAX_NUMBER for value in given):
                 # The usual step of a script, without arrays.
                 to_si = float if self._units.si else robot.quantity.to_si

@@ -1,9 +1,9 @@
 """Random live streams: rows that jump, stop, restart, change their rate, go back, turn back, come in bursts.
 
 ``python -m tests.campaign.live.random_streams [--streams N] [--seed S] [--robots A,B] [--minutes M]``: exit 1
-on a violation. Every stream begins with the robot at rest amid its reach and is a function of its number. What
-follows it is the follower of live rows and the tick of the robot, as in the engine, in their own time; devices
-and buses are left out. Judged from the commands alone:
+on a violation. Every stream begins with the robot at rest amid its reach and is a function of its number.
+What follows it is the follower of live rows and the tick of the robot, as in the engine, in their own time;
+devices and buses are left out. Judged from the commands alone:
 
 * position, velocity, acceleration and jerk of every axis, and tensions of tendons, within the robot file;
 * after the last row the robot comes to rest, with its tip on that row where the model answers it there.
