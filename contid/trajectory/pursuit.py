@@ -74,6 +74,7 @@ def pursued(
     rates: AxisRates,
     time_s: float,
     together: bool = True,
+    *,
     straight: bool = False,
 ) -> MovingAxes | None:
     """The state after ``time_s`` on the way to a goal; None where ruckig finds no motion.
@@ -97,7 +98,7 @@ def pursued(
         rates,
         ruckig.ControlInterface.Position,
         ruckig.Synchronization.Phase if together else ruckig.Synchronization.No,
-        straight and together,
+        straight=straight and together,
     )
     return None if found is None else _at(found, time_s, goal, frame, rates)
 
@@ -145,7 +146,7 @@ def _stop(state: MovingAxes, rates: AxisRates, together: bool, straight: bool) -
 
     kind = ruckig.Synchronization.Time if together else ruckig.Synchronization.No
     still = (0.0,) * len(state.position)
-    return _planned(still, state, still, rates, ruckig.ControlInterface.Velocity, kind, straight)
+    return _planned(still, state, still, rates, ruckig.ControlInterface.Velocity, kind, straight=straight)
 
 
 def _planned(
@@ -155,6 +156,7 @@ def _planned(
     rates: AxisRates,
     interface: Any,
     kind: Any,
+    *,
     straight: bool,
 ) -> Any:
     """The motion of ruckig from a state to rest in a frame, None where it finds none."""

@@ -154,7 +154,7 @@ def _ways(
     now: MovingAxes, answer: Actuation, frame: Actuation, rates: AxisRates, h: float, straight: bool
 ) -> Iterator[MovingAxes | None]:
     """States after a tick on ways to an answer, in the order in which they are tried; the last ones stop."""
-    yield pursued(now, answer, frame, rates, h, True, straight)
+    yield pursued(now, answer, frame, rates, h, straight=straight)
     yield pursued(now, answer, frame, rates, h, False)
     if straight:
         yield kept_line(now, answer, rates, h)

@@ -26,7 +26,7 @@ EXPECTED_S: Final = 0.05
 _STOP_SHARE: Final = 0.35
 #: Axes slower than this share of their limit stop as if they were as fast.
 _SLOW: Final = 0.02
-#: Rate of the phase, in rows per period, below which steps of the axes do not tell how far rows are apart.
+#: Rate of the phase, in rows per period, below which steps of the axes are no measure of rows.
 _LEAST_RATE: Final = 0.25
 #: Coordinates that differ by less are the same.
 _SAME: Final = 1e-9
