@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contid.api.arguments import ArgumentError, as_rows
+from contid.api.arguments import MAX_NUMBER, ArgumentError, as_rows
 from contid.api.units import Units
 from contid.errors import BadInputError
 from contid.robot_file.findings import allowed_names
@@ -47,6 +47,12 @@ class CommandReader:
         robot = self._robots.get(name)
         if robot is None:
             raise ArgumentError(f"no robot {name!r}; {allowed_names(self._robots, name)}")
+        if isinstance(values, list | tuple) and len(values) == len(robot.axis_names):
+            given: Sequence[Any] = values
+            if all(type(value) is float and abs(value) <= MAX_NUMBER for value in given):
+                # The usual step of a script, without arrays.
+                to_si = float if self._units.si else robot.quantity.to_si
+                return Target(actuation=tuple([to_si(value) for value in given]))
         unit = self._units.name(robot.quantity)
         what = "actuation" if len(self._robots) == 1 else f"actuation of {name}"
         rows, shape = as_rows(what, values, [f"{axis}_{unit}" for axis in robot.axis_names])

@@ -6,6 +6,10 @@ the frame; acceleration and jerk are the same in both. Its state is asked anew i
 before, so the motion is continuous to the acceleration and its jerk stays within its limit, whatever the goal
 does.
 
+Axes whose present rates already lead to the goal, or that stop from such, stay on the straight line to it:
+the motion of one axis, with the limits that bind first, is theirs by shares. Ruckig itself finds that only
+where the rates are parallel to the last bit.
+
 Source: L. Berscheid, T. Kroeger, "Jerk-limited Real-time Trajectory Generation with Arbitrary Target
 States", RSS 2021 (the ruckig library).
 """
@@ -25,6 +29,8 @@ _FRAME_SHARE: Final = 0.95
 _JERKS: Final = (1.0 - 1e-6, 1.0 - 1e-4, 1.0 - 1e-2)
 #: Values below this share of the velocity limit, in its units, are rounding.
 _NONE: Final = 1e-9
+#: Rates are parallel to a way within this share of their limits.
+_PARALLEL: Final = 1e-9
 
 
 class MovingAxes(NamedTuple):
@@ -68,6 +74,8 @@ def pursued(
     rates: AxisRates,
     time_s: float,
     together: bool = True,
+    *,
+    straight: bool = False,
 ) -> MovingAxes | None:
     """The state after ``time_s`` on the way to a goal; None where ruckig finds no motion.
 
@@ -78,6 +86,7 @@ def pursued(
         rates: limits of the axes.
         time_s: a tick.
         together: every axis arrives at the same instant, else each as early as it can.
+        straight: on a straight line where the present rates allow it, with ``together``.
     """
     import ruckig
 
@@ -89,13 +98,33 @@ def pursued(
         rates,
         ruckig.ControlInterface.Position,
         ruckig.Synchronization.Phase if together else ruckig.Synchronization.No,
+        straight=straight and together,
     )
     return None if found is None else _at(found, time_s, goal, frame, rates)
 
 
-def stopping(state: MovingAxes, rates: AxisRates, times: int) -> list[MovingAxes]:
+def kept_line(state: MovingAxes, goal: Actuation, rates: AxisRates, time_s: float) -> MovingAxes | None:
+    """The state after ``time_s`` on the straight line of the present motion, to its point nearest to a goal.
+
+    None where the axes are not on a line.
+    """
+    scale = rates.velocity
+    velocity = [_rounded(v / unit) for v, unit in zip(state.velocity, scale, strict=True)]
+    acceleration = [_rounded(a / unit) for a, unit in zip(state.acceleration, scale, strict=True)]
+    most = [a / unit for a, unit in zip(rates.acceleration, scale, strict=True)]
+    shares = _shares(velocity, velocity, acceleration, most)
+    if not shares:
+        return None
+    gaps = zip(shares, goal, state.position, scale, strict=True)
+    way = sum([share * (there - at) / unit for share, there, at, unit in gaps]) / sum([s * s for s in shares])
+    ends = zip(state.position, shares, scale, strict=True)
+    end = tuple([at + way * share * unit for at, share, unit in ends])
+    return pursued(state, end, (0.0,) * len(end), rates, time_s, straight=True)
+
+
+def stopping(state: MovingAxes, rates: AxisRates, times: int, straight: bool = False) -> list[MovingAxes]:
     """States at equal times of the shortest stop together, the last at rest; none where ruckig finds none."""
-    found = _stop(state, rates, together=True)
+    found = _stop(state, rates, together=True, straight=straight)
     if found is None:
         return []
     still = (0.0,) * len(state.position)
@@ -103,46 +132,108 @@ def stopping(state: MovingAxes, rates: AxisRates, times: int) -> list[MovingAxes
     return [way for way in ways if way is not None]
 
 
-def braked(state: MovingAxes, rates: AxisRates, time_s: float, together: bool) -> MovingAxes | None:
+def braked(
+    state: MovingAxes, rates: AxisRates, time_s: float, together: bool, straight: bool = False
+) -> MovingAxes | None:
     """The state after ``time_s`` of the shortest stop, ``together`` or of every axis by itself."""
-    found = _stop(state, rates, together)
+    found = _stop(state, rates, together, straight and together)
     still = (0.0,) * len(state.position)
     return None if found is None else _at(found, time_s, state.position, still, rates)
 
 
-def _stop(state: MovingAxes, rates: AxisRates, together: bool) -> Any:
+def _stop(state: MovingAxes, rates: AxisRates, together: bool, straight: bool) -> Any:
     import ruckig
 
     kind = ruckig.Synchronization.Time if together else ruckig.Synchronization.No
     still = (0.0,) * len(state.position)
-    return _planned(still, state, still, rates, ruckig.ControlInterface.Velocity, kind)
+    return _planned(still, state, still, rates, ruckig.ControlInterface.Velocity, kind, straight=straight)
 
 
 def _planned(
-    gaps: Sequence[float], state: MovingAxes, frame: Actuation, rates: AxisRates, interface: Any, kind: Any
+    gaps: Sequence[float],
+    state: MovingAxes,
+    frame: Actuation,
+    rates: AxisRates,
+    interface: Any,
+    kind: Any,
+    *,
+    straight: bool,
 ) -> Any:
     """The motion of ruckig from a state to rest in a frame, None where it finds none."""
     import ruckig
 
-    solver, asked, trajectory = _solver(len(frame))
     scale = rates.velocity
-    asked.control_interface, asked.synchronization = interface, kind
-    asked.current_position = [_rounded(gap / unit) for gap, unit in zip(gaps, scale, strict=True)]
+    position = [_rounded(gap / unit) for gap, unit in zip(gaps, scale, strict=True)]
     speeds = zip(state.velocity, frame, scale, strict=True)
-    asked.current_velocity = [_rounded((speed - v) / unit) for speed, v, unit in speeds]
-    asked.current_acceleration = [_rounded(a / b) for a, b in zip(state.acceleration, scale, strict=True)]
-    asked.max_velocity = [1.0 - v / unit for v, unit in zip(frame, scale, strict=True)]
-    asked.min_velocity = [-1.0 - v / unit for v, unit in zip(frame, scale, strict=True)]
-    asked.max_acceleration = [a / b for a, b in zip(rates.acceleration, scale, strict=True)]
-    for share in _JERKS:
-        asked.max_jerk = [share * j / unit for j, unit in zip(rates.jerk, scale, strict=True)]
+    velocity = [_rounded((speed - v) / unit) for speed, v, unit in speeds]
+    acceleration = [_rounded(a / b) for a, b in zip(state.acceleration, scale, strict=True)]
+    top = [1.0 - v / unit for v, unit in zip(frame, scale, strict=True)]
+    low = [-1.0 - v / unit for v, unit in zip(frame, scale, strict=True)]
+    most = [a / b for a, b in zip(rates.acceleration, scale, strict=True)]
+    jerk = [j / unit for j, unit in zip(rates.jerk, scale, strict=True)]
+    shares: list[float] = []
+    if straight:
+        way = position if interface == ruckig.ControlInterface.Position else velocity
+        shares = _shares(way, velocity, acceleration, most)
+    if shares:
+        (lead,) = [k for k, share in enumerate(shares) if share == 1.0][:1]
+        moving = [(share, k) for k, share in enumerate(shares) if share]
+        ends = [sorted((low[k] / share, top[k] / share)) for share, k in moving]
+        position, velocity, acceleration = [position[lead]], [velocity[lead]], [acceleration[lead]]
+        low, top = [max(each[0] for each in ends)], [min(each[1] for each in ends)]
+        most = [min(most[k] / abs(share) for share, k in moving)]
+        jerk = [min(jerk[k] / abs(share) for share, k in moving)]
+    solver, asked, trajectory = _solver(len(position))
+    asked.control_interface, asked.synchronization = interface, kind
+    asked.current_position, asked.current_velocity = position, velocity
+    asked.current_acceleration, asked.max_acceleration = acceleration, most
+    asked.max_velocity, asked.min_velocity = top, low
+    for part in _JERKS:
+        asked.max_jerk = [part * each for each in jerk]
         try:
             result = solver.calculate(asked, trajectory)
         except Exception:  # no profile found
             continue
         if result in (ruckig.Result.Working, ruckig.Result.Finished):
-            return trajectory
+            return _Line(trajectory, shares, gaps, scale) if shares else trajectory
     return None
+
+
+class _Line:
+    """The motion of several axes on a straight line, by that of one."""
+
+    def __init__(
+        self, motion: Any, shares: Sequence[float], gaps: Sequence[float], scale: Sequence[float]
+    ) -> None:
+        self._motion, self._shares = motion, shares
+        self._start = [gap / unit for gap, unit in zip(gaps, scale, strict=True)]
+        self._from: float = motion.at_time(0.0)[0][0]
+        self.duration: float = motion.duration
+
+    def at_time(self, time_s: float) -> tuple[list[float], list[float], list[float]]:
+        """Position, velocity and acceleration of every axis, as ruckig gives them."""
+        ((x,), (v,), (a,)) = self._motion.at_time(time_s)[:3]
+        moved = x - self._from
+        return (
+            [at + share * moved for at, share in zip(self._start, self._shares, strict=True)],
+            [share * v for share in self._shares],
+            [share * a for share in self._shares],
+        )
+
+
+def _shares(
+    way: Sequence[float], velocity: Sequence[float], acceleration: Sequence[float], most: Sequence[float]
+) -> list[float]:
+    """By how much each axis moves when that with the longest way moves by 1; none where rates lead aside."""
+    lead = max(range(len(way)), key=lambda k: abs(way[k]))
+    if not way[lead]:
+        return []
+    shares = [each / way[lead] for each in way]
+    v, a = velocity[lead], acceleration[lead]
+    rates = zip(shares, velocity, acceleration, most, strict=True)
+    if all(abs(x - s * v) <= _PARALLEL and abs(y - s * a) <= _PARALLEL * top for s, x, y, top in rates):
+        return shares
+    return []
 
 
 def _at(

@@ -26,7 +26,7 @@ def render_status(status: Fields) -> Group:
     """One status as tables."""
     parts: list[Any] = [_head(status), _buses(status)]
     for name, robot in status["robots"].items():
-        parts += _robot(name, robot)
+        parts += _robot(name, robot, status["rate_hz"])
     for each in status["warnings"]:
         style = "yellow" if each["level"] == "warning" else "red"
         parts.append(Text(f"{each['at_s']:.0f} s {each['level']}: {each['message']}", style=style))
@@ -68,7 +68,7 @@ def _buses(status: Fields) -> Table:
     return table
 
 
-def _robot(name: str, robot: Fields) -> list[Any]:
+def _robot(name: str, robot: Fields, rate_hz: float) -> list[Any]:
     state = robot["state"]
     text = Text("\n")
     text.append(name, style="bold")
@@ -81,6 +81,10 @@ def _robot(name: str, robot: Fields) -> list[Any]:
         text.append("  tip (" + ", ".join(f"{value:.2f}" for value in robot["tip_mm"]) + ") mm")
     if robot["error_mm"] is not None:
         text.append(f"  error {robot['error_mm']:.3f} mm")
+    if robot.get("tick_ms") is not None:
+        text.append(
+            f"  tick {robot['tick_ms']:.2f} ms, {0.1 * robot['tick_ms'] * rate_hz:.0f} %", style="dim"
+        )
     if "estimated_load_n" in robot:
         force = ", ".join(f"{1e3 * value:.1f}" for value in robot["estimated_load_n"])
         half = ", ".join(f"{1.96e3 * value:.1f}" for value in robot["estimated_sigma_n"])

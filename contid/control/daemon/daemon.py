@@ -125,6 +125,10 @@ class Daemon:
         """See `RunControl.lateness`."""
         return self._child.reader.lateness(ticks) if self._child.reader else []
 
+    def costs(self) -> list[float]:
+        """See `RunControl.costs`."""
+        return self._child.reader.costs_s if self._child.reader else []
+
     def refresh(self) -> None:
         """See `RunControl.refresh`; without effect when called by a listener."""
         if not self._feed.fetching:

@@ -63,6 +63,9 @@ class RunControl(Protocol):
     def lateness(self, ticks: int) -> list[float]:
         """How late the newest ticks started [s]."""
 
+    def costs(self) -> list[float]:
+        """Mean duration of the newest ticks of each robot [s]; empty before the first."""
+
     def refresh(self) -> None:
         """Deliver every event up to now to the listeners."""
 

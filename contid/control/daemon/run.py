@@ -22,6 +22,7 @@ from contid.control.daemon.row_stream import LiveRowReader
 from contid.control.daemon.run_request import RunRequest, load, open_input, preflight_of, rate_of, read_input
 from contid.control.daemon.spawn import Spawned
 from contid.control.daemon.terminal import event_text, print_message
+from contid.control.daemon.tick_times import check_budget
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events import RunEvent
@@ -41,7 +42,7 @@ def run(request: RunRequest, spawned: Spawned | None = None) -> RunReport:
     """Run to the end, with an already started control process or a new one.
 
     Raises:
-        ContidError: wrong file or unreachable row; nothing was started.
+        ContidError: wrong file, unreachable row, or a tick that does not fit; nothing was started.
     """
     if request.virtual:
         return _virtual(request)
@@ -49,6 +50,7 @@ def run(request: RunRequest, spawned: Spawned | None = None) -> RunReport:
         child = ControlChild(spawned)
         stack.callback(child.close)
         loaded = load(request)
+        check_budget(loaded, rate_of(request, loaded), "stream" if request.trajectory is None else "path")
         return asyncio.run(Daemon(loaded, open_input(request, loaded), request, child).run())
 
 

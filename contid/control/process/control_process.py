@@ -46,6 +46,8 @@ log = logging.getLogger(__name__)
 
 #: Longest stop after the daemon is gone.
 ORPHAN_STOP_S: Final = 2.0
+#: Ticks between two samples of what the robots cost; no divisor of usual distances of rows.
+COST_TICKS: Final = 7
 #: Longest wait for a bus to close.
 CLOSE_TIMEOUT_S: Final = 0.5
 
@@ -135,6 +137,8 @@ class ControlProcess:
                 stop_by_s = start_s + ORPHAN_STOP_S
                 engine.obey(Finish(None, "on_host_loss"), timing.tick)
             engine.cycle(timing)
+            if timing.tick % COST_TICKS == 0:
+                self._ring.costs(engine.costs.robots_s)
             self._logs.write(self._ring, LOGS_PER_TICK)
             if start_s > stop_by_s:
                 break

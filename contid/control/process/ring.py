@@ -7,9 +7,10 @@ an overwritten slot is detected and counted. A long event takes several slots. R
 their mapping stays valid after the file is unlinked.
 
 Layout of the file: 128 bytes of header (magic, sizes, flags, two sequence numbers), the JSON of the
-`RecordLayout`, tick slots, event slots. Every slot has a CRC-32 of its contents and number: processors other
-than x86-64 may show a reader the stamp before the contents, and such a slot is read again. The sequence
-numbers are stored in one piece: `struct` clears the bytes before it packs, and a reader would see zero.
+`RecordLayout`, the mean duration of a tick of each robot, tick slots, event slots. Every slot has a CRC-32 of
+its contents and number: processors other than x86-64 may show a reader the stamp before the contents, and
+such a slot is read again. The sequence numbers are stored in one piece: `struct` clears the bytes before it
+packs, and a reader would see zero.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from contid.control.engine.tick_layout import RecordLayout
 from contid.control.process.shared_files import folder
 from contid.errors import ContidError
 
-MAGIC: Final = b"contidR7"
+MAGIC: Final = b"contidR8"
 HEAD: Final = struct.Struct("=8sQQQQQ")  # magic, bytes of JSON, tick slots, bytes per tick, event slots
 HEAD_BYTES: Final = 128
 #: Places of the closed flag, of the two sequence numbers, of the flag of a request to devices that is
@@ -65,7 +66,7 @@ def create(layout: RecordLayout, seconds: float = SECONDS) -> Path:
     text = layout.to_json().encode()
     slots = max(int(seconds * layout.rate_hz), 256)
     size = layout.packer().size + STAMP.size
-    total = _events_at(len(text), slots, size) + EVENT_SLOTS * EVENT_BYTES
+    total = _slots_at(len(text), len(layout.robots)) + slots * size + EVENT_SLOTS * EVENT_BYTES
     path = folder() / f"contid-{os.getpid()}-{secrets.token_hex(4)}.ring"
     try:
         with os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600), "r+b") as file:
@@ -85,12 +86,12 @@ def create(layout: RecordLayout, seconds: float = SECONDS) -> Path:
     return path
 
 
-def _slots_at(text_bytes: int) -> int:
+def _costs_at(text_bytes: int) -> int:
     return (HEAD_BYTES + text_bytes + 63) // 64 * 64
 
 
-def _events_at(text_bytes: int, slots: int, size: int) -> int:
-    return _slots_at(text_bytes) + slots * size
+def _slots_at(text_bytes: int, robots: int) -> int:
+    return _costs_at(text_bytes) + robots * F64.size
 
 
 class MappedRing:
@@ -114,12 +115,14 @@ class MappedRing:
             self.layout = RecordLayout.from_json(self._map[HEAD_BYTES : HEAD_BYTES + text_bytes].decode())
             undo.pop_all()
         self._numbers = memoryview(self._map)[:HEAD_BYTES].cast("Q")
-        self._ticks_at = _slots_at(text_bytes)
-        self._events_at = _events_at(text_bytes, self.slots, self.size)
+        self._ticks_at = _slots_at(text_bytes, len(self.layout.robots))
+        self._events_at = self._ticks_at + self.slots * self.size
+        self._costs = memoryview(self._map)[_costs_at(text_bytes) : self._ticks_at].cast("d")
         self._packer = self.layout.packer()
 
     def close(self) -> None:
         """Unmap and close; idempotent."""
         self._numbers.release()
+        self._costs.release()
         self._map.close()
         self._file.close()

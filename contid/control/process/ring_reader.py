@@ -82,6 +82,11 @@ class RingReader(MappedRing):
         """Records written so far."""
         return self._numbers[TICKS]
 
+    @property
+    def costs_s(self) -> list[float]:
+        """Mean duration of the newest ticks of each robot [s]."""
+        return list(self._costs)
+
     def skip(self) -> int:
         """Go on with the next record and the next event; returns the number of records left out."""
         self._event = _Cursor(self._numbers[EVENTS])

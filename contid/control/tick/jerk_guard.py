@@ -13,7 +13,7 @@ has third differences within ``j h^3`` from its first sample on.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -24,7 +24,7 @@ from contid.control.tick.state import GuardState, RobotState
 from contid.control.tick.viability import SLACK, stays_viable, stops_inside, viable
 from contid.targets import Actuation
 from contid.trajectory.approach import optimal
-from contid.trajectory.pursuit import AxisRates, MovingAxes, braked, frame_velocity, pursued
+from contid.trajectory.pursuit import AxisRates, MovingAxes, braked, frame_velocity, kept_line, pursued
 
 #: Shares of the velocity with which a tendon robot goes on before it stops, where its way leaves limits.
 _SHARES: Final = (1.0, 0.3, 0.1)
@@ -74,11 +74,23 @@ def guarded(config: RobotConfig, state: RobotState, answer: Actuation) -> Guarde
     if unguarded or _on(config, state, changes, answer, before.paces):
         return Guarded(answer, after)
     motion, brakes = _pursuing(config, state, before, changes, answer)
+    if config.motion_rules > 1:
+        motion = _inside(config, motion, state.command)
     flags = tuple(
         [ACCELERATION if new != there else 0 for new, there in zip(motion.position, answer, strict=True)]
     )
     after = GuardState(state.since_s, paces, motion, brakes)
     return Guarded(motion.position, after, flags)
+
+
+def _inside(config: RobotConfig, motion: MovingAxes, last: Actuation) -> MovingAxes:
+    """The state with positions that rounding has put beyond a limit put on it.
+
+    The limiter would brake all axes by their whole acceleration for one that is 1e-6 Pa too far.
+    """
+    limits = zip(motion.position, config.limits, last, strict=True)
+    inside = tuple([max(min(at, max(one.upper, was)), min(one.lower, was)) for at, one, was in limits])
+    return motion if inside == motion.position else motion._replace(position=inside)
 
 
 def _on(
@@ -132,15 +144,22 @@ def _pursuing(
         return _tendons_pursuing(config, state.command, now, answer, pace, () if stops else _SHARES)
     frame = frame_velocity(pace, rates)
     after: MovingAxes | None = None
-    for braking in (False, True):
-        for together in (True, False):
-            if braking:
-                after = braked(now, rates, h, together)
-            else:
-                after = pursued(now, answer, frame, rates, h, together)
-            if after is not None and stays_viable(config, after, state.command):
-                return _Pursuit(after)
+    for after in _ways(now, answer, frame, rates, h, straight=config.motion_rules > 1):
+        if after is not None and stays_viable(config, after, state.command):
+            return _Pursuit(after)
     return _Pursuit(after or _coasting(config, now))
+
+
+def _ways(
+    now: MovingAxes, answer: Actuation, frame: Actuation, rates: AxisRates, h: float, straight: bool
+) -> Iterator[MovingAxes | None]:
+    """States after a tick on ways to an answer, in the order in which they are tried; the last ones stop."""
+    yield pursued(now, answer, frame, rates, h, straight=straight)
+    yield pursued(now, answer, frame, rates, h, False)
+    if straight:
+        yield kept_line(now, answer, rates, h)
+    yield braked(now, rates, h, True, straight)
+    yield braked(now, rates, h, False)
 
 
 def _tendons_pursuing(
@@ -158,12 +177,14 @@ def _tendons_pursuing(
     of the velocity are tried one after the other; without any it stops.
     """
     h, rates = config.period_s, AxisRates(config.velocity, config.acceleration, config.jerk)
+    straight = config.motion_rules > 1
     for share in shares:
         slower = rates._replace(velocity=[share * each for each in rates.velocity])
-        after = pursued(now, answer, frame_velocity(pace, slower), slower, h)
+        after = pursued(now, answer, frame_velocity(pace, slower), slower, h, straight=straight)
         if after is not None and stays_viable(config, after, last):
             return _Pursuit(after)
-    return _Pursuit(braked(now, rates, h, together=True) or _coasting(config, now), brakes=True)
+    stop = braked(now, rates, h, together=True, straight=straight)
+    return _Pursuit(stop or _coasting(config, now), brakes=True)
 
 
 def _coasting(config: RobotConfig, now: MovingAxes) -> MovingAxes:

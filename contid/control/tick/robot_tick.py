@@ -19,7 +19,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.contact.squeeze import next_squeeze
 from contid.control.tick.contact.squeeze_way import Squeeze, SqueezeEnd, SqueezeReport
 from contid.control.tick.faults import Fault, of_device
-from contid.control.tick.jerk_guard import guarded
+from contid.control.tick.jerk_guard import Guarded, guarded
 from contid.control.tick.limits import ACCELERATION
 from contid.control.tick.next_command import next_command
 from contid.control.tick.play import led, next_lead
@@ -297,13 +297,7 @@ def _guarded(config: RobotConfig, state: RobotState, answer: Actuation, target_i
     if config.taut is not None and config.motion_rules > 0 and not by_pulls:
         answer = lifted(config.taut, config.lift_n, answer)
     guard = guarded(config, state, answer)
-    if not guard.flags:
-        return _limited(config, replace(state, guard=guard.state), answer, target_in_base, keeps_jerk=True)
-    # The limiter gets a motion that it may follow, not the answer that the axes cannot be on.
-    chasing = replace(state, guard=guard.state, reference=state.command)
-    result = _limited(config, chasing, guard.command, target_in_base, keeps_jerk=True, goal=answer)
-    flags = tuple([a | b for a, b in zip(result.limits or guard.flags, guard.flags, strict=True)])
-    return replace(result, state=replace(result.state, reference=answer), limits=flags)
+    return _limited(config, state, guard.command, target_in_base, guard, answer)
 
 
 def _limited(
@@ -311,20 +305,42 @@ def _limited(
     state: RobotState,
     reference: Actuation,
     target_in_base: Target | None = None,
-    keeps_jerk: bool = False,
+    guard: Guarded | None = None,
+    answer: Actuation = (),
     *,
     goal: Actuation = (),
     load_n: Vec3 = ZERO3,
 ) -> TickResult:
     """The state with its next command, and the limits that bound; skipped ticks do not count.
 
-    Where a motion goes and the load on its tip choose how it is shaped; the reference, without a ``goal``.
+    Args:
+        config: of the robot.
+        state: after the tick before.
+        reference: where the axes have to go.
+        target_in_base: what the reference answers; None for a motion of the axes.
+        guard: of the jerk on a live stream, whose command the reference is; None without.
+        answer: of the model to the live target; the limiter gets a motion that it may follow where the axes
+            cannot be on it.
+        goal: where the motion goes, which chooses how it is shaped; the reference when left out.
+        load_n: known force on the tip, which chooses that as well.
     """
     last = state.command
-    target_step = [new - old for new, old in zip(reference, state.reference, strict=True)]
+    guard_state, guard_flags = (state.guard, ()) if guard is None else (guard.state, guard.flags)
+    before_it = last if guard_flags else state.reference
+    target_step = [new - old for new, old in zip(reference, before_it, strict=True)]
     command, flags, straight = next_command(
-        config, last, state.increments, reference, target_step, target_in_base, state.straight, keeps_jerk
+        config,
+        last,
+        state.increments,
+        reference,
+        target_step,
+        target_in_base,
+        state.straight,
+        guard is not None,
     )
+    if guard_flags:
+        flags = tuple([a | b for a, b in zip(flags, guard_flags, strict=True)])
+        reference = answer
     increments = tuple([new - old for new, old in zip(command, last, strict=True)])
     acting, acting_steps, shaped = command, increments, state.shaped
     if config.shaping is not None:
@@ -343,7 +359,7 @@ def _limited(
         state.mode, state.since_s, state.fault, state.message, state.enabled, state.arm_requested,
         state.follow, state.goto, command, increments, state.increments, reference, state.motion,
         state.motion_s, state.policy, state.misses, state.pending, state.correction, state.recovering, lead,
-        straight, state.squeeze, state.guard, shaped,
+        straight, state.squeeze, guard_state, shaped,
     )  # fmt: skip
     device = config.transmission.to_device(led(acting, lead.added) if lead.added else acting)
     return TickResult(after, device, limits=flags if any(flags) else ())

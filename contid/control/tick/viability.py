@@ -23,10 +23,10 @@ _STEEPEST: Final = 2.0
 _ROUNDING_M: Final = 1e-12
 #: Share of the velocity below which an axis counts as moving with it, for how far a stop can lead.
 _SLOW: Final = 0.05
-#: States of a stop that are compared with limits that axes share. Tensions have corners: they are looked at
-#: more often where they come close to their bounds.
+#: States of a stop that are compared with limits that axes share, and where it comes close to their bounds:
+#: an axis that still accelerates leads beyond them early in its stop, and tensions have corners.
 _LOOKED_AT: Final = 4
-_LOOKED_AT_TAUT: Final = 32
+_LOOKED_AT_CLOSELY: Final = 32
 
 
 def stops_inside(config: RobotConfig, state: MovingAxes, last: Actuation) -> bool:
@@ -50,10 +50,10 @@ def stops_inside(config: RobotConfig, state: MovingAxes, last: Actuation) -> boo
     allowed = max(excess(config, last), 0.0) + rounding_m
     if most > allowed:
         return False
-    if config.taut is None:
+    if config.taut is None and config.motion_rules < 2:
         return _stop_keeps(config, state, last, allowed, _LOOKED_AT)
     return _stop_keeps(config, state, last, allowed, _LOOKED_AT, clearly=True) or _stop_keeps(
-        config, state, last, allowed, _LOOKED_AT_TAUT
+        config, state, last, allowed, _LOOKED_AT_CLOSELY
     )
 
 
@@ -70,7 +70,8 @@ def _stop_keeps(
 
     ``clearly``: nor would one that is as far beyond a state as the next one is from it.
     """
-    ways = stopping(state, AxisRates(config.velocity, config.acceleration, config.jerk), looked_at)
+    rates = AxisRates(config.velocity, config.acceleration, config.jerk)
+    ways = stopping(state, rates, looked_at, straight=config.motion_rules > 1)
     if not all(_within(config, way.position, last) for way in ways):
         return False
     if not clearly:
@@ -113,7 +114,11 @@ def viable(config: RobotConfig, index: int, at: float, speed: float, bend: float
         room, speed, bend = at - limits.lower, -speed, -bend
     else:
         room = limits.upper - at
-    return room > speed * (speed / limits.change + limits.change / jolt + 1.0) or (
+    # More than any stop needs. By rules 1 it left out that an axis which accelerates becomes faster first.
+    top, more = speed, 1.0
+    if config.motion_rules > 1 and bend > 0.0:
+        top, more = speed + 0.5 * bend * bend / jolt, 1.5
+    return room > top * (top / limits.change + more * limits.change / jolt + 1.0) or (
         _stop_length(speed, bend, limits.change, jolt) <= max(room, 0.0) + limits.change * 1e-6
     )
 

@@ -179,7 +179,7 @@ class QueryHandler:
                 "max": round(lateness[-1] * 1e6, 1) if lateness else None,
             },
             "lateness_classes": self._lateness.as_fields(),
-            **self._view.status(self._control.newest(), now_s),
+            **self._view.status(self._control.newest(), now_s, self._control.costs()),
         }
 
     async def _describe(self, caller: Caller, request: RequestFields) -> Fields:

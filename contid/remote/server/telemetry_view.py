@@ -165,8 +165,8 @@ class TelemetryView:
             }
         return {"name": self._loaded.file.name, "file": str(self._loaded.path.absolute()), "robots": robots}
 
-    def status(self, record: TickRecord | None, now_s: float) -> Fields:
-        """Buses and robots at a time, on the clock of the record."""
+    def status(self, record: TickRecord | None, now_s: float, costs_s: Sequence[float]) -> Fields:
+        """Buses and robots at a time, on the clock of the record; ``costs_s`` of a tick of each robot."""
         if record is None:
             return {"tick": None, "buses": {}, "robots": {name: {"state": "OFF"} for name in self.configs}}
         buses = bus_health(self.layout, record, self._axes_of, now_s)
@@ -181,7 +181,10 @@ class TelemetryView:
             "buses": {
                 name: {"driver": self._loaded.buses[name].driver, **health} for name, health in buses.items()
             },
-            "robots": {name: self._robot(name, record) for name in self.configs},
+            "robots": {
+                name: {**self._robot(name, record), "tick_ms": milliseconds(cost_s)}
+                for name, cost_s in zip(self.configs, costs_s, strict=True)
+            },
         }
 
     def field(self, record: TickRecord, robot: str, field: str) -> Any:

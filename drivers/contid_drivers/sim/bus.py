@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from contid.errors import ContidError, DeviceError, DeviceLostError, DeviceNotFoundError
@@ -113,7 +112,11 @@ class SimBus:
             sample = self._samples[axis]
             valid = answered and sample.value is not None
             if sample.time_s != end or sample.valid != valid:
-                self._samples[axis] = replace(sample, valid=valid, age_s=end - sample.time_s)
+                # Written out: `replace` costs three times as much, here for every axis in every tick.
+                self._samples[axis] = Sample(
+                    sample.value, sample.time_s, valid, end - sample.time_s, sample.velocity, sample.effort,
+                    sample.temperature_c, sample.voltage_v, sample.fault,
+                )  # fmt: skip
         return dict(self._samples)
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:

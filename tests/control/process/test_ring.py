@@ -41,6 +41,18 @@ def values(tick: int) -> list[float]:
     return out
 
 
+def test_costs_of_robots_are_means_and_touch_no_record(path: Path) -> None:
+    writer, reader = RingWriter(path), RingReader(path)
+    assert reader.costs_s == [0.0, 0.0]
+    for tick in range(300):
+        writer.write(values(tick))
+        writer.costs([2e-4 if tick % 2 else 1e-4, 3e-3])
+    assert reader.costs_s == pytest.approx([1.5e-4, 3e-3], rel=0.05)
+    assert [record.tick for record in reader.ticks()] == list(range(300))[-reader.slots + 1 :]
+    writer.close()
+    reader.close()
+
+
 def test_the_record_of_a_tick_is_found_among_skipped_and_overwritten_ones(path: Path) -> None:
     writer, reader = RingWriter(path), RingReader(path)
     assert reader.record_of(0) is None

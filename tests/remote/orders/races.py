@@ -167,6 +167,9 @@ class VirtualRun:
     def lateness(self, ticks: int) -> list[float]:
         return []
 
+    def costs(self) -> list[float]:
+        return [0.0] * len(self.loaded.driven)
+
     def refresh(self) -> None:
         """Events come with the ticks."""
 

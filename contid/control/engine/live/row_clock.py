@@ -169,16 +169,24 @@ class RowClock:
         """True on the way of the phase to rest."""
         return self._motion is not None
 
-    def stop(self, acceleration: float, jerk: float) -> bool:
+    def stop(self, acceleration: float, jerk: float, forward: bool = False) -> bool:
         """One tick of the way of the phase to rest on the newest row; True when it is there.
 
         Args:
             acceleration: greatest one of the phase [1/s^2].
             jerk: greatest one [1/s^3].
+            forward: from rest where the phase ran backwards, after a change of the period, and within
+                ``acceleration``.
         """
         h, now, row = self._tick_s, self._motion, float(self.newest)
         if now is None:
-            now = MovingAxes((self.phase,), (self._rate + 0.5 * self._bend * h,), (self._bend,))
+            rate, bend = self._rate + 0.5 * self._bend * h, self._bend
+            if forward:
+                rate, bend = (
+                    max(rate, 0.0),
+                    min(max(bend, -acceleration), acceleration) if rate > 0.0 else 0.0,
+                )
+            now = MovingAxes((self.phase,), (rate,), (bend,))
         top = 2.0 * max(abs(now.velocity[0]), 1.0 / self.period_s)
         after = None
         if optimal():

@@ -26,6 +26,8 @@ EXPECTED_S: Final = 0.05
 _STOP_SHARE: Final = 0.35
 #: Axes slower than this share of their limit stop as if they were as fast.
 _SLOW: Final = 0.02
+#: Rate of the phase, in rows per period, below which steps of the axes are no measure of rows.
+_LEAST_RATE: Final = 0.25
 #: Coordinates that differ by less are the same.
 _SAME: Final = 1e-9
 #: Share of the limits that a curve from rest may need; more is a jump.
@@ -122,7 +124,7 @@ class TargetFollower:
             if not self._ended and clock.missing() <= max(1.0, EXPECTED_S / clock.period_s):
                 return clock.play(now_s)
             self._rates = self._phase_rates(state)
-        if clock.stop(*self._rates):
+        if clock.stop(*self._rates, forward=self._config.motion_rules > 1):
             off = max(abs(a - b) for a, b in zip(curve.at(clock.phase), curve.last, strict=True))
             if off > _SAME:
                 self._jump(curve.last, now_s, state)
@@ -132,7 +134,8 @@ class TargetFollower:
     def _phase_rates(self, state: RobotState) -> tuple[float, float]:
         """Acceleration and jerk of the phase [1/s^2, 1/s^3] that the axes allow at their present motion."""
         config, clock = self._config, self._clock
-        rows = max(abs(clock.rate_per_s), 1e-3 / clock.period_s) * config.period_s
+        least = _LEAST_RATE if config.motion_rules > 1 else 1e-3
+        rows = max(abs(clock.rate_per_s), least / clock.period_s) * config.period_s
         acceleration = jerk = float("inf")
         steps = state.increments or (0.0,) * len(config.velocity)
         for step, v, a, j in zip(steps, config.velocity, config.acceleration, config.jerk, strict=True):

@@ -7,7 +7,6 @@ not to the curve; they are left out.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TypeAlias
 
 from contid.control.engine.live.row_curve import Vector
@@ -59,10 +58,7 @@ def target_of(vector: Vector, like: Target) -> Target:
     arcs = None if like.arcs is None else take(len(like.arcs))
     load_n = vec3(take(3))
     extra = dict(zip(like.extra, parts, strict=True)) if like.extra else like.extra
-    return replace(
-        like, tip_m=tip_m, direction=direction, rotation=rotation, mid_m=mid_m, actuation=actuation,
-        arcs=arcs, load_n=load_n, extra=extra, measured_tip_m=None, measured_direction=None,
-    )  # fmt: skip
+    return Target(tip_m, direction, mid_m, actuation, load_n, extra, rotation=rotation, arcs=arcs)
 
 
 def is_number(vector: Vector) -> bool:
