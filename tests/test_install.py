@@ -163,11 +163,7 @@ def test_a_control_process_without_kernels_ends_the_run_with_that_error(tmp_path
 
 
 def test_a_second_build_compiles_nothing_again(tmp_path: Path) -> None:
-<<<<<<< HEAD
     """pip brings nanobind in a new folder at every build: commands and headers stay the same."""
-=======
-    """pip brings nanobind in a folder that is new at every build: commands and headers stay the same."""
->>>>>>> h53
     spec = find_spec("nanobind")
     assert spec is not None
     assert spec.origin is not None
