@@ -149,6 +149,6 @@ def find_robot_file(name: str) -> Path:
         return beside[0]
     if name in shipped:
         return shipped[name]
-    emulated = "." in name  # each is shipped a second time as NAME.emulated
+    emulated = "." in name.removesuffix(".yaml")  # each is shipped a second time as NAME.emulated
     listed = [each for each in shipped if emulated or "." not in each]
     raise ContidError(f"{name}: no such file and no shipped robot file; {allowed_names(listed, name)}")

@@ -74,7 +74,7 @@ def test_a_run_in_real_time_is_recorded_completely_and_replays(buses: int, tmp_p
 def test_a_row_for_forty_robots_is_recorded_completely_and_replays(tmp_path: Path) -> None:
     """Its event takes several slots of the ring."""
     robot, path = tmp_path / "r.yaml", tmp_path / "s.mcap"
-    robot.write_text(fingers(40))
+    robot.write_text(fingers(40).replace("rate_hz: 200", "rate_hz: 20"))
     header = ",".join(f"f{index}.x_mm,f{index}.y_mm" for index in range(40))
     rows = "".join(",".join(["50", str(75 + row)] * 40) + "\n" for row in range(3))
     done = contid("run", str(robot), "--mock", "--record", str(path), stdin=f"{header}\n{rows}")

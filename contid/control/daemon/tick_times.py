@@ -13,6 +13,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
+from dataclasses import replace
 from typing import Any, Final
 from zlib import crc32
 
@@ -25,8 +26,10 @@ from contid.control.engine.wiring import record_layout
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.supervisor import Mode
 from contid.errors import ContidError
+from contid.hal import load_driver
 from contid.robot_file.document import Isolation
 from contid.robot_file.load import LoadedFile, with_mock
+from contid.robot_file.loader import robot_classes
 from contid.robot_file.tick_rate import exchange_time
 from contid.targets import Actuation, Target, Vec3
 from contid.trajectory.columns import column_groups
@@ -203,7 +206,7 @@ def measure_budget(
     collects = gc.isenabled()
     gc.disable()
     try:
-        measured = _Measured(with_mock(loaded), rate_hz, longest_s)
+        measured = _Measured(_plain(loaded), rate_hz, longest_s)
         with closing(measured.process):
             costs = tuple(getattr(measured, motion)(virtual_s) for motion in motions)
     finally:
@@ -212,10 +215,18 @@ def measure_budget(
     return Budget(rate_hz, wires_s, own, costs)
 
 
+def _plain(loaded: LoadedFile) -> LoadedFile:
+    """The file on simulated buses that write no journal and have no faults."""
+    plain = load_driver("sim").bus_options()
+    mock = with_mock(loaded)
+    return replace(mock, buses={name: replace(bus, options=plain) for name, bus in mock.buses.items()})
+
+
 def check_budget(loaded: LoadedFile, rate_hz: float, motion: str) -> None:
     """Refuse a run whose ticks do not fit, before anything is opened.
 
-    The first look is short; only where it finds that they may not fit there is a second.
+    The first look is short; only where it finds that they may not fit there is a second. Models of other
+    distributions are not called here: what they do ends in the control process.
 
     Args:
         loaded: the robot file.
@@ -225,6 +236,8 @@ def check_budget(loaded: LoadedFile, rate_hz: float, motion: str) -> None:
     Raises:
         ContidError: they do not fit.
     """
+    if not all(isinstance(robot, tuple(robot_classes().values())) for robot in loaded.driven.values()):
+        return
     try:
         for virtual_s in LOOKS_S:
             budget = measure_budget(loaded, rate_hz, virtual_s, LOOK_S, (motion,))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,7 +19,8 @@ from contid.control.daemon.tick_times import check_budget, measure_budget
 from contid.control.engine import engine
 from contid.control.tick import robot_tick
 from contid.errors import ContidError
-from contid.robot_file.load import load_named, with_mock
+from contid.robot_file.load import load_named, parse_robot_file, with_mock
+from tests.support.fingers import fingers
 
 BURNT_S = 2e-3
 
@@ -81,3 +83,15 @@ def test_check_prints_shares_and_refuses(monkeypatch: pytest.MonkeyPatch) -> Non
     motions = json.loads(done.stdout)["budget"]["motions"]
     assert list(motions) == ["hold", "path", "stream"]
     assert all(each["robots_s"]["left"] >= BURNT_S for each in motions.values())
+
+
+def test_a_look_leaves_no_trace_and_calls_no_foreign_model(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    journal = tmp_path / "journal"
+    loaded = parse_robot_file(fingers(1, options=f"journal_file: {journal}"), "r.yaml")
+    check_budget(loaded, 200.0, "stream")
+    assert not journal.exists()
+    monkeypatch.setattr("contid.control.daemon.tick_times.robot_classes", dict)
+    monkeypatch.setattr("contid.control.daemon.tick_times.measure_budget", pytest.fail)
+    check_budget(loaded, 200.0, "stream")
