@@ -16,11 +16,11 @@ from tests.firmware.sam3x.build import build_sketch
     ("failure", "watchdog_ms", "pressure"),
     [
         (Failure.DEMANDS, 100, False),
-        (Failure.DEMANDS, 20, True),
-        (Failure.READING, 100, False),
+        pytest.param(Failure.DEMANDS, 20, True, marks=pytest.mark.campaign),
+        pytest.param(Failure.READING, 100, False, marks=pytest.mark.campaign),
         (Failure.READING, 20, True),
         (Failure.LOOP, 20, False),
-        (Failure.LOOP, 100, True),
+        pytest.param(Failure.LOOP, 100, True, marks=pytest.mark.campaign),
         (Failure.TICK, 100, False),
     ],
 )

@@ -62,7 +62,7 @@ def test_a_broken_encoder_of_the_emulated_board(board, switch, speed_deg_s, movi
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("speed_deg_s", [10, 100])
+@pytest.mark.parametrize("speed_deg_s", [pytest.param(10, marks=pytest.mark.campaign), 100])
 def test_an_open_track_at_the_pins_of_the_sketch(speed_deg_s):
     """The sketch's machine code on an emulated chip, down to the pin interrupt that counts."""
     chip = Sam3x(build_sketch())

@@ -25,7 +25,7 @@ def opened(full_speed: bool = False) -> Sam3x:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("cycles_per_instruction", [1.0, 1.5])
+@pytest.mark.parametrize("cycles_per_instruction", [pytest.param(1.0, marks=pytest.mark.campaign), 1.5])
 def test_six_moving_motors_lose_no_exchange_on_the_programming_port(cycles_per_instruction: float):
     # The long form: python -m tests.firmware.exchanges
     done = measure(build_sketch(), cycles_per_instruction, 20)
@@ -37,7 +37,7 @@ def test_six_moving_motors_lose_no_exchange_on_the_programming_port(cycles_per_i
 
 @pytest.mark.slow
 def test_nine_motors_on_two_boards_take_less_than_a_millisecond():
-    boards = [measure(build_sketch(), 1.5, 20, motors, usb=True) for motors in (6, 3)]
+    boards = [measure(build_sketch(), 1.5, 8, motors, usb=True) for motors in (6, 3)]
     assert all((board.lost, board.resets, board.armed) == (0, 0, True) for board in boards)
     assert sum(board.worst_ms for board in boards) < 1, "one board after the other"
 

@@ -92,7 +92,7 @@ def test_pins_are_used_once():
 
 @pytest.mark.slow
 def test_fuzzer():
-    inputs = os.environ.get("CONTID_FUZZ_INPUTS", "30000")
+    inputs = os.environ.get("CONTID_FUZZ_INPUTS", "10000")
     command = [sys.executable, str(firmware_dir() / "fuzz.py"), inputs]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-3000:]

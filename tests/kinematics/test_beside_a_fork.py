@@ -76,10 +76,8 @@ def test_forward_is_on_the_side_of_the_walk() -> None:
         assert float(np.linalg.norm(np.array(found.tip_mm) - walked_tip)) < SAME_MM
 
 
-@pytest.mark.parametrize(
-    ("bar", "force"),
-    [SWINGING[0], *(pytest.param(*case, marks=pytest.mark.campaign) for case in SWINGING[1:])],
-)
+@pytest.mark.campaign
+@pytest.mark.parametrize(("bar", "force"), SWINGING)
 def test_an_arm_that_swings_fast_is_followed(bar: tuple[float, ...], force: Vec3) -> None:
     setup = models()[0].setup
     loads = setup.loads(force)

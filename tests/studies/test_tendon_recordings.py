@@ -12,7 +12,7 @@ from studies.tendon_recordings import main
 from tests.calibrate.tendon_recordings import excerpt_lines
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_the_statics_predict_pairs_better_than_every_black_box(tmp_path: Path) -> None:
     """Fitted to single tendons and sections; pairs of sections stand for the file kept out."""
     lines = excerpt_lines()

@@ -133,7 +133,7 @@ def test_garbage_exceeds_no_limit_of_a_hand_beside_itself() -> None:
     assert violations_of_garbage("hand", 400) == (0, 800)
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_garbage_of_ten_thousand_steps_exceeds_no_limit() -> None:
     assert violations_of_garbage("finger", 10_000) == (0, 20_000)
 

@@ -278,7 +278,7 @@ def test_a_rope_is_checked_between_rows_that_are_days_apart() -> None:
     loaded = chain(length_mm=720)
     preflight = build_preflight(loaded, RATE, Unreachable.REFUSE)
     assert preflight is not None
-    preflight.trajectory(rows(loaded, UP, UP, period_s=1e6), "t.csv")
+    preflight.trajectory(rows(loaded, UP, UP, period_s=100.0), "t.csv")
     left_mm = (0.0, -19.9, -19.0, 60.0)  # the curve swings out beyond 20 mm, where the rope is too short
     far = rows(loaded, *((x, 0.0, 250.0, 700.0, 0.0, 250.0) for x in left_mm), period_s=1e6)
     with pytest.raises(BadInputError, match="on the way to this row, rope"):

@@ -69,6 +69,7 @@ def test_another_source_is_another_build(tmp_path: Path, monkeypatch: pytest.Mon
     assert build_id() != before
 
 
+@pytest.mark.campaign
 @pytest.mark.process
 def test_a_core_that_does_not_compile_for_the_board_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
