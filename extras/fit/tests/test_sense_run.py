@@ -92,6 +92,7 @@ def tips(path):
     path.write_text("\n".join(lines) + "\n")
 
 
+@pytest.mark.campaign
 def test_the_estimated_load_is_compensated_without_a_step(folder):
     tips(folder / "tip.csv")
     sensing = (folder / "arm.yaml").read_text()

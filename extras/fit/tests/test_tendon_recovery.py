@@ -65,7 +65,11 @@ def pulls(sheaths: bool) -> tuple[Array, list[str]]:
     return np.array(rows), labels
 
 
-@pytest.fixture(scope="module", params=[False, True], ids=["through", "sheaths"])
+@pytest.fixture(
+    scope="module",
+    params=[False, pytest.param(True, marks=pytest.mark.campaign)],
+    ids=["through", "sheaths"],
+)
 def last(request: pytest.FixtureRequest) -> tuple[LinkRobot, Stage, Stage]:
     sheaths: bool = request.param
     made = robot(sheaths)

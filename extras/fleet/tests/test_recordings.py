@@ -62,7 +62,7 @@ def test_notes_are_kept_by_conductor_and_for_one_node() -> None:
 
 
 @pytest.mark.realtime
-@pytest.mark.parametrize("ahead_s", [0, 5000])
+@pytest.mark.parametrize("ahead_s", [pytest.param(0, marks=pytest.mark.campaign), 5000])
 def test_a_recorded_run_is_replayed_and_merged(ahead_s: int, tmp_path: Path) -> None:
     if ahead_s and (os.geteuid() != 0 or not Path("/proc/self/timens_offsets").exists()):
         pytest.skip("a time namespace needs root and Linux 5.6")

@@ -130,7 +130,7 @@ def test_garbage_exceeds_no_limit() -> None:
 
 @pytest.mark.slow
 def test_garbage_exceeds_no_limit_of_a_hand_beside_itself() -> None:
-    assert violations_of_garbage("hand", 400) == (0, 800)
+    assert violations_of_garbage("hand", 150) == (0, 300)
 
 
 @pytest.mark.campaign

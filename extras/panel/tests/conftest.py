@@ -11,7 +11,7 @@ from tests.support.daemons import Running, armed_daemon
 from tests.support.panels import PanelProcess, panel
 
 if TYPE_CHECKING:  # the other tests of the panel need no playwright
-    from playwright.sync_api import Browser, Playwright
+    from playwright.sync_api import Browser, Page, Playwright
 
     from tests.support.browser import OpenPage
 
@@ -52,6 +52,17 @@ def running() -> Iterator[Running]:
 def served(running: Running) -> Iterator[PanelProcess]:
     with panel(running) as started:
         yield started
+
+
+@pytest.fixture(scope="module")
+def idle(browser: Browser) -> Iterator[Page]:
+    """A page that only lends its modules; it has no policy against `Function`."""
+    with armed_daemon(1) as started, panel(started) as served:
+        context = browser.new_context(bypass_csp=True)
+        page = context.new_page()
+        page.goto(served.url)
+        yield page
+        context.close()
 
 
 @pytest.fixture

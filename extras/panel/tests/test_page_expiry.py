@@ -9,6 +9,8 @@ import pytest
 
 pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 
+from playwright.sync_api import Page
+
 from tests.support.browser import OpenPage
 from tests.support.daemons import Running, states
 from tests.support.panels import PanelProcess
@@ -91,7 +93,5 @@ def test_a_resume_pressed_while_the_page_sleeps(stopped: OpenPage, running: Runn
         ("message(1e6, 0); clock.forget(); return clock.ofPanel(1)", None),
     ],
 )
-def test_the_clock_of_the_panel(it: OpenPage, work: str, expected: int | None) -> None:
-    it.page.context.new_cdp_session(it.page).send("Page.setBypassCSP", {"enabled": True})
-    it.page.reload()
-    assert it.page.evaluate(CLOCKED, work) == expected
+def test_the_clock_of_the_panel(idle: Page, work: str, expected: int | None) -> None:
+    assert idle.evaluate(CLOCKED, work) == expected

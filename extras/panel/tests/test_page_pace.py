@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 
 pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
@@ -27,16 +25,6 @@ PACED = """async (work) => {
     const later = (ms) => { now += ms; };
     return new Function('pace', 'image', 'come', 'later', work)(pace, image, come, later);
 }"""
-
-
-@pytest.fixture
-def idle(browser: Browser, served: PanelProcess) -> Iterator[Page]:
-    """A page that only lends its modules; it has no policy against `Function`."""
-    context = browser.new_context(bypass_csp=True)
-    page = context.new_page()
-    page.goto(served.url)
-    yield page
-    context.close()
 
 
 def paced(page: Page, work: str) -> object:

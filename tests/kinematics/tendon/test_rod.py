@@ -117,7 +117,7 @@ def test_without_loads_it_is_a_chain_of_arcs_with_the_tensions_of_the_balance() 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stretch", [np.inf, 3000.0])
+@pytest.mark.parametrize("stretch", [pytest.param(np.inf, marks=pytest.mark.campaign), 3000.0])
 def test_under_weight_and_a_force_it_is_the_rod_of_the_boundary_value_problem(stretch: float) -> None:
     pulls = STATICS.pulls(BENDS)
     errors = []
