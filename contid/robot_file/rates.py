@@ -118,10 +118,10 @@ class ShapeSchedule(Strict):
 
 
 class Impulse(NamedTuple):
-    """A part of a command: when it goes out [s], and its share; the shares of all are 1 together."""
+    """A part of a command: when it goes out [s], and its size beside the first, which is 1."""
 
     after_s: float
-    share: float
+    size: float
 
 
 class InputShape(Strict):
@@ -143,11 +143,16 @@ class InputShape(Strict):
     damping_ratio: Annotated[float, Field(ge=0, le=0.9)] = 0.0
     schedule: ShapeSchedule | None = None
 
-    def impulses(self, first_hz: float, second_hz: float) -> list[Impulse]:
-        """Parts of a command for two frequencies, which are one without a schedule."""
-        first = self._pair(first_hz)
-        second = [Impulse(0.0, 1.0)] if self.kind is ShapeKind.ZV else self._pair(second_hz)
-        return [Impulse(a.after_s + b.after_s, a.share * b.share) for a in first for b in second]
+    def impulses(self, frequencies: tuple[float, float] | None = None) -> list[Impulse]:
+        """Parts of a command, for the two slowest frequencies [Hz] of a schedule, or for that of the file."""
+        if frequencies is None:
+            root = math.sqrt(1.0 - self.damping_ratio**2)
+            k = math.exp(-self.damping_ratio * math.pi / root)
+            sizes = (1.0, k) if self.kind is ShapeKind.ZV else (1.0, 2.0 * k, k * k)
+            return [Impulse(number * 0.5 / self.frequency_hz, size) for number, size in enumerate(sizes)]
+        first, *others = [self._pair(each) for each in frequencies]
+        second = [Impulse(0.0, 1.0)] if self.kind is ShapeKind.ZV else others[0]
+        return [Impulse(a.after_s + b.after_s, a.size * b.size) for a in first for b in second]
 
     def later_s(self) -> tuple[float, float]:
         """How much later motions end at least and at most [s]."""
@@ -159,19 +164,16 @@ class InputShape(Strict):
     def swing_left(self, off: float) -> float:
         """Share of a swing that is left where the frequency of the body is ``off`` times the stated one."""
         rate = 2.0 * math.pi * self.frequency_hz * off
-        ratio = self._ratio(self.frequency_hz)
+        ratio = self.damping_ratio
         growth = complex(ratio / math.sqrt(1.0 - ratio * ratio), 1.0) * rate
-        parts = self.impulses(self.frequency_hz, self.frequency_hz)
-        last_s = parts[-1].after_s
-        return abs(sum(part.share * cmath.exp(growth * (part.after_s - last_s)) for part in parts))
-
-    def _ratio(self, frequency_hz: float) -> float:
-        return min(0.9, self.damping_ratio * frequency_hz / self.frequency_hz)
+        parts = self.impulses()
+        last_s, whole = parts[-1].after_s, sum(part.size for part in parts)
+        return abs(sum(part.size * cmath.exp(growth * (part.after_s - last_s)) for part in parts)) / whole
 
     def _pair(self, frequency_hz: float) -> list[Impulse]:
-        ratio = self._ratio(frequency_hz)
+        ratio = min(0.9, self.damping_ratio * frequency_hz / self.frequency_hz)
         k = math.exp(-ratio * math.pi / math.sqrt(1.0 - ratio * ratio))
-        return [Impulse(0.0, 1.0 / (1.0 + k)), Impulse(0.5 / frequency_hz, k / (1.0 + k))]
+        return [Impulse(0.0, 1.0), Impulse(0.5 / frequency_hz, k)]
 
 
 class Rates(Strict):

@@ -50,13 +50,15 @@ class Shaper:
             frequencies: of the two slowest modes [Hz], None for that of the file.
         """
         found: dict[int, float] = {}
-        for after_s, share in shape.impulses(*(frequencies or (shape.frequency_hz,) * 2)):
+        impulses = shape.impulses(frequencies)
+        whole = sum(size for _, size in impulses)
+        for after_s, size in impulses:
             ticks = after_s / period_s
             age = math.floor(ticks)
             rest = ticks - age
             for at, part in ((age, 1.0 - rest), (age + 1, rest)):
                 if part > 0.0:
-                    found[at] = found.get(at, 0.0) + share * part
+                    found[at] = found.get(at, 0.0) + size * part / whole
         ages = tuple(sorted(found))
         return cls(ages, tuple(found[age] for age in ages))
 
