@@ -31,7 +31,7 @@ from tests.support.fingers import circle, fingers, load, run_virtual
 pytestmark = pytest.mark.process
 
 HERE, THERE = Target(tip_m=(0.05, 0.075, 0.0)), Target(tip_m=(0.045, 0.08, 0.0))
-GOLDEN = sorted((Path(__file__).parents[1] / "golden").glob("*.mcap"))
+GOLDEN = sorted((Path(__file__).parents[3] / "tests" / "golden").glob("*.mcap"))
 
 
 @pytest.fixture(scope="module")
