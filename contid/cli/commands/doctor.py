@@ -91,7 +91,7 @@ def _accept(buses: Sequence[WiredBus], name: str) -> None:
     if bus is None:
         listed = ", ".join(each.wiring.name for each in buses)
         raise ContidError(f"no bus {name!r}; buses: {listed}")
-    driver = bus.capable(Identifies, "doctor --accept")  # type: ignore[type-abstract]
+    driver = bus.capable(Identifies, "doctor --accept")  # type: ignore[type-abstract]  # a runtime protocol
     driver.accept(name, bus.wiring.options, bus.axes, lambda line: click.echo(line, err=True))
 
 

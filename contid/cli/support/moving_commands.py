@@ -11,6 +11,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from contid.errors import ContidError
+from contid.kit.signals import ENDING, handled_by
 
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus
@@ -32,16 +33,11 @@ def require_writable(path: Path, verb: str) -> None:
 @contextmanager
 def interruptible() -> Iterator[None]:
     """The first Ctrl-C, SIGTERM or SIGHUP interrupts, devices relax; further ones change nothing."""
-    ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
     def interrupt(_number: int, _frame: FrameType | None) -> None:
-        for number in ends:
+        for number in ENDING:
             signal.signal(number, signal.SIG_IGN)
         raise KeyboardInterrupt
 
-    before = {number: signal.signal(number, interrupt) for number in ends}
-    try:
+    with handled_by(interrupt):
         yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -29,12 +29,12 @@ def reading(buses: Sequence[WiredBus]) -> Iterator[Callable[[], Mapping[str, Sam
     Raises:
         DeviceNotFoundError: a port or a device is missing, or another process has the port.
     """
-    from contid.control.engine.cycle import RealClock
+    from contid.kit.clock import MonotonicClock
 
     opened: list[Bus] = []
     try:
         for each in buses:
-            bus = each.driver.open_bus(each.wiring.name, each.wiring.options, each.axes, RealClock())
+            bus = each.driver.open_bus(each.wiring.name, each.wiring.options, each.axes, MonotonicClock())
             opened.append(bus)
             bus.open()
         yield lambda: {axis: sample for bus in opened for axis, sample in bus.exchange({}).items()}
