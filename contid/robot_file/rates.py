@@ -6,7 +6,7 @@ import cmath
 import enum
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 from pydantic import Field, model_validator
 
@@ -19,10 +19,13 @@ if TYPE_CHECKING:
     from contid.robot_file.robot import RobotDescription
 
 #: Least stiffness of a mode, over mass, under a load that would make it buckle; a share of that without.
-_LEAST = 0.05
+LEAST_STIFFNESS: Final = 0.05
+#: Frequencies that shaping takes [Hz].
+LOWEST_HZ: Final = 0.5
+HIGHEST_HZ: Final = 100.0
 _GRAMS = 1e3 / STANDARD_GRAVITY
 
-Frequency = Annotated[float, Field(ge=0.5, le=100)]
+Frequency = Annotated[float, Field(ge=LOWEST_HZ, le=HIGHEST_HZ)]
 
 
 class ShapeKind(enum.StrEnum):
@@ -99,8 +102,8 @@ class ShapeSchedule(Strict):
         log = math.log(share)
         return self.model_copy(
             update={
-                "least_hz": min(100.0, max(0.5, self.least_hz * share)),
-                "most_hz": min(100.0, max(0.5, self.most_hz * share)),
+                "least_hz": min(HIGHEST_HZ, max(LOWEST_HZ, self.least_hz * share)),
+                "most_hz": min(HIGHEST_HZ, max(LOWEST_HZ, self.most_hz * share)),
                 "first": (self.first[0] + log, *self.first[1:]),
                 "second": (self.second[0] + log, *self.second[1:]),
             }
@@ -113,7 +116,7 @@ class ShapeSchedule(Strict):
         found = math.exp(min(high, max(low, sum(a * b for a, b in zip(log, terms, strict=True)))))
         if loaded and share:
             slower = sum(a * b for a, b in zip(loaded, terms, strict=True))
-            found /= math.sqrt(max(_LEAST, 1.0 + share * slower))
+            found /= math.sqrt(max(LEAST_STIFFNESS, 1.0 + share * slower))
         return min(self.most_hz, max(self.least_hz, found))
 
 

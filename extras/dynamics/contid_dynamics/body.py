@@ -88,8 +88,8 @@ class _Actuators:
     def __init__(self, robot: Cosserat | TendonRobot, count: int) -> None:
         assert robot.dynamics is not None
         self._robot = robot
-        self._delay_s = np.array([1e-3 * each for each in _per_axis(robot.dynamics.delay_ms, count)])
-        self._lag_s = np.array([1e-3 * each for each in _per_axis(robot.dynamics.lag_ms, count)])
+        self._delay_s = np.array([1e-3 * each for each in per_axis(robot.dynamics.delay_ms, count)])
+        self._lag_s = np.array([1e-3 * each for each in per_axis(robot.dynamics.lag_ms, count)])
         self._offset, self._half = np.zeros(count), 0.0
         if isinstance(robot, Cosserat):
             assert robot.sim is not None
@@ -148,7 +148,8 @@ class _Actuators:
         return np.array([of(each) for of, each in zip(self._of_shaft, reported, strict=True)])
 
 
-def _per_axis(values: tuple[float, ...], count: int) -> tuple[float, ...]:
+def per_axis(values: tuple[float, ...], count: int) -> tuple[float, ...]:
+    """Numbers of ``dynamics`` for every axis: one stands for all."""
     return values * count if len(values) == 1 else values
 
 

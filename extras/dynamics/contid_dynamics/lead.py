@@ -5,9 +5,9 @@ the dead time a path y(t) of the axes comes out of
 
     u = (1 + T s) (1 + 2 z s / w + s^2 / w^2) y
 
-with s for the derivative. That is a sum of
-derivatives of the path up to the third: no equation is solved, so it is stable where the robot is. Dead times
-are not made up for: axes with a shorter one wait, and the whole path comes that of the slowest axis later.
+with s for the derivative. That is a sum of derivatives of the path up to the third: no equation is solved, so
+it is stable where the robot is. Dead times are not made up for: axes with a shorter one wait, and the whole
+path comes that of the slowest axis later.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from contid.kinematics.array import Array
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon.robot import TendonRobot
+from contid_dynamics.body import per_axis
 from contid_dynamics.report import pose_modes
 
 #: Degree of the curve through the rows, whose third derivative is continuous.
@@ -61,7 +62,7 @@ def answer_of(robot: RobotDescription, pose: Sequence[float], body: bool = True)
         raise ContidError("rates.shape delays what a lead has made up for; leave it out for a led trajectory")
     axes = len(robot.axis_names)
     delay_s, lag_s = (
-        tuple(1e-3 * each for each in (given * axes if len(given) == 1 else given))
+        tuple(1e-3 * each for each in per_axis(given, axes))
         for given in (robot.dynamics.delay_ms, robot.dynamics.lag_ms)
     )
     if not body:

@@ -11,6 +11,7 @@ from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.kinematics.model import build_model
 from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.rates import HIGHEST_HZ, LEAST_STIFFNESS, LOWEST_HZ
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
@@ -22,9 +23,7 @@ _KEPT_OUT: Final = 4
 #: Directions of the terms with less than this share of the spread of the greatest are left out: the pulls of
 #: one section have a sum that the poses hardly change.
 _FLAT: Final = 3e-3
-#: Frequencies that shaping takes [Hz].
-_LOWEST, _HIGHEST = 0.5, 100.0
-#: Share of the poses whose frequencies may be outside of that; they count as at its edge.
+#: Share of the poses whose frequencies may be outside of what shaping takes; they count as at its edge.
 _OUTSIDE: Final = 0.1
 #: Poses for every number of a polynomial, at least.
 _PER_TERM: Final = 2.0
@@ -82,14 +81,14 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
     rows = _terms((values - middle) / half)
     least, most = (float(each) for each in (min(free.min(), loaded.min()), max(free.max(), loaded.max())))
     both = np.hstack((free, loaded))
-    outside = int(((both < _LOWEST) | (both > _HIGHEST)).any(axis=1).sum())
+    outside = int(((both < LOWEST_HZ) | (both > HIGHEST_HZ)).any(axis=1).sum())
     if outside > _OUTSIDE * len(both):
         raise ContidError(
-            f"frequencies of {least:.3g} to {most:.3g} Hz; shaping takes {_LOWEST:g} to {_HIGHEST:g} Hz, and "
-            f"{outside} of {len(both)} poses are outside"
+            f"frequencies of {least:.3g} to {most:.3g} Hz; shaping takes {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz, "
+            f"and {outside} of {len(both)} poses are outside"
         )
-    least, most = max(least, _LOWEST), min(most, _HIGHEST)
-    free, loaded = np.clip(free, _LOWEST, _HIGHEST), np.clip(loaded, _LOWEST, _HIGHEST)
+    least, most = max(least, LOWEST_HZ), min(most, HIGHEST_HZ)
+    free, loaded = np.clip(free, LOWEST_HZ, HIGHEST_HZ), np.clip(loaded, LOWEST_HZ, HIGHEST_HZ)
     logs = _fit(rows[~kept], np.log(free[~kept]))
     slower = _fit(rows[~kept], (free / loaded)[~kept] ** 2 - 1.0) if load_g else None
     schedule: dict[str, Any] = {
@@ -109,7 +108,7 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
     predicted = np.exp(rows[kept] @ logs)
     errors = [np.abs(predicted / free[kept] - 1.0)]
     if slower is not None:
-        under = predicted / np.sqrt(np.maximum(0.05, 1.0 + rows[kept] @ slower))
+        under = predicted / np.sqrt(np.maximum(LEAST_STIFFNESS, 1.0 + rows[kept] @ slower))
         errors.append(np.abs(under / loaded[kept] - 1.0))
     error = np.concatenate(errors)
     return FoundSchedule(
