@@ -17,10 +17,12 @@ from contid.errors import DeviceError
 
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus
-    from contid.hal.pulses import DriveFacts
+    from contid.hal.pulses import DriveFacts, ProvenDevice
     from contid.robot_file.load import LoadedFile
-    from contid_bringup.motor import ByHand
+    from contid_bringup.drive_fit import DriveFit
+    from contid_bringup.motor import ByHand, MotorResult
     from contid_bringup.record import ProvenAxis
+    from contid_bringup.regulator import RegulatorResult
     from contid_bringup.wiring_faults import WiringFault
 
 
@@ -63,8 +65,7 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
     if not yes:
         click.confirm(
             "One after the other, each motor will turn by a few degrees, each regulator get a fifth of its "
-            "pressure. "
-            "Is everybody clear of the robot, and the supply within reach?",
+            "pressure. Is everybody clear of the robot, and the supply within reach?",
             abort=True,
         )
     by_hand = None if yes else Person()
@@ -120,13 +121,14 @@ def _provable(bus: WiredBus, axes: tuple[str, ...]) -> Mapping[str, DriveFacts |
     from contid.hal.pulses import Pulses
 
     only = [axis for axis in bus.axes if not axes or axis.name in axes]
-    if only and not isinstance(bus.driver, Pulses):
+    if not only:
+        return {}
+    if not isinstance(bus.driver, Pulses):
         name, driver = bus.wiring.name, bus.wiring.driver
         left_out = ", ".join(axis.name for axis in only)
         click.echo(f"{name}: driver {driver!r} cannot be brought up; {left_out} not examined")
         return {}
-    assert not only or isinstance(bus.driver, Pulses)
-    return {axis.name: bus.driver.drive_facts(axis.options) for axis in only}  # type: ignore[attr-defined]
+    return {axis.name: bus.driver.drive_facts(axis.options) for axis in only}
 
 
 def _bring_up_regulators(bus: WiredBus, regulators: Sequence[str]) -> Iterator[ProvenAxis]:
@@ -134,8 +136,6 @@ def _bring_up_regulators(bus: WiredBus, regulators: Sequence[str]) -> Iterator[P
     from contid.hal.pulses import Proves
     from contid.kit.clock import MonotonicClock
     from contid.kit.signals import defer_signals
-    from contid.robot_file.proven.bringup import wiring_digest
-    from contid_bringup.record import ProvenAxis
     from contid_bringup.regulator import bring_up_regulator
 
     name, options, clock = bus.wiring.name, bus.wiring.options, MonotonicClock()
@@ -153,10 +153,7 @@ def _bring_up_regulators(bus: WiredBus, regulators: Sequence[str]) -> Iterator[P
             for axis in regulators:
                 others = [each for each in opened.axes if each != axis]
                 result = bring_up_regulator(opened, axis, others, most_pa[axis], clock, report)
-                for line in result.lines():
-                    click.echo(f"{axis}: {line}")
-                wiring = wiring_digest(bus.wiring, axis)
-                yield ProvenAxis(axis, result.name, devices[axis], wiring, result.lines())
+                yield _printed(bus, axis, result, devices[axis])
         finally:
             with defer_signals():
                 opened.disable(opened.axes, Rest.VENT)
@@ -166,9 +163,7 @@ def _bring_up(
     loaded: LoadedFile, bus: WiredBus, motors: Mapping[str, DriveFacts], by_hand: ByHand | None
 ) -> Iterator[ProvenAxis]:
     from contid.hal.pulses import Pulses
-    from contid.robot_file.proven.bringup import wiring_digest
     from contid_bringup.motor import bring_up_motor
-    from contid_bringup.record import ProvenAxis
 
     assert isinstance(bus.driver, Pulses)
     report = functools.partial(click.echo, err=True)
@@ -177,8 +172,21 @@ def _bring_up(
             robot, _, own = axis.partition(".")
             sense = loaded.driven[robot].axes[own].direction
             result = bring_up_motor(pulsed, axis, facts, report, by_hand, sense)
-            lines = result.lines()
-            for line in lines:
-                click.echo(f"{axis}: {line}")
-            wiring = wiring_digest(bus.wiring, axis)
-            yield ProvenAxis(axis, result.name, pulsed.device(axis), wiring, lines, result.fit)
+            yield _printed(bus, axis, result, pulsed.device(axis), result.fit)
+
+
+def _printed(
+    bus: WiredBus,
+    axis: str,
+    result: MotorResult | RegulatorResult,
+    device: ProvenDevice,
+    fit: DriveFit | None = None,
+) -> ProvenAxis:
+    """Print the findings about one axis; they are kept with the wiring that was examined."""
+    from contid.robot_file.proven.bringup import wiring_digest
+    from contid_bringup.record import ProvenAxis
+
+    lines = result.lines()
+    for line in lines:
+        click.echo(f"{axis}: {line}")
+    return ProvenAxis(axis, result.name, device, wiring_digest(bus.wiring, axis), lines, fit)
