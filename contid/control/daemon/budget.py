@@ -22,14 +22,12 @@ class TickCost:
 
     Attributes:
         motion: ``hold``, ``path`` or ``stream``.
-        ticks: of that half.
         robots_s: of the tick of each robot.
         buses_s: of the exchange of each bus with its simulated devices.
         rest_s: of everything else: source of targets, watches, records.
     """
 
     motion: str
-    ticks: int
     robots_s: Mapping[str, float]
     buses_s: Mapping[str, float]
     rest_s: float

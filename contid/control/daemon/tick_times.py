@@ -122,7 +122,7 @@ class _Measured:
         robots = {name: sum(each[1][k] for each in kept) / count for k, name in enumerate(names)}
         buses = {name: sum(each[2][k] for each in kept) / count for k, name in enumerate(self._buses_s)}
         rest_s = sum(each[0] for each in kept) / count - sum(robots.values()) - sum(buses.values())
-        return TickCost(motion, count, robots, buses, max(rest_s, 0.0))
+        return TickCost(motion, robots, buses, max(rest_s, 0.0))
 
     def hold(self, virtual_s: float) -> TickCost:
         """Robots that stand."""

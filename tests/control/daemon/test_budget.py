@@ -38,7 +38,7 @@ def burn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def budget(rate_hz: float, robot_s: float, wire_s: float, own: bool) -> Budget:
-    cost = TickCost("stream", 10, {"arm": robot_s, "leg": 1e-4}, {"bus": 1e-3}, 2e-4)
+    cost = TickCost("stream", {"arm": robot_s, "leg": 1e-4}, {"bus": 1e-3}, 2e-4)
     return Budget(rate_hz, {"bus": wire_s} if wire_s else {}, frozenset({"bus"} if own else ()), (cost,))
 
 

@@ -51,7 +51,9 @@ class BodyWatch(TickStage):
             try:
                 for (axis, tolerance), goal in zip(body.checks, body.device, strict=True):
                     sample = samples[axis]
-                    if not -tolerance <= sample.value - goal <= tolerance or sample.time_s > latest_s:  # type: ignore[operator]
+                    # None is a TypeError, which costs nothing while there are values.
+                    off = sample.value - goal  # type: ignore[operator]
+                    if not -tolerance <= off <= tolerance or sample.time_s > latest_s:
                         break
                 else:
                     if body.awake:
