@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 from collections.abc import Iterator, Sequence
@@ -15,6 +16,8 @@ from contid.kit.signals import ENDING, handled_by
 
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus
+
+log = logging.getLogger(__name__)
 
 
 def require_axes(buses: Sequence[WiredBus], axes: Sequence[str]) -> None:
@@ -32,12 +35,25 @@ def require_writable(path: Path, verb: str) -> None:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """The first Ctrl-C, SIGTERM or SIGHUP interrupts, devices relax; further ones change nothing."""
+    """The first Ctrl-C, SIGTERM or SIGHUP interrupts, devices relax; further ones change nothing.
+
+    Meanwhile this process has the priority of the control process, where it may: a busy machine would else
+    keep it from its devices for longer than their watchdogs wait, and every search would have to be repeated.
+    """
+    from contid.control.process.realtime import request_real_time
 
     def interrupt(_number: int, _frame: FrameType | None) -> None:
         for number in ENDING:
             signal.signal(number, signal.SIG_IGN)
         raise KeyboardInterrupt
 
-    with handled_by(interrupt):
-        yield
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    refusal = request_real_time()
+    if refusal:
+        log.info(refusal)
+    try:
+        with handled_by(interrupt):
+            yield
+    finally:
+        if not refusal:
+            os.sched_setscheduler(0, policy, parameters)

@@ -167,7 +167,7 @@ class DynamixelEmulator:
         return rate, BITS_PER_BYTE / rate if rate and self._paced else 0.0
 
     def _serve(self) -> None:
-        looked = 0.0
+        looked, turned = 0.0, time.monotonic()
         while not self._stop.is_set():
             with self._lock:
                 watched = [self._port.descriptor] if self._port.plugged else []
@@ -178,6 +178,8 @@ class DynamixelEmulator:
                 wait = min(wait, max(0.0, self._second_host_at - now))
             ready, _, _ = select.select(watched, [], [], min(wait, IDLE_S))
             with self._lock:
+                turned, before = time.monotonic(), turned
+                self._excuse(turned - before - IDLE_S)
                 if self._port.plugged and self._port.descriptor in ready:
                     self._receive()
                 if self.faults.second_host_hz and self._port.plugged and now >= self._second_host_at:
@@ -186,6 +188,15 @@ class DynamixelEmulator:
                 if not self._due and time.monotonic() - looked >= IDLE_S:
                     self._idle()
                     looked = time.monotonic()
+
+    def _excuse(self, stalled_s: float) -> None:
+        """Leave time in which this process did not run out of the watchdogs of its servos.
+
+        What was sent meanwhile waits in the pty; a real servo would have been fed by it.
+        """
+        if stalled_s > IDLE_S:
+            for servo in self.servos:
+                servo.fed_at += stalled_s
 
     def _idle(self) -> None:
         now = time.monotonic()
