@@ -18,9 +18,9 @@ def command(period: float, laps: float, rate: float) -> None:
 
     python -m studies.golden_path --period 20 | contid run cbha --mock
     """
-    from contid.trajectory.shapes import check_row_count
-    from contid.trajectory.table import write_rows
     from contid.units import m_to_mm
+    from contid_paths.shapes import check_row_count
+    from contid_paths.table import write_rows
     from studies.singh import golden_rows
 
     check_row_count(period, laps, rate)

@@ -32,11 +32,8 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "recover": (f"{_ORDERS}:recover", "move robots outside their limits inside, slowly"),
     "clear-fault": (f"{_ORDERS}:clear_fault", "re-check all devices and leave FAULT; never moves"),
     "fault": ("contid.cli.commands.fault", "cause and remedy of a fault"),
-    "new": ("contid.cli.commands.new", "a robot file of your own, copied from a shipped one"),
     "check": ("contid.cli.commands.check", "validate a robot file, or a trajectory for it; moves nothing"),
     "schema": ("contid.cli.commands.check:schema", "print the JSON Schema of the robot file"),
-    "path": ("contid.cli.commands.path", "print a trajectory: circle, line, square, spiral and others"),
-    "retime": ("contid.cli.commands.path:retime", "the fastest timing of a trajectory within all limits"),
     "fk": (f"{_KINEMATICS}:fk", "actuation rows to tip positions"),
     "ik": (f"{_KINEMATICS}:ik", "target rows to actuation"),
     "shape": (
@@ -48,21 +45,17 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
         "run a recording through today's code and compare every command",
     ),
     "session": ("contid.cli.commands.session", "a recording: summary, check, export, repair"),
-    "scan": ("contid.cli.commands.scan", "find devices on serial ports"),
-    "servo": ("contid.cli.commands.servo", "set the id or baud rate of a servo, or restart it"),
-    "doctor": ("contid.cli.commands.doctor", "problems of buses and host, with remedies"),
-    "firmware": ("contid.cli.commands.firmware", "build, flash and inspect the sketch of the Due boards"),
     "home": ("contid.cli.commands.home", "find the zero of axes and write it into the robot file"),
 }
 
-#: Headings of ``contid --help``.
+#: Headings of ``contid --help``; commands of extras stand here where they serve the same purpose.
 SECTIONS: Final = {
     "Operate": [
         "run", "status", "move", "hold", "resume", "stop", "estop", "recover", "clear-fault", "fault",
     ],
     "Describe": ["new", "check", "schema"],
     "Analyse": ["path", "retime", "fk", "ik", "shape", "replay", "session"],
-    "Maintain": ["scan", "doctor", "home", "servo", "firmware"],
+    "Maintain": ["scan", "doctor", "bringup", "home", "servo", "firmware"],
 }  # fmt: skip
 
 cli = click.version_option(__version__, prog_name="contid")(

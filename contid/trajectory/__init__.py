@@ -1,1 +1,1 @@
-"""Targets over time: files and streams, shapes, interpolation, jerk-limited approach and stop."""
+"""Targets over time: files and streams, interpolation, jerk-limited approach and stop."""

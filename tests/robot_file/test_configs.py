@@ -11,8 +11,8 @@ from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import build_model
 from contid.robot_file.load import load_robot_file
 from contid.targets import Target
-from contid.trajectory.shapes import Shape, ShapePath
 from contid.units import m_to_mm, mm_to_m
+from contid_paths.shapes import Shape, ShapePath
 
 RATE_HZ = 50.0
 CIRCLE = ShapePath(Shape.CIRCLE, (50.0, 70.0), 40.0, rate_hz=RATE_HZ)

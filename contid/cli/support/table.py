@@ -37,7 +37,7 @@ class TableGroup(click.Group):
             table: the commands.
             heading: of the help.
             group: how the names of the commands that extras add here begin; "" at the top.
-            sections: of the help: heading and names; None for one with all commands.
+            sections: of the help: heading and names, also of extras; None for one with all commands.
             options: of `click.Group`.
         """
         super().__init__(**options)
@@ -85,7 +85,9 @@ class TableGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Print the tables."""
         lines = {name: line for name, (_, line) in {**self.table, **self.added}.items()}
-        for heading, names in {**self.sections, f"{self.heading} of extras": list(self.added)}.items():
-            if names:
+        placed = {name for names in self.sections.values() for name in names}
+        others = [name for name in self.added if name not in placed]
+        for heading, names in {**self.sections, f"{self.heading} of extras": others}.items():
+            if found := [(name, lines[name]) for name in names if name in lines]:
                 with formatter.section(heading):
-                    formatter.write_dl([(name, lines[name]) for name in names])
+                    formatter.write_dl(found)

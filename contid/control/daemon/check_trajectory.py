@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import sys
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import dataclass
 from typing import TextIO
 
 from contid.control.daemon.cancellable_reader import CancellableReader
-from contid.control.daemon.fastest import FastestPath, fastest
 from contid.control.daemon.inputs import Stream, read_file, read_stdin
 from contid.control.daemon.stretch import with_remedy
 from contid.control.daemon.terminal import check_progress, print_message
@@ -55,34 +54,21 @@ def check_trajectory(robot_file: str, trajectory: str, text: TextIO | None = Non
     Raises:
         ContidError: the robot file or the trajectory is wrong, or a robot cannot follow it.
     """
-    loaded, source = _read(robot_file, trajectory, text)
+    loaded, source = read_both(robot_file, trajectory, text)
     try:
-        _check(loaded, source, trajectory)
+        check_rows(loaded, source, trajectory)
     except TooFastError as error:
         raise with_remedy(error, source) from error
     moved = tuple(name for name in loaded.driven if name in source.targets_of_row(0))
     return AcceptedTrajectory(loaded.file.name, len(source), source.end_s - source.start_s, moved)
 
 
-def fastest_trajectory(robot_file: str, trajectory: str, text: TextIO | None = None) -> FastestPath:
-    """The fastest timing of a trajectory (``-``: stdin) for a robot file, at the rate of the file.
-
-    Args:
-        robot_file: path, or name of a shipped file.
-        trajectory: path of a file, or name of ``text``.
-        text: the trajectory; None to read the file.
+def check_rows(loaded: LoadedFile, source: Trajectory, name: str) -> None:
+    """Check a trajectory (``-``: stdin) as a run does, at the rate of the file.
 
     Raises:
-        ContidError: the robot file or the trajectory is wrong, or a robot cannot reach it.
+        ContidError: a robot cannot follow it; `TooFastError`: only at another pace.
     """
-    loaded, source = _read(robot_file, trajectory, text)
-    with suppress(TooFastError):
-        _check(loaded, source, trajectory)
-    return fastest(loaded, source, loaded.file.rate_hz)
-
-
-def _check(loaded: LoadedFile, source: Trajectory, name: str) -> None:
-    """Check a trajectory as a run does, at the rate of the file."""
     preflight = build_preflight(loaded, loaded.file.rate_hz, Unreachable.REFUSE)
     assert preflight is not None, "refusing always checks"
     name = "stdin" if name == "-" else name
@@ -91,8 +77,12 @@ def _check(loaded: LoadedFile, source: Trajectory, name: str) -> None:
         print_message(note)
 
 
-def _read(robot_file: str, trajectory: str, text: TextIO | None = None) -> tuple[LoadedFile, Trajectory]:
-    """A robot file, and a trajectory with times for it."""
+def read_both(robot_file: str, trajectory: str, text: TextIO | None = None) -> tuple[LoadedFile, Trajectory]:
+    """Read a robot file, and a trajectory with times for it; arguments as `check_trajectory`.
+
+    Raises:
+        ContidError: the robot file or the trajectory is wrong.
+    """
     loaded = load_named(robot_file)
     robots = loaded.driven
     source: Trajectory | Stream

@@ -12,11 +12,11 @@ import pytest
 from click.testing import CliRunner
 
 from contid.cli.commands.check import command as check
-from contid.cli.commands.doctor import command as doctor
 from contid.control.engine.cycle import RealClock
 from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file
 from contid_bringup.command import command
+from contid_devices.doctor import command as doctor
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.options import DueBusOptions
 from contid_emulate.due import DueEmulator

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from contid.cli.commands.doctor import command as doctor
 from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file
 from contid_bringup.command import command
+from contid_devices.doctor import command as doctor
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.checks.pulses import PROBE_PWM
 from contid_drivers.dynamixel.options import DynamixelBusOptions

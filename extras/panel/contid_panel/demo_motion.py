@@ -26,8 +26,8 @@ from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile
 from contid.targets import Actuation
 from contid.trajectory.read import read_trajectory
-from contid.trajectory.shapes import minimum_jerk
 from contid_panel.samples import inside, values_of
+from contid_paths.shapes import minimum_jerk
 
 #: Swing of an axis at first, as a share of its range; how it is made smaller, and how often.
 SWING: Final = 0.16

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from contid.trajectory.shapes import minimum_jerk
+from contid_paths.shapes import minimum_jerk
 
 #: Rows per second; between them the daemon follows a smooth curve.
 ROWS_PER_S: Final = 20.0

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from contid.cli.commands.firmware import command as firmware_command
 from contid.errors import DeviceError
+from contid_devices.firmware import command as firmware_command
 from contid_drivers.due import messages
 from contid_drivers.due.codes import PROTOCOL_VERSION
 from contid_drivers.due.firmware import build_host, build_id, build_note, cache_dir, firmware_dir

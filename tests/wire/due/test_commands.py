@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from contid.cli.commands.firmware import command as firmware_command
 from contid.cli.commands.home import command as home_command
 from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, load_driver
 from contid.robot_file.load import load_robot_file
+from contid_devices.firmware import command as firmware_command
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
 from contid_drivers.due.service import doctor, home
 from contid_emulate.due import emulate

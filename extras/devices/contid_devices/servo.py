@@ -103,9 +103,9 @@ def setup(servo_port: ServoPortOptions, robot_file: str) -> None:
 @click.option("--once", is_flag=True, help="Print one table; so it is where stdout is no terminal.")
 def watch(robot_file: str, once: bool) -> None:
     """Show the axes of ROBOT_FILE as they are, until Ctrl-C; nothing moves, torque stays as it is."""
-    from contid.cli.support.live_axes import show
     from contid.control.engine.wiring import wired_buses
     from contid.robot_file.load import load_named
+    from contid_devices.live_axes import show
 
     show(wired_buses(load_named(robot_file)), once)
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from contid.cli.commands.scan import find_by_unplugging
-from contid.cli.commands.servo import command
 from contid.errors import ContidError
+from contid_devices.scan import find_by_unplugging
+from contid_devices.servo import command
 from contid_emulate.dynamixel import DynamixelEmulator, Servo
 
 

@@ -10,7 +10,7 @@ from contid.errors import ContidError
 from contid.robot_file.load import load_named
 from contid.targets import ZERO3, Vec3
 from contid.trajectory.columns import TIME
-from contid.trajectory.shapes import ShapePath
+from contid_paths.shapes import ShapePath
 
 
 @dataclass(frozen=True, slots=True)

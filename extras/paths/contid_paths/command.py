@@ -12,7 +12,7 @@ import click
 from contid.cli.support.parameters import NUMBER, POSITIVE, Numbers, robot_names
 
 if TYPE_CHECKING:
-    from contid.trajectory.shapes import ShapePath
+    from contid_paths.shapes import ShapePath
 
 #: The two arms of a chain swing their rope.
 SWING = "swing"
@@ -87,8 +87,8 @@ def command(
             raise click.UsageError("swing needs --for ROBOT.yaml with a chain in it")
         _swing(robot_file, size, ratio, height, period, laps, rate)
         return
-    from contid.trajectory.shapes import Shape, ShapePath
-    from contid.trajectory.table import PathRobot, robots_in_file, write_path
+    from contid_paths.shapes import Shape, ShapePath
+    from contid_paths.table import PathRobot, robots_in_file, write_path
 
     kind = Shape(shape)
     chosen = robot_file is not None and not any((center, size, radius, mid_text)) and height is None
@@ -133,7 +133,7 @@ def command(
         rate_hz=rate,
     )
     if chosen and robot_file is not None:
-        from contid.cli.support.path_about_rest import path_about_rest
+        from contid_paths.about_rest import path_about_rest
 
         found = path_about_rest(robot_file, targets, path)
         path, targets = found.path, list(found.robots)
@@ -161,9 +161,9 @@ def _swing(
     from contid.kinematics.model import build_model
     from contid.robot_file.chain import Chain
     from contid.robot_file.load import load_named
-    from contid.trajectory.swing import Swing
-    from contid.trajectory.table import write_rows
     from contid.units import m_to_mm
+    from contid_paths.swing import Swing
+    from contid_paths.table import write_rows
 
     found = load_named(robot_file).file.robots
     chain = next((robot for robot in found.values() if isinstance(robot, Chain)), None)
@@ -183,7 +183,7 @@ def _swing(
 
 def _mid(text: str, path: ShapePath) -> ShapePath | tuple[float, float, float]:
     """The value of ``--mid``: a fixed point, or a shape of its own about the centre of the path."""
-    from contid.trajectory.shapes import Shape
+    from contid_paths.shapes import Shape
 
     name, *numbers = text.split(":")
     try:
@@ -214,8 +214,8 @@ def retime(robot_file: str, trajectory: str) -> None:
 
 def print_fastest(robot_file: str, trajectory: str, text: TextIO | None = None) -> None:
     """Print the fastest timing of a file, or of ``text`` by that name."""
-    from contid.control.daemon.check_trajectory import fastest_trajectory
-    from contid.trajectory.table import write_rows
+    from contid_paths.fastest import fastest_trajectory
+    from contid_paths.table import write_rows
 
     found = fastest_trajectory(robot_file, trajectory, text)
     write_rows(sys.stdout, found.columns, found.rows.tolist())

@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from contid.cli.commands.path import command
-from contid.cli.support import path_about_rest
 from contid.control.daemon.check_trajectory import check_trajectory
 from contid.errors import ContidError
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import build_model
 from contid.robot_file.load import load_named, load_robot_file
 from contid.trajectory.read import read_trajectory
+from contid_paths import about_rest
+from contid_paths.command import command
 
 
 def path(*arguments: str) -> str:
@@ -136,7 +136,7 @@ def test_a_path_without_size_and_place_is_one_that_the_robot_follows_about_its_r
 
 
 def test_a_shape_that_is_nowhere_within_reach_asks_for_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(path_about_rest, "_SIZES", 1)
-    monkeypatch.setattr(path_about_rest, "_CENTRES", 1)
+    monkeypatch.setattr(about_rest, "_SIZES", 1)
+    monkeypatch.setattr(about_rest, "_CENTRES", 1)
     done = CliRunner().invoke(command, ["circle", "--for", "trirack2", "--lean", "170"])
     assert "give --size and --height" in str(done.exception)

@@ -16,13 +16,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TextIO
 
 import numpy as np
 
+from contid.control.daemon.check_trajectory import check_rows, read_both
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.preflight.rows import TooFastError
 from contid.errors import ContidError, missing_extra
 from contid.kinematics.array import Array
 from contid.robot_file.load import LoadedFile
@@ -58,6 +61,23 @@ class FastestPath:
     rows: Array
     duration_s: float
     binding: str
+
+
+def fastest_trajectory(robot_file: str, trajectory: str, text: TextIO | None = None) -> FastestPath:
+    """The fastest timing of a trajectory (``-``: stdin) for a robot file, at the rate of the file.
+
+    Args:
+        robot_file: path, or name of a shipped file.
+        trajectory: path of a file, or name of ``text``.
+        text: the trajectory; None to read the file.
+
+    Raises:
+        ContidError: the robot file or the trajectory is wrong, or a robot cannot reach it.
+    """
+    loaded, source = read_both(robot_file, trajectory, text)
+    with suppress(TooFastError):
+        check_rows(loaded, source, trajectory)
+    return fastest(loaded, source, loaded.file.rate_hz)
 
 
 def fastest(loaded: LoadedFile, trajectory: Trajectory, rate_hz: float) -> FastestPath:

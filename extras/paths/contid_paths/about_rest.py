@@ -23,9 +23,9 @@ from contid.errors import BadInputError, ContidError
 from contid.robot_file.load import LoadedFile, load_named
 from contid.targets import Target, Vec3, unit_vector, vec3
 from contid.trajectory.read import read_trajectory
-from contid.trajectory.shapes import ShapePath
-from contid.trajectory.table import PathRobot, write_path
 from contid.units import MM_PER_M, m_to_mm
+from contid_paths.shapes import ShapePath
+from contid_paths.table import PathRobot, write_path
 
 #: Sizes that are tried, each half of the one before.
 _SIZES: Final = 7

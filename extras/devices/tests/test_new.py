@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from contid.cli.support import new_file
-from contid.cli.support.new_file import shipped_templates
 from contid.errors import ContidError
 from contid.robot_file.load import load_robot_file
+from contid_devices import new_file
+from contid_devices.new_file import shipped_templates
 from tests.support.command import contid_in
 
 pytestmark = pytest.mark.process
@@ -51,7 +51,7 @@ def test_only_name_port_and_ids_change(tmp_path: Path, configs: Path) -> None:
 
 @pytest.mark.parametrize("name", shipped_templates())
 def test_every_shipped_file_can_be_copied(name: str, tmp_path: Path, configs: Path) -> None:
-    from contid.cli.support.new_file import file_of, read_template, write_copy
+    from contid_devices.new_file import file_of, read_template, write_copy
 
     template, path = read_template(name), file_of(str(tmp_path / "a robot: mine #2"))
     ports = {bus: f"/dev/{bus} #1" for bus in template.ports}

@@ -12,13 +12,13 @@ import click
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-    from contid.cli.support.new_file import Template
+    from contid_devices.new_file import Template
 
 
 def _templates(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     from click.shell_completion import CompletionItem
 
-    from contid.cli.support.new_file import shipped_templates
+    from contid_devices.new_file import shipped_templates
 
     return [CompletionItem(name) for name in shipped_templates() if name.startswith(incomplete)]
 
@@ -52,7 +52,7 @@ def command(name: str, source: str, ports: tuple[str, ...], ids: str | None, yes
     Comments and all other values stay. On a terminal, ports and ids that were not given are asked for. An
     existing file is never overwritten.
     """
-    from contid.cli.support.new_file import file_of, read_template, write_copy
+    from contid_devices.new_file import file_of, read_template, write_copy
 
     template, path = read_template(source), file_of(name)
     given_ports = _ports(template, ports)
@@ -112,7 +112,7 @@ def _bad(option: str, message: str) -> click.BadParameter:
 
 def _ask_ports(template: Template, given: Mapping[str, str]) -> dict[str, str]:
     """The ports of all buses; present adapters are offered."""
-    from contid.cli.commands.scan import serial_names
+    from contid_devices.scan import serial_names
 
     present = sorted(set(serial_names().values()) - set(given.values()))
     if present and len(given) < len(template.ports):

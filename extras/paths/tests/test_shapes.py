@@ -9,8 +9,8 @@ import math
 import pytest
 
 from contid.errors import ContidError
-from contid.trajectory.shapes import Shape, ShapePath
-from contid.trajectory.table import PathRobot, write_path
+from contid_paths.shapes import Shape, ShapePath
+from contid_paths.table import PathRobot, write_path
 
 CLOSED = [Shape.LINE, Shape.CIRCLE, Shape.ELLIPSE, Shape.SQUARE, Shape.BOX, Shape.CORNERS]
 OPEN = [Shape.SPIRAL, Shape.TRAVERSE, Shape.DIAGONAL]

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from contid.errors import ContidError
 from contid.targets import Vec3
 from contid.trajectory.columns import TIME
-from contid.trajectory.shapes import Shape, ShapePath
+from contid_paths.shapes import Shape, ShapePath
 
 
 @dataclass(frozen=True, slots=True)
