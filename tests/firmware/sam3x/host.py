@@ -50,6 +50,23 @@ class Host:
         ]
         self._configure(axes, DueBusOptions(port="x", role=Role.PRESSURE, watchdog_ms=watchdog_ms))
 
+    def configure_valves(self, count: int, watchdog_ms: int = 100) -> None:
+        """Pairs of valves as `plant.Chambers` has them."""
+        wired = {
+            "valves": {"outlet": "normally_open"},
+            "readback": [[0, 0], [3125, 3]],
+            "ceiling_bar": 1.6,
+            "slew_bar_s": 20,
+            "lag_ms": 1200,
+            "leak_ms": 6000,
+            "over_ms": 6000,
+        }
+        axes = [
+            AxisOnBus(f"p{i}", DueAxisOptions.model_validate({"channel": f"p{i}", **wired}), None)
+            for i in range(count)
+        ]
+        self._configure(axes, DueBusOptions(port="x", role=Role.PRESSURE, watchdog_ms=watchdog_ms))
+
     def _configure(self, axes: Sequence[AxisOnBus], options: DueBusOptions) -> None:
         blob = wiring.board_config("b", options, axes)
         self.crc = frames.crc16(blob)

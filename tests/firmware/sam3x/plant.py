@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from tests.firmware.sam3x.cpu import CLOCK_HZ
@@ -117,4 +118,56 @@ class Regulators:
                 self.duty(channel) * self.full_bar - self.pressure_bar[channel]
             ) * share
             millivolt = self.pressure_bar[channel] / self.full_bar * self.full_mv
+            self._board.adc.analog[ANALOG[channel]] = min(4095, int(millivolt / ADC_MV * 4095))
+
+
+class Chambers:
+    """A pump and pairs of valves at chambers of one lag; each valve follows its line late.
+
+    Filling: ``lag dp/dt = supply - p``; venting: ``lag dp/dt = -p``. A line that the board does not drive is low, by
+    its pull-down; outlets are open without power.
+    """
+
+    def __init__(
+        self,
+        board: Sam3x,
+        lag_s: Sequence[float],
+        supply_bar: float,
+        delays_s: tuple[float, float] = (0.006, 0.004),
+        step: int = 4 * STEP,
+    ) -> None:
+        self._board, self._step = board, step
+        self.lag_s, self.supply_bar, self.delays_s = lag_s, supply_bar, delays_s
+        self.pressure_bar = [0.0] * len(lag_s)
+        self._open = [[False, True] for _ in lag_s]
+        self._since_s = [[0.0, 0.0] for _ in lag_s]
+        self.due = board.cpu.cycles
+        board.cpu.timed.append(self)
+
+    def powered(self, channel: int) -> tuple[bool, bool]:
+        """Whether inlet and outlet of a channel have power."""
+        _, letter, inlet, outlet = WIRING[channel]
+        driven, level = (self._board.pio[letter].status[at] for at in (0x18, 0x38))
+        return bool((driven & level) >> inlet & 1), bool((driven & level) >> outlet & 1)
+
+    def vents(self, channel: int) -> bool:
+        """Whether the chamber is open to the surroundings, and not to the pump."""
+        return self._open[channel] == [False, True]
+
+    def fire(self) -> None:
+        self.due += self._step
+        dt = self._step / CLOCK_HZ
+        for channel, lag_s in enumerate(self.lag_s):
+            inlet, outlet = self.powered(channel)
+            for valve, order in enumerate((inlet, not outlet)):
+                now = self._open[channel]
+                since = self._since_s[channel]
+                since[valve] = 0.0 if now[valve] == order else since[valve] + dt
+                if since[valve] >= self.delays_s[0 if order else 1]:
+                    now[valve] = order
+            pressure = self.pressure_bar[channel]
+            fills, vents = self._open[channel]
+            rise = (self.supply_bar - pressure if fills else 0.0) - (pressure if vents else 0.0)
+            self.pressure_bar[channel] = pressure + rise / lag_s * dt
+            millivolt = self.pressure_bar[channel] / 3.0 * 3125.0
             self._board.adc.analog[ANALOG[channel]] = min(4095, int(millivolt / ADC_MV * 4095))
