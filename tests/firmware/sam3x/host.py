@@ -8,6 +8,7 @@ from contid.hal import AxisOnBus
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import Type
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
+from tests.firmware.sam3x.plant import VALVES
 
 
 class Host:
@@ -52,17 +53,8 @@ class Host:
 
     def configure_valves(self, count: int, watchdog_ms: int = 100) -> None:
         """Pairs of valves as `plant.Chambers` has them."""
-        wired = {
-            "valves": {"outlet": "normally_open"},
-            "readback": [[0, 0], [3125, 3]],
-            "ceiling_bar": 1.6,
-            "slew_bar_s": 20,
-            "lag_ms": 1200,
-            "leak_ms": 6000,
-            "over_ms": 6000,
-        }
         axes = [
-            AxisOnBus(f"p{i}", DueAxisOptions.model_validate({"channel": f"p{i}", **wired}), None)
+            AxisOnBus(f"p{i}", DueAxisOptions.model_validate({"channel": f"p{i}", **VALVES}), None)
             for i in range(count)
         ]
         self._configure(axes, DueBusOptions(port="x", role=Role.PRESSURE, watchdog_ms=watchdog_ms))

@@ -2,8 +2,8 @@
 //
 // A pulse ends after its width, or earlier, when the reading at its present rate would reach the set-point by the time
 // that the valve is shut. Then both valves are shut until the reading has settled, and its change is the gain of that
-// direction. A next pulse aims at four fifths of the way, and is at most twice as long as the one before: the delays
-// of the valves and the size of the chamber need not be known.
+// direction. A next pulse aims at half of the way, and is at most twice as long as the one before: the delays of the
+// valves and the size of the chamber need not be known.
 #include "valve_pair.h"
 
 #include "fixed.h"
@@ -67,7 +67,7 @@ Output ValvePair::empty() {
 void ValvePair::settle(int32_t pressure) {
   Flow& flow = measured_ == Flowing::IN ? in_ : out_;
   const int32_t change = clamp(measured_ == Flowing::IN ? pressure - from_ : from_ - pressure, 0, 1 << 24);
-  const int32_t gain = change * Q4 / (ticks_ + config_->valve_ms);
+  const int32_t gain = change * Q4 / ticks_;
   const int32_t kept = flow.gain_q4 - flow.gain_q4 / 8;
   flow.gain_q4 = gain > kept ? gain : kept;
   if (ticks_ <= config_->least_ms) flow.least = change;
@@ -98,8 +98,7 @@ int32_t ValvePair::width(const Flow& flow, int32_t off) const {
   if (flow.last_ms == 0) return config_->least_ms;
   int32_t wanted = LONGEST_MS;
   if (flow.gain_q4 > 0) {
-    wanted = static_cast<int32_t>(clamp64(static_cast<int64_t>(off) * Q4 * 4 / 5 / flow.gain_q4, 0, LONGEST_MS)) -
-             config_->valve_ms;
+    wanted = static_cast<int32_t>(clamp64(static_cast<int64_t>(off) * Q4 / 2 / flow.gain_q4, 0, LONGEST_MS));
   }
   const int32_t most = 2 * flow.last_ms > LONGEST_MS ? LONGEST_MS : 2 * flow.last_ms;
   if (wanted > most) wanted = most;
