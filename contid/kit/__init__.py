@@ -9,14 +9,14 @@ The drivers of contid use it as those of others do (docs/devices/drivers.md):
 * `examine_bus`, `port_findings`: what ``contid doctor`` finds, with the latency timer of the adapter;
 * `memory_of`, `Remembered`: the devices of a bus and where they stood, kept on the host;
 * `PseudoPort`, `ControlFile`: the port of an emulator, and its file of fault switches;
-* `EffortStop`, `home_by_effort`: ``contid home`` against an end stop, for devices that report a position;
+* `HomesByEffort`, `EffortStop`, `home_by_effort`: ``contid home`` against an end stop, for devices that report a position;
 * `MonotonicClock`: of a bus that is opened outside a run;
 * `defer_signals`: no signal between two orders that belong together.
 """
 
 from contid.kit.clock import MonotonicClock
 from contid.kit.control_file import ControlFile
-from contid.kit.homing import EffortStop, home_by_effort
+from contid.kit.homing import EffortStop, HomesByEffort, home_by_effort
 from contid.kit.locked_port import PORT_ERRORS, LockedPort
 from contid.kit.polled_bus import PolledBus, Reading
 from contid.kit.port_checks import examine_bus, latency_timer, owner, port_findings
@@ -39,6 +39,7 @@ __all__ = [
     "BusMemory",
     "ControlFile",
     "EffortStop",
+    "HomesByEffort",
     "LockedPort",
     "MonotonicClock",
     "PolledBus",

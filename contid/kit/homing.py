@@ -1,23 +1,25 @@
-"""Homing by effort for any bus: towards an end stop with a bounded push, found twice, with a way back between.
+"""Homing by effort for any bus: towards an end stop with a bounded push, found twice, a way back between.
 
-The goal runs ahead of the measured position by `EffortStop.lead_deg` at most, so a device whose loop is a spring
-pushes no harder than that, and at no more than `EffortStop.effort` for longer than `STILL_S`. What stands still
-without that effort is a dead encoder or too weak; what does not move back is jammed (`contid.hal.homing`).
+The goal runs ahead of the measured position by `EffortStop.lead_deg` at most, so a device whose loop is a
+spring pushes no harder than that, and with `EffortStop.effort` for `STILL_S` at most. What stands still without
+that effort is a dead encoder or too weak; what does not move back is jammed (`contid.hal.homing`).
 """
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Annotated, Final, Literal
 
-from pydantic import Field
+from pydantic import BaseModel, Field
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Bus, Clock, Homed, Report, Rest, Sample
 from contid.hal.homing import BACKOFF_MIN_DEG
+from contid.kit.clock import MonotonicClock
 from contid.kit.signals import defer_signals
 from contid.robot_file.base import NonNegative, Positive, Strict
 
@@ -53,6 +55,21 @@ class EffortStop(Strict):
     backoff_deg: NonNegative = 5.0
     travel_deg: Positive = 360.0
     at_mm: float = 0.0
+
+
+class HomesByEffort(ABC):
+    """A driver whose axes are homed by effort (`contid.hal.Homes`); they have `EffortStop` options ``homing``."""
+
+    @abstractmethod
+    def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
+        """See `contid.hal.Driver.open_bus`."""
+
+    def home(
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
+    ) -> list[Homed]:
+        """See `contid.hal.Homes.home`."""
+        clock = MonotonicClock()
+        return home_by_effort(self.open_bus(name, options, axes, clock), axes, only, clock, report)
 
 
 def home_by_effort(
@@ -103,7 +120,9 @@ def _home_one(bus: Bus, axis: AxisOnBus, clock: Clock, report: Report) -> Homed:
     axis.reference.require_former(name, stop, turns_lost=False)
     report(f"{name}: stop at {math.degrees(stop):.2f} deg")
     way = math.degrees(abs(first - start))
-    return Homed(name, stop, how.at_mm, f"stop at an effort of {how.effort:g} after {way:.0f} deg, found twice")
+    return Homed(
+        name, stop, how.at_mm, f"stop at an effort of {how.effort:g} after {way:.0f} deg, found twice"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +153,9 @@ class _Search:
         while True:
             sample = self.bus.exchange({} if goal is None else {self.name: goal})[self.name]
             if sample.fault:
-                raise DeviceError(self.name, f"{sample.fault}, while homing", "remove its cause, then home again")
+                raise DeviceError(
+                    self.name, f"{sample.fault}, while homing", "remove its cause, then home again"
+                )
             if sample.valid and sample.value is not None:
                 return _Place(sample.value, sample.effort)
             if self.clock.now() > until:
@@ -175,7 +196,9 @@ class _Search:
                 )
             if way > how.travel_deg or now - moved_at > FROZEN_S + travel / speed:
                 raise DeviceError(
-                    self.name, f"no stop within {way:.0f} deg", "check direction, effort and travel_deg of its homing"
+                    self.name,
+                    f"no stop within {way:.0f} deg",
+                    "check direction, effort and travel_deg of its homing",
                 )
 
     def _pushes(self, found: _Place, leads: bool) -> bool:
@@ -192,7 +215,9 @@ class _Search:
         step = stop
         while self.clock.now() < until and self.clock.now() - moved_at < FROZEN_S:
             self.clock.sleep(POLL_S)
-            left = min((step - goal) * self.how.direction - speed * POLL_S, (place - goal) * self.how.direction)
+            left = min(
+                (step - goal) * self.how.direction - speed * POLL_S, (place - goal) * self.how.direction
+            )
             step = goal + self.how.direction * max(left, (place - goal) * self.how.direction - lead, 0.0)
             place = self.look(step).value
             if abs(place - moved_from) > MOVED_RAD:

@@ -1,4 +1,4 @@
-"""Homing by effort on a bus of the kit: sound axes, and jams, slips, freezes and obstacles at random, in virtual time."""
+"""Homing by effort on a bus of the kit, in virtual time: sound axes, and random troubles."""
 
 from __future__ import annotations
 
@@ -118,7 +118,9 @@ def test_a_sound_axis_finds_its_stop_and_rests(reports: bool) -> None:
         ({"frozen": 90.0, "reports": False}, "jammed shaft or a dead encoder"),
     ],
 )
-def test_what_is_no_stop_is_named_and_nothing_stays_under_power(fault: dict[str, float], message: str) -> None:
+def test_what_is_no_stop_is_named_and_nothing_stays_under_power(
+    fault: dict[str, float], message: str
+) -> None:
     bus = ShaftBus(Shaft(**fault))  # type: ignore[arg-type]
     with pytest.raises(DeviceError, match=message):
         bus.home()

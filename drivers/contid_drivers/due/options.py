@@ -302,7 +302,7 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
         keeps = self.valves is not None and self.valves.outlet == "normally_closed"
         if self.start is not (SafeState.HOLD if keeps else SafeState.CLOSE):
             why = (
-                "an outlet that is shut without power keeps the pressure while the board restarts: write hold, "
+                "an outlet that is shut without power keeps the pressure in a reset: write hold, "
                 "or fit a valve that is open without power"
                 if keeps
                 else "in a reset the pull-down sets the command to zero at once (close)"

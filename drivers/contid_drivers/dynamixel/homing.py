@@ -19,8 +19,8 @@ from contid.hal import AxisOnBus, Homed, Report
 from contid.hal.homing import BACKOFF_MIN_DEG
 from contid.kit.remembered import memory_of
 from contid.kit.serial_ports import find_port
-from contid_drivers.dynamixel import search, turns
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel import search, turns
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.client import ServoClient

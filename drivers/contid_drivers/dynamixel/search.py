@@ -22,8 +22,8 @@ POLL_S: Final = 0.005
 STILL_TICKS: Final = 3
 #: A way back without motion for this time goes no further.
 STUCK_S: Final = 0.5
-#: Time-out of the watchdogs of a search, in all and per servo: servos are read one after the other, a slow adapter
-#: takes this long for one, and a host without real-time rights pauses. Their current is limited meanwhile.
+#: Time-out of the watchdogs of a search, in all and per servo: servos are read one after the other, a slow
+#: adapter takes this long for one, and a host without real-time rights pauses. Their current is limited.
 PAUSE_MS: Final = 300
 LOOK_MS: Final = 60
 

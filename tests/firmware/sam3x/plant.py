@@ -138,8 +138,8 @@ VALVES: Final[Mapping[str, object]] = {
 class Chamber:
     """A chamber behind an inlet from a pump and an outlet, which is open without power.
 
-    Filling: ``lag dp/dt = supply - p``; venting: ``lag dp/dt = -p``; the lag grows with the pressure. Each valve
-    follows its line late.
+    Filling: ``lag dp/dt = supply - p``; venting: ``lag dp/dt = -p``; the lag grows with the pressure. Each
+    valve follows its line late.
     """
 
     lag_s: float
