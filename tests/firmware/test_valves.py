@@ -44,7 +44,8 @@ class Bench:
         self.core = CoreBoard(read_elf(build_core("cortex_m3")))
         self.core.start("pressure")
         self.chambers = chambers
-        self.sequence, self.telemetry = 0, None
+        self.sequence = 0
+        self.telemetry: messages.Telemetry | None = None
         keys = {f"p{i}": i for i in range(len(chambers))}
         axes = [
             AxisOnBus(name, DueAxisOptions.model_validate({"channel": name, **VALVES}), None) for name in keys
@@ -55,7 +56,7 @@ class Bench:
         self.step(1)
         assert isinstance(self.ask(Type.CONFIGURE, wiring.config_body(blob)), messages.Configured)
         self.step(40)
-        self.demand({})
+        self.demand([])
         self.ask(Type.ARM, messages.mask_body(self.crc, range(len(chambers))))
 
     def step(self, ms: int) -> None:

@@ -69,6 +69,7 @@ class FeetechDriver(HomesByEffort):
 
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
         from contid_feetech.bus import FeetechBus
+
         assert isinstance(options, FeetechOptions)
         return FeetechBus(name, options, axes, clock)
 
@@ -76,6 +77,7 @@ class FeetechDriver(HomesByEffort):
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], control: Path | None = None
     ) -> AbstractContextManager[Sequence[str]]:
         from contid_feetech.emulator import emulated
+
         assert isinstance(options, FeetechOptions)
         return emulated(options, axes, control)
 

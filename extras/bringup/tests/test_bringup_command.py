@@ -13,9 +13,10 @@ from click.testing import CliRunner
 
 from contid.cli.commands.check import command as check
 from contid.cli.commands.doctor import command as doctor
+from contid.control.daemon.run_request import RunRequest, load
 from contid.control.engine.cycle import RealClock
 from contid.control.engine.wiring import wired_buses
-from contid.robot_file.load import load_robot_file
+from contid.robot_file.load import load_robot_file, parse_robot_file
 from contid_bringup.command import command
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.options import DueBusOptions
@@ -91,6 +92,14 @@ def test_a_change_of_wiring_or_firmware_is_named_afterwards(robot: tuple[Path, D
     other = f"warn .*bringup {FIRST}: its firmware is 1.6.0; at its bring-up, .*, it was 1.5.0"
     assert re.search(other, examined)
     assert re.search(f"warn .*bringup {SECOND}: never brought up", examined)
+    # A run finds it, too, before it begins; what it found is in the text that recordings keep.
+    full = load_robot_file(path)
+    slow = load(RunRequest(str(path)))
+    assert slow.driven["arm"].rates.velocity_mm_s == 0.2 * full.driven["arm"].rates.velocity_mm_s  # type: ignore[union-attr]
+    again = parse_robot_file(slow.text, "recorded", recorded=True)
+    assert again.driven["arm"].rates == slow.driven["arm"].rates
+    path.write_text(text)
+    assert load(RunRequest(str(path))).driven["arm"].rates == full.driven["arm"].rates
 
 
 def test_it_asks_before_it_moves_and_names_unknown_axes(robot: tuple[Path, DueEmulator]) -> None:

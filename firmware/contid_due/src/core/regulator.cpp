@@ -101,7 +101,7 @@ Output Regulator::hold() {
 Output Regulator::vent() {
   set_q8_ = set_q8_ > vent_q8_ ? set_q8_ - vent_q8_ : 0;
   trim_q16_ = 0;
-  if (set_q8_ == 0) return close();
+  if (set_q8_ == 0 || config_->valves()) return close();
   watch_rest();
   return command(false);
 }

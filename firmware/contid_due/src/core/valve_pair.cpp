@@ -70,7 +70,7 @@ void ValvePair::settle(int32_t pressure) {
   const int32_t gain = change * Q4 / ticks_;
   const int32_t kept = flow.gain_q4 - flow.gain_q4 / 8;
   flow.gain_q4 = gain > kept ? gain : kept;
-  if (ticks_ <= config_->least_ms) flow.least = change;
+  if (change > config_->band / 2 && (flow.least == 0 || change < flow.least)) flow.least = change;
   flow.last_ms = ticks_;
   flow.at = pressure;
   measured_ = Flowing::NONE;
@@ -81,19 +81,15 @@ void ValvePair::begin(int32_t off, int32_t pressure) {
   // Farther from the end of its range than when it was measured, the flow is stronger than then.
   const int32_t stronger = off > 0 ? flow.at - pressure : pressure - flow.at;
   if (stronger > 4 * config_->band) flow = Flow{0, 0, 0, 0};
+  // A valve that opens at all stays open for the time that it takes to shut: less than its least change is not to be had.
+  if (flow.least > magnitude(off)) return;
   width_ = width(flow, magnitude(off));
-  if (width_ == 0) {
-    // What was learned may be of another pressure: it fades, until a shortest pulse is tried again.
-    wait_ = SETTLE_MS;
-    flow.gain_q4 -= flow.gain_q4 / 8;
-    return;
-  }
   flowing_ = off > 0 ? Flowing::IN : Flowing::OUT;
   ticks_ = 0;
   from_ = pressure;
 }
 
-// Length of the next pulse [ms]; 0: the shortest would go too far.
+// Length of the next pulse [ms].
 int32_t ValvePair::width(const Flow& flow, int32_t off) const {
   if (flow.last_ms == 0) return config_->least_ms;
   int32_t wanted = LONGEST_MS;
@@ -101,10 +97,7 @@ int32_t ValvePair::width(const Flow& flow, int32_t off) const {
     wanted = static_cast<int32_t>(clamp64(static_cast<int64_t>(off) * Q4 / 2 / flow.gain_q4, 0, LONGEST_MS));
   }
   const int32_t most = 2 * flow.last_ms > LONGEST_MS ? LONGEST_MS : 2 * flow.last_ms;
-  if (wanted > most) wanted = most;
-  if (wanted >= config_->least_ms) return wanted;
-  const int32_t expected = flow.least > 0 ? flow.least : flow.gain_q4 * config_->least_ms / Q4;
-  return expected <= off ? config_->least_ms : 0;
+  return clamp(wanted, config_->least_ms, most);
 }
 
 Output ValvePair::lines() const {

@@ -10,7 +10,7 @@ namespace contid {
 // One direction of flow: what its pulses did to the reading.
 struct Flow {
   int32_t gain_q4;  // change per ms of opening [Pa] times 16; 0: unknown
-  int32_t least;    // change by a shortest pulse [Pa]; 0: unknown
+  int32_t least;    // least change that a pulse made [Pa]; 0: unknown
   int32_t last_ms;  // of the newest pulse; 0: start with the shortest
   int32_t at;       // reading at its end [Pa]
 };
