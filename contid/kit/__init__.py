@@ -9,7 +9,7 @@ The drivers of contid use it as those of others do (docs/devices/drivers.md):
 * `examine_bus`, `port_findings`: what ``contid doctor`` finds, with the latency timer of the adapter;
 * `memory_of`, `Remembered`: the devices of a bus and where they stood, kept on the host;
 * `PseudoPort`, `ControlFile`: the port of an emulator, and its file of fault switches;
-* `HomesByEffort`, `EffortStop`, `home_by_effort`: ``contid home`` against an end stop, for devices that report a position;
+* `HomesByEffort`, `EffortStop`, `home_by_effort`: ``contid home`` against an end stop;
 * `MonotonicClock`: of a bus that is opened outside a run;
 * `defer_signals`: no signal between two orders that belong together.
 """

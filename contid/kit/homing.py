@@ -1,8 +1,8 @@
 """Homing by effort for any bus: towards an end stop with a bounded push, found twice, a way back between.
 
 The goal runs ahead of the measured position by `EffortStop.lead_deg` at most, so a device whose loop is a
-spring pushes no harder than that, and with `EffortStop.effort` for `STILL_S` at most. What stands still without
-that effort is a dead encoder or too weak; what does not move back is jammed (`contid.hal.homing`).
+spring pushes no harder than that, and with `EffortStop.effort` for `STILL_S` at most. What stands still
+without that effort is a dead encoder or too weak; what does not move back is jammed (`contid.hal.homing`).
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class EffortStop(Strict):
 
 
 class HomesByEffort(ABC):
-    """A driver whose axes are homed by effort (`contid.hal.Homes`); they have `EffortStop` options ``homing``."""
+    """A driver that homes by effort (`contid.hal.Homes`) axes with an `EffortStop`, ``homing``."""
 
     @abstractmethod
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
