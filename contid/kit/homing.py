@@ -191,7 +191,7 @@ class _Search:
             if now - moved_at > FROZEN_S + lead / speed:
                 raise DeviceError(
                     self.name,
-                    f"it stands still with an effort of {abs(found.effort or 0.0):.3g}, less than {how.effort:g}",
+                    f"it stands still with an effort of {abs(found.effort or 0.0):.3g}, below {how.effort:g}",
                     "its encoder is dead, or `effort` of its homing is more than it reaches: raise lead_deg",
                 )
             if way > how.travel_deg or now - moved_at > FROZEN_S + travel / speed:

@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 @click.option("--accept", metavar="BUS", help="Take the devices that answer on BUS as those of this file.")
 def command(robot_file: str, as_json: bool, fix: bool, service: bool, yes: bool, accept: str | None) -> None:
     """Examine the host and the buses and devices of ROBOT_FILE; moves nothing; exit code 4 on an ERROR."""
-    from contid.control.engine.other_devices import other_devices
     from contid.control.engine.wiring import wired_buses
     from contid.control.process.host_checks import examine
+    from contid.control.process.other_devices import other_devices
 
     def findings() -> Iterator[Finding]:
         yield from examine()

@@ -16,8 +16,8 @@ from contid.control.daemon.pending_input import PendingInput
 from contid.control.daemon.stretch import stretch, with_remedy
 from contid.control.daemon.terminal import check_progress, print_message
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.other_devices import with_other_devices
 from contid.control.engine.wiring import build_preflight
+from contid.control.process.other_devices import with_other_devices
 from contid.control.tick.preflight.rows import Preflight, TooFastError, Unreachable
 from contid.errors import ContidError
 from contid.robot_file.document import MAX_RATE_HZ

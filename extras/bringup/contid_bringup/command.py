@@ -137,7 +137,7 @@ class Person:
 
 
 def _answered(prompt: str, hold: Callable[[], object]) -> str:
-    """The answer of a person; the command is held meanwhile, because the watchdog of a board does not wait."""
+    """The answer of a person; the command is held meanwhile: a watchdog does not wait."""
     answers: queue.Queue[str] = queue.Queue()
     click.echo(prompt)
     threading.Thread(target=lambda: answers.put(sys.stdin.readline()), daemon=True).start()
@@ -184,7 +184,7 @@ def _bring_up_regulators(
             opened.disable(opened.axes, Rest.VENT)
             for axis in regulators:
                 others = [each for each in opened.axes if each != axis]
-                result = bring_up_regulator(opened, axis, others, most_pa[axis], clock, report, by_eye)
+                result = bring_up_regulator(opened, axis, others, most_pa[axis], clock, report, by_eye=by_eye)
                 yield _printed(bus, axis, result, devices[axis])
         finally:
             with defer_signals():

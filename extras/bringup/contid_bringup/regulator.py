@@ -88,6 +88,7 @@ def bring_up_regulator(
     most_pa: float,
     clock: Clock,
     report: Report,
+    *,
     by_eye: ByEye | None = None,
 ) -> RegulatorResult:
     """Prove one regulator; it is vented before and afterwards.
@@ -99,7 +100,7 @@ def bring_up_regulator(
         most_pa: largest pressure of the axis by the robot file; the steps are a tenth and a fifth of it.
         clock: of the bus.
         report: takes lines about the progress.
-        by_eye: the person who reads a gauge and opens the dump valve at the second step; None leaves both out.
+        by_eye: the person who reads a gauge and opens the dump valve; None without one.
 
     Raises:
         DeviceLostError: the bus is gone.

@@ -110,7 +110,7 @@ def test_a_gauge_tells_the_side_and_a_dump_valve_is_tried(
     wires: dict[str, float], dump: bool | None, name: str, line: str
 ) -> None:
     made = bench(random.Random(3), **wires)
-    found = bring_up_regulator(made, X, [Y], MOST_PA, made, lambda _line: None, Eye(made, dump))
+    found = bring_up_regulator(made, X, [Y], MOST_PA, made, lambda _line: None, by_eye=Eye(made, dump))
     assert found.name == name
     assert any(line in each for each in found.lines()), found.lines()
 

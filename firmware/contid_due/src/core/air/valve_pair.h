@@ -2,8 +2,8 @@
 #ifndef CONTID_VALVE_PAIR_H
 #define CONTID_VALVE_PAIR_H
 
-#include "config.h"
-#include "motor.h"
+#include "../config.h"
+#include "../motor.h"
 
 namespace contid {
 

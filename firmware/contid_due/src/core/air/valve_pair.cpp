@@ -6,7 +6,7 @@
 // valves and the size of the chamber need not be known.
 #include "valve_pair.h"
 
-#include "fixed.h"
+#include "../fixed.h"
 
 namespace contid {
 
@@ -92,12 +92,12 @@ void ValvePair::begin(int32_t off, int32_t pressure) {
 // Length of the next pulse [ms].
 int32_t ValvePair::width(const Flow& flow, int32_t off) const {
   if (flow.last_ms == 0) return config_->least_ms;
-  int32_t wanted = LONGEST_MS;
+  int32_t length = LONGEST_MS;
   if (flow.gain_q4 > 0) {
-    wanted = static_cast<int32_t>(clamp64(static_cast<int64_t>(off) * Q4 / 2 / flow.gain_q4, 0, LONGEST_MS));
+    length = static_cast<int32_t>(clamp64(static_cast<int64_t>(off) * Q4 / 2 / flow.gain_q4, 0, LONGEST_MS));
   }
   const int32_t most = 2 * flow.last_ms > LONGEST_MS ? LONGEST_MS : 2 * flow.last_ms;
-  return clamp(wanted, config_->least_ms, most);
+  return clamp(length, config_->least_ms, most);
 }
 
 Output ValvePair::lines() const {

@@ -2,8 +2,8 @@
 #ifndef CONTID_REGULATOR_H
 #define CONTID_REGULATOR_H
 
-#include "config.h"
-#include "motor.h"
+#include "../config.h"
+#include "../motor.h"
 #include "valve_pair.h"
 
 namespace contid {

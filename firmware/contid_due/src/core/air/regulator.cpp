@@ -1,7 +1,7 @@
 // Runs a proportional pressure regulator: set-point slew, calibration table, outer loop, fault detection.
 #include "regulator.h"
 
-#include "fixed.h"
+#include "../fixed.h"
 
 namespace contid {
 
