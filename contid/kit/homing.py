@@ -21,7 +21,6 @@ from contid.hal import AxisOnBus, Bus, Clock, Homed, Report, Rest, Sample
 from contid.hal.homing import BACKOFF_MIN_DEG
 from contid.kit.clock import MonotonicClock
 from contid.kit.signals import defer_signals
-from contid.robot_file.base import NonNegative, Positive, Strict
 
 #: Between two exchanges.
 POLL_S: Final = 0.01
@@ -34,7 +33,7 @@ MOVED_RAD: Final = math.radians(0.15)
 SILENT_S: Final = 0.3
 
 
-class EffortStop(Strict):
+class EffortStop(BaseModel, extra="forbid", frozen=True, allow_inf_nan=False):
     """Keys ``homing`` of an axis that is homed by `home_by_effort`.
 
     Attributes:
@@ -49,11 +48,11 @@ class EffortStop(Strict):
     """
 
     direction: Literal[1, -1]
-    effort: NonNegative
+    effort: Annotated[float, Field(ge=0)]
     speed_deg_s: Annotated[float, Field(gt=0, le=180)] = 20.0
     lead_deg: Annotated[float, Field(gt=0, le=30)] = 5.0
-    backoff_deg: NonNegative = 5.0
-    travel_deg: Positive = 360.0
+    backoff_deg: Annotated[float, Field(ge=0)] = 5.0
+    travel_deg: Annotated[float, Field(gt=0)] = 360.0
     at_mm: float = 0.0
 
 
