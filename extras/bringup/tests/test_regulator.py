@@ -106,7 +106,7 @@ class Eye:
         ({"output_gain": 0.5}, None, "half-scale", "its command is right, its pressure output"),
     ],
 )
-def test_a_gauge_tells_the_side_and_a_dump_valve_is_tried(
+def test_a_gauge_shows_the_side_and_a_dump_valve_is_tried(
     wires: dict[str, float], dump: bool | None, name: str, line: str
 ) -> None:
     made = bench(random.Random(3), **wires)
