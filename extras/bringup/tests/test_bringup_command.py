@@ -95,7 +95,9 @@ def test_a_change_of_wiring_or_firmware_is_named_afterwards(robot: tuple[Path, D
     # A run finds it, too, before it begins; what it found is in the text that recordings keep.
     full = load_robot_file(path)
     slow = load(RunRequest(str(path)))
-    assert slow.driven["arm"].rates.velocity_mm_s == 0.2 * full.driven["arm"].rates.velocity_mm_s  # type: ignore[union-attr]
+    full_mm_s = full.driven["arm"].rates.velocity_mm_s
+    assert full_mm_s is not None
+    assert slow.driven["arm"].rates.velocity_mm_s == 0.2 * full_mm_s
     again = parse_robot_file(slow.text, "recorded", recorded=True)
     assert again.driven["arm"].rates == slow.driven["arm"].rates
     path.write_text(text)
