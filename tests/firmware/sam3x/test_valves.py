@@ -165,7 +165,7 @@ def test_a_leak_that_the_pump_does_not_cover_is_a_fault() -> None:
     assert bench.reports() == {Report(BoardState.SAFE, Reason.LEAK)}
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_the_lines_of_the_whole_sketch_drive_the_valves_and_vent() -> None:
     board = Sam3x(build_sketch())
     board.jumper()
