@@ -44,7 +44,7 @@ def seeds() -> list[bytes]:
 
 
 FUZZER = str(HERE / "host" / "fuzz.cpp")
-CORE = [str(path) for path in sorted((HERE / "contid_due/src/core").glob("*.cpp"))]
+CORE = [str(path) for path in sorted((HERE / "contid_due/src/core").rglob("*.cpp"))]
 
 
 def with_clang(inputs: int, seed: int, folder: Path) -> int:

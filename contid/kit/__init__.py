@@ -9,12 +9,14 @@ The drivers of contid use it as those of others do (docs/devices/drivers.md):
 * `examine_bus`, `port_findings`: what ``contid doctor`` finds, with the latency timer of the adapter;
 * `memory_of`, `Remembered`: the devices of a bus and where they stood, kept on the host;
 * `PseudoPort`, `ControlFile`: the port of an emulator, and its file of fault switches;
+* `HomesByEffort`, `EffortStop`, `home_by_effort`: ``contid home`` against an end stop;
 * `MonotonicClock`: of a bus that is opened outside a run;
 * `defer_signals`: no signal between two orders that belong together.
 """
 
 from contid.kit.clock import MonotonicClock
 from contid.kit.control_file import ControlFile
+from contid.kit.homing import EffortStop, HomesByEffort, home_by_effort
 from contid.kit.locked_port import PORT_ERRORS, LockedPort
 from contid.kit.polled_bus import PolledBus, Reading
 from contid.kit.port_checks import examine_bus, latency_timer, owner, port_findings
@@ -36,6 +38,8 @@ __all__ = [
     "PORT_ERRORS",
     "BusMemory",
     "ControlFile",
+    "EffortStop",
+    "HomesByEffort",
     "LockedPort",
     "MonotonicClock",
     "PolledBus",
@@ -50,6 +54,7 @@ __all__ = [
     "examine_bus",
     "find_port",
     "holders",
+    "home_by_effort",
     "identity_of",
     "latency_timer",
     "memory_of",

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from contid.errors import DeviceNotFoundError
+from contid.errors import DeviceError, DeviceNotFoundError
 from contid.hal import AxisOnBus
 from contid.testing import DriverContract
-from contid_feetech import FeetechAxisOptions
+from contid_feetech import DRIVER, FeetechAxisOptions, FeetechOptions
 from contid_feetech.emulator import FeetechEmulator, Servo
 from feetech_rig import IDS, FeetechRig, bus_at, feetech
 
@@ -58,6 +58,24 @@ def test_a_servo_that_would_not_do_as_commanded_is_refused_at_opening(
     emulator = FeetechEmulator(str(tmp_path / "servos"), [servo])
     with emulator, pytest.raises(DeviceNotFoundError, match=message):
         bus_at(tmp_path / "servos", "sts", [axis]).open()
+
+
+@pytest.mark.parametrize("jammed", [False, True])
+def test_an_end_stop_is_found_by_its_current(tmp_path: Path, jammed: bool) -> None:
+    servo = Servo(3, "sts", 700.0)
+    servo.stops, servo.jammed = (300.0, 1e9), jammed
+    keys = {"direction": -1, "effort": 0.3, "speed_deg_s": 90, "backoff_deg": 4}
+    options = FeetechAxisOptions.model_validate({"id": 3, "speed_deg_s": 90, "homing": keys})
+    axis = AxisOnBus("arm.a", options, travel=(0.0, math.pi))
+    with FeetechEmulator(str(tmp_path / "servos"), [servo]):
+        bus = FeetechOptions(port=str(tmp_path / "servos"), latency_ms=60.0)
+        if jammed:
+            with pytest.raises(DeviceError, match="stands still"):
+                DRIVER.home("servos", bus, [axis], ["arm.a"], print)  # type: ignore[attr-defined]
+        else:
+            (found,) = DRIVER.home("servos", bus, [axis], ["arm.a"], print)  # type: ignore[attr-defined]
+            assert found.value == pytest.approx(300.0 / 4096 * math.tau, abs=math.radians(0.5))
+        assert not servo.memory[40]
 
 
 def test_several_turns_are_negative_and_beyond_4095(tmp_path: Path) -> None:

@@ -24,6 +24,9 @@ bool Plant::set(int channel, const std::string& name, double value) {
       {"full_scale_ma", &m.full_scale_ma},
       {"full_pa", &r.full_pa},
       {"lag", &r.tau},
+      {"supply", &r.supply_pa},
+      {"opens", &r.opens_s},
+      {"shuts", &r.shuts_s},
       {"swelling", &r.swelling},
       {"flow", &r.flow},
       {"raw_low", &r.raw_low},
@@ -57,7 +60,7 @@ bool Plant::set(int channel, const std::string& name, double value) {
       {"wired_coast", &m.wired_coast}, {"leak", &r.leaking},
       {"wire", &r.wire_broken},        {"read_back_frozen", &r.frozen},
       {"encoder_track_a", &m.open_a},  {"encoder_track_b", &m.open_b},
-      {"valve_stuck", &r.stuck},
+      {"valve_stuck", &r.stuck},       {"outlet_open", &r.outlet_open},
   };
   for (const auto& one : switches) {
     if (name == one.name) {

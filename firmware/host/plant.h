@@ -101,6 +101,12 @@ struct RegulatorPlant {
   double flow = 1.0e6;        // [Pa/s]
   double leak_per_s = 20.0;   // while leaking
   bool stuck = false;         // its valve: the pressure stands
+  // A pair of valves at a pump: each follows its line late.
+  double supply_pa = 150000.0;
+  double opens_s = 0.006, shuts_s = 0.004;
+  bool outlet_open = true;  // without power
+  double inlet_s = 0.0, outlet_s = 0.0;
+  bool inlet = false, outlet = true;
   double raw_low = 0.0, low_pa = 0.0, raw_high = 4095.0, high_pa = 300000.0;
 
   double pressure = 0.0;
@@ -112,12 +118,23 @@ struct RegulatorPlant {
     const double target = out.drive == Drive::RUN ? full_pa * out.duty / DUTY_FULL : 0.0;
     const double lag = tau * (1.0 + swelling * pressure / 1e5);
     double rise = (target - pressure) / lag;
+    if (out.drive == Drive::VALVES || (out.drive == Drive::OFF && full_pa == 0.0)) {
+      const int32_t lines = out.drive == Drive::VALVES ? out.duty : 0;
+      move(inlet, inlet_s, (lines & 1) != 0, dt);
+      move(outlet, outlet_s, ((lines & 2) != 0) != outlet_open, dt);
+      rise = ((inlet ? supply_pa - pressure : 0.0) - (outlet ? pressure : 0.0)) / lag;
+    }
     if (rise > flow) rise = flow;
     if (rise < -flow) rise = -flow;
     if (leaking) rise -= leak_per_s * pressure;
     if (stuck) rise = 0.0;
     rate = rise;
     pressure += rise * dt;
+  }
+
+  void move(bool& open, double& since_s, bool ordered, double dt) const {
+    since_s = open == ordered ? 0.0 : since_s + dt;
+    if (since_s >= (ordered ? opens_s : shuts_s)) open = ordered;
   }
 
   int32_t analog(double adc_steps) const {

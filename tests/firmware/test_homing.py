@@ -220,7 +220,10 @@ def test_a_disturbed_search_gives_its_zero_or_a_fault(board, seed):
         # The first time it looks like the stop; later the former place of the stop does.
         found(9000)
         motors.ask(Type.STOP, messages.stop([0], RestCode.RELAX))
-        motors.command("set 0 shaft -500")
+        # Moved by hand: the encoder counts along.
+        motors.command(f"set 0 encoder_jump {-STOP - motors.truth(0)[0]:.6f}")
+        motors.command(f"set 0 shaft {-STOP}")
+        run(motors, 5)
         motors.demand()
         motors.masked(Type.HOME, 0)
     if not found(at_ms):

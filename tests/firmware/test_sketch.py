@@ -62,7 +62,7 @@ def test_the_sketch_compiles(tmp_path):
 
 
 def test_core_survives_the_macros_of_arduino(tmp_path):
-    for source in sorted((SKETCH / "src" / "core").glob("*.cpp")):
+    for source in sorted((SKETCH / "src" / "core").rglob("*.cpp")):
         wrapped = tmp_path / source.name
         wrapped.write_text(f'#include <Arduino.h>\n#include "{source}"\n')
         done = compile_sketch(wrapped)

@@ -102,5 +102,5 @@ def test_core_compiles_as_the_arduino_ide_compiles_it(standard, tmp_path):
         "-fno-exceptions",
         "-fno-rtti",
     ]
-    for source in sorted((firmware_dir() / "contid_due" / "src" / "core").glob("*.cpp")):
+    for source in sorted((firmware_dir() / "contid_due" / "src" / "core").rglob("*.cpp")):
         subprocess.run(["g++", *flags, "-c", "-o", str(tmp_path / "x.o"), str(source)], check=True)

@@ -17,6 +17,7 @@ from contid.control.daemon.stretch import stretch, with_remedy
 from contid.control.daemon.terminal import check_progress, print_message
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.wiring import build_preflight
+from contid.control.process.other_devices import with_other_devices
 from contid.control.tick.preflight.rows import Preflight, TooFastError, Unreachable
 from contid.errors import ContidError
 from contid.robot_file.document import MAX_RATE_HZ
@@ -89,7 +90,7 @@ def load(request: RunRequest) -> LoadedFile:
     if request.rate_hz is not None:
         for message in rate_too_high(loaded.buses.values(), request.rate_hz):
             raise ContidError(f"--rate: {message}")
-    return loaded
+    return with_other_devices(loaded)
 
 
 def rate_of(options: RunOptions, loaded: LoadedFile) -> float:

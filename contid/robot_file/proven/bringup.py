@@ -37,6 +37,7 @@ class AxisBringup(Strict):
         friction_percent: duty that just keeps the motor turning.
         no_load_deg_s: speed of its shaft at full duty, without friction.
         time_constant_ms: response of its speed.
+        now: in recordings: what answered instead when the run began. Not for your own files.
     """
 
     date: str
@@ -47,6 +48,7 @@ class AxisBringup(Strict):
     friction_percent: NonNegative | None = None
     no_load_deg_s: Positive | None = None
     time_constant_ms: NonNegative | None = None
+    now: str = ""
 
 
 def wiring_digest(bus: BusWiring, axis: str) -> str:
@@ -73,6 +75,8 @@ def changed_axes(loaded: LoadedFile) -> dict[str, str]:
             changed[axis] = f"{found.verdict} at its last bring-up, {found.date}"
         elif found.wiring != wiring_digest(buses[axis], axis):
             changed[axis] = f"its wiring in this file was changed since its bring-up, {found.date}"
+        elif found.now:
+            changed[axis] = found.now
     return changed
 
 
@@ -117,14 +121,19 @@ def slow_notice(axis: str) -> str:
     return f"{axis.partition('.')[0]} moves at {UNPROVEN_SHARE:.0%} of its velocities until it is brought up"
 
 
-def device_finding(axis: str, found: AxisBringup, device: ProvenDevice) -> Finding | None:
-    """A finding when an axis has another device or firmware than at its bring-up."""
-    remedy = _REMEDY.format(axis=axis)
+def device_change(found: AxisBringup, device: ProvenDevice) -> str:
+    """What is another than at the bring-up of an axis: its device or firmware; "" for nothing."""
     for what, before, now in (
         ("device", found.device, device.identity),
         ("firmware", found.firmware, device.firmware),
     ):
         if before != now:
-            message = f"its {what} is {now}; at its bring-up, {found.date}, it was {before}"
-            return Finding(f"bringup {axis}", True, message, remedy, warning=True)
-    return None
+            return f"its {what} is {now}; at its bring-up, {found.date}, it was {before}"
+    return ""
+
+
+def device_finding(axis: str, change: str) -> Finding:
+    """The finding about an axis with another device or firmware."""
+    return Finding(
+        f"bringup {axis}", True, f"{change}; {slow_notice(axis)}", _REMEDY.format(axis=axis), warning=True
+    )

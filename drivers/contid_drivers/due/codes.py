@@ -28,6 +28,7 @@ CHANNEL_POSITION_LOST: Final = 0x80
 #: Bits of a channel's capabilities in hello.
 HARDWARE_DECODER: Final = 1
 CURRENT_SENSE: Final = 4
+VALVE_PAIR: Final = 32
 #: Ports of a board by number; one at a time commands it.
 PORTS: Final = ("native", "programming")
 #: Flags of the board.

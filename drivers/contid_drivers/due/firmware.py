@@ -43,7 +43,7 @@ def firmware_dir() -> Path:
 
 def core_sources() -> list[Path]:
     """Sources of the portable core, which runs on the board and on a PC."""
-    return sorted((firmware_dir() / "contid_due" / "src" / "core").glob("*.cpp"))
+    return sorted((firmware_dir() / "contid_due" / "src" / "core").rglob("*.cpp"))
 
 
 def build_id() -> int:
@@ -108,7 +108,7 @@ def build_once(
     Raises:
         DeviceError: no compiler, the build fails, or the cache cannot be written.
     """
-    headers = (firmware_dir() / "contid_due" / "src" / "core").glob("*.h")
+    headers = (firmware_dir() / "contid_due" / "src" / "core").rglob("*.h")
     digest = hashlib.sha256(" ".join(compiler).encode())
     for path in (*sources, *sorted(headers), *sorted(included)):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())

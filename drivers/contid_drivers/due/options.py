@@ -154,11 +154,29 @@ class MotorOptions(Strict):
     homing: EndStop | None = None
 
 
+class ValvePair(Strict):
+    """An inlet and an outlet valve, both on or off, at one chamber with a pressure sensor.
+
+    Attributes:
+        outlet: ``normally_open`` (without power the chamber vents) or ``normally_closed`` (it keeps its
+            pressure while the board restarts; the axis needs ``start_state: hold``).
+        valve_ms: longest time in which a valve opens or shuts; rather too long than too short.
+        least_ms: shortest pulse of a valve.
+        band_bar: error of the pressure without a pulse.
+    """
+
+    outlet: Literal["normally_open", "normally_closed"]
+    valve_ms: int = Field(default=10, ge=1, le=500)
+    least_ms: int = Field(default=5, ge=1, le=500)
+    band_bar: Positive = 0.01
+
+
 class RegulatorOptions(Strict):
     """Keys of an axis on a channel ``p0`` .. ``p5``.
 
     Attributes:
         calibration: rows ``[duty_percent, bar]``, both rising; the regulator's command, measured.
+        valves: a pair of valves in place of a regulator, without ``calibration``.
         readback: two rows ``[mV at the analogue pin, bar]``; the regulator's pressure output, measured.
         ceiling_bar: limit of demands; a reading well above it vents.
         slew_bar_s: rate limit of the set-point.
@@ -181,6 +199,7 @@ class RegulatorOptions(Strict):
     """
 
     calibration: tuple[tuple[float, float], ...] | None = None
+    valves: ValvePair | None = None
     readback: tuple[tuple[PinMillivolt, float], tuple[PinMillivolt, float]] | None = None
     ceiling_bar: Annotated[float, Field(gt=0, le=20)] | None = None
     slew_bar_s: Annotated[float, Field(gt=0, le=100)] = 2.0
@@ -206,7 +225,7 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
             the boot loader, before the first host): ``brake`` (default; inputs pulled up, or the PWM line of
             ``dir_pwm`` pulled down) or ``coast`` (inputs pulled down). ``on_watchdog`` must be the same; for
             ``on_watchdog: hold`` write down which it is, because no wiring holds. Regulators: ``close``, by
-            the pull-down at the command.
+            the pull-down at the command; ``hold`` for valves whose outlet is shut without power.
     """
 
     channel: Literal["m0", "m1", "m2", "m3", "m4", "m5", "p0", "p1", "p2", "p3", "p4", "p5"]
@@ -280,16 +299,30 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
             )
 
     def _check_regulator(self) -> None:
-        if self.start is not SafeState.CLOSE:
-            raise ValueError(
-                f"start_state {self.start} of channel {self.channel} is not possible: in a reset the "
-                "pull-down sets the command to zero at once (close)"
+        keeps = self.valves is not None and self.valves.outlet == "normally_closed"
+        if self.start is not (SafeState.HOLD if keeps else SafeState.CLOSE):
+            why = (
+                "an outlet that is shut without power keeps the pressure in a reset: write hold, "
+                "or fit a valve that is open without power"
+                if keeps
+                else "in a reset the pull-down sets the command to zero at once (close)"
             )
-        missing = [key for key in ("calibration", "readback", "ceiling_bar") if getattr(self, key) is None]
+            raise ValueError(f"start_state {self.start} of channel {self.channel} is not possible: {why}")
+        needed = ("readback", "ceiling_bar") if self.valves else ("calibration", "readback", "ceiling_bar")
+        missing = [key for key in needed if getattr(self, key) is None]
         if missing:
             raise ValueError(f"channel {self.channel} is a regulator and needs {', '.join(missing)}")
-        assert self.calibration is not None
         assert self.readback is not None
+        (low_mv, low_bar), (high_mv, high_bar) = self.readback
+        if not (low_mv < high_mv and low_bar < high_bar):
+            raise ValueError("readback: mV and bar must both rise from the first row to the second")
+        if self.valves is None:
+            self._check_calibration()
+        elif self.calibration is not None or self.trim_bar:
+            raise ValueError(f"channel {self.channel} has valves; it has no calibration and no trim_bar")
+
+    def _check_calibration(self) -> None:
+        assert self.calibration is not None
         assert self.ceiling_bar is not None
         rows = self.calibration
         if not 2 <= len(rows) <= MAX_CALIBRATION_POINTS:
@@ -303,6 +336,3 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
                 f"calibration must reach from 0 bar to ceiling_bar {self.ceiling_bar:g}, "
                 f"it covers {rows[0][1]:g} to {rows[-1][1]:g}"
             )
-        (low_mv, low_bar), (high_mv, high_bar) = self.readback
-        if not (low_mv < high_mv and low_bar < high_bar):
-            raise ValueError("readback: mV and bar must both rise from the first row to the second")

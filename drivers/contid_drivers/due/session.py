@@ -12,7 +12,7 @@ from contid.hal import AxisOnBus, DeviceKind
 from contid.kit.remembered import memory_of
 from contid.kit.serial_ports import find_port
 from contid_drivers.due import identity, messages
-from contid_drivers.due.codes import CURRENT_SENSE, PORTS, PROTOCOL_VERSION, Refusal, Type
+from contid_drivers.due.codes import CURRENT_SENSE, PORTS, PROTOCOL_VERSION, VALVE_PAIR, Refusal, Type
 from contid_drivers.due.frames import DuePort, crc16
 from contid_drivers.due.messages import Answer, Configured, Hello, PulseTrace, Refused, Telemetry
 from contid_drivers.due.options import Bridge, DueBusOptions
@@ -198,13 +198,19 @@ class DueConnection:
 
     def _check_parts(self, axis: AxisOnBus) -> None:
         o = axis_options(axis)
+        name, parts = f"{self._name}: {axis.name}", self.hello.capabilities[o.number]
+        if o.valves is not None and not parts & VALVE_PAIR:
+            raise DeviceError(
+                name,
+                f"expected lines for two valves on {o.channel}, found none",
+                "contid firmware flash (from 1.6.0); a Teensy has them on p0 to p3",
+            )
         if o.kind is not DeviceKind.MOTOR:
             return
-        name = f"{self._name}: {axis.name}"
         if not self.hello.bridges >> o.bridge.code & 1:
             bridges = ", ".join(one for one in Bridge if self.hello.bridges >> one.code & 1)
             raise DeviceError(name, f"expected a board for {o.bridge} bridges, found one for {bridges}")
-        if o.stall_current_ma and not self.hello.capabilities[o.number] & CURRENT_SENSE:
+        if o.stall_current_ma and not parts & CURRENT_SENSE:
             raise DeviceError(
                 name,
                 f"expected a current sensor on {o.channel}, found none",

@@ -137,7 +137,6 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions, adc: Adc) -> bytes:
 
 
 def _regulator(o: DueAxisOptions, adc: Adc) -> bytes:
-    assert o.calibration is not None
     assert o.readback is not None
     assert o.ceiling_bar is not None
     (low_mv, low_bar), (high_mv, high_bar) = o.readback
@@ -160,10 +159,13 @@ def _regulator(o: DueAxisOptions, adc: Adc) -> bytes:
         "lag_ms": o.lag_ms,
         "trim": round(o.trim_bar * BAR),
         "trim_rate": round(o.trim_per_s * 256.0),
-        "points": len(o.calibration),
+        "points": len(o.calibration or ()),
     }
-    table = b"".join(struct.pack("<Hi", _duty(duty), round(bar * BAR)) for duty, bar in o.calibration)
-    return _pack(REGULATOR_FIELDS, values) + table
+    rows = b"".join(struct.pack("<Hi", _duty(duty), round(bar * BAR)) for duty, bar in o.calibration or ())
+    if (pair := o.valves) is not None:
+        opens = pair.outlet == "normally_open"
+        rows = struct.pack("<BHHi", opens, pair.valve_ms, pair.least_ms, round(pair.band_bar * BAR))
+    return _pack(REGULATOR_FIELDS, values) + rows
 
 
 def board_config(bus: str, options: DueBusOptions, axes: Sequence[AxisOnBus], adc: Adc = DUE_ADC) -> bytes:

@@ -19,8 +19,8 @@ from contid.hal import AxisOnBus, Homed, Report
 from contid.hal.homing import BACKOFF_MIN_DEG
 from contid.kit.remembered import memory_of
 from contid.kit.serial_ports import find_port
-from contid_drivers.dynamixel import arming, search, turns
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel import search, turns
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.client import ServoClient
@@ -93,8 +93,7 @@ def _by_stop(
 ) -> Homed:
     device = axis.device
     start = search.prepare(client, axis, homing.speed_deg_s, homing.current_ma)
-    arming.arm(client, axis)
-    arming.start_watchdogs(client, [axis], options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
+    search.arm(client, [axis], options.watchdog_ms)
     report(f"{axis.name}: searching its stop with {homing.current_ma} mA")
     first = _until_blocked(client, axis, homing, start)
     report(f"{axis.name}: stands still at {math.degrees(first * reg.RAD_PER_TICK):.2f} deg, once more")

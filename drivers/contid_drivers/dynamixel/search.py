@@ -22,6 +22,10 @@ POLL_S: Final = 0.005
 STILL_TICKS: Final = 3
 #: A way back without motion for this time goes no further.
 STUCK_S: Final = 0.5
+#: Time-out of the watchdogs of a search, in all and per servo: servos are read one after the other, a slow
+#: adapter takes this long for one, and a host without real-time rights pauses. Their current is limited.
+PAUSE_MS: Final = 300
+LOOK_MS: Final = 60
 
 
 def prepare(client: ServoClient, axis: Axis, speed_deg_s: float, current_ma: float) -> int:
@@ -51,6 +55,14 @@ def prepare(client: ServoClient, axis: Axis, speed_deg_s: float, current_ma: flo
         # The change of mode has cleared one of the marks.
         turns.store(client, axis, kept)
     return client.read(device, reg.PRESENT_POSITION)
+
+
+def arm(client: ServoClient, axes: Sequence[Axis], watchdog_ms: int) -> None:
+    """Switch the torque of searching axes on, under watchdogs that are no shorter than the robot file's."""
+    for axis in axes:
+        arming.arm(client, axis)
+    most_ms = min(max(watchdog_ms, PAUSE_MS, LOOK_MS * len(axes)), 127 * reg.WATCHDOG_MS_PER_UNIT)
+    arming.start_watchdogs(client, list(axes), most_ms // reg.WATCHDOG_MS_PER_UNIT)
 
 
 def relax(client: ServoClient, axes: Sequence[Axis]) -> None:

@@ -16,8 +16,8 @@ from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import Homed, Report
-from contid_drivers.dynamixel import arming, search, turns
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel import search, turns
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.options import DynamixelBusOptions, Tensioning
@@ -26,9 +26,6 @@ from contid_drivers.dynamixel.options import DynamixelBusOptions, Tensioning
 STILL_S: Final = 0.3
 #: Share of the current from which on a tendon carries it.
 CARRIED: Final = 0.8
-#: Time-out of the watchdogs per servo: servos are read one after the other, and a slow adapter takes this
-#: long for one. Their current is limited meanwhile.
-LOOK_MS: Final = 60
 #: Way back between the two windings, and the share of the speed of the second winding.
 BACK_DEG: Final = 6.0
 SLOWLY: Final = 0.1
@@ -46,10 +43,7 @@ def tension(
     for axis in axes:
         homing = _homing(axis)
         starts[axis.device] = search.prepare(client, axis, homing.speed_deg_s, homing.current_ma)
-    for axis in axes:
-        arming.arm(client, axis)
-    watchdog_ms = min(max(options.watchdog_ms, LOOK_MS * len(axes)), 127 * reg.WATCHDOG_MS_PER_UNIT)
-    arming.start_watchdogs(client, list(axes), watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
+    search.arm(client, axes, options.watchdog_ms)
     report(f"{', '.join(axis.name for axis in axes)}: winding in")
     _wind(client, axes, starts, 1.0)
     first = _until_taut(client, axes, starts)

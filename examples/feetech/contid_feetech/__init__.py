@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import BaseModel, Field
 
 from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver, Finding
-from contid.kit import MonotonicClock, examine_bus
+from contid.kit import EffortStop, HomesByEffort, MonotonicClock, examine_bus
 from contid.robot_file.base import Strict
 
 
@@ -39,15 +39,17 @@ class FeetechAxisOptions(Strict):
         id: of the servo.
         speed_deg_s: greatest speed; 0 for that of the servo.
         acceleration: register 41 in units of 100 steps/s^2; 0 for the greatest. STS only.
+        homing: search of an end stop, by the current of an STS servo (`contid.kit.EffortStop`).
     """
 
     id: Annotated[int, Field(ge=0, le=252)]
     speed_deg_s: Annotated[float, Field(ge=0, le=2000)] = 0.0
     acceleration: Annotated[int, Field(ge=0, le=254)] = 0
+    homing: EffortStop | None = None
 
 
-class FeetechDriver:
-    """See `contid.hal.Driver`; `emulator` and `doctor` make it one that `Emulates` and `Diagnoses`, too."""
+class FeetechDriver(HomesByEffort):
+    """See `contid.hal.Driver`; it `Emulates`, `Diagnoses` and `Homes`, too."""
 
     bus_options: type[BaseModel] = FeetechOptions
     axis_options: type[BaseModel] = FeetechAxisOptions

@@ -14,7 +14,7 @@ from contid.errors import ContidError
 from contid.hal import AxisOnBus
 from contid.kit import ControlFile, PseudoPort
 from contid_feetech import FeetechAxisOptions, FeetechOptions
-from contid_feetech.bus import GOAL, STEPS_PER_RAD, TORQUE
+from contid_feetech.bus import CURRENT_A, GOAL, STEPS_PER_RAD, TORQUE
 from contid_feetech.wire import BROADCAST, READ, SYNC_READ, SYNC_WRITE, WRITE, packet, signed, take
 
 PING, SPEED, PRESENT = 0x01, 46, 56
@@ -30,12 +30,14 @@ class Servo:
         position: of the shaft [steps].
         error: error byte of its answers; while it is not 0 there is no torque.
         silent: it neither receives nor answers.
+        stops: end stops of the shaft [steps]; ``jammed``: it does not turn.
     """
 
     def __init__(self, device: int, series: str, position: float) -> None:
         self.memory = bytearray(96)
         self.order: Literal["little", "big"] = "little" if series == "sts" else "big"
         self.sts, self.position, self.error, self.silent = series == "sts", position, 0, False
+        self.stops, self.jammed = (-1e9, 1e9), False
         self.memory[3], self.memory[4], self.memory[5] = (9, 3, device) if self.sts else (5, 4, device)
         self.put(11, 4095 if self.sts else 1023)
         self.memory[62], self.memory[63] = 74, 30
@@ -59,6 +61,11 @@ class Servo:
             goal = self.get(GOAL) if low == high == 0 else min(max(self.get(GOAL), low), high)
             reach = (min(self.get(SPEED), top) or top) * seconds
             way = max(-reach, min(reach, goal - self.position))
+            free = min(max(self.position + way, self.stops[0]), self.stops[1]) - self.position
+            # A blocked motor draws current by its error, a free one little.
+            amps = 0.05 if free == way else min(2.0, 0.01 * abs(goal - self.position))
+            self.put(69, round(amps / CURRENT_A))
+            way = 0.0 if self.jammed else free
         self.position += way
         self.put(PRESENT, round(self.position))
         self.put(58, round(way / seconds) if seconds > 0 else 0)

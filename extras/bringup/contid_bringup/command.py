@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import functools
+import queue
 import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from datetime import datetime
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from contid_bringup.drive_fit import DriveFit
     from contid_bringup.motor import ByHand, MotorResult
     from contid_bringup.record import ProvenAxis
-    from contid_bringup.regulator import RegulatorResult
+    from contid_bringup.regulator import ByEye, RegulatorResult
     from contid_bringup.wiring_faults import WiringFault
 
 
@@ -75,7 +77,7 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
             if motors := {axis: facts for axis, facts in found.items() if facts is not None}:
                 records += _bring_up(loaded, bus, motors, by_hand)
             if regulators := [axis for axis, facts in found.items() if facts is None]:
-                records += _bring_up_regulators(bus, regulators)
+                records += _bring_up_regulators(bus, regulators, by_hand)
     when = datetime.now().astimezone()
     if not dry_run:
         write_section(path, loaded, records, when)
@@ -90,7 +92,25 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
 
 
 class Person:
-    """Asks the person at the terminal (`contid_bringup.motor.ByHand`)."""
+    """Asks the person at the terminal (`contid_bringup.motor.ByHand`, `contid_bringup.regulator.ByEye`)."""
+
+    def gauge_bar(self, axis: str, hold: Callable[[], object]) -> float | None:
+        """What a gauge shows; "" for none."""
+        text = _answered(
+            f"{axis}: the highest that a gauge at its chamber shows [bar]? Enter: there is none", hold
+        )
+        try:
+            return float(text.replace(",", ".")) if text else None
+        except ValueError:
+            click.echo(f"{text!r} is no number")
+            return self.gauge_bar(axis, hold)
+
+    def dumped(self, axis: str, hold: Callable[[], object]) -> bool:
+        """Ask for the dump valve; "" when it was opened."""
+        request = (
+            "open the dump valve (its switch, not the supply of the board), wait 5 s, then Enter; s: skip"
+        )
+        return not _answered(f"{axis}: {request}", hold)
 
     def turned(self, axis: str) -> bool:
         """Ask for one turn; "" is yes."""
@@ -116,6 +136,16 @@ class Person:
                 return answers[answer]
 
 
+def _answered(prompt: str, hold: Callable[[], object]) -> str:
+    """The answer of a person; the command is held meanwhile: a watchdog does not wait."""
+    answers: queue.Queue[str] = queue.Queue()
+    click.echo(prompt)
+    threading.Thread(target=lambda: answers.put(sys.stdin.readline()), daemon=True).start()
+    while answers.empty():
+        hold()
+    return answers.get().strip()
+
+
 def _provable(bus: WiredBus, axes: tuple[str, ...]) -> Mapping[str, DriveFacts | None]:
     """What of a bus among ``axes`` (empty: all) can be brought up; None for regulators."""
     from contid.hal.pulses import Pulses
@@ -131,7 +161,9 @@ def _provable(bus: WiredBus, axes: tuple[str, ...]) -> Mapping[str, DriveFacts |
     return {axis.name: bus.driver.drive_facts(axis.options) for axis in only}
 
 
-def _bring_up_regulators(bus: WiredBus, regulators: Sequence[str]) -> Iterator[ProvenAxis]:
+def _bring_up_regulators(
+    bus: WiredBus, regulators: Sequence[str], by_eye: ByEye | None
+) -> Iterator[ProvenAxis]:
     from contid.hal import Rest
     from contid.hal.pulses import Proves
     from contid.kit.clock import MonotonicClock
@@ -152,7 +184,7 @@ def _bring_up_regulators(bus: WiredBus, regulators: Sequence[str]) -> Iterator[P
             opened.disable(opened.axes, Rest.VENT)
             for axis in regulators:
                 others = [each for each in opened.axes if each != axis]
-                result = bring_up_regulator(opened, axis, others, most_pa[axis], clock, report)
+                result = bring_up_regulator(opened, axis, others, most_pa[axis], clock, report, by_eye=by_eye)
                 yield _printed(bus, axis, result, devices[axis])
         finally:
             with defer_signals():

@@ -9,12 +9,19 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 from contid.errors import DeviceError
 from contid.hal import Bus, Clock, Report, Rest, Sample
 from contid.units import BAR
-from contid_bringup.regulator_faults import MEANINGS, NONE, Held, RegulatorFault, name_regulator_fault
+from contid_bringup.regulator_faults import (
+    MEANINGS,
+    NONE,
+    Gauge,
+    Held,
+    RegulatorFault,
+    name_regulator_fault,
+)
 
 #: Steps, as shares of the largest pressure of the axis; and the longest hold of each.
 STEPS: Final = (0.1, 0.2)
@@ -64,8 +71,25 @@ class RegulatorResult:
         return lines + self.notes
 
 
+class ByEye(Protocol):
+    """Steps that a person looks at, while ``hold`` is called again and again to keep the command."""
+
+    def gauge_bar(self, axis: str, hold: Callable[[], object]) -> float | None:
+        """Ask for the highest pressure that a gauge at the chamber shows; None without one."""
+
+    def dumped(self, axis: str, hold: Callable[[], object]) -> bool:
+        """Ask to open the dump valve; false when there is none."""
+
+
 def bring_up_regulator(
-    bus: Bus, axis: str, others: Sequence[str], most_pa: float, clock: Clock, report: Report
+    bus: Bus,
+    axis: str,
+    others: Sequence[str],
+    most_pa: float,
+    clock: Clock,
+    report: Report,
+    *,
+    by_eye: ByEye | None = None,
 ) -> RegulatorResult:
     """Prove one regulator; it is vented before and afterwards.
 
@@ -76,6 +100,7 @@ def bring_up_regulator(
         most_pa: largest pressure of the axis by the robot file; the steps are a tenth and a fifth of it.
         clock: of the bus.
         report: takes lines about the progress.
+        by_eye: the person who reads a gauge and opens the dump valve; None without one.
 
     Raises:
         DeviceLostError: the bus is gone.
@@ -94,6 +119,7 @@ def bring_up_regulator(
         return RegulatorResult(RegulatorFault.AT_REST, notes=[str(error)])
     held: list[Held] = []
     notes: list[str] = []
+    gauge_bar = None
     try:
         for share in STEPS:
             report(f"{axis}: {share * most_pa / BAR:.3g} bar")
@@ -102,19 +128,51 @@ def bring_up_regulator(
             if step.sample.fault:
                 # A scale is the same at a second step, a leak is not.
                 notes = _notes(step.sample)
-                bus.disable([axis], Rest.VENT)
-                read({}, HOLD_S / 2.0)
-                bus.clear_fault([axis])
-                bus.enable([axis])
+                _clear(bus, axis, read)
+        again = functools.partial(_again, bus, axis, held[-1].command_pa, read)
+        if by_eye is not None:
+            gauge_bar = by_eye.gauge_bar(axis, again)
     finally:
         bus.disable([axis], Rest.VENT)
     fault, other = name_regulator_fault(held, stopped=bool(notes))
+    if gauge_bar is not None:
+        gauge = Gauge(held[-1], gauge_bar * BAR)
+        notes.append(gauge.line())
+        if fault is RegulatorFault.NONE and not gauge.agrees:
+            return RegulatorResult(RegulatorFault.GAUGE, gauge.share, held, notes=notes)
     if fault not in (RegulatorFault.NONE, RegulatorFault.SCALE):
         return RegulatorResult(fault, other, held, notes=notes)
     vent_s = _vent_s(read, clock, axis, own + _VENTED * held[-1].last_pa)
     if fault is RegulatorFault.NONE and vent_s is None:
         fault = RegulatorFault.NOT_VENTED
+    if fault is RegulatorFault.NONE and by_eye is not None:
+        try:
+            bus.enable([axis])
+            read({axis: held[-1].command_pa}, HOLD_S / 2.0)
+            if by_eye.dumped(axis, again):
+                left_pa = again().means.get(axis, held[-1].command_pa)
+                notes.append(f"dump valve open: {max(left_pa, 0.0) / BAR:.3g} bar")
+                if left_pa > 2.0 * _VENTED * held[-1].command_pa:
+                    fault = RegulatorFault.NOT_DUMPED
+        finally:
+            bus.disable([axis], Rest.VENT)
     return RegulatorResult(fault, other, held, vent_s, notes)
+
+
+def _clear(bus: Bus, axis: str, read: _Read) -> None:
+    """Vent, and enable again."""
+    bus.disable([axis], Rest.VENT)
+    read({}, HOLD_S / 2.0)
+    bus.clear_fault([axis])
+    bus.enable([axis])
+
+
+def _again(bus: Bus, axis: str, command_pa: float, read: _Read) -> _Readings:
+    """Hold a command for a moment; a step that the board ends begins anew."""
+    readings = read({axis: command_pa}, _PERIOD_S)
+    if readings.last[axis].fault:
+        _clear(bus, axis, read)
+    return readings
 
 
 class _Readings(NamedTuple):

@@ -32,6 +32,8 @@ class RegulatorFault(enum.StrEnum):
     LEAK = "leak"
     NOT_VENTED = "does-not-vent"
     STOPPED = "board-fault"
+    GAUGE = "gauge-disagrees"
+    NOT_DUMPED = "does-not-dump"
 
 
 #: What each name means, and what to do.
@@ -80,6 +82,14 @@ MEANINGS: Final[dict[RegulatorFault, tuple[str, str]]] = {
         "its reading does not fall when it vents",
         "look for a blocked exhaust or a kinked tube; its reading may be frozen",
     ),
+    RegulatorFault.GAUGE: (
+        "its reading is the command, but a gauge at the chamber shows {other} of it",
+        "command and pressure output have the same wrong scale: correct both `calibration` and `readback`",
+    ),
+    RegulatorFault.NOT_DUMPED: (
+        "the dump valve does not empty its chamber",
+        "look whether the emergency stop opens the dump valve, and whether this chamber is behind it",
+    ),
     RegulatorFault.STOPPED: ("its board ended the step", "see its report below"),
 }
 
@@ -103,12 +113,47 @@ class Held(NamedTuple):
         """The reading as a share of the command."""
         return self.last_pa / self.command_pa
 
+    @property
+    def right(self) -> bool:
+        """Whether the reading is the command."""
+        return abs(self.share - 1.0) <= _RIGHT
+
 
 class RegulatorVerdict(NamedTuple):
     """A name, and ``other``: the other axis, or the scale; "" for none."""
 
     fault: RegulatorFault
     other: str = ""
+
+
+class Gauge(NamedTuple):
+    """What a gauge at the chamber showed while a command was held [Pa]."""
+
+    held: Held
+    shown_pa: float
+
+    @property
+    def agrees(self) -> bool:
+        """Whether it shows the command."""
+        return abs(self.shown_pa - self.held.command_pa) <= _RIGHT * self.held.command_pa
+
+    @property
+    def share(self) -> str:
+        """Its pressure as a share of the command."""
+        return f"{self.shown_pa / self.held.command_pa:.0%}"
+
+    def line(self) -> str:
+        """A finding: which side of a wrong scale it is, that of the command or that of the reading."""
+        text = f"gauge: {self.shown_pa / 1e5:.3g} bar"
+        if self.agrees:
+            right = (
+                "" if self.held.right else ": its command is right, its pressure output or `readback` is not"
+            )
+            return text + right
+        near = _RIGHT * self.held.command_pa
+        if abs(self.shown_pa - self.held.last_pa) <= near and not self.held.right:
+            return f"{text}: its pressure output is right, its command or `calibration` is not"
+        return f"{text}: command and pressure output are both wrong"
 
 
 def name_regulator_fault(held: Sequence[Held], stopped: bool) -> RegulatorVerdict:
@@ -127,7 +172,7 @@ def name_regulator_fault(held: Sequence[Held], stopped: bool) -> RegulatorVerdic
         return RegulatorVerdict(RegulatorFault.HALF)
     if share < 1.0 - _RIGHT and (sags or stopped or not same):
         return RegulatorVerdict(RegulatorFault.LEAK)
-    if abs(share - 1.0) <= _RIGHT:
+    if last.right:
         return RegulatorVerdict(RegulatorFault.STOPPED if stopped else RegulatorFault.NONE)
     if _DOUBLE[0] <= share <= _DOUBLE[1]:
         return RegulatorVerdict(RegulatorFault.DOUBLE)

@@ -12,9 +12,10 @@ import pytest
 from click.testing import CliRunner
 
 from contid.cli.commands.check import command as check
+from contid.control.daemon.run_request import RunRequest, load
 from contid.control.engine.cycle import RealClock
 from contid.control.engine.wiring import wired_buses
-from contid.robot_file.load import load_robot_file
+from contid.robot_file.load import load_robot_file, parse_robot_file
 from contid_bringup.command import command
 from contid_devices.doctor import command as doctor
 from contid_drivers.due.bus import DueBus
@@ -52,7 +53,7 @@ def test_a_healthy_motor_is_proven_measured_and_written_down(robot: tuple[Path, 
     assert found.friction_percent == pytest.approx(5.0, rel=0.05)
     assert found.no_load_deg_s is None or found.no_load_deg_s == pytest.approx(575.0, rel=0.1)
     assert found.time_constant_ms is None or found.time_constant_ms == pytest.approx(40.0, rel=0.1)
-    assert found.firmware == "1.5.0"
+    assert found.firmware == "1.6.0"
     assert path.read_text().startswith(before.rstrip("\n"))
     page = path.with_name("robot-bringup.html").read_text()
     assert FIRST in page
@@ -86,11 +87,21 @@ def test_a_change_of_wiring_or_firmware_is_named_afterwards(robot: tuple[Path, D
     path.write_text(text.replace("channel: m0,", "channel: m0, counts_per_rev: 4800,"))
     changed = CliRunner().invoke(check, [str(path)]).output
     assert f"bringup {FIRST}: its wiring in this file was changed since its bring-up" in changed
-    path.write_text(text.replace("firmware: 1.5.0", "firmware: 1.4.0"))
+    path.write_text(text.replace("firmware: 1.6.0", "firmware: 1.5.0"))
     examined = CliRunner().invoke(doctor, [str(path)]).output
-    other = f"warn .*bringup {FIRST}: its firmware is 1.5.0; at its bring-up, .*, it was 1.4.0"
+    other = f"warn .*bringup {FIRST}: its firmware is 1.6.0; at its bring-up, .*, it was 1.5.0"
     assert re.search(other, examined)
     assert re.search(f"warn .*bringup {SECOND}: never brought up", examined)
+    # A run finds it, too, before it begins; what it found is in the text that recordings keep.
+    full = load_robot_file(path)
+    slow = load(RunRequest(str(path)))
+    full_mm_s = full.driven["arm"].rates.velocity_mm_s
+    assert full_mm_s is not None
+    assert slow.driven["arm"].rates.velocity_mm_s == 0.2 * full_mm_s
+    again = parse_robot_file(slow.text, "recorded", recorded=True)
+    assert again.driven["arm"].rates == slow.driven["arm"].rates
+    path.write_text(text)
+    assert load(RunRequest(str(path))).driven["arm"].rates == full.driven["arm"].rates
 
 
 def test_it_asks_before_it_moves_and_names_unknown_axes(robot: tuple[Path, DueEmulator]) -> None:

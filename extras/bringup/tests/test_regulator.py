@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import random
+from collections.abc import Callable
 
 import pytest
 
@@ -72,6 +73,46 @@ def test_a_healthy_regulator_has_no_fault_and_its_vent_is_timed() -> None:
         # A ramp of 2 bar/s over 0.3 bar, then the lag: at least 2.3 lags less the ramp.
         assert found.vent_s is not None
         assert 1.5 * made.regulators[0].lag_s < found.vent_s < 0.2 + 4.0 * made.regulators[0].lag_s
+
+
+@dataclasses.dataclass
+class Eye:
+    """A person with a gauge of the truth, who opens a dump valve that works, does not, or is not there."""
+
+    made: Chambers
+    dump: bool | None
+
+    def gauge_bar(self, axis: str, hold: Callable[[], object]) -> float | None:
+        shown = 0.0
+        for _ in range(400):
+            hold()
+            shown = max(shown, self.made.regulators[0].pressure_pa / 1e5)
+        return shown
+
+    def dumped(self, axis: str, hold: Callable[[], object]) -> bool:
+        if self.dump:
+            self.made.regulators[0].pressure_pa = 0.0
+        return self.dump is not None
+
+
+@pytest.mark.parametrize(
+    ("wires", "dump", "name", "line"),
+    [
+        ({}, True, "ok", "gauge: 0.3 bar"),
+        ({}, None, "ok", "gauge: 0.3 bar"),
+        ({}, False, "does-not-dump", "dump valve open: 0.3 bar"),
+        ({"command_gain": 0.5, "output_gain": 2.0}, None, "gauge-disagrees", "shows 50% of it"),
+        ({"command_gain": 0.5}, None, "half-scale", "its pressure output is right, its command"),
+        ({"output_gain": 0.5}, None, "half-scale", "its command is right, its pressure output"),
+    ],
+)
+def test_a_gauge_shows_the_side_and_a_dump_valve_is_tried(
+    wires: dict[str, float], dump: bool | None, name: str, line: str
+) -> None:
+    made = bench(random.Random(3), **wires)
+    found = bring_up_regulator(made, X, [Y], MOST_PA, made, lambda _line: None, by_eye=Eye(made, dump))
+    assert found.name == name
+    assert any(line in each for each in found.lines()), found.lines()
 
 
 def test_a_step_that_the_board_ended_is_never_right() -> None:

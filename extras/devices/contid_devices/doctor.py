@@ -6,7 +6,8 @@ import dataclasses
 import json
 import shlex
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,14 +16,12 @@ import click
 from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 from contid.hal import Diagnoses, Finding, Identifies
-from contid.hal.pulses import Proves
 from contid.robot_file.load import load_named
 from contid.robot_file.proven.bringup import bringup_findings, device_finding
 from contid.robot_file.tick_rate import exchange_time, rate_finding
 
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus
-    from contid.robot_file.proven.bringup import AxisBringup
 
 
 @click.command()
@@ -36,6 +35,7 @@ def command(robot_file: str, as_json: bool, fix: bool, service: bool, yes: bool,
     """Examine the host and the buses and devices of ROBOT_FILE; moves nothing; exit code 4 on an ERROR."""
     from contid.control.engine.wiring import wired_buses
     from contid.control.process.host_checks import examine
+    from contid.control.process.other_devices import other_devices
 
     def findings() -> Iterator[Finding]:
         yield from examine()
@@ -49,7 +49,8 @@ def command(robot_file: str, as_json: bool, fix: bool, service: bool, yes: bool,
             else:
                 yield Finding(wiring.name, True, f"driver {wiring.driver!r} has no diagnosis")
             if loaded.file.bringup:
-                yield from _other_devices(loaded.file.bringup, bus)
+                with suppress(ContidError):  # a silent bus has findings already
+                    yield from (device_finding(*other) for other in other_devices(loaded, bus))
         yield from bringup_findings(loaded)
 
     if (service or yes) and not fix:
@@ -66,19 +67,6 @@ def command(robot_file: str, as_json: bool, fix: bool, service: bool, yes: bool,
         _print(finding, as_json)
     if not well:
         sys.exit(4)
-
-
-def _other_devices(proven: Mapping[str, AxisBringup], bus: WiredBus) -> Iterator[Finding]:
-    """Axes with another device than at their bring-up; a silent bus has findings already."""
-    if not isinstance(bus.driver, Proves) or not any(axis.name in proven for axis in bus.axes):
-        return
-    try:
-        devices = bus.driver.devices(bus.wiring.name, bus.wiring.options, bus.axes)
-    except ContidError:
-        return
-    for axis, device in devices.items():
-        if axis in proven and (finding := device_finding(axis, proven[axis], device)) is not None:
-            yield finding
 
 
 def _accept(buses: Sequence[WiredBus], name: str) -> None:

@@ -100,12 +100,24 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions, adc: Adc) -> dict[str, float]:
 
 
 def _regulator(o: DueAxisOptions, adc: Adc) -> dict[str, float]:
-    assert o.calibration is not None
     assert o.readback is not None
-    (first_duty, first_bar), (last_duty, last_bar) = o.calibration[0], o.calibration[-1]
+    assert o.ceiling_bar is not None
     (low_mv, low_bar), (high_mv, high_bar) = o.readback
-    return {
-        "full_pa": (last_bar - first_bar) / (last_duty - first_duty) * 100.0 * BAR,
+    if o.valves is not None:
+        # A pump of half as much again; a reading that lags as the robot file states.
+        source = {
+            "full_pa": 0.0,
+            "outlet_open": o.valves.outlet == "normally_open",
+            "supply": 1.5 * o.ceiling_bar * BAR,
+            "lag": o.lag_ms / 1000.0,
+            "opens": 0.6 * o.valves.valve_ms / 1000.0,
+            "shuts": 0.4 * o.valves.valve_ms / 1000.0,
+        }
+    else:
+        assert o.calibration is not None
+        (first_duty, first_bar), (last_duty, last_bar) = o.calibration[0], o.calibration[-1]
+        source = {"full_pa": (last_bar - first_bar) / (last_duty - first_duty) * 100.0 * BAR}
+    return source | {
         "raw_low": low_mv / adc.mv * adc.steps,
         "low_pa": low_bar * BAR,
         "raw_high": high_mv / adc.mv * adc.steps,

@@ -154,3 +154,21 @@ def test_fault_switches(entry, command):
 def test_wrong_fault_switches_are_refused(entry):
     with pytest.raises(ValidationError):
         BoardFault.model_validate(entry)
+
+
+VALVES = {"channel": "p0", "readback": [[0, 0], [3000, 1]], "ceiling_bar": 0.8}
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"valves": {"outlet": "normally_closed"}}, "keeps the pressure in a reset: write hold"),
+        ({"valves": {"outlet": "normally_open"}, "start_state": "hold"}, "start_state hold .* not possible"),
+        ({"valves": {"outlet": "normally_open"}, "calibration": [[0, 0], [100, 1]]}, "it has no calibration"),
+        ({}, "needs calibration"),
+    ],
+)
+def test_a_pair_of_valves_states_what_a_reset_does(keys: dict[str, object], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        DueAxisOptions.model_validate(VALVES | keys)
+    DueAxisOptions.model_validate(VALVES | {"valves": {"outlet": "normally_closed"}, "start_state": "hold"})

@@ -8,6 +8,7 @@ from contid.hal import AxisOnBus
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import Type
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
+from tests.firmware.sam3x.plant import VALVES
 
 
 class Host:
@@ -47,6 +48,14 @@ class Host:
         axes = [
             AxisOnBus(f"p{i}", DueAxisOptions.model_validate({"channel": f"p{i}", **wired}), None)
             for i in range(6)
+        ]
+        self._configure(axes, DueBusOptions(port="x", role=Role.PRESSURE, watchdog_ms=watchdog_ms))
+
+    def configure_valves(self, count: int, watchdog_ms: int = 100) -> None:
+        """Pairs of valves as `plant.Chambers` has them."""
+        axes = [
+            AxisOnBus(f"p{i}", DueAxisOptions.model_validate({"channel": f"p{i}", **VALVES}), None)
+            for i in range(count)
         ]
         self._configure(axes, DueBusOptions(port="x", role=Role.PRESSURE, watchdog_ms=watchdog_ms))
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
 
 from tests.firmware.sam3x.cpu import CLOCK_HZ
 
@@ -117,4 +119,77 @@ class Regulators:
                 self.duty(channel) * self.full_bar - self.pressure_bar[channel]
             ) * share
             millivolt = self.pressure_bar[channel] / self.full_bar * self.full_mv
+            self._board.adc.analog[ANALOG[channel]] = min(4095, int(millivolt / ADC_MV * 4095))
+
+
+#: Keys of an axis that has a `Chamber`.
+VALVES: Final[Mapping[str, object]] = {
+    "valves": {"outlet": "normally_open"},
+    "readback": [[0, 0], [3125, 3]],
+    "ceiling_bar": 1.6,
+    "slew_bar_s": 20,
+    "lag_ms": 1200,
+    "leak_ms": 5000,
+    "over_ms": 5000,
+}
+
+
+@dataclass
+class Chamber:
+    """A chamber behind an inlet from a pump and an outlet, which is open without power.
+
+    Filling: ``lag dp/dt = supply - p``; venting: ``lag dp/dt = -p``; the lag grows with the pressure. Each
+    valve follows its line late.
+    """
+
+    lag_s: float
+    supply_bar: float
+    opens_s: float = 0.006
+    shuts_s: float = 0.004
+    swelling: float = 0.0
+    leak_per_s: float = 0.0
+    pressure_bar: float = 0.0
+    powered: tuple[bool, bool] = (False, False)
+    fills: bool = False
+    vents: bool = True
+    _since_s: list[float] = field(default_factory=lambda: [0.0, 0.0])
+
+    def step(self, lines: int, dt: float) -> None:
+        """Some time with the lines of inlet (1) and outlet (2) as they are."""
+        self.powered = bool(lines & 1), bool(lines & 2)
+        self.fills = self._moved(0, self.fills, self.powered[0], dt)
+        self.vents = self._moved(1, self.vents, not self.powered[1], dt)
+        rise = (self.supply_bar - self.pressure_bar if self.fills else 0.0) - (
+            self.pressure_bar if self.vents else 0.0
+        )
+        lag_s = self.lag_s * (1.0 + self.swelling * self.pressure_bar)
+        self.pressure_bar += (rise / lag_s - self.leak_per_s * self.pressure_bar) * dt
+
+    def _moved(self, valve: int, is_open: bool, ordered: bool, dt: float) -> bool:
+        self._since_s[valve] = 0.0 if is_open == ordered else self._since_s[valve] + dt
+        late_s = self.opens_s if ordered else self.shuts_s
+        return ordered if self._since_s[valve] >= late_s else is_open
+
+
+class Chambers:
+    """Chambers at the lines of a board; a line that it does not drive is low, by its pull-down."""
+
+    def __init__(self, board: Sam3x, chambers: Sequence[Chamber], step: int = 20 * STEP) -> None:
+        self._board, self._step = board, step
+        self.chambers = chambers
+        self.due = board.cpu.cycles
+        board.cpu.timed.append(self)
+
+    def lines(self, channel: int) -> int:
+        """Which valves of a channel have power: 1 the inlet, 2 the outlet."""
+        _, letter, inlet, outlet = WIRING[channel]
+        driven, level = (self._board.pio[letter].status[at] for at in (0x18, 0x38))
+        high = driven & level
+        return (high >> inlet & 1) | (high >> outlet & 1) << 1
+
+    def fire(self) -> None:
+        self.due += self._step
+        for channel, chamber in enumerate(self.chambers):
+            chamber.step(self.lines(channel), self._step / CLOCK_HZ)
+            millivolt = chamber.pressure_bar / 3.0 * 3125.0
             self._board.adc.analog[ANALOG[channel]] = min(4095, int(millivolt / ADC_MV * 4095))

@@ -74,6 +74,14 @@ def test_an_obstacle_that_goes_away_is_no_stop(rig: Make) -> None:
     assert not marked(servo)
 
 
+def test_a_host_that_pauses_longer_than_the_watchdog_of_a_run_still_homes(rig: Make) -> None:
+    r = rig(1, axis={"homing": STOP}, servo={"stops_ticks": (STOP_TICKS, 1e9)}, watchdog_ms=40)
+    (found,) = home(r, lambda line: time.sleep(0.1 if "once more" in line else 0.0))
+    assert found.value == pytest.approx(
+        (STOP_TICKS + r.emulator.servo(1).count_offset()) * TICK, abs=3 * TICK
+    )
+
+
 @pytest.mark.parametrize("counted", [True, False])
 def test_a_zero_that_moved_is_refused_and_given_up_by_force(rig: Make, counted: bool) -> None:
     r = rig(1, axis={"homing": STOP}, servo={"stops_ticks": (STOP_TICKS, 1e9), "position_ticks": 700.0})

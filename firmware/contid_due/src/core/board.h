@@ -8,7 +8,7 @@
 #include "config.h"
 #include "motor.h"
 #include "pulse.h"
-#include "regulator.h"
+#include "air/regulator.h"
 
 namespace contid {
 

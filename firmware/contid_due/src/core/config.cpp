@@ -84,6 +84,13 @@ void read_motor(Reader& in, Checker& check, MotorConfig& m) {
   m.home_repeat = check.within(in.i32(), 0, m.homing ? m.home_backoff - 1 : COUNT_LIMIT);
 }
 
+void read_valves(Reader& in, Checker& check, RegulatorConfig& r) {
+  r.outlet_open = check.within(in.u8(), 0, 1) != 0;
+  r.valve_ms = check.within(in.u16(), 1, 500);
+  r.least_ms = check.within(in.u16(), 1, 500);
+  r.band = check.within(in.i32(), 1, PRESSURE_LIMIT);
+}
+
 void read_regulator(Reader& in, Checker& check, RegulatorConfig& r) {
   r.ceiling = check.within(in.i32(), PRESSURE_STEP, PRESSURE_LIMIT);
   r.slew = check.within(in.i32(), 1000, 10 * PRESSURE_LIMIT);
@@ -100,8 +107,13 @@ void read_regulator(Reader& in, Checker& check, RegulatorConfig& r) {
   r.lag_ms = check.within(in.u16(), 1, 10000);
   r.trim = check.within(in.i32(), 0, PRESSURE_LIMIT);
   r.trim_rate = check.within(in.i32(), 0, 100 * 256);
-  r.points = check.within(in.u8(), 2, TABLE_POINTS);
+  r.points = check.within(in.u8(), 0, TABLE_POINTS);
+  check.require(r.points != 1);
   if (check.bad()) return;
+  if (r.points == 0) {
+    read_valves(in, check, r);
+    return;
+  }
   for (int32_t i = 0; i < r.points; ++i) {
     r.duty[i] = check.within(in.u16(), i == 0 ? 0 : r.duty[i - 1] + 1, DUTY_FULL);
     r.pressure[i] =
@@ -118,14 +130,15 @@ bool fits_role(Safe safe, Role role) {
 }
 
 // A reset leaves no safe state. A chamber that vents ends without pressure, as one whose command is zero at once. A
-// motor cannot hold in a reset: a host that chooses hold names what the motor does then.
-bool same_in_reset(Safe safe, Safe start) {
+// motor cannot hold in a reset: a host that chooses hold names what the motor does then. Valves that are shut without
+// power keep a chamber's pressure in a reset: their host names hold.
+bool same_in_reset(Safe safe, Safe start, bool keeps) {
   switch (safe) {
     case Safe::HOLD:
       return start == Safe::BRAKE || start == Safe::COAST;
     case Safe::VENT:
     case Safe::CLOSE:
-      return start == Safe::CLOSE;
+      return start == (keeps ? Safe::HOLD : Safe::CLOSE);
     default:
       return safe == start;
   }
@@ -148,8 +161,6 @@ Verdict read_config(Reader& in, Role role, int32_t adc_steps, BoardConfig& out) 
     const uint8_t start = in.u8();
     if (!in.ok()) break;
     if (channel >= CHANNELS || (out.mask & (1u << channel)) != 0) return Verdict{Refusal::BAD_CHANNEL, channel};
-    if (!same_in_reset(static_cast<Safe>(safe), static_cast<Safe>(start)))
-      return Verdict{Refusal::SAFE_IS_NOT_START, channel};
     check.within(safe, 0, static_cast<int32_t>(Safe::CLOSE));
     check.require(fits_role(static_cast<Safe>(safe), role));
     out.mask = static_cast<uint8_t>(out.mask | (1u << channel));
@@ -163,6 +174,9 @@ Verdict read_config(Reader& in, Role role, int32_t adc_steps, BoardConfig& out) 
       out.regulator[channel].adc_steps = adc_steps;
       read_regulator(in, check, out.regulator[channel]);
     }
+    const bool keeps = role == Role::PRESSURE && in.ok() && out.regulator[channel].keeps();
+    if (!same_in_reset(static_cast<Safe>(safe), static_cast<Safe>(start), keeps))
+      return Verdict{Refusal::SAFE_IS_NOT_START, channel};
   }
   if (!in.ok()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
   if (check.bad()) return Verdict{Refusal::BAD_VALUE, check.bad_at()};

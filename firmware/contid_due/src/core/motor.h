@@ -8,11 +8,11 @@
 
 namespace contid {
 
-enum class Drive : uint8_t { COAST = 0, BRAKE = 1, RUN = 2, OFF = 3 };
+enum class Drive : uint8_t { COAST = 0, BRAKE = 1, RUN = 2, OFF = 3, VALVES = 4 };
 
 struct Output {
   Drive drive;
-  int32_t duty;  // signed for motors, 0 .. DUTY_FULL for regulators
+  int32_t duty;  // signed for motors, 0 .. DUTY_FULL for regulators; VALVES: 1 the inlet has power, 2 the outlet
 };
 
 class Motor {

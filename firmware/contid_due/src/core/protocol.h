@@ -10,7 +10,7 @@ namespace contid {
 
 const uint8_t PROTOCOL_VERSION = 6;
 const uint8_t FIRMWARE_MAJOR = 1;
-const uint8_t FIRMWARE_MINOR = 5;
+const uint8_t FIRMWARE_MINOR = 6;
 const uint8_t FIRMWARE_PATCH = 0;
 
 const uint8_t CHANNELS = 6;
@@ -115,6 +115,7 @@ const uint8_t EDGE_DECODER = 2;
 const uint8_t CURRENT_SENSE = 4;
 const uint8_t BRIDGE_FAULT = 8;
 const uint8_t READ_BACK = 16;
+const uint8_t VALVE_PAIR = 32;
 
 // Bits beside the state in telemetry.
 const uint8_t CHANNEL_HOMED = 0x10;

@@ -96,8 +96,24 @@ void drive_lines(uint8_t i, bool driven) {
   pwm.pPort->PIO_PDR = pwm.ulPin;  // to the PWM unit, which drives it
 }
 
+// Valves without an order have no power: the pull-downs at their transistors keep them so.
+void put_valves(uint8_t i, const contid::Output& out) {
+  if (out.drive != Drive::VALVES) {
+    release(PINS[i].in_a);
+    release(PINS[i].in_b);
+    return;
+  }
+  const PinDescription& inlet = g_APinDescription[PINS[i].in_a];
+  const PinDescription& outlet = g_APinDescription[PINS[i].in_b];
+  set_pin(PINS[i].in_a, (out.duty & 1) != 0);
+  set_pin(PINS[i].in_b, (out.duty & 2) != 0);
+  inlet.pPort->PIO_OER = inlet.ulPin;
+  outlet.pPort->PIO_OER = outlet.ulPin;
+}
+
 void put_out(uint8_t i, const contid::Output& out) {
   if (role == contid::Role::PRESSURE) {
+    put_valves(i, out);
     set_pwm(i, out.drive == Drive::RUN ? steps_of(out.duty) : 0);
     return;
   }
@@ -170,7 +186,7 @@ void unmask_tick() { NVIC_EnableIRQ(TC3_IRQn); }
 // ---- start ----
 
 uint8_t capabilities(uint8_t channel) {
-  if (role == contid::Role::PRESSURE) return contid::READ_BACK;
+  if (role == contid::Role::PRESSURE) return contid::READ_BACK | contid::VALVE_PAIR;
   const uint8_t encoder = channel < contid::FIRST_EDGE_CHANNEL ? contid::HARDWARE_DECODER : contid::EDGE_DECODER;
   return static_cast<uint8_t>(encoder | contid::CURRENT_SENSE | contid::BRIDGE_FAULT);
 }

@@ -102,8 +102,22 @@ void drive_lines(uint8_t i, bool driven) {
   *portConfigRegister(PWM_PINS[i].pin) = PWM_PINS[i].alternate;  // to the PWM unit, which drives it
 }
 
+// Valves without an order have no power: the pull-downs at their transistors keep them so.
+void put_valves(uint8_t i, const contid::Output& out) {
+  const uint8_t pins[] = {BRIDGE_PINS[i].in_a, BRIDGE_PINS[i].in_b};
+  for (int32_t line = 0; line < 2; ++line) {
+    if (out.drive != Drive::VALVES) {
+      release(pins[line]);
+      continue;
+    }
+    set_pin(pins[line], (out.duty >> line & 1) != 0);
+    *portModeRegister(pins[line]) |= digitalPinToBitMask(pins[line]);
+  }
+}
+
 void put_out(uint8_t i, const contid::Output& out) {
   if (role == contid::Role::PRESSURE) {
+    if (i < MOTORS) put_valves(i, out);
     set_pwm(i, out.drive == Drive::RUN ? out.duty : 0);
     return;
   }
@@ -174,7 +188,8 @@ void unmask_tick() { NVIC_ENABLE_IRQ(IRQ_PIT); }
 // ---- start ----
 
 uint8_t capabilities(uint8_t channel) {
-  if (role == contid::Role::PRESSURE) return contid::READ_BACK;
+  if (role == contid::Role::PRESSURE)
+    return static_cast<uint8_t>(contid::READ_BACK | (channel < MOTORS ? contid::VALVE_PAIR : 0));
   if (channel >= MOTORS) return 0;
   return contid::HARDWARE_DECODER | contid::CURRENT_SENSE | contid::BRIDGE_FAULT;
 }

@@ -1,8 +1,9 @@
 // The pin map of both roles on a Teensy 4.1, by its schematic and the processor's multiplexer.
 //
 // Encoders are on the four hardware decoders, which the crossbar connects to the pins below: four motors, or six
-// regulators. What the two inputs and the PWM line of a bridge mean is configuration (core/bridge.cpp). Fault outputs
-// of bridges are open drains, low is a fault; unconnected is none. No pin takes more than 3.3 V.
+// regulators, four of which may be pairs of valves (v inlet,outlet). What the two inputs and the PWM line of a bridge
+// mean is configuration (core/bridge.cpp). Fault outputs of bridges are open drains, low is a fault; unconnected is
+// none. No pin takes more than 3.3 V.
 #ifndef CONTID_TEENSY41_PINS_H
 #define CONTID_TEENSY41_PINS_H
 
@@ -47,7 +48,8 @@ const TrackPin TRACK_PINS[MOTORS][2] = {
 const char MOTOR_PINS[] =
     "m0 pwm6 in10,11 enc0,1 flt5 A0; m1 pwm9 in12,24 enc2,3 flt7 A1; m2 pwm29 in25,32 enc4,33 flt8 A2; "
     "m3 pwm28 in34,35 enc30,31 flt26 A3";
-const char PRESSURE_PINS[] = "p0 pwm6 A0; p1 pwm9 A1; p2 pwm29 A2; p3 pwm28 A3; p4 pwm36 A4; p5 pwm37 A5; jumper 41";
+const char PRESSURE_PINS[] =
+    "p0 pwm6 v10,11 A0; p1 pwm9 v12,24 A1; p2 pwm29 v25,32 A2; p3 pwm28 v34,35 A3; p4 pwm36 A4; p5 pwm37 A5; jumper 41";
 
 }  // namespace contid
 

@@ -1,9 +1,10 @@
-// A proportional pressure regulator: slew, calibration, ceiling, read-back faults, optional outer loop.
+// A proportional pressure regulator, or a pair of valves: slew, calibration, ceiling, read-back faults, optional outer loop.
 #ifndef CONTID_REGULATOR_H
 #define CONTID_REGULATOR_H
 
-#include "config.h"
-#include "motor.h"
+#include "../config.h"
+#include "../motor.h"
+#include "valve_pair.h"
 
 namespace contid {
 
@@ -39,6 +40,7 @@ class Regulator {
   static const uint32_t RATE_WINDOW = 16;
 
   Output command(bool settle);
+  Output drive(const Output& valves);
   void measure();
   void watch();
   void watch_rest();
@@ -65,6 +67,7 @@ class Regulator {
   int64_t set_q8_;
   int64_t trim_q16_;
   int32_t duty_;
+  ValvePair pair_;
   int32_t wire_ticks_, leak_ticks_, over_ticks_, above_ticks_, above_from_;
   int32_t noticed_;                                      // the reading when it moved last
   int32_t late_q8_;                                      // the set-point behind the lag of the volume

@@ -1,7 +1,7 @@
 // Runs a proportional pressure regulator: set-point slew, calibration table, outer loop, fault detection.
 #include "regulator.h"
 
-#include "fixed.h"
+#include "../fixed.h"
 
 namespace contid {
 
@@ -30,6 +30,7 @@ void Regulator::configure(const RegulatorConfig& config) {
   leak_ticks_ = 0;
   over_ticks_ = 0;
   above_ticks_ = 0;
+  if (config.valves()) pair_.configure(config);
   measure();
   for (uint32_t i = 0; i < RATE_WINDOW; ++i) past_[i] = pressure_;
   // A present set-point (of a host that reconnects) stays, below the new ceiling.
@@ -100,7 +101,7 @@ Output Regulator::hold() {
 Output Regulator::vent() {
   set_q8_ = set_q8_ > vent_q8_ ? set_q8_ - vent_q8_ : 0;
   trim_q16_ = 0;
-  if (set_q8_ == 0) return close();
+  if (set_q8_ == 0 || config_->valves()) return close();
   watch_rest();
   return command(false);
 }
@@ -110,13 +111,20 @@ Output Regulator::close() {
   trim_q16_ = 0;
   duty_ = 0;
   watch_rest();
-  return Output{Drive::COAST, 0};
+  return config_->valves() ? drive(pair_.empty()) : Output{Drive::COAST, 0};
+}
+
+// The duty of a pair of valves is that of its inlet.
+Output Regulator::drive(const Output& valves) {
+  duty_ = (valves.duty & 1) != 0 ? DUTY_FULL : 0;
+  return valves;
 }
 
 // duty = table(set-point + trim); the trim integrates the error of the reading, inside its own limit and half the
 // set-point. A reading outside the fault bands moves it no further: there the signal is wrong, or the chamber.
 Output Regulator::command(bool settle) {
   const int32_t set = static_cast<int32_t>(set_q8_ >> 8);
+  if (config_->valves()) return drive(set == 0 ? pair_.empty() : pair_.follow(set, pressure_, rate_));
   const bool in_band = pressure_ >= set - leak_band() && pressure_ <= set + config_->over;
   if (settle && config_->trim > 0 && sensor_ok() && in_band) {
     const int32_t half = set / 2;
