@@ -5,11 +5,11 @@
     2  ticks come half as often, and every robot moves at half its speed: its time counts ticks
     3  a quarter as often
 
-A level is left upwards after a window of `WINDOW_S` in which more than `OVERLOADED` of the ticks were skipped:
-level 0 after two, and level 1 only where the ticks themselves take too long. It is left downwards after calm
-windows in which a tick took at most `FITS` of the period of the level below. The period changes by a ramp, so
-that robots brake and speed up again within `RAMP_S`. Ticks that come later are not skipped ones; a recording
-has them all, and replays. Pure arithmetic on given times.
+A level is left upwards after a window of `WINDOW_S` in which more than `OVERLOADED` of the ticks were
+skipped, level 0 after two, level 1 only where the ticks themselves take too long. It is left downwards
+after calm windows in which a tick took at most `FITS` of the period of the level below. The period changes
+by a ramp, so that robots brake and speed up again within `RAMP_S`. Ticks that come later are not skipped
+ones; a recording has them all, and replays. Pure arithmetic on given times.
 """
 
 from __future__ import annotations
