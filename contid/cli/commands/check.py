@@ -79,11 +79,10 @@ def command(robot_file: str, trajectory: str | None, budget: bool, as_json: bool
         measured, size = _measured(loaded)
     refusal = "" if measured is None else measured.refusal()
     if as_json:
-        costs = (
-            {}
-            if measured is None
-            else {"budget": {**measured.as_dict(), "recording_bytes_per_hour": dataclasses.asdict(size)}}
-        )
+        costs = {}
+        if measured is not None and size is not None:
+            sizes = {"recording_bytes_per_hour": dataclasses.asdict(size)}
+            costs["budget"] = {**measured.as_dict(), **sizes}
         click.echo(json.dumps({**report, "columns": columns, "kernels": build, **costs}))
         raise SystemExit(2 if refusal else 0)
     from contid.cli.support.check_table import print_report
