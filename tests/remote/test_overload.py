@@ -28,10 +28,10 @@ def test_an_overload_thins_telemetry_until_it_is_over_and_each_change_is_a_warni
     queries.notice(_changed(0, 200.0))
     subscription.sent(11.0, 2, queries.telemetry_hz)
     assert subscription.due(11.0 + 0.01, 0.005)
-    told = [warning["message"] for warning in queries._warnings]
+    reported = [warning["message"] for warning in queries._warnings]
     changes = [_changed(1, 200.0), _changed(2, 100.0), _changed(0, 200.0)]
-    assert told == [str(each) for each in (skips, changes[0], skips, changes[1], skips, changes[2])]
-    assert "100 of 200 Hz" in told[3]
+    assert reported == [str(each) for each in (skips, changes[0], skips, changes[1], skips, changes[2])]
+    assert "100 of 200 Hz" in reported[3]
 
 
 @pytest.mark.parametrize(("level", "words"), [(0, "fit again"), (1, "5 frames"), (2, "1/2 of its speed")])

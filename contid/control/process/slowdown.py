@@ -62,10 +62,12 @@ class Slowdown:
             skipped: ticks left out before it.
             worked_s: how long the tick before took.
         """
-        aim = FACTORS[self.level]
-        if self.factor != aim:
+        goal = FACTORS[self.level]
+        if self.factor != goal:
             step = self.factor / self._rate_hz / RAMP_S
-            self.factor = min(self.factor + step, aim) if aim > self.factor else max(self.factor - step, aim)
+            self.factor = (
+                min(self.factor + step, goal) if goal > self.factor else max(self.factor - step, goal)
+            )
             self._begin_window(now_s)
             self._calm_since_s = now_s
             return None
