@@ -38,7 +38,8 @@ class Lines(enum.IntEnum):
     """Straight lines of axes whose present rates allow them, by versions of the rules of motions.
 
     ROUNDED leads past the goal by what is rounded of the way of an axis, a share of `_NONE` of its speed. To
-    a goal on a limit that axes share such a line led 3e-12 m beyond the limit. EXACT leads to the goal.
+    a goal on a limit that axes share such a line led 3e-12 m beyond the limit. EXACT leads to the goal, and
+    takes no way of an axis in motion for zero, which was a step of up to 2e-4 Pa.
     """
 
     NONE = 0
@@ -116,7 +117,7 @@ def pursued(
         rates,
         ruckig.ControlInterface.Position,
         ruckig.Synchronization.Phase if together else ruckig.Synchronization.No,
-        straight=straight if together else Lines.NONE,
+        straight=straight,
     )
     return None if found is None else _at(found, time_s, goal, frame, rates)
 
@@ -158,7 +159,7 @@ def braked(
     state: MovingAxes, rates: AxisRates, time_s: float, together: bool, straight: Lines = Lines.NONE
 ) -> MovingAxes | None:
     """The state after ``time_s`` of the shortest stop, ``together`` or of every axis by itself."""
-    found = _stop(state, rates, together, straight if together else Lines.NONE)
+    found = _stop(state, rates, together, straight)
     still = (0.0,) * len(state.position)
     return None if found is None else _at(found, time_s, state.position, still, rates)
 
@@ -189,12 +190,15 @@ def _planned(
     speeds = zip(state.velocity, frame, scale, strict=True)
     velocity = [_rounded((speed - v) / unit) for speed, v, unit in speeds]
     acceleration = [_rounded(a / b) for a, b in zip(state.acceleration, scale, strict=True)]
+    if straight is Lines.EXACT:  # a way that is rounded in motion is a step
+        moves = zip(gaps, scale, position, velocity, acceleration, strict=True)
+        position = [gap / unit if v or a else at for gap, unit, at, v, a in moves]
     top = [1.0 - v / unit for v, unit in zip(frame, scale, strict=True)]
     low = [-1.0 - v / unit for v, unit in zip(frame, scale, strict=True)]
     most = [a / b for a, b in zip(rates.acceleration, scale, strict=True)]
     jerk = [j / unit for j, unit in zip(rates.jerk, scale, strict=True)]
     shares: list[float] = []
-    if straight:
+    if straight and kind != ruckig.Synchronization.No:
         way = position if interface == ruckig.ControlInterface.Position else velocity
         if way is position and straight is Lines.EXACT and any(position):
             way = [gap / unit for gap, unit in zip(gaps, scale, strict=True)]

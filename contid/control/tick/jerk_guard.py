@@ -155,7 +155,7 @@ def _ways(
 ) -> Iterator[MovingAxes | None]:
     """States after a tick on ways to an answer, in the order in which they are tried; the last ones stop."""
     yield pursued(now, answer, frame, rates, h, straight=straight)
-    yield pursued(now, answer, frame, rates, h, False)
+    yield pursued(now, answer, frame, rates, h, False, straight=straight)
     if straight:
         yield kept_line(now, answer, rates, h, straight)
     yield braked(now, rates, h, True, straight)

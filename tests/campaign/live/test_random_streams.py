@@ -16,6 +16,7 @@ FOUND = (
     ("stiffflop1", 2000393),  # a stop of an axis that accelerates
     ("trirack", 1000015),  # a stop that crosses a bend radius early
     ("trirack2", 1000003),  # a way along a bend radius
+    ("stiffflop1", 44000348),  # a way of 1.2e-4 Pa that counted as none: 8e-4 beyond the jerk
     ("stiffflop1", 4000307),  # rows that became slower: the curve was played backwards and never came to rest
 )
 
