@@ -25,6 +25,7 @@ from typing import Any, Final
 
 import yaml
 
+from contid.control.daemon.budget import ALLOWED
 from contid.control.engine.events import RunEvent
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.wiring import build_robot_configs
@@ -144,8 +145,12 @@ def measure(name: str, count: int) -> Cost:
     return Cost(count, engine[TICKS // 2], engine[int(0.99 * TICKS)], devices[TICKS // 2])
 
 
-def holds(name: str, count: int, seconds: float = 5.0) -> dict[str, Any]:
-    """Report of a run of this many robots in real time."""
+#: Exit code of a run that is refused, and its reason where ticks do not fit.
+REFUSED: Final = (2, "Hz fit: lower rate_hz")
+
+
+def holds(name: str, count: int, seconds: float = 5.0) -> dict[str, Any] | None:
+    """Report of a run of this many robots in real time; None for one that `contid run` refuses."""
     loaded = many(name, count)
     with tempfile.TemporaryDirectory() as folder:
         robots, trajectory = Path(folder) / "robots.yaml", Path(folder) / "tips.csv"
@@ -155,10 +160,22 @@ def holds(name: str, count: int, seconds: float = 5.0) -> dict[str, Any]:
             [sys.executable, "-m", "contid", "run", str(robots), "--trajectory", str(trajectory), "--json"],
             capture_output=True, text=True,
         )  # fmt: skip
+    if done.returncode == REFUSED[0] and REFUSED[1] in done.stderr:
+        return None
     if done.returncode:
         raise SystemExit(done.stderr + done.stdout)
     report: dict[str, Any] = json.loads(done.stdout)
     return report
+
+
+def lost(report: dict[str, Any]) -> float:
+    """Share of the ticks that were skipped."""
+    return float(report["skipped"] / report["ticks"])
+
+
+def kept(report: dict[str, Any]) -> bool:
+    """True for a run that held its rate."""
+    return lost(report) <= HELD and not report["slowest_hz"]
 
 
 def search(name: str, first: int) -> tuple[int, int]:
@@ -167,15 +184,18 @@ def search(name: str, first: int) -> tuple[int, int]:
     while not high or high - low > max(low // 10, 1):
         # The better of two runs, against load by other jobs.
         report = holds(name, count)
-        if report["skipped"] > HELD * report["ticks"]:
-            report = min(report, holds(name, count), key=lambda each: float(each["skipped"] / each["ticks"]))
-        held = report["skipped"] <= HELD * report["ticks"]
+        if report is not None and not kept(report):
+            report = min(report, holds(name, count) or report, key=lost)
+        held = report is not None and kept(report)
         low, high = (count, high) if held else (low, count)
-        late, skipped = report["late"] / report["ticks"], report["skipped"] / report["ticks"]
-        tail = ", ".join(f"{key} {report['lateness'][key]:.0f}" for key in ("p99_us", "max_us"))
-        word = "holds" if held else "does not hold"
-        row = f"{late:.2%} late, {skipped:.2%} skipped of {report['ticks']} ticks, {tail}"
-        print(f"{WHAT[name]:<28}{count:>7}  {word}: {row}", flush=True)
+        row = f"refused: above {100.0 * ALLOWED:.0f} % of the period"
+        if report is not None:
+            tail = ", ".join(f"{key} {report['lateness'][key]:.0f}" for key in ("p99_us", "max_us"))
+            shares = f"{report['late'] / report['ticks']:.2%} late, {lost(report):.2%} skipped"
+            slowed = f", slowed to {report['slowest_hz']:g} Hz" if report["slowest_hz"] else ""
+            word = "holds" if held else "does not hold"
+            row = f"{word}: {shares} of {report['ticks']} ticks{slowed}, {tail}"
+        print(f"{WHAT[name]:<28}{count:>7}  {row}", flush=True)
         count = (low + high) // 2 if high else 2 * count
     return low, high
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,8 @@ from contid.trajectory.rows import RowReader
 
 #: Columns of a trajectory with their values, actuations by robot, or the actuation of the only robot.
 Command: TypeAlias = Mapping[str, ArrayLike] | ArrayLike
+
+_NUMBERS: Final = frozenset({float, int, np.float64})
 
 
 class CommandReader:
@@ -47,12 +49,14 @@ class CommandReader:
         robot = self._robots.get(name)
         if robot is None:
             raise ArgumentError(f"no robot {name!r}; {allowed_names(self._robots, name)}")
+        if isinstance(values, np.ndarray) and values.dtype == np.float64:
+            values = values.tolist()
         if isinstance(values, list | tuple) and len(values) == len(robot.axis_names):
             given: Sequence[Any] = values
-            if all(type(value) is float and abs(value) <= MAX_NUMBER for value in given):
-                # The usual step of a script, without arrays.
+            if all(type(value) in _NUMBERS and abs(value) <= MAX_NUMBER for value in given):
+                # The usual step of a script: arrays of a few numbers cost ten times as much.
                 to_si = float if self._units.si else robot.quantity.to_si
-                return Target(actuation=tuple([to_si(value) for value in given]))
+                return Target(actuation=tuple([to_si(float(value)) for value in given]))
         unit = self._units.name(robot.quantity)
         what = "actuation" if len(self._robots) == 1 else f"actuation of {name}"
         rows, shape = as_rows(what, values, [f"{axis}_{unit}" for axis in robot.axis_names])

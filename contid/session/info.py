@@ -77,11 +77,12 @@ class Info:
     def __str__(self) -> str:
         """The summary as lines of text."""
         size = f"{self.bytes / 1e6:.3g} MB" + (", compacted" if self.compacted else "")
+        slower = " or by overload" if "overload" in self.events else ""
         lines = [
             f"{self.file}: {self.state}, {size}",
             f"began {self.began}, {self.duration_s:.2f} s{' of virtual time' if self.virtual else ''}",
             f"ticks: {self.ticks} at {self.rate_hz:g} Hz, {self.late} late, {self.skipped} skipped"
-            + (f", {self.waited} waited for arming" if self.waited else "")
+            + (f", {self.waited} waited for arming{slower}" if self.waited else "")
             + (f", longest gap {self.longest_gap_ms:.0f} ms" if self.longest_gap_ms else "")
             + (f", {self.lost} not recorded" if self.lost else ""),
             f"input: {self.input}",

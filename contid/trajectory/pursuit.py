@@ -16,6 +16,7 @@ States", RSS 2021 (the ruckig library).
 
 from __future__ import annotations
 
+import enum
 import math
 from collections.abc import Sequence
 from functools import cache
@@ -31,6 +32,24 @@ _JERKS: Final = (1.0 - 1e-6, 1.0 - 1e-4, 1.0 - 1e-2)
 _NONE: Final = 1e-9
 #: Rates are parallel to a way within this share of their limits.
 _PARALLEL: Final = 1e-9
+
+
+class Lines(enum.IntEnum):
+    """Straight lines of axes whose present rates allow them, by versions of the rules of motions.
+
+    ROUNDED leads past the goal by what is rounded of the way of an axis, a share of `_NONE` of its speed. To
+    a goal on a limit that axes share such a line led 3e-12 m beyond the limit. EXACT leads to the goal, and
+    takes no way of an axis in motion for zero, which was a step of up to 2e-4 Pa.
+    """
+
+    NONE = 0
+    ROUNDED = 1
+    EXACT = 2
+
+    @classmethod
+    def of(cls, motion_rules: int) -> Lines:
+        """Those of `contid.control.tick.config.MOTION_RULES`, or of the recording that is replayed."""
+        return cls(max(0, min(motion_rules - 1, cls.EXACT)))
 
 
 class MovingAxes(NamedTuple):
@@ -75,7 +94,7 @@ def pursued(
     time_s: float,
     together: bool = True,
     *,
-    straight: bool = False,
+    straight: Lines = Lines.NONE,
 ) -> MovingAxes | None:
     """The state after ``time_s`` on the way to a goal; None where ruckig finds no motion.
 
@@ -86,7 +105,7 @@ def pursued(
         rates: limits of the axes.
         time_s: a tick.
         together: every axis arrives at the same instant, else each as early as it can.
-        straight: on a straight line where the present rates allow it, with ``together``.
+        straight: the straight line where the present rates allow it, with ``together``.
     """
     import ruckig
 
@@ -98,12 +117,14 @@ def pursued(
         rates,
         ruckig.ControlInterface.Position,
         ruckig.Synchronization.Phase if together else ruckig.Synchronization.No,
-        straight=straight and together,
+        straight=straight,
     )
     return None if found is None else _at(found, time_s, goal, frame, rates)
 
 
-def kept_line(state: MovingAxes, goal: Actuation, rates: AxisRates, time_s: float) -> MovingAxes | None:
+def kept_line(
+    state: MovingAxes, goal: Actuation, rates: AxisRates, time_s: float, straight: Lines
+) -> MovingAxes | None:
     """The state after ``time_s`` on the straight line of the present motion, to its point nearest to a goal.
 
     None where the axes are not on a line.
@@ -119,10 +140,12 @@ def kept_line(state: MovingAxes, goal: Actuation, rates: AxisRates, time_s: floa
     way = sum([share * (there - at) / unit for share, there, at, unit in gaps]) / sum([s * s for s in shares])
     ends = zip(state.position, shares, scale, strict=True)
     end = tuple([at + way * share * unit for at, share, unit in ends])
-    return pursued(state, end, (0.0,) * len(end), rates, time_s, straight=True)
+    return pursued(state, end, (0.0,) * len(end), rates, time_s, straight=straight)
 
 
-def stopping(state: MovingAxes, rates: AxisRates, times: int, straight: bool = False) -> list[MovingAxes]:
+def stopping(
+    state: MovingAxes, rates: AxisRates, times: int, straight: Lines = Lines.NONE
+) -> list[MovingAxes]:
     """States at equal times of the shortest stop together, the last at rest; none where ruckig finds none."""
     found = _stop(state, rates, together=True, straight=straight)
     if found is None:
@@ -133,15 +156,15 @@ def stopping(state: MovingAxes, rates: AxisRates, times: int, straight: bool = F
 
 
 def braked(
-    state: MovingAxes, rates: AxisRates, time_s: float, together: bool, straight: bool = False
+    state: MovingAxes, rates: AxisRates, time_s: float, together: bool, straight: Lines = Lines.NONE
 ) -> MovingAxes | None:
     """The state after ``time_s`` of the shortest stop, ``together`` or of every axis by itself."""
-    found = _stop(state, rates, together, straight and together)
+    found = _stop(state, rates, together, straight)
     still = (0.0,) * len(state.position)
     return None if found is None else _at(found, time_s, state.position, still, rates)
 
 
-def _stop(state: MovingAxes, rates: AxisRates, together: bool, straight: bool) -> Any:
+def _stop(state: MovingAxes, rates: AxisRates, together: bool, straight: Lines) -> Any:
     import ruckig
 
     kind = ruckig.Synchronization.Time if together else ruckig.Synchronization.No
@@ -157,7 +180,7 @@ def _planned(
     interface: Any,
     kind: Any,
     *,
-    straight: bool,
+    straight: Lines,
 ) -> Any:
     """The motion of ruckig from a state to rest in a frame, None where it finds none."""
     import ruckig
@@ -167,13 +190,18 @@ def _planned(
     speeds = zip(state.velocity, frame, scale, strict=True)
     velocity = [_rounded((speed - v) / unit) for speed, v, unit in speeds]
     acceleration = [_rounded(a / b) for a, b in zip(state.acceleration, scale, strict=True)]
+    if straight is Lines.EXACT:  # a way that is rounded in motion is a step
+        moves = zip(gaps, scale, position, velocity, acceleration, strict=True)
+        position = [gap / unit if v or a else at for gap, unit, at, v, a in moves]
     top = [1.0 - v / unit for v, unit in zip(frame, scale, strict=True)]
     low = [-1.0 - v / unit for v, unit in zip(frame, scale, strict=True)]
     most = [a / b for a, b in zip(rates.acceleration, scale, strict=True)]
     jerk = [j / unit for j, unit in zip(rates.jerk, scale, strict=True)]
     shares: list[float] = []
-    if straight:
+    if straight and kind != ruckig.Synchronization.No:
         way = position if interface == ruckig.ControlInterface.Position else velocity
+        if way is position and straight is Lines.EXACT and any(position):
+            way = [gap / unit for gap, unit in zip(gaps, scale, strict=True)]
         shares = _shares(way, velocity, acceleration, most)
     if shares:
         (lead,) = [k for k, share in enumerate(shares) if share == 1.0][:1]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contid.targets import Actuation
-from contid.trajectory.pursuit import AxisRates, MovingAxes, braked, frame_velocity, pursued, stopping
+from contid.trajectory.pursuit import AxisRates, Lines, MovingAxes, braked, frame_velocity, pursued, stopping
 
 H_S = 0.005
 RATES = AxisRates((0.06, 0.1, 0.06), (1.0, 0.9, 1.0), (20.0, 18.0, 25.0))
@@ -38,6 +38,19 @@ def test_it_catches_up_with_a_goal_that_goes_on() -> None:
     assert state.position == pytest.approx(goal, abs=1e-12)
     assert state.velocity == pytest.approx(velocity, abs=1e-9)
     assert max(shares(positions)) <= 1.0 + 1e-6
+
+
+@pytest.mark.parametrize(("straight", "share"), [(Lines.ROUNDED, 0.0), (Lines.EXACT, 4e-6)])
+def test_a_straight_line_leads_to_the_goal_also_along_axes_that_hardly_move(
+    straight: Lines, share: float
+) -> None:
+    after = pursued(
+        MovingAxes(STILL, STILL, STILL), (1e-6, 4e-12, -8e-7), STILL, RATES, H_S, straight=straight
+    )
+    assert after is not None
+    x, y, z = after.position
+    assert 0.0 < x < 1e-6
+    assert (y, z) == pytest.approx((share * x, -0.8 * x), rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(5))

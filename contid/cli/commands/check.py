@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from typing import TYPE_CHECKING
 
 import click
 
 from contid.cli.support.parameters import robot_names
+
+if TYPE_CHECKING:
+    from contid.control.daemon.budget import Budget
+    from contid.robot_file.load import LoadedFile
+    from contid.session.recording_size import PredictedSize
 
 
 @click.command()
@@ -26,7 +32,8 @@ def command(robot_file: str, trajectory: str | None, budget: bool, as_json: bool
     limits and speed of every row and of the way between. No device is opened.
 
     With --budget it runs the robots in virtual time, standing, on a timed path and on a live stream; `contid
-    run` refuses a file whose tick takes above 80 % of its period.
+    run` refuses a file whose tick takes above 80 % of its period. It also records a part of the stream, and
+    prints how large recordings become.
 
     A bad file ends with exit code 2 and every mistake as file:line:column: what; allowed; nearest name.
     """
@@ -67,14 +74,15 @@ def command(robot_file: str, trajectory: str | None, budget: bool, as_json: bool
         for name, robot in loaded.file.robots.items()
         if not robot.passive
     }
-    measured = None
+    measured = size = None
     if budget:
-        from contid.control.daemon.tick_times import measure_budget
-
-        measured = measure_budget(loaded, loaded.file.rate_hz, virtual_s=2.0, longest_s=1.0)
+        measured, size = _measured(loaded)
     refusal = "" if measured is None else measured.refusal()
     if as_json:
-        costs = {} if measured is None else {"budget": measured.as_dict()}
+        costs = {}
+        if measured is not None and size is not None:
+            sizes = {"recording_bytes_per_hour": dataclasses.asdict(size)}
+            costs["budget"] = {**measured.as_dict(), **sizes}
         click.echo(json.dumps({**report, "columns": columns, "kernels": build, **costs}))
         raise SystemExit(2 if refusal else 0)
     from contid.cli.support.check_table import print_report
@@ -85,9 +93,26 @@ def command(robot_file: str, trajectory: str | None, budget: bool, as_json: bool
             click.echo(f"{finding.subject}: {finding.message}; {finding.remedy}")
     click.echo(f"kernels: {build}")
     if measured is not None:
-        click.echo("\n".join(measured.lines()))
+        click.echo("\n".join([*measured.lines(), str(size)]))
     if refusal:
         raise ContidError(f"{loaded.path}: {refusal}")
+
+
+def _measured(loaded: LoadedFile) -> tuple[Budget, PredictedSize]:
+    """What a tick of a file costs, and how large its recordings are."""
+    from contid.control.daemon.tick_times import measure_budget
+    from contid.session.recording_size import predicted_size
+
+    found: list[Budget] = []
+    rate_hz = loaded.file.rate_hz
+    size = predicted_size(
+        loaded,
+        rate_hz,
+        lambda sink: found.append(
+            measure_budget(loaded, rate_hz, virtual_s=2.0, longest_s=1.0, records=sink)
+        ),
+    )
+    return found[0], size
 
 
 @click.command()

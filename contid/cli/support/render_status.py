@@ -50,6 +50,8 @@ def _head(status: Fields) -> Text:
         text.append(f" (stopped by {lease['stopped_by']})", style="yellow")
     if status.get("stalled"):
         text.append("\nthe control process stands still: nothing moves or stops the robots", style="bold red")
+    if status.get("overload"):
+        text.append(f"\n{status['overload']['message']}", style="bold yellow")
     if status.get("waiting"):
         text.append(f"\n{status['waiting']}; nothing is connected yet", style="yellow")
     if status.get("source_s") is not None:

@@ -5,7 +5,13 @@ from __future__ import annotations
 import signal
 
 from contid.control.engine.events import RunEvent
-from contid.control.engine.events.buses import BusReported, PaceReported, TicksSkipped, TicksWaited
+from contid.control.engine.events.buses import (
+    BusReported,
+    OverloadChanged,
+    PaceReported,
+    TicksSkipped,
+    TicksWaited,
+)
 from contid.control.engine.events.robots import RobotReported
 from contid.control.engine.events.run import RunFailed, RunStarted, StopBegan
 from contid.control.engine.report import RunReport, complete_from_records
@@ -74,6 +80,8 @@ class ReportBuilder:
                 report.ticks, report.late, report.skipped = event.ticks, event.late, event.skipped
                 report.waited, report.lateness = event.waited, event.lateness
                 report.longest_gap_ms = event.longest_gap_ms
+            case OverloadChanged() if event.rate_hz < event.full_rate_hz:
+                report.slowest_hz = min(report.slowest_hz or event.rate_hz, event.rate_hz)
             # The newest figures, in case the control process ends without a report.
             case TicksSkipped():
                 report.skipped, report.longest_gap_ms = event.total, event.longest_gap_ms

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Final
 
 from contid.control.engine.events import RunEvent
-from contid.control.engine.events.buses import BusChanged, TicksSkipped
+from contid.control.engine.events.buses import BusChanged, OverloadChanged, TicksSkipped
 from contid.control.engine.events.robots import ContactBegan, FaultLatched, OrderRefused, SqueezeChanged
 from contid.control.engine.events.run import LogWritten, RunStarted
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
@@ -60,7 +60,7 @@ def event_text(event: RunEvent, log_level: int = logging.INFO) -> str:
             return f"refused: {event.message}"
         case BusChanged() | RunStarted():
             return event.message
-        case TicksSkipped():
+        case TicksSkipped() | OverloadChanged():
             return str(event)
     return ""
 

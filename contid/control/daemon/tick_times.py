@@ -18,7 +18,7 @@ from typing import Any, Final
 from zlib import crc32
 
 from contid.control.daemon.budget import Budget, TickCost
-from contid.control.engine.cycle import OnEnd
+from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.events import RunEvent
 from contid.control.engine.messages import Begin, Hold, Play, Resume, Rows
 from contid.control.engine.virtual import VirtualProcess
@@ -52,13 +52,16 @@ log = logging.getLogger(__name__)
 
 
 class _Counting:
-    """A sink that packs records as the ring does, and drops them."""
+    """A sink that packs records as the ring does, and drops them, or gives them to another sink."""
 
     def __init__(self, loaded: LoadedFile, rate_hz: float) -> None:
         self._packer = record_layout(loaded, rate_hz).packer()
+        self.records: Sink | None = None
 
     def write(self, values: list[float]) -> None:
         crc32(self._packer.pack(*values))
+        if self.records is not None:
+            self.records.write(values)
 
     def event(self, event: RunEvent) -> None:
         pass
@@ -69,9 +72,8 @@ class _Measured:
 
     def __init__(self, loaded: LoadedFile, rate_hz: float, longest_s: float) -> None:
         self._loaded, self._rate_hz, self._longest_s = loaded, rate_hz, longest_s
-        self.process = VirtualProcess(
-            loaded, rate_hz, _Counting(loaded, rate_hz), on_end=OnEnd.HOLD, attended=True
-        )
+        self.sink = _Counting(loaded, rate_hz)
+        self.process = VirtualProcess(loaded, rate_hz, self.sink, on_end=OnEnd.HOLD, attended=True)
         self._engine = self.process.engine
         self._engine.costs.now = time.thread_time
         self._buses_s = dict.fromkeys(self.process.buses, 0.0)
@@ -182,7 +184,12 @@ def _tips(config: RobotConfig, command: Actuation) -> Callable[[float], Vec3]:
 
 
 def measure_budget(
-    loaded: LoadedFile, rate_hz: float, virtual_s: float, longest_s: float, motions: Sequence[str] = MOTIONS
+    loaded: LoadedFile,
+    rate_hz: float,
+    virtual_s: float,
+    longest_s: float,
+    motions: Sequence[str] = MOTIONS,
+    records: Sink | None = None,
 ) -> Budget:
     """Measure what a tick of a file costs on this machine.
 
@@ -192,6 +199,7 @@ def measure_budget(
         virtual_s: robot time of each kind of motion.
         longest_s: time of each, in all.
         motions: of `MOTIONS`, in this order.
+        records: gets the ticks of as much of the last motion again, which is not measured.
 
     Raises:
         ContidError: the simulated robots cannot be built.
@@ -209,6 +217,9 @@ def measure_budget(
         measured = _Measured(_plain(loaded), rate_hz, longest_s)
         with closing(measured.process):
             costs = tuple(getattr(measured, motion)(virtual_s) for motion in motions)
+            if records is not None:
+                measured.sink.records = records
+                getattr(measured, motions[-1])(virtual_s)
     finally:
         if collects:
             gc.enable()

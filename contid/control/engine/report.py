@@ -34,6 +34,7 @@ class RunReport:
         skipped: never started.
         waited: periods that passed while devices were connected, armed or cleared; they are no ticks.
         longest_gap_ms: longest time between two ticks that others were left out of; 0 when none was.
+        slowest_hz: rate of the ticks where overload made them slowest; 0 for none (`OverloadChanged`).
         lateness: p50, p99, p99.9 and greatest [us].
         realtime: whether the control process ran under SCHED_FIFO.
         kernels: the arithmetic of the models, compiled or NumPy.
@@ -51,6 +52,7 @@ class RunReport:
     skipped: int = 0
     waited: int = 0
     longest_gap_ms: float = 0.0
+    slowest_hz: float = 0.0
     lateness: dict[str, float] = field(default_factory=dict)
     realtime: bool = False
     kernels: str = field(default_factory=in_use)
@@ -75,6 +77,8 @@ class RunReport:
         if self.longest_gap_ms:
             accounted += f", longest gap {self.longest_gap_ms:.0f} ms"
         lines.append(f"ticks: {accounted} at {self.rate_hz:g} Hz{' of virtual time' if self.virtual else ''}")
+        if self.slowest_hz:
+            lines.append(f"overload: ticks at {self.slowest_hz:g} Hz for a part of the run")
         if self.lateness and not self.virtual:
             figures = ", ".join(
                 f"{key.removesuffix('_us')} {value:g}" for key, value in self.lateness.items()

@@ -38,6 +38,7 @@ from contid.control.process.skip_cause import SkipCause
 from contid.control.process.tick_alarm import ProcessorWait, TickAlarm
 from contid.errors import ContidError
 from contid.hal import CountsAnswers
+from contid.robot_file.tick_rate import watchdog_s
 
 #: Most log records published after one tick; the others wait for the next.
 LOGS_PER_TICK: Final = 8
@@ -48,6 +49,8 @@ log = logging.getLogger(__name__)
 ORPHAN_STOP_S: Final = 2.0
 #: Ticks between two samples of what the robots cost; no divisor of usual distances of rows.
 COST_TICKS: Final = 7
+#: Share of the time of a watchdog that a period of the ticks may have while they do not fit.
+WATCHDOG_SHARE: Final = 0.25
 #: Longest wait for a bus to close.
 CLOSE_TIMEOUT_S: Final = 0.5
 
@@ -113,7 +116,12 @@ class ControlProcess:
         processor_wait = ProcessorWait()
         names = [config.name for config in engine.robots.configs]
         cause = SkipCause(engine.costs, names, self._ports, processor_wait)
-        pace = Pace(self._setup.rate_hz, self._clock.now(), self._ring, cause.find)
+        costs, watched = engine.costs, [watchdog_s(bus) for bus in self._setup.loaded.buses.values()]
+        pace = Pace(
+            self._setup.rate_hz, self._clock.now(), self._ring, cause.find,
+            lambda: costs.ended_s - costs.began_s,
+            WATCHDOG_SHARE * min(filter(None, watched), default=math.inf),
+        )  # fmt: skip
         TickAlarm(engine.costs, processor_wait, self._setup.rate_hz).install()
         stop_by_s = math.inf
         planned = PlannedStart(1.0 / self._setup.rate_hz)

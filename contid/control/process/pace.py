@@ -4,11 +4,13 @@
 
 A deadline that passed a whole period ago is skipped and counted, in every state. Only while devices are
 connected, armed or cleared, which may take longer than a period, and no robot moves, the grid is shifted
-instead. Pure arithmetic on given times.
+instead, and it is stretched while ticks do not fit (`contid.control.process.slowdown`). Pure arithmetic on
+given times.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Final
 
@@ -16,6 +18,7 @@ from contid.control.engine import messages as msg
 from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.events.buses import PaceReported, TicksSkipped, TicksWaited
 from contid.control.engine.events.robots import OrderRefused
+from contid.control.process.slowdown import Slowdown
 from contid.control.tick.statistics import Lateness
 
 #: A tick that starts later than this share of the period counts as late.
@@ -37,6 +40,8 @@ class Pace:
         now_s: float,
         sink: Sink,
         cause: Callable[[float, float], str] = lambda start_s, due_s: "",
+        worked: Callable[[], float] = lambda: 0.0,
+        longest_s: float = math.inf,
     ) -> None:
         """Begin a grid `START_PERIODS` from now.
 
@@ -45,7 +50,10 @@ class Pace:
             now_s: the current time.
             sink: gets the ``skipped`` and ``waited`` events.
             cause: of skipped ticks, by the times when a tick starts and when it was due.
+            worked: how long the newest tick took [s].
+            longest_s: longest period that the watchdogs of the devices allow.
         """
+        self._slowdown, self._worked = Slowdown(rate_hz, longest_s), worked
         self._period_s = 1.0 / rate_hz
         self._base_s = now_s + START_PERIODS * self._period_s
         self._sink = sink
@@ -71,8 +79,10 @@ class Pace:
             preparing: the tick before may have taken longer for a request to devices (see
                 `contid.control.engine.engine.Engine.preparing`); missed deadlines shift the grid.
         """
-        period_s = self._period_s
+        more = self._slowdown.factor - 1.0
+        period_s = self._period_s * (1.0 + more)
         delay_s = start_s - self.deadline_s
+        missed = 0
         if delay_s >= period_s:
             missed = int(delay_s / period_s)
             self._longest_gap_s = max(self._longest_gap_s, start_s - self._started_s)
@@ -83,6 +93,7 @@ class Pace:
                 delay_s -= missed * period_s
             else:
                 self._tick += missed
+                self._base_s += missed * more * self._period_s
                 self._skipped += missed
                 self._unreported += missed
                 if missed > self._most_missed:
@@ -98,6 +109,10 @@ class Pace:
         self._late += lateness_s > LATE_SHARE * period_s
         timing = Timing(self._tick, self._skipped, deadline_s, lateness_s, deadline_s + BUS_SHARE * period_s)
         self._tick += 1
+        change = None if preparing else self._slowdown.tick(start_s, missed, self._worked())
+        if change is not None:
+            self._sink.event(change)
+        self._base_s += (self._slowdown.factor - 1.0) * self._period_s
         return timing
 
     def report(self) -> PaceReported:

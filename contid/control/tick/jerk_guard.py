@@ -24,7 +24,7 @@ from contid.control.tick.state import GuardState, RobotState
 from contid.control.tick.viability import SLACK, stays_viable, stops_inside, viable
 from contid.targets import Actuation
 from contid.trajectory.approach import optimal
-from contid.trajectory.pursuit import AxisRates, MovingAxes, braked, frame_velocity, kept_line, pursued
+from contid.trajectory.pursuit import AxisRates, Lines, MovingAxes, braked, frame_velocity, kept_line, pursued
 
 #: Shares of the velocity with which a tendon robot goes on before it stops, where its way leaves limits.
 _SHARES: Final = (1.0, 0.3, 0.1)
@@ -144,20 +144,20 @@ def _pursuing(
         return _tendons_pursuing(config, state.command, now, answer, pace, () if stops else _SHARES)
     frame = frame_velocity(pace, rates)
     after: MovingAxes | None = None
-    for after in _ways(now, answer, frame, rates, h, straight=config.motion_rules > 1):
+    for after in _ways(now, answer, frame, rates, h, Lines.of(config.motion_rules)):
         if after is not None and stays_viable(config, after, state.command):
             return _Pursuit(after)
     return _Pursuit(after or _coasting(config, now))
 
 
 def _ways(
-    now: MovingAxes, answer: Actuation, frame: Actuation, rates: AxisRates, h: float, straight: bool
+    now: MovingAxes, answer: Actuation, frame: Actuation, rates: AxisRates, h: float, straight: Lines
 ) -> Iterator[MovingAxes | None]:
     """States after a tick on ways to an answer, in the order in which they are tried; the last ones stop."""
     yield pursued(now, answer, frame, rates, h, straight=straight)
-    yield pursued(now, answer, frame, rates, h, False)
+    yield pursued(now, answer, frame, rates, h, False, straight=straight)
     if straight:
-        yield kept_line(now, answer, rates, h)
+        yield kept_line(now, answer, rates, h, straight)
     yield braked(now, rates, h, True, straight)
     yield braked(now, rates, h, False)
 
@@ -177,7 +177,7 @@ def _tendons_pursuing(
     of the velocity are tried one after the other; without any it stops.
     """
     h, rates = config.period_s, AxisRates(config.velocity, config.acceleration, config.jerk)
-    straight = config.motion_rules > 1
+    straight = Lines.of(config.motion_rules)
     for share in shares:
         slower = rates._replace(velocity=[share * each for each in rates.velocity])
         after = pursued(now, answer, frame_velocity(pace, slower), slower, h, straight=straight)

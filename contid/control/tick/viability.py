@@ -12,7 +12,7 @@ from typing import Final
 
 from contid.control.tick.config import RobotConfig
 from contid.targets import Actuation
-from contid.trajectory.pursuit import AxisRates, MovingAxes, stopping
+from contid.trajectory.pursuit import AxisRates, Lines, MovingAxes, stopping
 from contid.units import LIMIT_TOLERANCE_M
 
 #: A bound counts as kept up to this share of it: rounding.
@@ -71,7 +71,7 @@ def _stop_keeps(
     ``clearly``: nor would one that is as far beyond a state as the next one is from it.
     """
     rates = AxisRates(config.velocity, config.acceleration, config.jerk)
-    ways = stopping(state, rates, looked_at, straight=config.motion_rules > 1)
+    ways = stopping(state, rates, looked_at, Lines.of(config.motion_rules))
     if not all(_within(config, way.position, last) for way in ways):
         return False
     if not clearly:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Awaitable, Callable, Mapping
@@ -11,7 +12,7 @@ from typing import Any, Final, Protocol, TypeAlias
 from contid import __version__
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import RunEvent
-from contid.control.engine.events.buses import ControlStalled, TicksSkipped
+from contid.control.engine.events.buses import TELEMETRY_HZ, ControlStalled, OverloadChanged, TicksSkipped
 from contid.control.engine.events.run import LogWritten, RunStarted, StreamDelayed
 from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, RequestFields
@@ -56,9 +57,9 @@ class Subscription:
         """True when a record of this time is sent: from half a tick early, so that each tick can be had."""
         return self.rate_hz > 0.0 and at_s >= self.next_s - 0.5 * tick_s
 
-    def sent(self, now_s: float, tick: int) -> None:
+    def sent(self, now_s: float, tick: int, most_hz: float = math.inf) -> None:
         """Note a frame; the next one is due a period after this one was, a late one makes no burst."""
-        period_s = 1.0 / self.rate_hz
+        period_s = 1.0 / min(self.rate_hz, most_hz)
         self.next_s = (self.next_s if now_s - self.next_s < period_s else now_s) + period_s
         self.tick = tick
 
@@ -109,7 +110,9 @@ class QueryHandler:
         self._began_s = time.monotonic()
         self._realtime: bool | None = None
         self._stalled = False
+        self._skips = ""
         self._stream_delay_ms: float | None = None
+        self._overload: OverloadChanged | None = None
         self._warnings: deque[Fields] = deque(maxlen=WARNINGS)
         self.verbs: dict[str, Verb] = {
             "hello": self._hello, "ping": self._ping, "status": self._status, "describe": self._describe,
@@ -124,12 +127,21 @@ class QueryHandler:
             self._stalled = not event.over
         elif isinstance(event, StreamDelayed):
             self._stream_delay_ms = event.delay_ms
+        elif isinstance(event, OverloadChanged):
+            self._overload = event if event.level else None
+            self._warn("warning", SKIPPED, str(event))
         elif isinstance(event, LogWritten) and event.level not in ("debug", "info"):
             self._warn(event.level, event.logger, event.message)
         elif isinstance(event, TicksSkipped):
-            if self._warnings and self._warnings[-1]["logger"] == SKIPPED:
+            if self._warnings and self._warnings[-1]["message"] == self._skips:
                 self._warnings.pop()  # the total is in the new one
-            self._warn("warning", SKIPPED, str(event))
+            self._skips = str(event)
+            self._warn("warning", SKIPPED, self._skips)
+
+    @property
+    def telemetry_hz(self) -> float:
+        """Most frames per second that a client gets now."""
+        return TELEMETRY_HZ if self._overload else math.inf
 
     def _warn(self, level: str, logger: str, message: str) -> None:
         at_s = round(time.monotonic() - self._began_s, 3)
@@ -167,6 +179,13 @@ class QueryHandler:
             "realtime": self._realtime,
             "stalled": self._stalled,
             "stream_delay_ms": self._stream_delay_ms,
+            "overload": None
+            if self._overload is None
+            else {
+                "rate_hz": self._overload.rate_hz,
+                "telemetry_hz": TELEMETRY_HZ,
+                "message": str(self._overload),
+            },
             "uptime_s": round(now_s - self._began_s, 3),
             "clients": self._clients(),
             "waiting": self._control.waiting or None,

@@ -165,7 +165,7 @@ class SocketServer:
         for connection, subscription in due:
             if subscription.tick == record.tick:
                 continue
-            subscription.sent(now_s, record.tick)
+            subscription.sent(now_s, record.tick, self._handler.queries.telemetry_hz)
             line = frames.line(record, subscription.robots, subscription.fields)
             if dropped := connection.outbox.dropped:
                 line = line[:-2] + b',"dropped":%d}\n' % dropped

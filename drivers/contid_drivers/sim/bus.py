@@ -98,13 +98,16 @@ class SimBus:
             if not math.isfinite(value):
                 raise DeviceError(axis, f"a command must be finite, got {value!r}")
         now = self._advance_open()
+        latency_s = self._options.latency_ms / 1e3
+        if not self.switches.on and latency_s <= 0.0:
+            return self._exchanged_soundly(commands, now)
         for axis, value in self._body_faults.commands(commands).items():
             if axis in self._enabled and not self._silent(axis):
                 self.devices[axis].command(value)
         for axis, device in self.devices.items():
             if not self._silent(axis) and not self.switches.is_on(FaultKind.STALE, axis):
                 self._samples[axis] = self._body_faults.seen(axis, device.read(now))
-        end = self._wait(now, self._options.latency_ms / 1e3 + self.switches.delay_s)
+        end = self._wait(now, latency_s + self.switches.delay_s)
         for axis, device in self.devices.items():
             answered = not self._silent(axis)
             if answered:
@@ -118,6 +121,19 @@ class SimBus:
                     sample.temperature_c, sample.voltage_v, sample.fault,
                 )  # fmt: skip
         return dict(self._samples)
+
+    def _exchanged_soundly(self, commands: Mapping[str, float], now: float) -> Mapping[str, Sample]:
+        """An exchange without any fault or latency, in half of the time: nearly every one."""
+        enabled, devices = self._enabled, self.devices
+        for axis, value in commands.items():
+            if axis in enabled:
+                devices[axis].command(value)
+        samples = {}
+        for axis, device in devices.items():
+            samples[axis] = device.read(now)
+            device.fed_at_s = now
+        self._samples = samples
+        return dict(samples)
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
         """Bring axes to a state of rest; does not raise for a lost device (`contid.hal.Bus.disable`)."""
@@ -242,6 +258,13 @@ class SimBus:
 
     def _advance_to(self, to_s: float) -> None:
         """Advance every device to ``to_s``; watchdogs trip at their own instants."""
+        devices = self.devices.values()
+        fed_at_s = min([device.fed_at_s for device in devices if device.on], default=math.inf)
+        if fed_at_s + self._watchdog_s >= to_s:  # no watchdog trips in this time
+            for axis, device in self.devices.items():
+                if device.advance(to_s):
+                    self._note(device.fault, to_s, axis)
+            return
         while True:
             armed = [(d.fed_at_s + self._watchdog_s, axis) for axis, d in self.devices.items() if d.on]
             deadline, first = min(armed, default=(math.inf, ""))

@@ -56,6 +56,20 @@ def nodes_text(metrics: MetricsText, statuses: Mapping[str, Fields | None]) -> N
         "contid_tick_lateness_seconds", "histogram", "How late ticks started.",
         [sample for name, status in running.items() for sample in _histogram(name, status)],
     )  # fmt: skip
+    rates_hz = {name: (status.get("overload") or status)["rate_hz"] for name, status in up.items()}
+    metrics.family(
+        "contid_tick_rate_hertz", "gauge", "Ticks per second; under overload fewer than the file has.",
+        _by_node(rates_hz),
+    )  # fmt: skip
+    metrics.family(
+        "contid_robot_tick_seconds", "gauge", "What a tick of a robot takes, mean of the newest.",
+        [
+            ("", {"node": name, "robot": robot}, fields["tick_ms"] * 1e-3)
+            for name, status in up.items()
+            for robot, fields in status["robots"].items()
+            if fields.get("tick_ms") is not None
+        ],
+    )  # fmt: skip
     metrics.family(
         "contid_robot_state", "gauge", "1 for the state that a robot has.",
         [

@@ -18,7 +18,7 @@ from contid.client import Client, RemoteError
 from contid.errors import ContidError
 from contid_fleet.fleet_address import FleetAddress
 from contid_fleet.metrics_server import metrics_address
-from contid_fleet.metrics_text import MetricsText
+from contid_fleet.metrics_text import MetricsText, nodes_text
 from contid_fleet.operator import FleetOperator
 from tests.support.command import contid
 from tests.support.daemons import armed, daemon
@@ -177,3 +177,19 @@ def test_a_page_beyond_this_machine_is_refused(text: str) -> None:
 def test_addresses_of_this_machine() -> None:
     assert metrics_address("127.0.0.1:9464") == ("127.0.0.1", 9464)
     assert metrics_address("[::1]:9464") == ("::1", 9464)
+
+
+@pytest.mark.parametrize(("overload", "rate_hz"), [(None, 200.0), ({"rate_hz": 100.0}, 100.0)])
+def test_overload_and_the_cost_of_robots_are_metrics(
+    overload: dict[str, float] | None, rate_hz: float
+) -> None:
+    robots = {"left": {"state": "RUN", "tick_ms": 0.25}, "right": {"state": "OFF", "tick_ms": None}}
+    status: dict[str, Any] = {
+        "rate_hz": 200.0, "overload": overload, "robots": robots, "buses": {}, "clients": 1,
+        "lease": {"holder": None},
+    }  # fmt: skip
+    metrics = MetricsText()
+    nodes_text(metrics, {"a": status, "b": None})
+    found = parsed(metrics.text())
+    assert found["contid_tick_rate_hertz"] == {frozenset({("node", "a")}): rate_hz}
+    assert found["contid_robot_tick_seconds"] == {frozenset({("node", "a"), ("robot", "left")}): 2.5e-4}

@@ -10,6 +10,7 @@ from contid.control.engine.events.buses import (
     BusChanged,
     BusStalled,
     DeviceFaultChanged,
+    OverloadChanged,
     PaceReported,
     TicksSkipped,
     TicksWaited,
@@ -29,7 +30,8 @@ from contid.control.engine.events.robots import (
 from contid.control.engine.events.run import LogWritten, NoteWritten, RunFailed
 
 _WARNINGS: Final = (
-    OrderRefused, ContactBegan, BusChanged, BusStalled, DeviceFaultChanged, TicksSkipped, ViewerPaused,
+    OrderRefused, ContactBegan, BusChanged, BusStalled, DeviceFaultChanged, OverloadChanged,
+    TicksSkipped, ViewerPaused,
 )  # fmt: skip
 #: Levels of Rerun by kind; the others are INFO.
 _LEVELS: Final = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from contid.control.engine.events import BusName, RunEvent, Text, TickNumber, run_event
 
@@ -80,6 +80,34 @@ class TicksSkipped(RunEvent):
         """For a person."""
         text = f"{self.ticks} {'tick' if self.ticks == 1 else 'ticks'} skipped ({self.total} in all)"
         return f"{text}: {self.cause}" if self.cause else text
+
+
+#: Most frames of telemetry per second that a client gets while ticks do not fit.
+TELEMETRY_HZ: Final = 5.0
+
+
+@run_event("overload")
+class OverloadChanged(RunEvent):
+    """What gives way while ticks do not fit has changed (`contid.control.process.slowdown`)."""
+
+    level: Annotated[int, "0: nothing; 1: telemetry; 2: ticks come half as often; 3: a quarter as often"]
+    rate_hz: Annotated[float, "rate of the ticks from now on"]
+    full_rate_hz: Annotated[float, "rate of the run"]
+    work_ms: Annotated[float, "mean time of a tick"]
+
+    def __str__(self) -> str:
+        """For a person."""
+        took = f"a tick takes {self.work_ms:.3g} of {1e3 / self.full_rate_hz:.3g} ms"
+        if not self.level:
+            return f"ticks fit again ({took}): telemetry and robots go on as asked"
+        frames = f"clients get at most {TELEMETRY_HZ:g} frames per second"
+        if self.level == 1:
+            return f"overload, {took}: {frames}"
+        share = self.full_rate_hz / self.rate_hz
+        return (
+            f"overload, {took}: ticks at {self.rate_hz:g} of {self.full_rate_hz:g} Hz, every robot moves at "
+            f"1/{share:g} of its speed; {frames}; lower rate_hz, or divide the robots between files"
+        )
 
 
 @run_event("waited")

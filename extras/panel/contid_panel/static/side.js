@@ -67,7 +67,9 @@ export class Machine {
         h("td", { className: `tier ${bus.tier}` }, bus.tier), h("td", { className: "number" }, `${shown(bus.age_ms, 1)} ms`),
         h("td", {}, bus.silent.length ? `silent: ${bus.silent.join(", ")}` : "")));
     this.buses.replaceChildren(...rows);
-    setText(this.facts, `${status.rate_hz} Hz${status.realtime ? "" : ", not real time"} · late ${shown(status.lateness_us.max, 0)} µs · ` +
+    const took = Object.values(status.robots).reduce((sum, robot) => sum + (robot.tick_ms ?? 0), 0);
+    const slowed = status.overload ? `overload: ${status.overload.rate_hz} of ` : "";
+    setText(this.facts, `${slowed}${status.rate_hz} Hz · robots ${shown(took, 2)} of ${shown(1e3 / status.rate_hz, 1)} ms${status.realtime ? "" : ", not real time"} · late ${shown(status.lateness_us.max, 0)} µs · ` +
       `skipped ${status.skipped ?? 0} · ${status.clients} clients${status.waiting ? ` · waiting: ${status.waiting}` : ""}`);
     const texts = status.warnings.map((each) => `${Math.round(each.at_s)} s: ${each.message}`);
     if (texts.join() !== this.texts) {
