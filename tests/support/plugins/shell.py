@@ -84,7 +84,7 @@ def _run(connection: socket.socket) -> None:
                 os.close(number)
         ended = os.pidfd_open(process.pid)
         try:
-            while ended not in select.select([connection, ended], [], [])[0]:
+            while ended not in select.select([connection.fileno(), ended], [], [])[0]:
                 numbers = connection.recv(16)
                 for number in numbers:
                     process.send_signal(number)
