@@ -25,7 +25,8 @@ from benchmarks.stop_latency import cheap, connects, heavy, subscribes
 from contid.client import Client
 from contid.errors import ContidError
 from tests.campaign.spellings import Spellings
-from tests.support.daemons import Running, armed, daemon
+from tests.support.daemons import Running, armed
+from tests.support.daemons import fast_daemon as daemon
 
 #: Far beyond every measured delay: a stop that takes longer is lost.
 LIMIT_S: Final = 10.0

@@ -27,7 +27,7 @@ RUNS = """
 import time
 from contextlib import ExitStack
 from benchmarks.on_sigterm import leave_on_sigterm
-from tests.support.daemons import daemon
+from tests.support.daemons import fast_daemon as daemon
 leave_on_sigterm()
 with ExitStack() as stack:
     running = stack.enter_context(daemon())

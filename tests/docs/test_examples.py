@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.support.plugins.forked import environment
+from tests.support.plugins.shell import contid_for_shells
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -22,24 +24,21 @@ PAGES = [
     for page in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
     if blocks(name := str(page.relative_to(ROOT)))
 ]
+#: The commands of the first page start as a reader starts them, all others fork.
+STARTED = [pytest.param(page, marks=[pytest.mark.true_process] * (page == "README.md")) for page in PAGES]
 
 
 @pytest.mark.process
 @pytest.mark.realtime
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("page", STARTED)
 def test_the_commands_of_a_page_run(page: str, tmp_path: Path) -> None:
     commands = tmp_path / "bin"
     commands.mkdir()
-    shim = commands / "contid"
-    shim.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m contid "$@"\n')
-    shim.chmod(0o755)
     work = tmp_path / "work"
     work.mkdir()
-    source = [str(ROOT), str(ROOT / "drivers")]
-    environment = {
-        **os.environ,
+    variables = {
+        **environment(),
         "PATH": f"{commands}:{os.environ['PATH']}",
-        "PYTHONPATH": os.pathsep.join([*source, os.environ.get("PYTHONPATH", "")]),
         "CONFIGS": str(ROOT / "configs"),
         "XDG_RUNTIME_DIR": str(tmp_path),
     }
@@ -48,16 +47,17 @@ def test_the_commands_of_a_page_run(page: str, tmp_path: Path) -> None:
     # One shell for the page: later blocks use the files of earlier ones. Ctrl-C reaches a background job.
     script = "set -eo pipefail\nset -m\ntrap 'kill $(jobs -p) 2>/dev/null || true' EXIT\n" + "\n".join(found)
     # stdin must be empty, not pytest's: `contid run` reads a trajectory from it.
-    done = subprocess.run(
-        ["bash", "-c", script],
-        cwd=work,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=240,
-        stdin=subprocess.DEVNULL,
-        check=False,
-    )
+    with contid_for_shells(commands):
+        done = subprocess.run(
+            ["bash", "-c", script],
+            cwd=work,
+            env=variables,
+            capture_output=True,
+            text=True,
+            timeout=240,
+            stdin=subprocess.DEVNULL,
+            check=False,
+        )
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
     assert "Traceback" not in done.stderr
 

@@ -9,7 +9,8 @@ import psutil
 import pytest
 
 from contid.control.process.shared_files import folder
-from tests.support.daemons import armed, daemon
+from tests.support.daemons import armed
+from tests.support.daemons import fast_daemon as daemon
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 

@@ -15,7 +15,8 @@ from pathlib import Path
 import pytest
 
 from contid.client import AsyncClient, Code, RemoteError, ServoState
-from tests.support.daemons import HERE, armed, arrives, command, daemon, states
+from tests.support.daemons import HERE, armed, arrives, command, states
+from tests.support.daemons import fast_daemon as daemon
 from tests.support.waiting import until
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]

@@ -15,7 +15,8 @@ from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.messages import Estop, Hold, Mark, Measured, Start
 from contid.control.process.pace import PlannedStart
 from tests.support.command import contid
-from tests.support.daemons import HERE, armed, daemon, states
+from tests.support.daemons import HERE, armed, states
+from tests.support.daemons import fast_daemon as daemon
 from tests.support.waiting import until
 
 pytestmark = pytest.mark.process

@@ -17,7 +17,7 @@ from contid.control.process import ring
 from contid.control.process.ring_writer import RingWriter
 from contid.control.process.setup import RunSetup
 from contid.session.recording_observer import RecordingObserver
-from tests.support.daemons import daemon
+from tests.support.daemons import fast_daemon as daemon
 from tests.support.fingers import load
 from tests.support.waiting import until
 

@@ -15,7 +15,8 @@ from mcap.reader import make_reader
 
 from contid.client import Client, RemoteError
 from tests.support.command import contid_in
-from tests.support.daemons import FAR, HERE, Running, armed, daemon
+from tests.support.daemons import FAR, HERE, Running, armed
+from tests.support.daemons import fast_daemon as daemon
 from tests.support.waiting import until
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]

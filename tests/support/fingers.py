@@ -41,9 +41,10 @@ def fingers(
     on_interrupt: str = "hold",
     on_fault: str = "hold",
     tolerance: int = 3,
+    rate_hz: int = 200,
 ) -> str:
     """A robot file; ``options`` are further lines of the first bus."""
-    lines = ["contid: 1", "name: fingers", "rate_hz: 200", "buses:"]
+    lines = ["contid: 1", "name: fingers", f"rate_hz: {rate_hz}", "buses:"]
     for bus in range(buses):
         lines += [f"  bus{bus}:", "    driver: sim", f"    tolerance_ticks: {tolerance}"]
         lines += [f"    {line}" for line in options.splitlines()] if bus == 0 else []

@@ -16,7 +16,8 @@ from contid.robot_file.load import parse_robot_file, with_mock
 from contid.targets import Target
 from contid_camera.tracker import TipTracker
 from tests.support.camera_scene import TIP, WORLD, Scene, places, setup
-from tests.support.daemons import armed, daemon
+from tests.support.daemons import armed
+from tests.support.daemons import fast_daemon as daemon
 
 pytestmark = pytest.mark.process
 

@@ -40,7 +40,7 @@ def tracked(tracker, scene, seconds, rng, light=1.0, hide=0.3):
 @pytest.mark.parametrize(("light", "noise", "blur_px"), [(1.0, 2.5, 0.8), (0.35, 3.0, 1.1)])
 def test_the_tip_is_measured_in_two_lights_while_tags_are_hidden_now_and_then(light, noise, blur_px):
     rng = np.random.default_rng(1)
-    errors, looks = tracked(TipTracker(setup()), Scene.usual(noise=noise, blur_px=blur_px), 6.0, rng, light)
+    errors, looks = tracked(TipTracker(setup()), Scene.usual(noise=noise, blur_px=blur_px), 3.0, rng, light)
     assert len(errors) > 0.8 * len(looks)
     mm, degrees = np.sqrt(np.mean(errors**2, axis=0))
     assert mm <= 0.3

@@ -10,7 +10,8 @@ from contid.control.engine.events.robots import ContactBegan
 from contid.errors import BadInputError
 from contid.robot_file.load import load_robot_file, parse_robot_file
 from contid_fit.sense.live.innovation_test import GATE, NEWEST, REFERENCE, InnovationTest, TipResidual
-from tests.sense.commands import SIM, contid, rests
+from tests.sense.calibrated_arm import RATE_HZ, calibrated_arm
+from tests.sense.commands import contid
 from tests.sense.contact_runs import ContactRun, push, spiral, with_wall
 from tests.sense.observed import calibrated, plant
 
@@ -113,15 +114,7 @@ def into_the_wall(path):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Robot files with a wall that the tip meets half way, one per policy."""
-    from contid.robot_file.load import load_named
-
-    folder = tmp_path_factory.mktemp("contact")
-    text = load_named("stiffflop2").text.replace("rate_hz: 500", "rate_hz: 200", 1)
-    text = text.replace("    stop: {on_end", SIM.format(grams=0) + "    stop: {on_end", 1)
-    (folder / "arm.yaml").write_text(text)
-    rests(folder / "many.csv", np.random.default_rng(4).uniform(0.05, 1.2, (24, 6)))
-    contid(folder, "run", "arm.yaml", "--virtual", "--trajectory", "many.csv", "--record", "empty.mcap")
-    contid(folder, "calibrate", "load", "empty.mcap", "--write", "arm.yaml")
+    folder = calibrated_arm(tmp_path_factory, "contact")
     into_the_wall(folder / "push.csv")
     body = with_wall(np.array([1.0, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0]))
     tips = []
@@ -140,14 +133,12 @@ def folder(tmp_path_factory):
 
 
 def recorded(folder, policy, code=0):
-    """Rows, contacts and the text of a run into the wall; its replay must be the same."""
+    """Rows, contacts and the text of a run into the wall."""
     session = f"{policy}.mcap"
     options = ("--virtual", "--trajectory", "push.csv", "--record", session)
     run = contid(folder, "run", f"{policy}.yaml", *options, code=code)
     read = Session(folder / session)
     contacts = [event for event in read.events() if isinstance(event, ContactBegan)]
-    done = contid(folder, "replay", session)
-    assert "bit for bit" in done.stdout + done.stderr
     return list(read), contacts, run.stdout + run.stderr
 
 
@@ -170,7 +161,7 @@ def test_ignore_writes_the_event_and_goes_on(folder):
 
 def test_hold_stops_at_the_wall(folder):
     rows, contacts, _ = recorded(folder, "hold")
-    at_s = contacts[0].tick / 200.0
+    at_s = contacts[0].tick / RATE_HZ
     there = bars(rows, at_s)
     assert bars(rows, 11.0) == pytest.approx(bars(rows, at_s + 1.0), abs=1e-9)
     assert np.abs(bars(rows, 11.0) - there).max() < 0.05
@@ -183,8 +174,11 @@ def test_stop_latches_a_fault(folder):
     assert "fault 304 contact" in text
 
 
-def test_retract_goes_back_the_way_it_came(folder):
+def test_retract_goes_back_the_way_it_came_and_replays(folder):
+    """Of all policies it changes most: the source of motion, from events and commands of before."""
     rows, contacts, _ = recorded(folder, "retract")
+    done = contid(folder, "replay", "retract.mcap")
+    assert "bit for bit" in done.stdout + done.stderr
     at_s = contacts[0].time_s
     assert bars(rows, 11.0) == pytest.approx(bars(rows, at_s - 0.5), abs=0.01)
     assert np.abs(bars(rows, 11.0) - bars(rows, at_s)).max() > 0.03

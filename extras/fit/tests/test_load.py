@@ -239,7 +239,7 @@ def recorded(path, plant, poses, force_n):
         t += 2.0 + 1.6
     csv = path.with_suffix(".csv")
     csv.write_text("\n".join(lines) + "\n")
-    command = [sys.executable, "-m", "contid", "run", "stiffflop2", "--virtual", "--rate", "200"]
+    command = [sys.executable, "-m", "contid", "run", "stiffflop2", "--virtual", "--rate", "100"]
     command += ["--trajectory", str(csv), "--record", str(path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=200)
     assert done.returncode == 0, done.stderr

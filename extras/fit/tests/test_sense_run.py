@@ -10,6 +10,7 @@ from contid import Session, kernels
 from contid.errors import BadInputError
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import load_named, load_robot_file, parse_robot_file
+from tests.sense.calibrated_arm import calibrated_arm
 from tests.sense.commands import SIM, contid, rests
 
 pytestmark = [
@@ -27,17 +28,8 @@ TIP = """    sim:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A folder with an arm, calibrated in a session without load."""
-    folder, rng = tmp_path_factory.mktemp("arm"), np.random.default_rng(4)
-    text = load_named("stiffflop2").text.replace("rate_hz: 500", "rate_hz: 200", 1)
-    assert "\n    stop: {on_end" in text
-    with_sim = text.replace("    stop: {on_end", SIM.format(grams=0) + "    stop: {on_end", 1)
-    (folder / "arm.yaml").write_text(with_sim)
+    folder = calibrated_arm(tmp_path_factory, "arm")
     rests(folder / "one.csv", np.random.default_rng(5).uniform(0.05, 1.2, (1, 6)), last_s=5.0)
-    rests(folder / "many.csv", rng.uniform(0.05, 1.2, (24, 6)))
-    contid(folder, "run", "arm.yaml", "--virtual", "--trajectory", "many.csv", "--record", "empty.mcap")
-    done = contid(folder, "calibrate", "load", "empty.mcap", "--write", "arm.yaml")
-    assert "24 rests without load" in done.stdout
-    assert "written to arm.yaml" in done.stderr
     return folder
 
 
@@ -68,7 +60,7 @@ def test_a_second_calibration_replaces_the_first(folder):
 
 def test_a_session_without_measured_tips_is_refused(folder):
     plain = folder / "plain.yaml"
-    plain.write_text(load_named("stiffflop2").text)
+    plain.write_text(load_named("stiffflop2").text.replace("rate_hz: 500", "rate_hz: 100", 1))
     contid(folder, "run", "plain.yaml", "--virtual", "--trajectory", "one.csv", "--record", "plain.mcap")
     done = contid(folder, "calibrate", "load", "plain.mcap", code=2)
     assert "arm never rests with measured tips" in done.stderr
@@ -116,7 +108,7 @@ def test_the_estimated_load_is_compensated_without_a_step(folder):
     assert bent > 3.0
     assert left <= 0.1 * bent
     assert not loads["bent"].any()
-    # 200 Hz: brought in by the filter, taken out once the tracker is hidden.
+    # 100 Hz: brought in by the filter, taken out once the tracker is hidden.
     fz = loads["fed"]
     assert fz.max() == pytest.approx(7.0 * 9.80665e-3, rel=0.25)
     assert np.abs(np.diff(fz)).max() < 0.05 * fz.max()

@@ -13,13 +13,13 @@ import pytest
 
 from contid.client import Client
 from tests.support.command import contid
-from tests.support.daemons import armed, arrives, command, states
+from tests.support.daemons import RATE_HZ, armed, arrives, command, states
 from tests.support.fleets import Fleet
 from tests.support.waiting import until
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 STARTS = 4
-TICK_S = 0.005
+TICK_S = 1.0 / RATE_HZ
 
 
 def rows(folder: Path, seconds: float, node: str = "hand2") -> Path:

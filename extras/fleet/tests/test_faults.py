@@ -19,7 +19,8 @@ from contid.remote.server.move import LIVE_ROWS
 from contid_fleet.fleet_address import FleetAddress
 from contid_fleet.net import LINK_LEASE_S
 from contid_fleet.operator import FleetOperator
-from tests.support.daemons import Running, armed_daemon, arrives, daemon, states
+from tests.support.daemons import Running, armed_daemon, arrives, states
+from tests.support.daemons import fast_daemon as daemon
 from tests.support.fleet_faults import FAULTS, measure
 from tests.support.fleets import BridgeProcess, bridge, mover
 from tests.support.waiting import until
@@ -33,7 +34,7 @@ MARGIN_S = 1.2
 
 @pytest.fixture(scope="module")
 def node() -> Iterator[Running]:
-    with armed_daemon() as started:
+    with armed_daemon(rate_hz=200) as started:
         yield started
 
 

@@ -18,7 +18,8 @@ from contid_fleet.clocks import measure_offset
 from contid_fleet.operator import FleetOperator
 from contid_sessions.clock_notes import clock_notes
 from tests.support.command import contid
-from tests.support.daemons import armed, daemon
+from tests.support.daemons import armed
+from tests.support.daemons import fast_daemon as daemon
 from tests.support.fleets import bridge
 from tests.support.time_namespace import prefix
 from tests.support.waiting import until

@@ -20,8 +20,8 @@ from tests.support import pads
 from tests.support.pads import ABS_X, ABS_Y, BTN_TL, Recording, recorded
 from tests.support.robot_configs import config_of
 
-#: CONTID_JOG_INPUTS=100000 is the long form; the tip gets a quarter of it.
-INPUTS = int(os.environ.get("CONTID_JOG_INPUTS", "4000"))
+#: CONTID_JOG_INPUTS=100000 is the long form; the tip gets half of it.
+INPUTS = int(os.environ.get("CONTID_JOG_INPUTS", "2000"))
 RATE_HZ = 200.0
 #: Of the shipped finger: mm/s, mm/s^2, and what the jerk limit adds after a hold at full speed.
 VELOCITY, ACCELERATION = 60.0, 1000.0
@@ -101,7 +101,7 @@ def squeeze(recording: Recording, finger: Operated, ticks: int = 2) -> None:
 @pytest.mark.parametrize("space", ["axes", "tip"])
 def test_random_inputs_stay_within_the_limits_and_nothing_moves_after_the_release(space: str) -> None:
     chooser = random.Random(21)
-    wished = INPUTS if space == "axes" else INPUTS // 4  # targets out of reach take milliseconds each
+    wished = INPUTS if space == "axes" else INPUTS // 2  # targets out of reach take milliseconds each
     inputs = releases = motions_after_release = motions = 0
     with operated(space) as (finger, recording):
         while inputs < wished:

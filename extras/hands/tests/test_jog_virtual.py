@@ -13,7 +13,7 @@ from contid_hands.teleop.jogger import Jogger
 from tests.support.robot_configs import config_of
 
 #: 10^5 inputs take minutes; CONTID_JOG_INPUTS=100000 is the long form.
-INPUTS = int(os.environ.get("CONTID_JOG_INPUTS", "4000"))
+INPUTS = int(os.environ.get("CONTID_JOG_INPUTS", "2000"))
 RATE_HZ = 200.0
 #: Of the shipped finger: mm/s, mm/s^2, and what the jerk limit adds after a stop from full speed.
 VELOCITY, ACCELERATION = 60.0, 1000.0

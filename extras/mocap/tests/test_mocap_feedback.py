@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import build_model
 from contid.robot_file.load import parse_robot_file
-from tests.support.daemons import daemon
+from tests.support.daemons import fast_daemon as daemon
 from tests.support.fingers import fingers
 from tests.support.mocap.rooms import emulated_room, setup_file
 from tests.support.waiting import until

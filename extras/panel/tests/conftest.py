@@ -16,6 +16,10 @@ if TYPE_CHECKING:  # the other tests of the panel need no playwright
     from tests.support.browser import OpenPage
 
 
+#: Of the daemons: twice what the page sends and shows in a second.
+RATE_HZ = 50
+
+
 @pytest.fixture(scope="module")
 def playwright() -> Iterator[Playwright]:
     from playwright.sync_api import sync_playwright
@@ -44,7 +48,7 @@ def drawing(playwright: Playwright) -> Iterator[Browser]:
 
 @pytest.fixture
 def running() -> Iterator[Running]:
-    with armed_daemon(2) as started:
+    with armed_daemon(2, rate_hz=RATE_HZ) as started:
         yield started
 
 
@@ -57,7 +61,7 @@ def served(running: Running) -> Iterator[PanelProcess]:
 @pytest.fixture(scope="module")
 def idle(browser: Browser) -> Iterator[Page]:
     """A page that only lends its modules; it has no policy against `Function`."""
-    with armed_daemon(1) as started, panel(started) as served:
+    with armed_daemon(1, rate_hz=RATE_HZ) as started, panel(started) as served:
         context = browser.new_context(bypass_csp=True)
         page = context.new_page()
         page.goto(served.url)

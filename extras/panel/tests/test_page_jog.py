@@ -38,7 +38,17 @@ def shipped(name: str) -> Iterator[Running]:
     """`contid run NAME --mock`, armed, at rest."""
     folder = Path(tempfile.mkdtemp(prefix="contid-"))
     process = subprocess.Popen(
-        command("run", name, "--mock", "--socket", str(folder / "s"), "--recordings", str(folder)),
+        command(
+            "run",
+            name,
+            "--mock",
+            "--rate",
+            "50",
+            "--socket",
+            str(folder / "s"),
+            "--recordings",
+            str(folder),
+        ),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

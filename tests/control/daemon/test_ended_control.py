@@ -11,7 +11,8 @@ import pytest
 from contid.control.daemon.report_builder import ReportBuilder
 from contid.control.engine.events.run import RunFailed, StopBegan
 from tests.control.daemon.ended_control import LIBRARY, control_of, ended
-from tests.support.daemons import armed, daemon
+from tests.support.daemons import armed
+from tests.support.daemons import fast_daemon as daemon
 from tests.support.waiting import until
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]

@@ -14,7 +14,8 @@ import pytest
 
 from contid.control.daemon.silence_watch import Activity, ProcessActivity, Silence, SilenceWatch
 from tests.control.daemon.ended_control import LIBRARY, control_of, ended
-from tests.support.daemons import HERE, armed, daemon, states
+from tests.support.daemons import HERE, armed, states
+from tests.support.daemons import fast_daemon as daemon
 from tests.support.waiting import until
 
 LOOK_S = 0.02

@@ -11,7 +11,8 @@ import psutil
 import pytest
 
 from contid.control.tick.faults import Fault
-from tests.support.daemons import armed, daemon, states
+from tests.support.daemons import armed, states
+from tests.support.daemons import fast_daemon as daemon
 from tests.support.waiting import until
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]

@@ -68,7 +68,7 @@ def test_the_lease_of_a_silent_holder_lapses() -> None:
 
 def test_the_lease_lasts_while_a_trajectory_is_checked() -> None:
     rows = [(0.005 * number, 50.0 + 0.0001 * number, 75.0) for number in range(20_000)]
-    with daemon() as running, running.client(name="patient") as client:
+    with daemon(rate_hz=200) as running, running.client(name="patient") as client:
         armed(client)
         client.acquire(0.3)  # checking takes longer
         client.stream(["t_s", "x_mm", "y_mm"], rows, wait=False)

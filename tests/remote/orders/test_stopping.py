@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 
 from contid.client import Code, ConnectionLostError, NoDaemonError, RemoteError
-from tests.support.daemons import HERE, armed, command, daemon, states
+from tests.support.daemons import HERE, armed, command, states
+from tests.support.daemons import fast_daemon as daemon
 from tests.support.waiting import until
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]

@@ -135,15 +135,26 @@ def _request(args: Sequence[Any], env: Mapping[str, str]) -> dict[str, Any] | No
     rest = words[2:] if safe_path else words[1:]
     if words[0] != sys.executable or rest[:1] != ["-m"] or not set(rest[1:2]) & {*MODULES}:
         return None
-    if not _same_start(env, _environment if _connection is not None else os.environ):
+    folders = _folders(env)
+    if folders is None or not _same_start(env, _environment if _connection is not None else os.environ):
         return None
     return {
         "module": rest[1],
         "arguments": rest[2:],
         "command": words,
         "safe_path": safe_path,
+        "folders": folders,
         "environment": {str(key): str(value) for key, value in env.items()},
     }
+
+
+def _folders(env: Mapping[str, str]) -> list[str] | None:
+    """What PYTHONPATH names before this tree; None for another tree, or code that runs at the start."""
+    path = env.get("PYTHONPATH") or THIS_TREE
+    if path != THIS_TREE and not path.endswith(os.pathsep + THIS_TREE):
+        return None
+    folders = [each for each in path.removesuffix(THIS_TREE).split(os.pathsep) if each]
+    return None if any(Path(each, "sitecustomize.py").exists() for each in folders) else folders
 
 
 def _same_start(first: Mapping[str, str], second: Mapping[str, str]) -> bool:
@@ -152,8 +163,8 @@ def _same_start(first: Mapping[str, str], second: Mapping[str, str]) -> bool:
     def read(variables: Mapping[str, str]) -> dict[str, str]:
         return {
             key: value
-            for key, value in {**variables, "PYTHONPATH": variables.get("PYTHONPATH") or THIS_TREE}.items()
-            if key.startswith(READ_AT_START) and ONE_THREAD.get(key) != value
+            for key, value in variables.items()
+            if key.startswith(READ_AT_START) and ONE_THREAD.get(key) != value and key != "PYTHONPATH"
         }
 
     return read(first) == read(second)

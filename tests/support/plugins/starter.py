@@ -192,9 +192,7 @@ def _set_arguments(request: dict[str, Any]) -> None:
     assert spec.origin is not None
     sys.argv[:] = [spec.origin, *request["arguments"]]
     sys.orig_argv[:] = request["command"]
-    sys.path.pop(0)
-    if not request["safe_path"]:
-        sys.path.insert(0, str(Path.cwd()))
+    sys.path[:1] = [*([] if request["safe_path"] else [str(Path.cwd())]), *request["folders"]]
     main = ModuleType("__main__")
     main.__spec__ = spec
     main.__file__ = spec.origin

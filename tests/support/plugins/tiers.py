@@ -59,13 +59,16 @@ WORKERS: Final = 2
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_cmdline_main(config: pytest.Config) -> None:
-    """Without a path, ``-m`` and ``-k``, two workers share the pure tests."""
+    """Without a path, ``-m`` and ``-k``, two workers share the pure tests; workers share them by files."""
     if hasattr(config, "workerinput"):
         return
     option = config.option
     chosen = config.args_source is pytest.Config.ArgsSource.ARGS or option.markexpr or option.keyword
     if not chosen and not option.collectonly and not option.usepdb and option.numprocesses is None:
         option.numprocesses = WORKERS
+    # A worker gets whole files: their daemons, browsers and fits are made once, not in every worker.
+    if option.numprocesses and option.dist == "no":
+        option.dist = "loadfile"
 
 
 def pytest_configure(config: pytest.Config) -> None:
