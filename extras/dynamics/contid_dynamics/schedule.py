@@ -10,13 +10,12 @@ import numpy as np
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.kinematics.model import build_model
-from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rates import HIGHEST_HZ, LEAST_STIFFNESS, LOWEST_HZ
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
 from contid.units import DEG
-from contid_dynamics.arm import MovingArm
+from contid_dynamics.report import pose_arm
 
 #: Which of the random poses are kept aside.
 _KEPT_OUT: Final = 4
@@ -28,6 +27,9 @@ _OUTSIDE: Final = 0.1
 #: Poses for every number of a polynomial, at least.
 _PER_TERM: Final = 2.0
 _DIGITS: Final = 5
+#: The shaper cancels swings of these times the two frequencies: zeros that are apart bear frequencies that
+#: are another on the way better than two at the same one, and take as long.
+_APART: Final = (0.9, 1.1)
 
 
 @dataclass(frozen=True)
@@ -91,13 +93,14 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
     free, loaded = np.clip(free, LOWEST_HZ, HIGHEST_HZ), np.clip(loaded, LOWEST_HZ, HIGHEST_HZ)
     logs = _fit(rows[~kept], np.log(free[~kept]))
     slower = _fit(rows[~kept], (free / loaded)[~kept] ** 2 - 1.0) if load_g else None
+    first, second = logs.T + np.outer(np.log(_APART), np.eye(terms)[0])
     schedule: dict[str, Any] = {
         "middle": _digits(middle),
         "half": _digits(half),
-        "least_hz": float(f"{least:.4g}"),
-        "most_hz": float(f"{most:.4g}"),
-        "first": _digits(logs[:, 0]),
-        "second": _digits(logs[:, 1]),
+        "least_hz": float(f"{max(LOWEST_HZ, _APART[0] * least):.4g}"),
+        "most_hz": float(f"{min(HIGHEST_HZ, _APART[1] * most):.4g}"),
+        "first": _digits(first),
+        "second": _digits(second),
     }
     if slower is not None:
         schedule |= {
@@ -152,7 +155,7 @@ def random_actuations(robot: RobotDescription, count: int, seed: int, share: flo
 
 def _frequencies(robot: RobotDescription, actuations: Array, load_g: float) -> Array:
     """Damped frequencies of the two slowest modes, ``(poses, 2)``; NaN without equilibrium."""
-    arm = MovingArm(robot, load_g * 1e-3)
+    arm = pose_arm(robot, load_g)
     out = np.full((len(actuations), 2), np.nan)
     for row, actuation in zip(out, actuations.tolist(), strict=True):
         try:
@@ -167,8 +170,7 @@ def _frequencies(robot: RobotDescription, actuations: Array, load_g: float) -> A
 
 
 def _at_rest(robot: RobotDescription) -> dict[str, float]:
-    assert isinstance(robot, (Cosserat, TendonRobot))
-    arm = MovingArm(robot)
+    arm = pose_arm(robot)
     arm.settle(robot.rest[: len(robot.axis_names)])
     modes = arm.rod.modes()
     ratio = min(float(modes.ratio[0]), 0.9)
