@@ -3,8 +3,7 @@
     python -m studies.moving.trunk_control
 
 A twin for each payload (`studies.moving.trunk_twin`); its frequency is 0.8, 1 or 1.2 times what was fitted.
-What commands it has the model of 0 g and the fitted frequency. The baseline is a linear ARX model under
-predictive control (`studies.moving.trunk_arx`).
+What commands it has the model of 0 g and the fitted frequency.
 
 Feedback with a dead time of 0.22 s cannot wait for an error at 0.5 Hz; it estimates why there is one. A part
 of the model's tip, a part of its velocity and a constant explain the tip that is measured (least squares with
@@ -17,7 +16,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -25,13 +23,12 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from studies.moving.recordings import PERIOD_S
-from studies.moving.trunk_arx import EVERY, HORIZON, Arx, fitted_arx
-from studies.moving.trunk_twin import DELAY, LIMIT_DEG, Mode, Motors, Trunk, fitted, violations
+from studies.moving.trunk_twin import DELAY, Mode, Motors, Trunk, fitted, violations
 
 #: Noise of the tracker [mm], and memory of the feedback [s].
 NOISE_MM: Final = 0.3
 MEMORY_S: Final = 3.0
-LAPS: Final = 4
+LAPS: Final = 3
 #: The shaper "zv, low" is for this share of the frequency: too low a one leaves less than too high a one.
 LOW: Final = 0.9
 
@@ -128,28 +125,6 @@ def eight(laps: int, width_mm: float = 80.0, hz: float = 0.5) -> Array:
     )
 
 
-def follow_arx(twin: Trunk, arx: Arx, model: Trunk, path: Array, seed: int = 1) -> Run:
-    """Drive a twin along a path with the baseline."""
-    rng = np.random.default_rng(seed)
-    motors = Motors(model, np.zeros(6))
-    a, b = twin.mode.step()
-    x, goal = np.zeros((3, 2)), np.zeros(6)
-    queue = [np.zeros(6)] * DELAY
-    held = np.vstack((path, np.repeat(path[-1:], EVERY * (HORIZON + 1), axis=0)))
-    tips, angles, costs = [], [], []
-    for k in range(len(path)):
-        if k % EVERY == 0:
-            begun = time.process_time()
-            ahead = held[k + EVERY : k + EVERY * (HORIZON + 1) : EVERY]
-            goal = arx.next(x[1] + rng.normal(0.0, NOISE_MM, 2), motors.angles, ahead)
-            costs.append(time.process_time() - begun)
-        queue.append(motors.move(np.clip(goal, -LIMIT_DEG, LIMIT_DEG)))
-        x = a @ x + np.outer(b, twin.still(queue.pop(0)[None, :])[0])
-        tips.append(x[1])
-        angles.append(queue[-1])
-    return Run(np.array(tips), np.array(angles), np.array(costs))
-
-
 @dataclass(frozen=True)
 class Jump:
     """Times since the tip began to move, without the dead time [s], overshoot as a share of the way."""
@@ -221,11 +196,10 @@ def report() -> Iterator[str]:
                 f"jump, {name}, {grams} g, {share:g} f: within 5 mm after {found.within_s:.2f} s, overshoot "
                 f"{100 * found.overshoot:.1f} %, {found.violations} violations"
             )
-    path, arx = eight(LAPS), fitted_arx(model)
+    path = eight(LAPS)
     for (grams, share), twin in twins.items():
         for name, run in (
             ("commands", follow(twin, model, path, lead=False, feedback=False)),
-            ("ARX", follow_arx(twin, deepcopy(arx), model, path)),
             ("led", follow(twin, model, path, lead=True, feedback=False)),
             ("feedback", follow(twin, model, path, lead=True, feedback=True)),
         ):

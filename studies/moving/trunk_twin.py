@@ -34,18 +34,19 @@ FREQUENCIES_HZ: Final = (2.2, 2.4, 2.6)
 RATIO: Final = 0.29
 #: Every how many rows one is fitted.
 STRIDE: Final = 5
-#: Noise of the tracker [mm], and memory of the feedback [s].
-NOISE_MM: Final = 0.3
-MEMORY_S: Final = 3.0
 PLANE: Final = (0, 2)  # x and z of the cameras; y is up
+
+
+#: Motors of every monomial; 6 stands for 1.
+FACTORS: Final = np.array(
+    [(*c, *(6,) * (3 - d)) for d in (1, 2, 3) for c in combinations_with_replacement(range(6), d)]
+)
 
 
 def terms(angles: Array) -> Array:
     """Monomials up to third degree of motors ``(n, 6)`` [deg], without the constant."""
-    x = angles / LIMIT_DEG
-    return np.column_stack(
-        [x[:, list(c)].prod(axis=1) for d in (1, 2, 3) for c in combinations_with_replacement(range(6), d)]
-    )
+    x = np.column_stack((angles / LIMIT_DEG, np.ones(len(angles))))
+    return np.asarray(x[:, FACTORS].prod(axis=2))
 
 
 @dataclass(frozen=True)
@@ -143,12 +144,12 @@ class Motors:
     def move(self, wished: Array) -> Array:
         """Angles of the next tick: as near as speed and acceleration let, never beyond a stop's way."""
         left = wished - self.angles
-        # The speed from which it can still stop at what is wished for.
-        stop = np.sqrt(2.0 * ACCELERATION * np.abs(left)) * np.sign(left)
-        speed = np.where(np.abs(left) < 0.5 * ACCELERATION * PERIOD_S**2, left / PERIOD_S, stop)
-        speed = np.where(np.abs(left / PERIOD_S) < np.abs(speed), left / PERIOD_S, speed)
-        change = ACCELERATION * PERIOD_S
-        speed = np.clip(np.clip(speed, self._speed - change, self._speed + change), -SPEED, SPEED)
+        # The greatest speed from which whole ticks of braking end at what is wished for, or before.
+        brake = ACCELERATION * PERIOD_S
+        ways = np.abs(left) / (brake * PERIOD_S)
+        ticks = np.floor(0.5 * (np.sqrt(1.0 + 8.0 * ways) - 1.0))
+        speed = np.sign(left) * brake * (ways / (ticks + 1.0) + 0.5 * ticks)
+        speed = np.clip(np.clip(speed, self._speed - brake, self._speed + brake), -SPEED, SPEED)
         bounded = np.clip(self.angles + speed * PERIOD_S, -LIMIT_DEG, LIMIT_DEG)
         self._speed = (bounded - self.angles) / PERIOD_S
         self.angles = bounded

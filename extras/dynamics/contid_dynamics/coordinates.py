@@ -110,7 +110,7 @@ class Bends:
         """See `Coordinates`."""
         tip, spin, mid = np.empty((3, 3, len(row)))
         self.model.solver.differentiate(tuple(row.tolist()), tip, spin, mid)
-        return tip
+        return np.asarray(tip)
 
     def limits(self, row: Array, before: Array | None) -> Planes:
         """See `Coordinates`."""
@@ -189,8 +189,8 @@ def _least_change(slope: Array, normals: Array, room: Array) -> Array:
     from scipy.optimize import nnls
 
     count = slope.shape[1]
-    still = _STILL * np.linalg.norm(slope, 2) * np.eye(count)
-    root = np.linalg.qr(np.vstack((slope, still)), mode="r")
+    still = float(_STILL * np.linalg.norm(slope, 2)) ** 2 * np.eye(count)
+    root = np.linalg.cholesky(slope.T @ slope + still).T
     turned = -np.linalg.solve(root.T, normals.T)
     size = np.maximum(np.linalg.norm(turned, axis=0), 1e-300)
     scale = max(float(np.abs(room / size).max()), 1e-300)

@@ -15,6 +15,7 @@ from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
 from contid.units import DEG
+from contid_dynamics.arm import MovingArm
 from contid_dynamics.report import pose_arm
 
 #: Which of the random poses are kept aside.
@@ -70,8 +71,10 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
         raise ContidError(f"--schedule {poses}: {axes} axes need at least {round(_PER_TERM * terms)} poses")
     at_rest = np.array(robot.rest[:axes])
     actuations = np.vstack((random_actuations(robot, poses - 1, seed), at_rest))
-    free = _frequencies(robot, actuations, 0.0)
-    loaded = _frequencies(robot, actuations, load_g) if load_g else free
+    # Those of many elements are as many times higher at other poses as at rest.
+    finer = _frequencies(pose_arm(robot), at_rest[None, :]) / _frequencies(MovingArm(robot), at_rest[None, :])
+    free = finer * _frequencies(MovingArm(robot), actuations)
+    loaded = finer * _frequencies(MovingArm(robot, load_g * 1e-3), actuations) if load_g else free
     known = np.isfinite(free).all(axis=1) & np.isfinite(loaded).all(axis=1)
     actuations, free, loaded = actuations[known], free[known], loaded[known]
     kept = np.arange(len(free)) % _KEPT_OUT == 0
@@ -153,9 +156,8 @@ def random_actuations(robot: RobotDescription, count: int, seed: int, share: flo
     raise ContidError(f"only {len(found)} of {20 * count} random poses are within the limits")
 
 
-def _frequencies(robot: RobotDescription, actuations: Array, load_g: float) -> Array:
+def _frequencies(arm: MovingArm, actuations: Array) -> Array:
     """Damped frequencies of the two slowest modes, ``(poses, 2)``; NaN without equilibrium."""
-    arm = pose_arm(robot, load_g)
     out = np.full((len(actuations), 2), np.nan)
     for row, actuation in zip(out, actuations.tolist(), strict=True):
         try:
