@@ -28,8 +28,8 @@ _OUTSIDE: Final = 0.1
 #: Poses for every number of a polynomial, at least.
 _PER_TERM: Final = 2.0
 _DIGITS: Final = 5
-#: The shaper cancels swings of these times the two frequencies: zeros that are apart bear frequencies that
-#: are another on the way better than two at the same one, and take as long.
+#: The shaper cancels swings of the two frequencies, or of these times the one between them where they are
+#: nearer: zeros that are apart bear frequencies that are others on the way, and take as long.
 _APART: Final = (0.9, 1.1)
 
 
@@ -92,18 +92,17 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
             f"frequencies of {least:.3g} to {most:.3g} Hz; shaping takes {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz, "
             f"and {outside} of {len(both)} poses are outside"
         )
-    least, most = max(least, LOWEST_HZ), min(most, HIGHEST_HZ)
-    free, loaded = np.clip(free, LOWEST_HZ, HIGHEST_HZ), np.clip(loaded, LOWEST_HZ, HIGHEST_HZ)
+    free, loaded = (np.clip(_apart(each), LOWEST_HZ, HIGHEST_HZ) for each in (free, loaded))
+    least, most = (float(each) for each in (min(free.min(), loaded.min()), max(free.max(), loaded.max())))
     logs = _fit(rows[~kept], np.log(free[~kept]))
     slower = _fit(rows[~kept], (free / loaded)[~kept] ** 2 - 1.0) if load_g else None
-    first, second = logs.T + np.outer(np.log(_APART), np.eye(terms)[0])
     schedule: dict[str, Any] = {
         "middle": _digits(middle),
         "half": _digits(half),
-        "least_hz": float(f"{max(LOWEST_HZ, _APART[0] * least):.4g}"),
-        "most_hz": float(f"{min(HIGHEST_HZ, _APART[1] * most):.4g}"),
-        "first": _digits(first),
-        "second": _digits(second),
+        "least_hz": float(f"{least:.4g}"),
+        "most_hz": float(f"{most:.4g}"),
+        "first": _digits(logs[:, 0]),
+        "second": _digits(logs[:, 1]),
     }
     if slower is not None:
         schedule |= {
@@ -169,6 +168,16 @@ def _frequencies(arm: MovingArm, actuations: Array) -> Array:
         row[:] = modes.frequency_hz[:2] * np.sqrt(1.0 - ratio**2)
     out[out <= 0.0] = np.nan
     return out
+
+
+def _apart(frequencies: Array) -> Array:
+    between = np.sqrt(frequencies.prod(axis=1))
+    return np.column_stack(
+        (
+            np.minimum(frequencies[:, 0], _APART[0] * between),
+            np.maximum(frequencies[:, 1], _APART[1] * between),
+        )
+    )
 
 
 def _at_rest(robot: RobotDescription) -> dict[str, float]:
