@@ -75,7 +75,7 @@ def plant(
     """
     robot = robot_of(name)
     arm = MovingArm(robot_of(name, frequency**-2), payload_g * 1e-3)
-    actuations = random_actuations(robot, (60 if s_poses else 2) * moves, seed=11, share=share)
+    actuations = random_actuations(robot, (120 if s_poses else 2) * moves, seed=11, share=share)
     if s_poses:
         model = build_model(robot)
         assert isinstance(model, Bending)
