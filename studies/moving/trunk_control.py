@@ -23,7 +23,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from studies.moving.recordings import PERIOD_S
-from studies.moving.trunk_twin import DELAY, Mode, Motors, Trunk, fitted, violations
+from studies.moving.trunk_twin import DELAY, TrunkMode, Motors, MovingTrunk, fitted, violations
 
 #: Noise of the tracker [mm], and memory of the feedback [s].
 NOISE_MM: Final = 0.3
@@ -59,7 +59,7 @@ class Feedback:
 
 
 @dataclass(frozen=True)
-class Run:
+class TrunkRun:
     """Tips ``(ticks, 2)`` [mm], angles ``(ticks, 6)`` and processor time of every tick [s]."""
 
     tips: Array
@@ -67,7 +67,9 @@ class Run:
     costs: Array
 
 
-def follow(twin: Trunk, model: Trunk, path: Array, lead: bool, feedback: bool, seed: int = 1) -> Run:
+def follow(
+    twin: MovingTrunk, model: MovingTrunk, path: Array, lead: bool, feedback: bool, seed: int = 1
+) -> TrunkRun:
     """Drive a twin along a path ``(ticks, 2)`` [mm] that is known ahead by the dead time and more.
 
     Args:
@@ -111,7 +113,7 @@ def follow(twin: Trunk, model: Trunk, path: Array, lead: bool, feedback: bool, s
         x = a @ x + np.outer(b, twin.still(late)[0])
         tips.append(x[1])
         angles.append(sent)
-    return Run(np.array(tips), np.array(angles), np.array(costs))
+    return TrunkRun(np.array(tips), np.array(angles), np.array(costs))
 
 
 def eight(laps: int, width_mm: float = 80.0, hz: float = 0.5) -> Array:
@@ -134,7 +136,9 @@ class Jump:
     violations: int
 
 
-def jump(twin: Trunk, model: Trunk, parts: tuple[tuple[float, float], ...], way_mm: float = 100.0) -> Jump:
+def jump(
+    twin: MovingTrunk, model: MovingTrunk, parts: tuple[tuple[float, float], ...], way_mm: float = 100.0
+) -> Jump:
     """A jump along x about the middle, as fast as the motors, in parts (time [s], share)."""
     begin, end = np.array([-0.5 * way_mm, 0.0]), np.array([0.5 * way_mm, 0.0])
     motors = Motors(model, np.zeros(6))
@@ -166,7 +170,7 @@ def jump(twin: Trunk, model: Trunk, parts: tuple[tuple[float, float], ...], way_
     return Jump((outside[-1] + 1 - moved) * PERIOD_S, max(0.0, over), violations(sent))
 
 
-def impulses(model: Trunk, kind: str) -> tuple[tuple[float, float], ...]:
+def impulses(model: MovingTrunk, kind: str) -> tuple[tuple[float, float], ...]:
     """Times [s] and shares of a shaper, see `contid.control.tick.shaping`."""
     root = math.sqrt(1.0 - model.mode.ratio**2)
     k, half = math.exp(-model.mode.ratio * math.pi / root), 0.5 / (model.mode.hz * root)
@@ -185,7 +189,7 @@ def report() -> Iterator[str]:
     for grams, load in loads.items():
         yield f"twin of {grams} g: kept out {load.rmse_mm:.1f} mm"
     twins = {
-        (grams, share): replace(load, mode=Mode(mode.lag_s, share * mode.hz))
+        (grams, share): replace(load, mode=TrunkMode(mode.lag_s, share * mode.hz))
         for grams, load in loads.items()
         for share in (0.8, 1.0, 1.2)
     }

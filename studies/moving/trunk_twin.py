@@ -50,7 +50,7 @@ def terms(angles: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Mode:
+class TrunkMode:
     """Lag and mode: from the statics' tip to the tip."""
 
     lag_s: float
@@ -75,15 +75,15 @@ class Mode:
         return whole[:3, :3], whole[:3, 3]
 
 
-MODES: Final = tuple(Mode(lag_s, hz) for lag_s in LAGS_S for hz in FREQUENCIES_HZ)
+MODES: Final = tuple(TrunkMode(lag_s, hz) for lag_s in LAGS_S for hz in FREQUENCIES_HZ)
 
 
 @dataclass(frozen=True)
-class Trunk:
+class MovingTrunk:
     """Statics and mode: ``weights`` ``(terms, 3)`` [mm], and the dead time of the recording [ticks]."""
 
     weights: Array
-    mode: Mode
+    mode: TrunkMode
     rmse_mm: float
     delay: int
 
@@ -92,14 +92,14 @@ class Trunk:
         return np.asarray(terms(angles) @ self.weights[:, PLANE])
 
 
-def fitted(grams: int, delays: tuple[int, ...] = DELAYS, modes: tuple[Mode, ...] = MODES) -> Trunk:
+def fitted(grams: int, delays: tuple[int, ...] = DELAYS, modes: tuple[TrunkMode, ...] = MODES) -> MovingTrunk:
     """The twin of a payload: the best of some dead times [ticks] and modes on the blocks kept out."""
     of = table(f"trunk-dynamic/random_a_{grams}g.csv.gz")
     sent, tip = columns(of, [f"u{k}_deg" for k in MOTORS]), smooth(columns(of, ["x3_mm", "y3_mm", "z3_mm"]))
     split = split_time(PERIOD_S * np.arange(float(len(tip))))
     rows, kept = np.flatnonzero(split.fitted)[100::STRIDE], np.flatnonzero(split.kept_out)[::STRIDE]
     raw = terms(sent)
-    best: Trunk | None = None
+    best: MovingTrunk | None = None
     for mode in modes:
         whole = mode.filtered(raw)
         for delay in delays:
@@ -112,7 +112,7 @@ def fitted(grams: int, delays: tuple[int, ...] = DELAYS, modes: tuple[Mode, ...]
             left = tip[kept] - x[kept] / scale @ weights
             rmse = float(np.sqrt(np.mean(np.sum(left**2, axis=1))))
             if best is None or rmse < best.rmse_mm:
-                best = Trunk(weights[:-1] / scale[:-1, None], mode, rmse, delay)
+                best = MovingTrunk(weights[:-1] / scale[:-1, None], mode, rmse, delay)
     assert best is not None
     return best
 
@@ -120,7 +120,7 @@ def fitted(grams: int, delays: tuple[int, ...] = DELAYS, modes: tuple[Mode, ...]
 class Motors:
     """Angles for places in the plane, within the limits of position, speed and acceleration."""
 
-    def __init__(self, model: Trunk, angles: Array) -> None:
+    def __init__(self, model: MovingTrunk, angles: Array) -> None:
         self._model, self.angles, self._speed = model, angles, np.zeros(6)
         self.worst = 0.0
 

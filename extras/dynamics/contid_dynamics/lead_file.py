@@ -112,7 +112,9 @@ def led_file(
     answer = answer_of(robot, path.mean(axis=0).tolist(), body)
     if ease_s is None:
         ease_s = max(_LEAST_EASE_S, 1.0 / answer.frequency_hz + _LAGS * max(answer.lag_s))
-    made = led_commands(robot, model, path, times_s - times_s[0], period_s, answer, ease_s, by_tips)
+    made = led_commands(
+        robot, model, path, times_s - times_s[0], period_s, answer, ease_s=ease_s, by_tips=by_tips
+    )
     check_velocities(robot, name, made.commands, period_s)
     plain, ahead = (_tip_error(model, made, each, period_s) for each in (made.path, made.commands))
     if ahead.rms_m >= plain.rms_m > _RESIDUAL_M:
@@ -140,6 +142,7 @@ def led_commands(
     times_s: Array,
     period_s: float,
     answer: Answer,
+    *,
     ease_s: float,
     by_tips: bool = False,
 ) -> LedCommands:

@@ -130,7 +130,7 @@ def test_the_tip_does_the_path_of_the_file() -> None:
     robot, path = twin(1.0), pressures(round_trip(5.0, 2.5))
     answer = answer_of(robot, path.mean(axis=0).tolist())
     times_s = TICK_S * np.arange(len(path))
-    commands = led_commands(robot, build_model(robot), path, times_s, TICK_S, answer, 0.5).commands
+    commands = led_commands(robot, build_model(robot), path, times_s, TICK_S, answer, ease_s=0.5).commands
     plant = twin(1.0 / 0.81)
     plain, best = error_mm(plant, path, path)
     ahead, _ = error_mm(plant, path, commands)
@@ -200,7 +200,7 @@ def test_led_tendons_stay_taut_and_bend_as_led() -> None:
     ]
     path = np.array([model.of_arcs(row, robot.rest) for row in arcs])
     answer = Answer((0.0,) * 9, (0.08,) * 9, 6.0, 0.05)
-    made = led_commands(robot, model, path, 0.05 * np.arange(61), 0.01, answer, 0.5)
+    made = led_commands(robot, model, path, 0.05 * np.arange(61), 0.01, answer, ease_s=0.5)
     assert made.held == 0
     assert min(float(np.min(model.tensions(tuple(row)))) for row in made.commands.tolist()) > 1.0 - 1e-6
     bends = Bends(model)
@@ -222,7 +222,7 @@ def test_free_axes_of_a_tip_path_turn_no_corners() -> None:
     path = np.array(rows)
     assert np.abs(np.diff(path, axis=0)).max() > 1e4
     answer = Answer((0.0,) * 6, (0.1,) * 6, 2.0, 0.05)
-    made = led_commands(robot, model, path, 0.1 * np.arange(61), 0.02, answer, 0.8, by_tips=True)
+    made = led_commands(robot, model, path, 0.1 * np.arange(61), 0.02, answer, ease_s=0.8, by_tips=True)
     tips = np.array([model.forward(tuple(row)).tip_m for row in made.path[::4].tolist()])
     assert np.abs(np.hypot(tips[:, 0], tips[:, 1]) - 0.02225).max() < 1e-4
     assert np.abs(tips[:, 2] - 0.089).max() < 1e-4
