@@ -23,7 +23,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from studies.moving.recordings import PERIOD_S
-from studies.moving.trunk_twin import DELAY, TrunkMode, Motors, MovingTrunk, fitted, violations
+from studies.moving.trunk_twin import DELAY, Motors, MovingTrunk, TrunkMode, fitted, violations
 
 #: Noise of the tracker [mm], and memory of the feedback [s].
 NOISE_MM: Final = 0.3

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from studies.moving.trunk_control import eight, follow, impulses, jump
-from studies.moving.trunk_twin import LIMIT_DEG, TrunkMode, Motors, MovingTrunk, terms, violations
+from studies.moving.trunk_twin import LIMIT_DEG, Motors, MovingTrunk, TrunkMode, terms, violations
 
 
 @pytest.fixture(scope="module")

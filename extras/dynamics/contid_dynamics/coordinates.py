@@ -20,7 +20,7 @@ from contid.robot_file.robot import RobotDescription
 #: What a change of coordinates costs beside the way of the tip that it leads to, as a share of the greatest
 #: such way: changes that do not move the tip are small too, and have one answer.
 _STILL: Final = 0.05
-#: A plane that is nearer than this many times the change of the tick before may act.
+#: A limit acts where it is exceeded by more than this share of the greatest bound.
 _INSIDE: Final = 1e-9
 
 
