@@ -29,8 +29,8 @@ from contid_dynamics.report import pose_modes
 
 #: Degree of the curve through the rows, whose third derivative is continuous.
 _DEGREE: Final = 5
-#: Share of its range up to which an axis that leads beyond a limit is held at it.
-_HELD: Final = 5e-3
+#: Share of the greatest pace of a path below which its end is at rest.
+_STILL: Final = 1e-2
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,6 @@ def led(path: Array, period_s: float, answer: Answer, times_s: Array | None = No
 
     if len(path) <= _DEGREE:
         raise ContidError(f"a path of {len(path)} rows has no lead; at least {_DEGREE + 1} are needed")
-    rate = 2.0 * math.pi * answer.frequency_hz
-    first, second = 2.0 * answer.ratio / rate, rate**-2
     longest = max(answer.delay_s)
     knots = period_s * np.arange(len(path)) if times_s is None else times_s
     rest = np.repeat(path[:1], _DEGREE, axis=0), np.repeat(path[-1:], _DEGREE, axis=0)
@@ -103,40 +101,109 @@ def led(path: Array, period_s: float, answer: Answer, times_s: Array | None = No
     ticks = math.ceil((end_s + longest - min(answer.delay_s)) / period_s - 1e-9) + 1
     out = np.empty((ticks, path.shape[1]))
     curve = make_interp_spline(times, np.vstack((rest[0], path, rest[1])), k=_DEGREE)
-    for axis, (delay_s, lag_s) in enumerate(zip(answer.delay_s, answer.lag_s, strict=True)):
+    for axis, delay_s in enumerate(answer.delay_s):
         at = np.clip(period_s * np.arange(ticks) - (longest - delay_s), 0.0, end_s)
-        # (1 + T s) (1 + a s + b s^2) = 1 + (T + a) s + (T a + b) s^2 + T b s^3
-        shares = (1.0, lag_s + first, lag_s * first + second, lag_s * second)
         out[:, axis] = sum(
-            share * curve(at, nu)[:, axis] for nu, share in enumerate(shares) if share or nu == 0
+            share * curve(at, nu)[:, axis]
+            for nu, share in enumerate(shares_of(answer, axis))
+            if share or nu == 0
         )
     return out
 
 
-def within(robot: RobotDescription, name: str, commands: Array, period_s: float) -> Array:
-    """The commands, held at limits that they exceed by little, such as the zero of a pressure.
+def shares_of(answer: Answer, axis: int) -> tuple[float, float, float, float]:
+    """What the path of an axis and its first three derivatives count in its lead."""
+    rate, lag_s = 2.0 * math.pi * answer.frequency_hz, answer.lag_s[axis]
+    first, second = 2.0 * answer.ratio / rate, rate**-2
+    # (1 + T s) (1 + a s + b s^2) = 1 + (T + a) s + (T a + b) s^2 + T b s^3
+    return 1.0, lag_s + first, lag_s * first + second, lag_s * second
+
+
+def eased(path: Array, times_s: Array, period_s: float, ease_s: float) -> Array:
+    """The path at the times of commands, begun and ended at rest.
+
+    Within ``ease_s`` of each end that is not at rest the time of the path runs from still to its own pace,
+    by a polynomial whose first three derivatives are 0 at both ends, and the path takes half of that longer.
+
+    Args:
+        path: rows ``(n, m)``; between them it is a curve of degree 5.
+        times_s: of the rows, from 0 on.
+        period_s: between two commands.
+        ease_s: how long it sets out, and how long it stops.
 
     Raises:
-        ContidError: they leave the limits of the axes or of their velocity; the first place is named.
+        ContidError: the path has too few rows, or is too short.
     """
-    axes = len(robot.axis_names)
-    low, high = np.array(robot.lower), np.array(robot.upper)
-    fastest = np.array(robot.rate_limits[0][:axes])
-    unit = robot.quantity.unit
-    inside: Array = np.maximum(low, np.minimum(high, commands))
-    for what, values, least, most, margin, suffix in (
-        ("is at", commands, low, high, _HELD * (high - low), unit),
-        ("moves at", np.diff(inside, axis=0) / period_s, -fastest, fastest, 0.0 * fastest, f"{unit}/s"),
-    ):
-        bad = np.argwhere((values < least - margin) | (values > most + margin))
-        if len(bad):
-            row, axis = bad[0]
-            shown, a, b = (
-                robot.quantity.from_si(float(x)) for x in (values[row, axis], least[axis], most[axis])
-            )
-            raise ContidError(
-                f"{name}.{robot.axis_names[axis]} {what} {shown:.3g} {suffix} at {row * period_s:.3f} s with "
-                f"the lead, allowed: {a:.3g} to {b:.3g}; keep the path off that limit, let it begin and "
-                "end at rest, or make it slower"
-            )
-    return inside
+    from scipy.interpolate import make_interp_spline
+
+    if len(path) <= _DEGREE:
+        raise ContidError(f"a path of {len(path)} rows has no lead; at least {_DEGREE + 1} are needed")
+    curve, end_s = make_interp_spline(times_s, path, k=_DEGREE), float(times_s[-1])
+    pace = np.linalg.norm(np.diff(path, axis=0), axis=1) / np.diff(times_s)
+    still = _STILL * float(pace.max())
+    sets_out, stops = (0.0 if pace[at] <= still else ease_s for at in (0, -1))
+    if sets_out + stops > 2.0 * end_s:
+        raise ContidError(
+            f"the path of {end_s:.3g} s does not begin and end at rest, and setting out and stopping take "
+            f"{ease_s:.3g} s each; make it longer, or let it begin and end at rest"
+        )
+    lasts_s = end_s + 0.5 * (sets_out + stops)
+    at_s = np.minimum(period_s * np.arange(math.ceil(lasts_s / period_s - 1e-9) + 1), lasts_s)
+    return np.asarray(curve(np.minimum(end_s, _path_time(at_s, lasts_s, sets_out, stops))))
+
+
+def _path_time(at_s: Array, lasts_s: float, sets_out: float, stops: float) -> Array:
+    out = at_s - 0.5 * sets_out
+    if sets_out:
+        out = np.where(at_s < sets_out, sets_out * _ramp(np.minimum(at_s / sets_out, 1.0)), out)
+    if stops:
+        left = lasts_s - at_s
+        end_s = lasts_s - 0.5 * (sets_out + stops)
+        out = np.where(left < stops, end_s - stops * _ramp(np.clip(left / stops, 0.0, 1.0)), out)
+    return np.asarray(out)
+
+
+def _ramp(x: Array) -> Array:
+    """Integral of the polynomial of degree 7 from 0 to 1."""
+    return np.asarray(x**5 * (7.0 - 14.0 * x + 10.0 * x**2 - 2.5 * x**3))
+
+
+def answered(commands: Array, period_s: float, answer: Answer) -> Array:
+    """What the axes of the body do after commands, without the least dead time of the answer.
+
+    Args:
+        commands: ``(ticks, axes)``; the robot rests at the first.
+        period_s: between two.
+        answer: of the robot.
+    """
+    from scipy.signal import lsim
+
+    rate = 2.0 * math.pi * answer.frequency_hz
+    mode = [rate**-2, 2.0 * answer.ratio / rate, 1.0] if math.isfinite(rate) else [1.0]
+    times = period_s * np.arange(len(commands))
+    out = np.empty_like(commands)
+    for axis, (delay_s, lag_s) in enumerate(zip(answer.delay_s, answer.lag_s, strict=True)):
+        late = np.interp(times - delay_s + min(answer.delay_s), times, commands[:, axis])
+        parts = np.trim_zeros(np.polymul([lag_s, 1.0], mode), "f")
+        out[:, axis] = late[0] + (
+            lsim(([1.0], parts), late - late[0], times)[1] if len(parts) > 1 else late - late[0]
+        )
+    return out
+
+
+def check_velocities(robot: RobotDescription, name: str, commands: Array, period_s: float) -> None:
+    """Whether commands keep the velocities of the axes.
+
+    Raises:
+        ContidError: they do not; the first place is named.
+    """
+    fastest = np.array(robot.rate_limits[0][: len(robot.axis_names)])
+    moves = np.diff(commands, axis=0) / period_s
+    bad = np.argwhere(np.abs(moves) > (1.0 + 1e-6) * fastest)
+    if len(bad):
+        row, axis = bad[0]
+        shown, most = (robot.quantity.from_si(float(x)) for x in (moves[row, axis], fastest[axis]))
+        raise ContidError(
+            f"{name}.{robot.axis_names[axis]} moves at {shown:.3g} {robot.quantity.unit}/s at "
+            f"{row * period_s:.3f} s with the lead, allowed: {most:.3g}; make the path slower"
+        )

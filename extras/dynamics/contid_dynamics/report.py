@@ -20,8 +20,7 @@ _STEP: Final = 1e-6
 #: Share of the length of a mode's shape below which the tip stands still.
 _STANDS: Final = 1e-3
 SEED: Final = 1
-#: Elements of a section for the modes of a pose: frequencies are within 0.5 % of those of many more. Ranges
-#: over many poses take the file's.
+#: Elements of a section for modes, at least: frequencies are within 0.5 % of those of many more.
 _ELEMENTS: Final = 12
 
 
@@ -72,8 +71,7 @@ def pose_modes(
         ContidError: the robot has no moving body.
         ArithmeticError: no equilibrium was found.
     """
-    given = getattr(robot, "dynamics", None)
-    arm = MovingArm(robot, payload_g * 1e-3, None if given is None else max(given.elements, _ELEMENTS))
+    arm = pose_arm(robot, payload_g)
     arm.settle(actuation)
     found = arm.rod.modes()
     nodes = arm.rod.poses
@@ -86,12 +84,22 @@ def pose_modes(
     )
 
 
+def pose_arm(robot: RobotDescription, payload_g: float = 0.0) -> MovingArm:
+    """The arm whose modes are computed: at one pose, over many and for schedules.
+
+    Raises:
+        ContidError: the robot has no moving body.
+    """
+    given = getattr(robot, "dynamics", None)
+    return MovingArm(robot, payload_g * 1e-3, None if given is None else max(given.elements, _ELEMENTS))
+
+
 def range_over_poses(
     robot: RobotDescription, poses: int, count: int, payload_g: float = 0.0
 ) -> list[tuple[float, float]]:
     """Least and greatest frequency [Hz] of each mode over random actuations within the limits."""
     rng = np.random.default_rng(SEED)
-    arm = MovingArm(robot, payload_g * 1e-3)
+    arm = pose_arm(robot, payload_g)
     low, high = np.array(robot.lower), np.array(robot.upper)
     rows = []
     for _ in range(poses):

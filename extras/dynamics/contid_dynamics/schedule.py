@@ -10,13 +10,13 @@ import numpy as np
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.kinematics.model import build_model
-from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rates import HIGHEST_HZ, LEAST_STIFFNESS, LOWEST_HZ
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
 from contid.units import DEG
 from contid_dynamics.arm import MovingArm
+from contid_dynamics.report import pose_arm
 
 #: Which of the random poses are kept aside.
 _KEPT_OUT: Final = 4
@@ -28,6 +28,9 @@ _OUTSIDE: Final = 0.1
 #: Poses for every number of a polynomial, at least.
 _PER_TERM: Final = 2.0
 _DIGITS: Final = 5
+#: The shaper cancels swings of the two frequencies, or of these times the one between them where they are
+#: nearer: zeros that are apart bear frequencies that are others on the way, and take as long.
+_APART: Final = (0.9, 1.1)
 
 
 @dataclass(frozen=True)
@@ -68,8 +71,10 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
         raise ContidError(f"--schedule {poses}: {axes} axes need at least {round(_PER_TERM * terms)} poses")
     at_rest = np.array(robot.rest[:axes])
     actuations = np.vstack((random_actuations(robot, poses - 1, seed), at_rest))
-    free = _frequencies(robot, actuations, 0.0)
-    loaded = _frequencies(robot, actuations, load_g) if load_g else free
+    # Those of many elements are as many times higher at other poses as at rest.
+    finer = _frequencies(pose_arm(robot), at_rest[None, :]) / _frequencies(MovingArm(robot), at_rest[None, :])
+    free = finer * _frequencies(MovingArm(robot), actuations)
+    loaded = finer * _frequencies(MovingArm(robot, load_g * 1e-3), actuations) if load_g else free
     known = np.isfinite(free).all(axis=1) & np.isfinite(loaded).all(axis=1)
     actuations, free, loaded = actuations[known], free[known], loaded[known]
     kept = np.arange(len(free)) % _KEPT_OUT == 0
@@ -87,8 +92,8 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
             f"frequencies of {least:.3g} to {most:.3g} Hz; shaping takes {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz, "
             f"and {outside} of {len(both)} poses are outside"
         )
-    least, most = max(least, LOWEST_HZ), min(most, HIGHEST_HZ)
-    free, loaded = np.clip(free, LOWEST_HZ, HIGHEST_HZ), np.clip(loaded, LOWEST_HZ, HIGHEST_HZ)
+    free, loaded = (np.clip(_apart(each), LOWEST_HZ, HIGHEST_HZ) for each in (free, loaded))
+    least, most = (float(each) for each in (min(free.min(), loaded.min()), max(free.max(), loaded.max())))
     logs = _fit(rows[~kept], np.log(free[~kept]))
     slower = _fit(rows[~kept], (free / loaded)[~kept] ** 2 - 1.0) if load_g else None
     schedule: dict[str, Any] = {
@@ -150,9 +155,8 @@ def random_actuations(robot: RobotDescription, count: int, seed: int, share: flo
     raise ContidError(f"only {len(found)} of {20 * count} random poses are within the limits")
 
 
-def _frequencies(robot: RobotDescription, actuations: Array, load_g: float) -> Array:
+def _frequencies(arm: MovingArm, actuations: Array) -> Array:
     """Damped frequencies of the two slowest modes, ``(poses, 2)``; NaN without equilibrium."""
-    arm = MovingArm(robot, load_g * 1e-3)
     out = np.full((len(actuations), 2), np.nan)
     for row, actuation in zip(out, actuations.tolist(), strict=True):
         try:
@@ -166,9 +170,18 @@ def _frequencies(robot: RobotDescription, actuations: Array, load_g: float) -> A
     return out
 
 
+def _apart(frequencies: Array) -> Array:
+    between = np.sqrt(frequencies.prod(axis=1))
+    return np.column_stack(
+        (
+            np.minimum(frequencies[:, 0], _APART[0] * between),
+            np.maximum(frequencies[:, 1], _APART[1] * between),
+        )
+    )
+
+
 def _at_rest(robot: RobotDescription) -> dict[str, float]:
-    assert isinstance(robot, (Cosserat, TendonRobot))
-    arm = MovingArm(robot)
+    arm = pose_arm(robot)
     arm.settle(robot.rest[: len(robot.axis_names)])
     modes = arm.rod.modes()
     ratio = min(float(modes.ratio[0]), 0.9)

@@ -9,16 +9,22 @@ from typing import Final
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.optimize import minimize
 from scipy.signal import lsim
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
+from contid.kinematics.model import build_model
+from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import load_named, parse_robot_file
+from contid.targets import Target
 from contid_dynamics.arm import MovingArm
 from contid_dynamics.body import MovingBody
-from contid_dynamics.lead import Answer, answer_of, led, within
+from contid_dynamics.coordinates import Bends, coordinates_of, held
+from contid_dynamics.lead import Answer, answer_of, check_velocities, eased, led
 from contid_dynamics.lead_command import command
+from contid_dynamics.lead_file import led_commands
 
 TICK_S: Final = 0.005
 
@@ -123,7 +129,8 @@ def test_the_tip_does_the_path_of_the_file() -> None:
     """On a plant whose first frequency is 10 % lower; 24 ticks are the greatest dead time."""
     robot, path = twin(1.0), pressures(round_trip(5.0, 2.5))
     answer = answer_of(robot, path.mean(axis=0).tolist())
-    commands = within(robot, "arm", led(path, TICK_S, answer), TICK_S)
+    times_s = TICK_S * np.arange(len(path))
+    commands = led_commands(robot, build_model(robot), path, times_s, TICK_S, answer, ease_s=0.5).commands
     plant = twin(1.0 / 0.81)
     plain, best = error_mm(plant, path, path)
     ahead, _ = error_mm(plant, path, commands)
@@ -133,10 +140,91 @@ def test_the_tip_does_the_path_of_the_file() -> None:
     assert ahead < 0.5 * best
 
 
-def test_a_lead_beyond_the_limits_is_named() -> None:
+def test_axes_that_are_too_slow_are_named() -> None:
     robot = twin(1.0)
     path = pressures(np.r_[np.zeros(10), np.ones(60)])
-    with pytest.raises(ContidError, match=r"arm\.s1\.p1 .* with the lead, allowed: .* or make it slower"):
-        within(robot, "arm", led(path, TICK_S, answer_of(robot, robot.rest, body=False)), TICK_S)
+    with pytest.raises(ContidError, match=r"arm\.s1\.p1 moves at .* allowed: 2; make the path slower"):
+        check_velocities(robot, "arm", path, TICK_S)
     with pytest.raises(ContidError, match="at least 6 are needed"):
         led(path[:4], TICK_S, Answer((0.0,) * 6, (0.1,) * 6))
+
+
+def test_a_path_sets_out_and_stops_where_it_is_not_at_rest() -> None:
+    """A circle: through the same places, slower at its ends only; a path at rest stays as it is."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 101)
+    circle = np.column_stack((np.cos(turn), np.sin(turn)))
+    found = eased(circle, np.linspace(0.0, 4.0, 101), TICK_S, 0.6)
+    assert len(found) == 1 + round(4.6 / TICK_S)
+    assert np.abs(np.hypot(*found.T) - 1.0).max() < 1e-6
+    pace = np.linalg.norm(np.diff(found, axis=0), axis=1) / TICK_S
+    assert pace[0] < 1e-4
+    assert pace[-1] < 1e-4
+    assert pace[120:-120] == pytest.approx(0.5 * np.pi, rel=1e-4)
+    still = round_trip(4.0, 2.0)[:, None]
+    assert eased(still, TICK_S * np.arange(len(still)), TICK_S, 0.6) == pytest.approx(still, abs=1e-9)
+
+
+def test_held_pressures_move_the_tip_least() -> None:
+    """Beside another method of optimisation: no change within the limits moves the tip less."""
+    robot = twin(1.0)
+    model = build_model(robot)
+    coordinates = coordinates_of(robot, model, 1.0)
+    path = np.array([[2e4, 5e4, 1e4, 3e4, 4e4, 8e4]])
+    wished = path + np.array([[-4e4, 2e4, -1.5e4, 0.0, 1e4, 9e4]])
+    found = held(coordinates, path, wished)
+    assert found.ticks == 1
+    change = found.rows[0] - wished[0]
+    slope = model.jacobian(tuple(path[0].tolist()))
+    still = 0.05 * np.linalg.norm(slope, 2)
+    scale = 1e5
+
+    def cost(share: Array) -> float:
+        return float(np.sum((slope @ share * scale) ** 2) + np.sum((still * scale * share) ** 2)) * 1e6
+
+    low, high = (np.array(each) for each in (model.lower, model.upper))
+    bounds = list(zip((low - wished[0]) / scale, (high - wished[0]) / scale, strict=True))
+    other = minimize(cost, np.zeros(6), bounds=bounds, method="L-BFGS-B", options={"ftol": 1e-14})
+    assert cost(change / scale) == pytest.approx(float(other.fun), rel=1e-4)
+    assert change / scale == pytest.approx(other.x, abs=2e-3)
+    assert np.all(coordinates.actuations(found.rows) >= 0.0)
+
+
+def test_led_tendons_stay_taut_and_bend_as_led() -> None:
+    """The tensions are those of the model; the bends those of a lead without limits."""
+    (robot,) = load_named("tendon3").driven.values()
+    model = build_model(robot)
+    assert isinstance(model, TendonModel)
+    turn = np.linspace(0.0, 2.0 * np.pi, 61)
+    arcs = [
+        (0.9 + 0.3 * np.sin(t), 0.4 * np.cos(t), 0.1, -0.5, 0.3, 0.0, 0.6, 0.2 * np.sin(t), 0.1) for t in turn
+    ]
+    path = np.array([model.of_arcs(row, robot.rest) for row in arcs])
+    answer = Answer((0.0,) * 9, (0.08,) * 9, 6.0, 0.05)
+    made = led_commands(robot, model, path, 0.05 * np.arange(61), 0.01, answer, ease_s=0.5)
+    assert made.held == 0
+    assert min(float(np.min(model.tensions(tuple(row)))) for row in made.commands.tolist()) > 1.0 - 1e-6
+    bends = Bends(model)
+    wished = led(bends.of(made.path), 0.01, Answer((0.0,) * 6, (0.08,) * 6, 6.0, 0.05))
+    assert bends.of(made.commands) == pytest.approx(wished, abs=1e-9)
+    assert np.abs(made.commands - made.path).max() > 5e-4
+
+
+def test_free_axes_of_a_tip_path_turn_no_corners() -> None:
+    """A circle whose answers row by row touch both limits and jump: the tip does it, off the limits."""
+    robot = twin(1.0)
+    model = build_model(robot)
+    turn = np.linspace(0.0, 2.0 * np.pi, 61)
+    seed, rows = robot.rest, []
+    for t in turn.tolist():
+        found = model.inverse(Target(tip_m=(0.02225 * math.cos(t), 0.02225 * math.sin(t), 0.089)), seed)
+        seed = found.actuation
+        rows.append(seed)
+    path = np.array(rows)
+    assert np.abs(np.diff(path, axis=0)).max() > 1e4
+    answer = Answer((0.0,) * 6, (0.1,) * 6, 2.0, 0.05)
+    made = led_commands(robot, model, path, 0.1 * np.arange(61), 0.02, answer, ease_s=0.8, by_tips=True)
+    tips = np.array([model.forward(tuple(row)).tip_m for row in made.path[::4].tolist()])
+    assert np.abs(np.hypot(tips[:, 0], tips[:, 1]) - 0.02225).max() < 1e-4
+    assert np.abs(tips[:, 2] - 0.089).max() < 1e-4
+    assert np.abs(np.diff(made.commands, axis=0)).max() < 0.02 * 2e5 * (1.0 + 1e-9)
+    assert made.held < 0.05 * len(made.commands)

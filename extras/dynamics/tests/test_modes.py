@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -115,7 +116,8 @@ def test_the_command_prints_modes_and_names_what_is_missing(
     assert "allowed: s1.p1_bar" in wrong.stderr
 
 
-def test_a_schedule_is_written_and_has_the_frequencies_of_the_model(tmp_path: Path) -> None:
+def test_a_schedule_is_written_and_lies_about_the_frequencies_of_the_model(tmp_path: Path) -> None:
+    """Of two near frequencies 0.9 and 1.1 times the one between; at rest it has the printed one."""
     path = tmp_path / "arm.yaml"
     path.write_text(load_named("stiffflop1").text)
     done = CliRunner().invoke(command, [str(path), "--schedule", "40", "--payload-g", "3", "--write"])
@@ -128,7 +130,10 @@ def test_a_schedule_is_written_and_has_the_frequencies_of_the_model(tmp_path: Pa
     for payload_g in (0.0, 3.0):
         modes = pose_modes(robot, (0.9e5, 0.2e5, 0.4e5), 2, payload_g).modes
         found = schedule.frequencies([0.9, 0.2, 0.4], 1e-3 * payload_g * STANDARD_GRAVITY)
-        assert found == pytest.approx([mode.frequency_hz for mode in modes], rel=0.05)
+        between = math.sqrt(modes[0].frequency_hz * modes[1].frequency_hz)
+        assert found == pytest.approx([0.9 * between, 1.1 * between], rel=0.05)
+    printed = pose_modes(robot, robot.rest[:3], 1).modes[0]
+    assert robot.rates.shape.frequency_hz == pytest.approx(printed.frequency_hz, rel=1e-3)
 
 
 def test_mistakes_of_a_schedule_are_named(tmp_path: Path) -> None:
