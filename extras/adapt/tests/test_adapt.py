@@ -153,6 +153,20 @@ def test_lost_samples_are_left_out_and_counted(made) -> None:
     assert any("6 of 400" in note for note in found.notes)
 
 
+def test_a_path_that_begins_at_zero_keeps_its_first_row(made) -> None:
+    found = made(table(T, X - X[0], Y - Y[0]), MAP.replace("robot", "{origin: first, at: rest}"))
+    assert len(found.rows) == 400
+
+
+def test_a_clock_that_is_rounded_agrees_with_the_rate_that_the_file_states(made) -> None:
+    text = "Format Version,1.23,Export Frame Rate,360,Length Units,Millimeters\n\n"
+    t = np.floor(1000 * np.arange(400) / 360) / 1000
+    found = made(
+        text + table(t, X, Y, names="Time,X,Y"), "t_s: Time\nx_mm, y_mm: [X, Y]\nframe: robot\nsmooth_mm: 1\n"
+    )
+    assert any("clock is rounded: steps of 0.003" in note for note in found.notes)
+
+
 def test_held_samples_are_refused_with_the_remedy_and_smoothed_back(made) -> None:
     held = 2 * (np.arange(400) // 2)
     with pytest.raises(BadInputError, match="samples are held for several rows: `smooth_mm"):

@@ -124,7 +124,11 @@ def _lost_as_zeros(names: list[str], rows: Floats, notes: list[str]) -> None:
     for places in groups.values():
         zero = np.all(rows[:, places] == 0.0, axis=1)
         others = np.linalg.norm(rows[~zero][:, places], axis=1)
-        if zero.any() and len(places) > 1 and len(others) and np.nanmin(others) > 1.0:
+        if not zero.any() or len(places) < 2 or not len(others):
+            continue
+        # A path may begin at zero: then its other points come as near as some of its steps are long.
+        steps = np.linalg.norm(np.diff(rows[~zero][:, places], axis=0), axis=1)
+        if np.nanmin(others) > max(1.0, 5.0 * float(np.nanmedian(steps)) if len(steps) else 0.0):
             rows[np.ix_(zero, places)] = np.nan
             notes.append(f"{int(zero.sum())} rows with a position of exactly zero count as lost")
 
