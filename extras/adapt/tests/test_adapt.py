@@ -97,6 +97,23 @@ def test_a_plain_table_is_written_as_it_is(made) -> None:
         pytest.param(table(T, X, Y, names="t,x,x"), MAP, "a.csv:1:5", "write c2 or c3", id="names twice"),
         pytest.param(table(T, X, Y, names="x,y,t"), MAP, "map.yaml:1", "a second", id="names shifted"),
         pytest.param(table(T, X + 500, Y), MAP, "a.csv:2", "out of reach", id="out of reach"),
+        pytest.param(
+            table(T, X, Y), MAP.replace("[x, y]", "[x, x]"), "map.yaml:2", "'x' is x_mm already", id="x twice"
+        ),
+        pytest.param(
+            table(T, 0 * X + 2, Y, names="t,tip_c,tip_y"),
+            MAP.replace("[x, y]", "[tip_c, tip_y]"),
+            "map.yaml:2",
+            "'tip_c' never changes",
+            id="a column of confidence",
+        ),
+        pytest.param(
+            table(T * 1e9, X, Y, form="%.0f"),
+            MAP.replace(": t", ": 1e-6*t"),
+            "map.yaml:1",
+            "1000 times too large",
+            id="ns as us",
+        ),
         pytest.param(table(T, X, Y), MAP + "rate_hz: 100", "map.yaml:4", "one of them", id="time and rate"),
         pytest.param(table(T, X, Y), MAP.replace("t_s: t\n", ""), "map.yaml:1", "no time", id="no time"),
         pytest.param(table(T, X, Y), MAP + "z_nm: x", "map.yaml:4", "no column 'z_nm'", id="unknown column"),

@@ -99,7 +99,10 @@ def times_of(table: Table, mapping: Mapping, notes: list[str]) -> Floats:
         remedy = "or several bodies share a time; choose one with `rows:`, or give `rate_hz:`"
         raise BadInputError([table.at(row, column, f"{what}, {remedy}")])
     if len(steps) and usual > max(_GREATEST_S, mapping.numbers.get("gap_s", 0.0)):
-        what = f"rows are {usual:.3g} s apart: is {column.name!r} in {_smaller(usual)}?"
+        form, (unit, times) = affine(mapping.time.node), _smaller(usual)
+        plain = form is not None and 1.0 in form.factors.values()
+        hint = f"is {column.name!r} in {unit}?" if plain else f"is its factor {times:g} times too large?"
+        what = f"rows are {usual:.3g} s apart: {hint}"
         raise mapping.wrong("t_s", f"{what} (`gap_s:` allows long times)")
     if len(steps) and 0.0 < usual < _LEAST_S:
         what = (
@@ -196,8 +199,8 @@ def _check_rate(
         raise mapping.wrong("t_s", f"rows are {usual:.4g} s apart, but the file states {key} {value:g}")
 
 
-def _smaller(step: float) -> str:
-    return "ms" if step < 2000.0 else "us" if step < 2e6 else "ns"
+def _smaller(step: float) -> tuple[str, float]:
+    return ("ms", 1e3) if step < 2000.0 else ("us", 1e6) if step < 2e6 else ("ns", 1e9)
 
 
 def _choices(table: Table) -> str:

@@ -68,6 +68,7 @@ def values_of(table: Table, mapping: Mapping, prefix: str, notes: list[str]) -> 
         parts.append(values)
     names = list(mapping.columns)
     rows = np.column_stack(parts)
+    _check_axes(table, mapping, rows)
     _lost_as_zeros(names, rows, notes)
     if mapping.quaternion is not None:
         order, lines = mapping.quaternion
@@ -93,6 +94,29 @@ def _check_units(table: Table, mapping: Mapping, line: MappingLine) -> None:
             what = f"{line.name}: {column.name!r} is in {column.unit} ({factor:.6g} {unit} each)"
             remedy = "to shrink or grow a path write `scale` in the frame"
             raise _at_line(mapping, line, f"{what}, but the mapping has {abs(own):.6g}; {remedy}")
+
+
+def _check_axes(table: Table, mapping: Mapping, rows: Floats) -> None:
+    """Refuse a column that stands for two axes of a point, and one of another name that does not change."""
+    seen: dict[tuple[str, int, str], str] = {}
+    lettered = {
+        each for line in mapping.columns.values() for used in names_in(line.node) if (each := letter_of(used))
+    }
+    for place, (name, line) in enumerate(mapping.columns.items()):
+        found, form = _POINT.match(name), affine(line.node)
+        if not found or not form or len(form.factors) != 1:
+            continue
+        (used,) = form.factors
+        column = table.column(used)
+        own = found[1], column.position, column.name
+        if other := seen.get(own):
+            raise _at_line(mapping, line, f"{name}: {column.name!r} is {other} already")
+        seen[own] = name
+        if lettered and np.ptp(rows[:, place]) == 0.0 and not letter_of(column.name):
+            remedy = f"for a path in a plane write `{name}: {rows[0, place]:g}`"
+            raise _at_line(
+                mapping, line, f"{name}: {column.name!r} never changes; is it the right column? {remedy}"
+            )
 
 
 def check_time_units(table: Table, mapping: Mapping) -> None:
