@@ -99,9 +99,9 @@ def times_of(table: Table, mapping: Mapping, notes: list[str]) -> Floats:
         remedy = "or several bodies share a time; choose one with `rows:`, or give `rate_hz:`"
         raise BadInputError([table.at(row, column, f"{what}, {remedy}")])
     if len(steps) and usual > max(_GREATEST_S, mapping.numbers.get("gap_s", 0.0)):
-        form, (unit, times) = affine(mapping.time.node), _smaller(usual)
+        form, (unit, larger) = affine(mapping.time.node), _smaller(usual)
         plain = form is not None and 1.0 in form.factors.values()
-        hint = f"is {column.name!r} in {unit}?" if plain else f"is its factor {times:g} times too large?"
+        hint = f"is {column.name!r} in {unit}?" if plain else f"is its factor {larger:g} times too large?"
         what = f"rows are {usual:.3g} s apart: {hint}"
         raise mapping.wrong("t_s", f"{what} (`gap_s:` allows long times)")
     if len(steps) and 0.0 < usual < _LEAST_S:
