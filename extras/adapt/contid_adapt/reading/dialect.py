@@ -88,8 +88,8 @@ def find_dialect(lines: Sequence[str], file: str) -> Dialect:
         if is_row(cells, fields, numeric, decimal):
             # Vicon's rate, the counts of a TRC file: few numbers or a word among them, and the names below.
             below = [split(lines[each], separator) for each in rows[place + 1 : place + 3]]
-            words = sum(not is_number(cell, decimal) for cell, own in zip(cells, numeric, strict=True) if own)
-            sparse = fields > 2 and (words > sum(map(is_lost, cells)) or 2 * words > fields)
+            texts = sum(not is_number(cell, decimal) for cell, own in zip(cells, numeric, strict=True) if own)
+            sparse = fields > 2 and (texts > sum(map(is_lost, cells)) or 2 * texts > fields)
             if sparse and not all(is_row(each, fields, numeric, decimal) for each in below):
                 continue
             return Dialect(separator, decimal, fields, numeric, index)
