@@ -2,8 +2,8 @@
 
 ``python -m benchmarks.mocap [--seconds 20] [--rate-hz 240]``. An emulated NatNet server, a daemon of `contid
 run finger --mock`, and the tracker, each in a process of its own on the loopback interface. The latency is
-from the exposure of a frame until `measure` is sent, and until the daemon has answered; the emulated server
-sends at the exposure. Beside it a bare receiver of the same server, which reads the datagram and the clock.
+from the exposure of a frame until `measure` is sent; the emulated server sends at the exposure. Beside
+it a bare receiver of the same server, which reads the datagram and the clock.
 """
 
 from __future__ import annotations
@@ -124,7 +124,6 @@ def main() -> None:
                 each.terminate()
                 each.wait(20)
     print(line("measure", report.latency_s))
-    print(line("its answer", report.answer_s))
     print(line("bare", ages))
     print(report)
 

@@ -159,6 +159,12 @@ def test_wrong_measurements_are_named_and_a_robot_has_one_tracker() -> None:
         result = first.measure(TIP, direction=[0.0, 2.0], age_ms=10.0)
         assert (result["robot"], result["used"], result["feedback"]) == ("f0", True, False)
         assert first.measure(TIP, age_ms=150.0)["used"] is False, "a newer one was there"
+        late = first.track(TIP, time.monotonic() - 1.0)
+        first.status()  # answered behind it
+        late += first.track(TIP, time.monotonic())
+        assert late[0].code == Code.BAD_MEASUREMENT
+        for _ in range(100):  # more than may be on their way
+            first.track(TIP, time.monotonic())
         with pytest.raises(RemoteError, match="client 'first' has tracked f0 for") as refused:
             other.measure(TIP)
         assert refused.value.code == Code.TRACKER_HELD

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import time
+from collections import deque
 from collections.abc import Callable, Coroutine, Generator, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -14,13 +15,15 @@ from contid.remote.client.client_protocol import RESPONSE_TIMEOUT_S, Request
 from contid.remote.client.orders import Robots
 from contid.remote.client.procedures import Procedures
 from contid.remote.client.wires import Address, QueuedWire, SocketWire
-from contid.remote.protocol.wire import ConnectionLostError, Fields
+from contid.remote.protocol.wire import ConnectionLostError, Fields, RemoteError
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
 #: How long to wait for the close reason of a daemon that takes no request any more.
 CLOSE_REASON_TIMEOUT_S: Final = 0.5
+#: Measured tips that may be on their way; one more waits for an answer.
+MAX_UNANSWERED: Final = 32
 
 
 class BlockingProcedures(Procedures):
@@ -28,7 +31,53 @@ class BlockingProcedures(Procedures):
 
     _wire: SocketWire | QueuedWire | None = None
 
+    async def track(
+        self,
+        tip_mm: Sequence[float],
+        time_s: float,
+        *,
+        direction: Sequence[float] | None = None,
+        robot: str | None = None,
+    ) -> list[RemoteError]:
+        """Send a measured tip as `measure` does, without waiting for its answer.
+
+        Args:
+            tip_mm: position in the world frame, ``(x, y, z)``.
+            time_s: time of the capture, by `time.monotonic` on this machine.
+            direction: of the body at its tip, in the world frame; its length does not matter.
+            robot: its name; may be left out when there is only one.
+
+        Returns:
+            What the daemon refused of the tips before, as far as it has answered.
+        """
+        fields = {
+            "robot": robot,
+            "tip_mm": [float(value) for value in tip_mm],
+            "direction": None if direction is None else [float(value) for value in direction],
+            "time_s": float(time_s),
+        }
+        request = self._protocol.request("measure", fields, newest=True)
+        await self._post(request)
+        self._unanswered.append(request)
+        self._read(0.0)
+        refused: list[RemoteError] = []
+        deadline_s = time.monotonic() + request.timeout_s
+        while self._unanswered:
+            try:
+                if self._protocol.result(self._unanswered[0]) is None:
+                    if len(self._unanswered) <= MAX_UNANSWERED:
+                        break
+                    if time.monotonic() > deadline_s:
+                        raise self._protocol.lost(f"no response within {request.timeout_s:g} s")
+                    self._read(0.1)
+                    continue
+            except RemoteError as error:
+                refused.append(error)
+            self._unanswered.popleft()
+        return refused
+
     async def _open(self, path: Path) -> None:
+        self._unanswered: deque[Request] = deque()
         if self._address is not None:
             self._wire = QueuedWire(self._address)
         else:
@@ -97,7 +146,7 @@ def completed(coroutine: Coroutine[Any, Any, T]) -> T:
 
 
 def _blocking(
-    procedure: Callable[Concatenate[Procedures, P], Coroutine[Any, Any, T]],
+    procedure: Callable[Concatenate[Any, P], Coroutine[Any, Any, T]],
 ) -> Callable[Concatenate[Client, P], T]:
     """A procedure as a blocking method, with its signature and documentation."""
 
@@ -161,6 +210,7 @@ class Client:
     wait = _blocking(Procedures.wait)
     servo = _blocking(Procedures.servo)
     measure = _blocking(Procedures.measure)
+    track = _blocking(BlockingProcedures.track)
     close = _blocking(Procedures.close)
 
     def stream(

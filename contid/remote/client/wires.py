@@ -80,11 +80,11 @@ class SocketWire:
         self._socket.sendall(request.line)
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """The next bytes, b"" after the end, None when none came in time."""
+        """The next bytes, b"" after the end, None when none came in time; 0 does not wait."""
         try:
-            self._socket.settimeout(max(timeout_s, 0.001))
+            self._socket.settimeout(timeout_s)
             return self._socket.recv(CHUNK)
-        except TimeoutError:
+        except (TimeoutError, BlockingIOError):
             return None
 
     def close(self) -> None:
@@ -106,7 +106,7 @@ class QueuedWire:
     def receive(self, timeout_s: float) -> bytes | None:
         """The next bytes, b"" after the end, None when none came in time (`SocketWire.receive`)."""
         try:
-            return self._lines.get(timeout=max(timeout_s, 0.001))
+            return self._lines.get(timeout_s > 0.0, timeout_s)
         except queue.Empty:
             return None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, NamedTuple, TypeAlias
@@ -143,9 +144,12 @@ def _extent(names: list[str], times: Floats, rows: Floats) -> str:
 
 
 def _at_table(found: Located, adapted: Adapted) -> Located:
-    row = found.line - 2
-    line = int(adapted.lines[row]) if 0 <= row < len(adapted.lines) else found.line
-    return Located(found.file, line, 1, found.message)
+    def line(number: int) -> int:
+        row = number - 2
+        return int(adapted.lines[row]) if 0 <= row < len(adapted.lines) else number
+
+    message = re.sub(r"(?<= on line )\d+", lambda each: str(line(int(each[0]))), found.message)
+    return Located(found.file, line(found.line), 1, message)
 
 
 def _with_remedy(findings: list[Located], adapted: Adapted) -> list[Located]:

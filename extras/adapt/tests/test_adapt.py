@@ -97,6 +97,23 @@ def test_a_plain_table_is_written_as_it_is(made) -> None:
         pytest.param(table(T, X, Y, names="t,x,x"), MAP, "a.csv:1:5", "write c2 or c3", id="names twice"),
         pytest.param(table(T, X, Y, names="x,y,t"), MAP, "map.yaml:1", "a second", id="names shifted"),
         pytest.param(table(T, X + 500, Y), MAP, "a.csv:2", "out of reach", id="out of reach"),
+        pytest.param(
+            table(T, X, Y), MAP.replace("[x, y]", "[x, x]"), "map.yaml:2", "'x' is x_mm already", id="x twice"
+        ),
+        pytest.param(
+            table(T, 0 * X + 2, Y, names="t,tip_c,tip_y"),
+            MAP.replace("[x, y]", "[tip_c, tip_y]"),
+            "map.yaml:2",
+            "'tip_c' never changes",
+            id="a column of confidence",
+        ),
+        pytest.param(
+            table(T * 1e9, X, Y, form="%.0f"),
+            MAP.replace(": t", ": 1e-6*t"),
+            "map.yaml:1",
+            "1000 times too large",
+            id="ns as us",
+        ),
         pytest.param(table(T, X, Y), MAP + "rate_hz: 100", "map.yaml:4", "one of them", id="time and rate"),
         pytest.param(table(T, X, Y), MAP.replace("t_s: t\n", ""), "map.yaml:1", "no time", id="no time"),
         pytest.param(table(T, X, Y), MAP + "z_nm: x", "map.yaml:4", "no column 'z_nm'", id="unknown column"),
@@ -151,6 +168,20 @@ def test_lost_samples_are_left_out_and_counted(made) -> None:
     found = made("\n".join(lines) + "\n")
     assert len(found.rows) == 394
     assert any("6 of 400" in note for note in found.notes)
+
+
+def test_a_path_that_begins_at_zero_keeps_its_first_row(made) -> None:
+    found = made(table(T, X - X[0], Y - Y[0]), MAP.replace("robot", "{origin: first, at: rest}"))
+    assert len(found.rows) == 400
+
+
+def test_a_clock_that_is_rounded_agrees_with_the_rate_that_the_file_states(made) -> None:
+    text = "Format Version,1.23,Export Frame Rate,360,Length Units,Millimeters\n\n"
+    t = np.floor(1000 * np.arange(400) / 360) / 1000
+    found = made(
+        text + table(t, X, Y, names="Time,X,Y"), "t_s: Time\nx_mm, y_mm: [X, Y]\nframe: robot\nsmooth_mm: 1\n"
+    )
+    assert any("clock is rounded: steps of 0.003" in note for note in found.notes)
 
 
 def test_held_samples_are_refused_with_the_remedy_and_smoothed_back(made) -> None:

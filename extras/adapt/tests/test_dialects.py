@@ -35,6 +35,30 @@ CASES: dict[str, tuple[str, dict[str, list[Any]]]] = {
         "1,0,1.5,2,3,4,5,6\n2,0,1.5,2,3,4,5,6\n",
         {"S_TIP.X": [1.5, 1.5], "S_BASE.Z": [6.0, 6.0]},
     ),
+    "vicon, filled to the width of the rows": (
+        "Trajectories,,,,,,,\n100,,,,,,,\n,,S:TIP,,,S:BASE,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n"
+        ",,mm,mm,mm,mm,mm,mm\n1,0,1.5,2,3,4,5,6\n2,0,1.5,2,3,4,5,6\n",
+        {"Frame": [1, 2], "S_TIP.X": [1.5, 1.5], "S_BASE.Z": [6.0, 6.0]},
+    ),
+    "trc": (
+        "PathFileType,4,(X/Y/Z),a.trc,,,,\nDataRate,CameraRate,NumFrames,NumMarkers,Units,OrigDataRate,,\n"
+        "100,100,2,2,mm,100,,\nFrame#,Time,TIP,,,BASE,,\n,,X1,Y1,Z1,X2,Y2,Z2\n,,,,,,,\n"
+        "1,0,1.5,2,3,4,5,6\n2,0.01,1.5,2,3,4,5,6\n",
+        {"Time": [0, 0.01], "TIP.X1": [1.5, 1.5], "BASE.Z2": [6.0, 6.0]},
+    ),
+    "numbers above the names": (
+        "Log started\nlength,count,a,b\n0.022,7,13,5\nTime,x0,y0,x1,y1\n0,1,2,3,4\n1,1,2,3,5\n",
+        {"Time": [0, 1], "y1": [4, 5]},
+    ),
+    "two separators behind": (
+        "t,x (mm),y (mm)\n0,1,2,,\n1,2,3,,\n",
+        {"t": [0, 1], "x": [1, 2], "y": [2, 3]},
+    ),
+    "a quoted cell over two lines where a sample was lost": (
+        '0.1,1,2\r\n0.2,"\r\n"\r\n0.3,3,4\r\n0.4,3,5\r\n',
+        {"c1": [0.1, 0.3, 0.4], "c3": [2, 4, 5]},
+    ),
+    "a line of blanks above": ("Client\n \nopen\na 1 2 3\na 2 2 3\n", {"c2": [1, 2], "c4": [3, 3]}),
     "qtm": (
         QTM.format("Frame\tTime\ttip X\ttip Y\ttip Z\tbase X\tbase Y\tbase Z\n"),
         {"tip_X": [1, 1], "base_Z": [6, 6]},
@@ -120,6 +144,7 @@ def test_units_come_from_brackets_lines_of_units_and_names(tmp_path: Path) -> No
         ("t,x,y\n0,1,2\n1,2,3\n2;3;4\n3,4,5\n", "4:1", "separated by ','"),
         ("t,x,y\n0,1,2\n1,2,3\n2,3,4\n3,4", "5:3", "ends within a row"),
         ("t,x\n0.5,1,7\n0.7,2,9\n", "1:1", "2 names"),
+        ("t,x,y\n1,2,3,4\n0,1,2\n1,2,3\n2,3,4\n", "2:1", "a line of 4 numbers"),
         (MOTIVE.replace("Frames,3", "Frames,9"), "1:63", "it was cut"),
         ("#ROSBAG V2.0\n", "1:1", "rostopic echo"),
         ("words only\nand more words\n", "1:1", "no rows of numbers"),
@@ -166,6 +191,11 @@ def test_binary_tables_are_known_by_their_first_bytes(tmp_path: Path) -> None:
     scipy_io = pytest.importorskip("scipy.io")
     scipy_io.savemat(tmp_path / "c.mat", {"t": np.arange(4.0), "xyz": np.ones((4, 3))})
     assert read_table(tmp_path / "c.mat").column("xyz[2]").values.tolist() == [1.0] * 4
+    walk = {"data": np.arange(20.0).reshape(5, 4), "freq": 120.0, "empty": np.zeros((0, 3))}
+    scipy_io.savemat(tmp_path / "d.mat", {"walk": walk, "mass": np.ones(9)})
+    found = read_table(tmp_path / "d.mat")
+    assert found.column("walk.data[1]").values.tolist() == [1, 5, 9, 13, 17]
+    assert "left out: mass" in found.notes[1]
 
 
 def test_edited_bytes_leave_a_located_finding_or_the_other_rows(tmp_path: Path) -> None:

@@ -30,6 +30,8 @@ class SentTip(Protocol):
 class TipSender:
     """Sends measured tips; one that the daemon refuses, out of reach or too old, does not end the tracker.
 
+    The first of each robot waits for its answer, the others do not: a daemon that is busy holds no tip up.
+
     Args:
         client: connected to the daemon.
         notify: gets each reason of a refusal once.
@@ -38,6 +40,7 @@ class TipSender:
     def __init__(self, client: Client, notify: Callable[[str], None]) -> None:
         self._client, self._notify = client, notify
         self._printed: set[str] = set()
+        self._known: set[str | None] = set()
 
     def send(self, tip: SentTip, robot: str | None) -> None:
         """Send a tip.
@@ -50,12 +53,19 @@ class TipSender:
             RemoteError: another client tracks the robot, or there is no such robot.
         """
         tip_mm = [value * MM_PER_M for value in tip.tip_m]
-        try:
-            self._client.measure(tip_mm, direction=tip.direction, robot=robot, time_s=tip.time_s)
-        except RemoteError as error:
-            if error.code != Code.BAD_MEASUREMENT:
-                raise
-            kind = re.sub(r"[-\d.]+", "", str(error))
+        refused: list[RemoteError] = []
+        if robot in self._known:
+            refused = self._client.track(tip_mm, tip.time_s, direction=tip.direction, robot=robot)
+        else:
+            try:
+                self._client.measure(tip_mm, direction=tip.direction, robot=robot, time_s=tip.time_s)
+            except RemoteError as error:
+                refused.append(error)
+        for each in refused:
+            if each.code != Code.BAD_MEASUREMENT:
+                raise each
+            kind = re.sub(r"[-\d.]+", "", str(each))
             if kind not in self._printed:
                 self._printed.add(kind)
-                self._notify(str(error))
+                self._notify(str(each))
+        self._known.add(robot)

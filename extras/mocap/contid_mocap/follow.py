@@ -31,7 +31,6 @@ class FollowReport:
         missing: frames that did not arrive, over all robots.
         refusals: of the others.
         latency_s: from the capture until a tip is handed on, of the newest tips.
-        answer_s: from the capture until that has been done: the daemon has answered.
         facts: of the stream.
     """
 
@@ -41,20 +40,18 @@ class FollowReport:
     missing: int = 0
     refusals: Refusals = field(default_factory=Refusals)
     latency_s: deque[float] = field(default_factory=lambda: deque(maxlen=100_000))
-    answer_s: deque[float] = field(default_factory=lambda: deque(maxlen=100_000))
     facts: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
         """One line, one for each reason, and those of the stream."""
         lines = [f"{self.measured} of {self.looked} poses measured; {self.missing} frames did not arrive"]
         if self.overtaken:
-            lines.append(f"{self.overtaken} tips were overtaken by newer ones while the daemon answered")
+            lines.append(f"{self.overtaken} tips were overtaken by newer ones before they could be sent")
         lines += self.refusals.lines()
-        for name, ages_s in (("measure", self.latency_s), ("its answer", self.answer_s)):
-            if ages_s:
-                ordered = sorted(ages_s)
-                middle_s, high_s = (ordered[int(share * (len(ordered) - 1))] for share in (0.5, 0.99))
-                lines.append(f"capture to {name} [ms]: p50 {1e3 * middle_s:.2f}, p99 {1e3 * high_s:.2f}")
+        if self.latency_s:
+            ordered = sorted(self.latency_s)
+            middle_s, high_s = (ordered[int(share * (len(ordered) - 1))] for share in (0.5, 0.99))
+            lines.append(f"capture to measure [ms]: p50 {1e3 * middle_s:.2f}, p99 {1e3 * high_s:.2f}")
         return "\n".join([*lines, *self.facts])
 
 
@@ -116,7 +113,6 @@ def follow(
                 follower.taken(tips)
                 fresh_s, newest, frames = time.monotonic(), "", 0
                 report.measured += len(tips)
-                report.answer_s.extend(fresh_s - tip.time_s for tip in tips)
             elif now_s - fresh_s >= SILENT_S:
                 follower.notify(f"no tip for {SILENT_S:g} s: {newest or _unseen(stream, tracker, frames)}")
                 fresh_s, newest, frames = now_s, "", 0

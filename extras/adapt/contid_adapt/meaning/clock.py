@@ -24,7 +24,7 @@ _GAP_ROWS: Final = 4.0
 #: Times beyond this one are epochs: whole seconds are taken away [s].
 _EPOCH_S: Final = 1e6
 _WRAP: Final = 2**32
-_RATES: Final = ("FREQUENCY", "Export Frame Rate", "Capture Frame Rate")
+_RATES: Final = ("FREQUENCY", "Export Frame Rate", "Capture Frame Rate", "DataRate")
 
 
 def stated_rates(table: Table) -> list[tuple[str, float]]:
@@ -99,14 +99,17 @@ def times_of(table: Table, mapping: Mapping, notes: list[str]) -> Floats:
         remedy = "or several bodies share a time; choose one with `rows:`, or give `rate_hz:`"
         raise BadInputError([table.at(row, column, f"{what}, {remedy}")])
     if len(steps) and usual > max(_GREATEST_S, mapping.numbers.get("gap_s", 0.0)):
-        what = f"rows are {usual:.3g} s apart: is {column.name!r} in {_smaller(usual)}?"
+        form, (unit, larger) = affine(mapping.time.node), _smaller(usual)
+        plain = form is not None and 1.0 in form.factors.values()
+        hint = f"is {column.name!r} in {unit}?" if plain else f"is its factor {larger:g} times too large?"
+        what = f"rows are {usual:.3g} s apart: {hint}"
         raise mapping.wrong("t_s", f"{what} (`gap_s:` allows long times)")
     if len(steps) and 0.0 < usual < _LEAST_S:
         what = (
             f"rows are {usual:.3g} s apart, {1 / usual:.0f} a second: is the factor of {column.name!r} right?"
         )
         raise mapping.wrong("t_s", what)
-    _check_rate(stated, usual, mapping)
+    _check_rate(stated, steps, usual, mapping, notes)
     begins = first
     if abs(first) >= _EPOCH_S:
         begins = first - float(np.floor(first))
@@ -182,14 +185,22 @@ def _seconds(
     return times, first
 
 
-def _check_rate(stated: list[tuple[str, float]], usual: float, mapping: Mapping) -> None:
+def _check_rate(
+    stated: list[tuple[str, float]], steps: Floats, usual: float, mapping: Mapping, notes: list[str]
+) -> None:
+    """Refuse times that contradict a stated rate, by their usual step and by their mean (a rounded clock)."""
     if stated and usual > 0.0 and all(abs(usual * value - 1.0) > 0.05 for _, value in stated):
         key, value = stated[0]
+        if abs(float(steps.mean()) * value - 1.0) < 5e-3:
+            notes.append(
+                f"the clock is rounded: steps of {usual:.4g} s at {key} {value:g}; `rate_hz:` is even"
+            )
+            return
         raise mapping.wrong("t_s", f"rows are {usual:.4g} s apart, but the file states {key} {value:g}")
 
 
-def _smaller(step: float) -> str:
-    return "ms" if step < 2000.0 else "us" if step < 2e6 else "ns"
+def _smaller(step: float) -> tuple[str, float]:
+    return ("ms", 1e3) if step < 2000.0 else ("us", 1e6) if step < 2e6 else ("ns", 1e9)
 
 
 def _choices(table: Table) -> str:

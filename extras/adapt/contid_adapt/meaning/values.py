@@ -68,6 +68,7 @@ def values_of(table: Table, mapping: Mapping, prefix: str, notes: list[str]) -> 
         parts.append(values)
     names = list(mapping.columns)
     rows = np.column_stack(parts)
+    _check_axes(table, mapping, rows)
     _lost_as_zeros(names, rows, notes)
     if mapping.quaternion is not None:
         order, lines = mapping.quaternion
@@ -93,6 +94,29 @@ def _check_units(table: Table, mapping: Mapping, line: MappingLine) -> None:
             what = f"{line.name}: {column.name!r} is in {column.unit} ({factor:.6g} {unit} each)"
             remedy = "to shrink or grow a path write `scale` in the frame"
             raise _at_line(mapping, line, f"{what}, but the mapping has {abs(own):.6g}; {remedy}")
+
+
+def _check_axes(table: Table, mapping: Mapping, rows: Floats) -> None:
+    """Refuse a column that stands for two axes of a point, and one of another name that does not change."""
+    seen: dict[tuple[str, int, str], str] = {}
+    lettered = {
+        each for line in mapping.columns.values() for used in names_in(line.node) if (each := letter_of(used))
+    }
+    for place, (name, line) in enumerate(mapping.columns.items()):
+        found, form = _POINT.match(name), affine(line.node)
+        if not found or not form or len(form.factors) != 1:
+            continue
+        (used,) = form.factors
+        column = table.column(used)
+        own = found[1], column.position, column.name
+        if other := seen.get(own):
+            raise _at_line(mapping, line, f"{name}: {column.name!r} is {other} already")
+        seen[own] = name
+        if lettered and np.ptp(rows[:, place]) == 0.0 and not letter_of(column.name):
+            remedy = f"for a path in a plane write `{name}: {rows[0, place]:g}`"
+            raise _at_line(
+                mapping, line, f"{name}: {column.name!r} never changes; is it the right column? {remedy}"
+            )
 
 
 def check_time_units(table: Table, mapping: Mapping) -> None:
@@ -124,7 +148,11 @@ def _lost_as_zeros(names: list[str], rows: Floats, notes: list[str]) -> None:
     for places in groups.values():
         zero = np.all(rows[:, places] == 0.0, axis=1)
         others = np.linalg.norm(rows[~zero][:, places], axis=1)
-        if zero.any() and len(places) > 1 and len(others) and np.nanmin(others) > 1.0:
+        if not zero.any() or len(places) < 2 or not len(others):
+            continue
+        # A path may begin at zero: then its other points come as near as some of its steps are long.
+        steps = np.linalg.norm(np.diff(rows[~zero][:, places], axis=0), axis=1)
+        if np.nanmin(others) > max(1.0, 5.0 * float(np.nanmedian(steps)) if len(steps) else 0.0):
             rows[np.ix_(zero, places)] = np.nan
             notes.append(f"{int(zero.sum())} rows with a position of exactly zero count as lost")
 

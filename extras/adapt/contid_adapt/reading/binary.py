@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from contid.errors import BadInputError, ContidError, Located, require_extra
 from contid_adapt.reading.objects import column_of, flat
 from contid_adapt.reading.source import Source
 from contid_adapt.reading.table import Table, TableColumn
+
+#: Structures inside structures that are looked into.
+_MAX_DEPTH: Final = 4
 
 
 def read_binary(source: Source) -> Table:
@@ -32,10 +35,17 @@ def read_binary(source: Source) -> Table:
     sizes = [len(each.values) for each in columns]
     if not sizes:
         raise BadInputError([Located(source.name, 1, 1, f"no table in this {source.kind} file")])
-    rows = max({*sizes}, key=sizes.count)
+    rows = max({*sizes} - {1} or {1}, key=sizes.count)
+    others = dict.fromkeys(
+        each.name.partition("[")[0] for each in columns if len(each.values) not in (1, rows)
+    )
     columns = [each for each in columns if len(each.values) == rows]
     ones = np.ones(rows, np.int64)
     notes = [f"{source.kind} file with {rows} rows"]
+    if others:
+        notes.append(
+            f"of other lengths and left out: {', '.join([*others][:12])}{', ..' * (len(others) > 12)}"
+        )
     return Table(source.name, tuple(columns), np.arange(1, rows + 1), ones, notes=notes)
 
 
@@ -69,7 +79,8 @@ def _columns(source: Source) -> Iterator[TableColumn]:
         import scipy.io
 
         found = scipy.io.loadmat(data, squeeze_me=True, struct_as_record=False)
-        yield from _of_arrays({name: each for name, each in found.items() if not name.startswith("__")})
+        own = {name: each for name, each in found.items() if not name.startswith("__")}
+        yield from _of_arrays(dict(_of_structs(own)))
     else:
         require_extra("reading HDF5 and MATLAB 7.3 files", "h5py")
         import h5py
@@ -85,11 +96,22 @@ def _columns(source: Source) -> Iterator[TableColumn]:
         yield from _of_arrays(arrays)
 
 
+def _of_structs(given: dict[str, Any], before: str = "", depth: int = 0) -> Iterator[tuple[str, Any]]:
+    """The arrays of MATLAB structures: ``walk.data``."""
+    for name, each in given.items():
+        fields = getattr(each, "_fieldnames", None)
+        if fields is None:
+            yield before + name, each
+        elif depth < _MAX_DEPTH:
+            inner = {field: getattr(each, field) for field in fields}
+            yield from _of_structs(inner, f"{before}{name}.", depth + 1)
+
+
 def _of_arrays(arrays: dict[str, Any]) -> Iterator[TableColumn]:
     place = 0
     for name, each in arrays.items():
         array = np.asarray(each)
-        if array.dtype.kind in "fiu" and array.ndim in (1, 2):
+        if array.dtype.kind in "fiu" and array.ndim in (1, 2) and array.size:
             for column in _of_array(name, array, place):
                 place = column.position
                 yield column

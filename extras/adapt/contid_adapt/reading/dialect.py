@@ -83,8 +83,15 @@ def find_dialect(lines: Sequence[str], file: str) -> Dialect:
     fields = _usual_count(rows_only, decimal)
     typical = [cells for cells in rows_only if len(cells) == fields]
     numeric = tuple(_is_numeric([cells[place] for cells in typical], decimal) for place in range(fields))
-    for index in rows:
-        if is_row(split(lines[index], separator), fields, numeric, decimal):
+    for place, index in enumerate(rows):
+        cells = split(lines[index], separator)
+        if is_row(cells, fields, numeric, decimal):
+            # Vicon's rate, the counts of a TRC file: few numbers or a word among them, and the names below.
+            below = [split(lines[each], separator) for each in rows[place + 1 : place + 3]]
+            texts = sum(not is_number(cell, decimal) for cell, own in zip(cells, numeric, strict=True) if own)
+            sparse = fields > 2 and (texts > sum(map(is_lost, cells)) or 2 * texts > fields)
+            if sparse and not all(is_row(each, fields, numeric, decimal) for each in below):
+                continue
             return Dialect(separator, decimal, fields, numeric, index)
     raise BadInputError([Located(file, rows[0] + 1, 1, "no rows of numbers were found")])
 

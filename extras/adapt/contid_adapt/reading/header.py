@@ -43,10 +43,11 @@ def read_header(lines: Sequence[str], dialect: Dialect, file: str) -> TableHeade
     """Interpret the lines above the first row.
 
     Raises:
-        BadInputError: a line of numbers with another count of cells stands above the rows.
+        BadInputError: a line of numbers with another count of cells stands between names and rows.
     """
     header = TableHeader(facts=_facts(lines[: dialect.start], dialect.separator))
     above: list[tuple[int, list[str]]] = []
+    odd: Located | None = None
     for index in range(dialect.start):
         line = lines[index]
         if not line.strip() or line.startswith("sep="):
@@ -55,27 +56,33 @@ def read_header(lines: Sequence[str], dialect: Dialect, file: str) -> TableHeade
         cells = [cell.strip() for cell in split(bare, dialect.separator)]
         if len(cells) == 1 and is_comment(line) and dialect.separator != " ":
             cells = [cell.strip() for cell in split(bare, ",")]
+        if not any(cells):
+            continue
         right = sum(is_number(cell, dialect.decimal) for cell in cells)
         if not is_comment(line) and len(cells) > 2 and 2 * right > sum(map(bool, cells)):
             message = (
                 f"a line of {len(cells)} numbers above rows of {dialect.fields}; is its separator right?"
             )
-            raise BadInputError([Located(file, index + 1, 1, message)])
+            odd = odd or Located(file, index + 1, 1, message)
+            continue
         above.append((index, cells))
     fields, place = dialect.fields, len(above) - 1
+    first = split(lines[dialect.start], dialect.separator)
+    if odd and (place < 0 or odd.line > above[place][0] or not _fits(above[place][1], fields, header.facts)):
+        raise BadInputError([odd])
     units: list[str] = []
     if place > 0 and _are_units(above[place][1], fields):
         units = _filled([unit_word(cell) for cell in above[place][1]], fields)
         place -= 1
-    if place >= 0 and _fits(above[place][1], fields, header.facts):
+    if place >= 0 and _fits(above[place][1], fields, header.facts, first):
         index, cells = above[place]
         header.line, header.lines = index + 1, frozenset({lines[index]})
-        first = split(lines[dialect.start], dialect.separator)
         names = _filled(cells, fields)
         if len(cells) == fields - 1 and len(_trimmed(cells)) == len(cells) and cells[0] and first[-1].strip():
             names = ["?", *cells]  # One name fewer: the first column counts rows.
         repeated = len({*filter(None, names)}) < len([*filter(None, names)])
-        repeated = repeated or (place > 0 and not above[place - 1][1][0] and len(above[place - 1][1]) > 2)
+        if place > 0 and len(up := above[place - 1][1]) > 2:  # Half of the names stand one line above.
+            repeated = repeated or not up[0] or (not names[0] and bool(up[1]))
         levels: list[list[str]] = []
         while repeated and place > 0 and index - above[place - 1][0] == 1:
             place -= 1
@@ -111,6 +118,8 @@ def _stated_unit(name: str, facts: dict[str, str]) -> str:
     """The unit of a position that a line above the header states, or the manual of the program."""
     if "Position." in name and "Length Units" in facts:
         return unit_word(facts["Length Units"])
+    if "DataRate" in facts:
+        return unit_word(facts.get("Units", "")) if re.search(r"(^|[ .])[XYZ]\d*$", name) else ""
     if "MARKER_NAMES" in facts or "BODY_NAMES" in facts:
         return "mm" if re.search(r"(^|[ .])[XYZ]$", name) else ""
     return ""
@@ -119,12 +128,14 @@ def _stated_unit(name: str, facts: dict[str, str]) -> str:
 def _facts(lines: Sequence[str], separator: str) -> dict[str, str]:
     facts: dict[str, str] = {}
     before = ""
-    for line in lines:
-        cells = [cell.strip() for cell in split(line.lstrip("#% "), separator)]
+    for number, line in enumerate(lines):
+        cells = [cell.strip() for cell in split(line.lstrip("#% "), separator)] or [""]
         if cells[0].isupper() and len(cells) > 1:  # QTM: MARKER_NAMES<tab>A<tab>B
             facts[cells[0]] = "\t".join(cells[1:]).strip()
         elif cells[0] == "Format Version":  # Motive: key, value, key, value
             facts |= dict(zip(cells[::2], cells[1::2], strict=False))
+        elif cells[0] == "DataRate" and number + 1 < len(lines):  # TRC: keys, and their values below
+            facts |= dict(zip(cells, split(lines[number + 1], separator), strict=False))
         elif ":" in line and len(cells) < 3:
             key, _, value = line.lstrip("#% ").partition(":")
             facts[key.strip()] = value.strip().strip(separator)
@@ -142,8 +153,11 @@ def _are_units(cells: Sequence[str], fields: int) -> bool:
     return bool(given) and len(cells) <= fields + 1 and 10 * names >= 6 * len(given)
 
 
-def _fits(cells: Sequence[str], fields: int, facts: dict[str, str]) -> bool:
+def _fits(cells: Sequence[str], fields: int, facts: dict[str, str], first: Sequence[str] = ()) -> bool:
+    """True for a line of names; cells behind the last name are empty in the first row."""
     trimmed = _trimmed(cells)
+    if len(trimmed) > 2 and first and not any(cell.strip() for cell in first[len(trimmed) :]):
+        fields = min(fields, len(trimmed))
     if len(trimmed) < 2 and fields > 1:
         return False
     if trimmed and trimmed[0] in facts and trimmed[0].isupper() and len(trimmed[0]) > 4:

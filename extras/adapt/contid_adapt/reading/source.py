@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -27,6 +28,11 @@ _FORMATS: Final = (
     (b"BZh", "bzip2", "compressed: unpack it with bunzip2"),
     (b"\xfd7zXZ", "xz", "compressed: unpack it with unxz"),
 )
+
+
+#: A quote that begins a cell and is not closed, and how many lines such a cell may go over.
+_OPENS: Final = re.compile(r'(^|[,;\t|])\s*"[^"]*$')
+_MOST_LINES: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,9 +99,25 @@ def lines_of(text: str) -> list[str]:
         lines = [
             "" if not line.strip("|-+: ") else " " + line[1:].rstrip().removesuffix("|") for line in lines
         ]
+    if '"' in text:
+        _join_quoted(lines)
     while len(lines) > 1 and not lines[-1].strip(" \t,;|\r\x1a\0"):
         lines.pop()
     return lines
+
+
+def _join_quoted(lines: list[str]) -> None:
+    """Put a quoted cell that goes over the ends of lines into one line; the others stay, empty."""
+    begin = -1
+    for index, line in enumerate(lines):
+        if begin < 0:
+            begin = index if line.count('"') % 2 and _OPENS.search(line) else -1
+        elif index - begin > _MOST_LINES:
+            begin = -1
+        elif line.count('"') % 2:
+            lines[begin] = " ".join(lines[begin : index + 1])
+            lines[begin + 1 : index + 1] = [""] * (index - begin)
+            begin = -1
 
 
 def _decoded(data: bytes) -> tuple[str, str]:

@@ -63,7 +63,7 @@ def _rows(
     separator, fields = dialect.separator, dialect.fields
     numbered: list[int] = []
     rows: list[list[str]] = []
-    session, sessions, comments = 1, [], 0
+    session, sessions, comments, alone = 1, [], 0, 0
     findings: list[Located] = []
     parts: list[list[Any]] = [[] for _ in range(fields)]
     bad: list[list[tuple[int, str]]] = [[] for _ in range(fields)]
@@ -108,6 +108,9 @@ def _rows(
                 cells = cells[:fields]
             elif not "".join(cells).strip():
                 continue
+            elif len(cells) > 1 and cells[0].strip() and not "".join(cells[1:]).strip('" '):
+                alone += 1
+                continue
             else:
                 findings.append(_miscounted(line, index, len(lines), len(cells), dialect, file, numbered))
                 if len(findings) >= _MAX_FINDINGS:
@@ -129,6 +132,10 @@ def _rows(
         file, tuple(columns), np.array(numbered, dtype=np.int64), np.array(sessions, dtype=np.int64), lines,
         separator, header.facts, [], header.line,
     )  # fmt: skip
+    if alone:
+        table.notes.append(
+            f"{alone} rows with nothing behind their first cell are lost samples and were left out"
+        )
     _notes(table, dialect, comments, session, whole_end)
     return table
 
@@ -221,6 +228,9 @@ def _notes(table: Table, dialect: Dialect, comments: int, sessions: int, whole_e
             place = next((n for n, text in enumerate(table.text, 1) if name in text), 1)
             column = table.text[place - 1].find(name) + 1
             raise BadInputError([Located(table.file, place, column, f"{what}; {remedy}")])
+    frames = number(table.facts.get("NumFrames", ""))
+    if frames and frames > len(table):
+        table.notes.append(f"NumFrames is {frames:.0f}, but the file has {len(table)} rows: was it cut?")
 
 
 def _counts_up(lines: Sequence[str], dialect: Dialect) -> bool:
