@@ -19,8 +19,8 @@ from tests.campaign.bodies.plants import axes_of
 from tests.campaign.bodies.watched_runs import run
 
 ROBOTS: Final = (
-    "cbha", "chain", "finger", "ftdcr_v4", "hand",
-    "stiffflop1", "stiffflop2", "tendon3", "trirack", "trirack2",
+    "bend1", "catheter", "cbha", "chain", "chambers3", "finger", "ftdcr_v4", "hand",
+    "planar2", "stiffflop1", "stiffflop2", "tendon3", "trirack", "trirack2", "trunk",
 )  # fmt: skip
 
 

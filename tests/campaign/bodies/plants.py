@@ -61,9 +61,9 @@ def axes_of(loaded: LoadedFile) -> list[Axes]:
 
 
 class Plant:
-    """Devices of one robot, and what is read of them; row 0 sound, row 1 damaged."""
+    """Devices of one robot, and what is read of them; row 0 sound, row 1 damaged if there is one."""
 
-    def __init__(self, axes: Axes, draw: random.Random, start: Values) -> None:
+    def __init__(self, axes: Axes, draw: random.Random, start: Values, twins: int = 2) -> None:
         n = len(start)
         rng = self._rng = np.random.default_rng(draw.randrange(2**32))
         off = lambda: rng.uniform(0.8, 1.2, n)  # noqa: E731
@@ -75,14 +75,14 @@ class Plant:
         #: Gain of the position controller of a motor, and what its speed is short of the asked one.
         self._stiff, self._short = 20.0 * off(), 1.0 + 0.2 * (off() - 1.0)
         slow = np.where(np.isfinite(axes.tops), axes.tops, np.inf)
-        self.top = np.tile(slow * off().clip(1.0), (2, 1))
+        self.top = np.tile(slow * off().clip(1.0), (twins, 1))
         self._noise = np.select([self._servo, self._motor], [4.6e-4, 0.0], 0.003 * BAR) * off()
         self._grain = np.select([self._servo, self._motor], [1.53e-3, 1.3e-3], 73.0)
-        self.at = np.tile(start, (2, 1))
-        self.speed = np.zeros((2, n))
+        self.at = np.tile(start, (twins, 1))
+        self.speed = np.zeros((twins, n))
         self._inner = self.at.copy()
-        self._set_speed, self._set_push = np.zeros((2, n)), np.zeros((2, n))
-        self._rate = np.zeros((2, n))
+        self._set_speed, self._set_push = np.zeros((twins, n)), np.zeros((twins, n))
+        self._rate = np.zeros((twins, n))
         self._last = self.at.copy()
         self._since_s = 0.0
         self._past: deque[Values] = deque([self.at.copy()] * 10, maxlen=10)
@@ -107,13 +107,13 @@ class Plant:
             wish = np.clip(wish, -self.top, self.top)
             slow = np.where(self._motor, 1.0 - np.exp(-STEP_S / self._tau), 1.0)
             speed = self.speed + slow * (wish - self.speed)
-            speed[1, self.held] = 0.0
+            speed[1:, self.held] = 0.0
             self.speed = speed
             self._inner = self._inner + STEP_S * np.where(self._motor, self._set_speed, speed)
             # A servo has a second, faster lag; the gear train of a motor and a chamber have none.
             follow = np.where(self._servo, 1.0 - np.exp(-STEP_S / 0.008), 1.0)
             new = np.where(self._motor, self.at + STEP_S * speed, self.at + follow * (self._inner - self.at))
-            new[1, self.held] = self.at[1, self.held]
+            new[1:, self.held] = self.at[1:, self.held]
             self.at = new
             self._past.append(new)
 

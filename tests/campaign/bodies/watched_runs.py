@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from contid.control.engine.cycle import Timing
 from contid.control.engine.watch.body_watch import BodyWatch
+from contid.control.engine.watch.path_pace import BEGIN
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
@@ -39,6 +40,8 @@ class Watched:
             samples_of=lambda config: tuple(self._samples[axis] for axis in config.axes),
         )
         self._watch = BodyWatch(robots, exchange)
+        #: Greatest distance of an axis from its range as a share of its tolerance, and ticks beyond a half.
+        self.behind, self.slowed = 0.0, 0
         self._state = RobotState(Mode.RUN, enabled=True)
 
     def _fail(self, index: int, fault: Fault, message: str, now_s: float) -> None:
@@ -50,6 +53,8 @@ class Watched:
         for axis, value in zip(self._config.axes, values, strict=True):
             self._samples[axis] = Sample(value, now_s, True, 0.0)
         self._watch.before({}, Timing(tick, 0, now_s), now_s)
+        self.behind = max(self.behind, self._watch.behind)
+        self.slowed += self._watch.behind >= BEGIN
         outcome: Any = SimpleNamespace(device=device, state=self._state)
         self._watch.after([outcome], {}, now_s)
 
@@ -102,3 +107,27 @@ def run(axes: Axes, draw: random.Random, seconds: float, kind: str | None) -> tu
     if harm is not None and found is not None and counted is None:
         counted = found  # found before it counted
     return Found(shown, counted, found), watched, tick / RATE_HZ
+
+
+def run_sound(axes: Axes, draw: random.Random, seconds: float, count: int) -> list[Watched]:
+    """Sound bodies of one robot, computed as one plant with all their axes, until the time or an alarm."""
+    many = replace(
+        axes,
+        kinds=axes.kinds * count,
+        counts=np.tile(axes.counts, count),
+        tops=np.tile(axes.tops, count),
+        pushes=np.tile(axes.pushes, count),
+    )
+    to_device, size = axes.config.transmission.to_device, len(axes.kinds)
+    moves = [motion(axes.config, draw) for _ in range(count)]
+    bodies = [Watched(axes) for _ in range(count)]
+    device = [to_device(next(move)) for move in moves]
+    plant = Plant(many, draw, np.concatenate(device), twins=1)
+    for tick in range(int(seconds * RATE_HZ)):
+        values = plant.read()[0].tolist()
+        for k, body in enumerate(bodies):
+            if body.fault is Fault.NONE:
+                body.tick(tick, device[k], values[k * size : (k + 1) * size])
+        plant.advance(np.concatenate(device)[None])
+        device = [to_device(next(move)) for move in moves]
+    return bodies
