@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from contid.control.daemon.terminal import event_text
+from contid.control.engine.events.robots import PathSlowed
 from contid.control.engine.messages import Goto, Message
 from contid.control.engine.report import RunReport
 from contid.control.engine.virtual import run_virtual
@@ -115,3 +117,8 @@ def test_a_slowed_run_replays_to_the_bit_and_by_older_rules_does_not(tmp_path: P
     assert (again.divergence, again.stopped) == (None, "")
     session.motion_rules = 2
     assert replay(session, session.robot_file()).divergence is not None
+
+
+def test_the_terminal_shows_it() -> None:
+    event = PathSlowed(tick=1, robot="f0", axis="f0.left", over=True, lost_s=0.5, message="follows again")
+    assert event_text(event) == "f0: follows again"

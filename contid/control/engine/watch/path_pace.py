@@ -3,7 +3,7 @@
 From two fifths of its tolerance outside its range on (`contid.control.tick.follow.expected_range`), an axis
 slows the clock of the trajectory, and of every motion to a target, down to a fifth at its tolerance. So
 robots stay on their path and with each other, and a path that is too fast for a body goes at the speed of
-that body. One that goes along has `PATIENCE_S` beyond its tolerance, up to twice of it, until the path is
+that body. One that goes along has `GRACE_S` beyond its tolerance, up to twice of it, until the path is
 slow; one that does not is a fault as without this stage. A live stream is not slowed: its rows have the time
 of whoever sends them.
 
@@ -37,10 +37,10 @@ LEAST: Final = 0.2
 #: How far ahead the way of an axis out of its range is looked at [s].
 AHEAD_S: Final = 0.1
 #: How long an axis that goes along may be beyond its tolerance, until the path is slow [s].
-PATIENCE_S: Final = 0.15
-#: A pace nearer to 1 is 1, and one below `TOLD` is told.
+GRACE_S: Final = 0.15
+#: A pace nearer to 1 is 1, and one below `STATED` is stated.
 WHOLE: Final = 1e-4
-TOLD: Final = 0.95
+STATED: Final = 0.95
 #: At full pace for this long, the body follows again [s].
 OVER_S: Final = 1.0
 #: Share of acceleration and jerk that changes of the pace may use, and how quick they are at most [1/s].
@@ -60,16 +60,16 @@ class PathPace(TickStage):
         self.pace = 1.0
         self._robots, self._watch, self._selector, self._sink = robots, body_watch, selector, sink
         self._period_s = robots.configs[0].period_s if robots.configs else 1.0
-        self._patience = math.ceil(PATIENCE_S / self._period_s)
+        self._grace = math.ceil(GRACE_S / self._period_s)
         self._first, self._before = 1.0, 1.0  # the first lag, and the pace of the tick before
         self._behind = self._newest = 0.0
-        self._told: tuple[str, str] | None = None  # robot and axis of the newest event
+        self._stated: tuple[str, str] | None = None  # robot and axis of the newest event
         self._full = 0  # ticks at full pace since
         self._lost_s = 0.0
 
     def before(self, targets: Targets, timing: Timing, now_s: float) -> Targets:
         """See `TickStage.before`: slows what moves by the newest comparison."""
-        if self._watch.behind < BEGIN and self.pace == 1.0 and self._told is None:
+        if self._watch.behind < BEGIN and self.pace == 1.0 and self._stated is None:
             self._behind = self._newest = 0.0
             return targets
         source = self._selector.source
@@ -82,7 +82,7 @@ class PathPace(TickStage):
             or (state.mode is Mode.APPROACH and isinstance(state.motion, Approach))
         ]
         for index, body in enumerate(self._watch.bodies):
-            body.patience = self._patience if index in moving else 0
+            body.grace = self._grace if index in moving else 0
         worst = max(moving, key=lambda index: self._watch.bodies[index].behind, default=-1)
         behind = self._watch.bodies[worst].behind if moving else 0.0
         self._change(behind, moving)
@@ -95,7 +95,7 @@ class PathPace(TickStage):
                     later_s = state.motion_s + lost * self._period_s
                     states[index] = replace(state, motion_s=later_s)
             self._lost_s += lost * self._period_s if moving else 0.0
-        self._tell(worst, timing.tick)
+        self._report(worst, timing.tick)
         return targets
 
     def _change(self, behind: float, moving: list[int]) -> None:
@@ -146,27 +146,27 @@ class PathPace(TickStage):
                 return False
         return True
 
-    def _tell(self, worst: int, tick: int) -> None:
+    def _report(self, worst: int, tick: int) -> None:
         """One event when a body slows its path, and one when it follows again."""
         self._full = self._full + 1 if self.pace == 1.0 else 0
-        if self._told is None and self.pace < TOLD and worst >= 0:
+        if self._stated is None and self.pace < STATED and worst >= 0:
             body = self._watch.bodies[worst]
             axis, text = body.behind_axis()
-            self._told = (body.config.name, axis)
+            self._stated = (body.config.name, axis)
             self._sink.event(
                 PathSlowed(
                     tick=tick, robot=body.config.name, axis=axis, over=False, lost_s=0.0,
                     message=f"{text}, behind by more than its device explains: the path is slowed",
                 )
             )  # fmt: skip
-        elif self._told is not None and self._full * self._period_s >= OVER_S:
-            robot, axis = self._told
-            lost_s, self._lost_s, self._told = round(self._lost_s, 3), 0.0, None
+        elif self._stated is not None and self._full * self._period_s >= OVER_S:
+            robot, axis = self._stated
+            lost_s, self._lost_s, self._stated = round(self._lost_s, 3), 0.0, None
             self._sink.event(
                 PathSlowed(
                     tick=tick, robot=robot, axis=axis, over=True, lost_s=lost_s,
                     message=f"{axis} follows again; the path took {lost_s:.2g} s longer",
                 )
             )  # fmt: skip
-        elif self._told is None and self.pace == 1.0:
+        elif self._stated is None and self.pace == 1.0:
             self._lost_s = 0.0

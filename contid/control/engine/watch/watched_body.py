@@ -65,7 +65,7 @@ class WatchedBody:
         goal: newest command [rad or Pa]; empty before the first.
         device: the same while it is compared, else empty.
         behind: greatest distance of an axis from its range, as a share of its tolerance.
-        patience: ticks for which an axis that goes along may be outside for longer, as its path is slowed.
+        grace: ticks for which an axis that goes along may be outside for longer, as its path is slowed.
         awake: ticks for which the range is kept up.
         note: takes a command of a tick in which it is not.
         settle_s: how long the axes may take to arrive after the last command [s].
@@ -84,7 +84,7 @@ class WatchedBody:
         self.device: tuple[float, ...] = ()
         self.awake = 0
         self.behind = 0.0
-        self.patience = 0
+        self.grace = 0
         self._farthest = 0
         #: Where an axis was when it was first outside.
         self._left_at = [0.0] * len(config.axes)
@@ -150,7 +150,7 @@ class WatchedBody:
                 self._left_at[i] = value
             self._outside[i] += 1
             wait = (
-                self.patience if excess <= LAGGING * response.tolerance and self._goes_along(i, value) else 0
+                self.grace if excess <= LAGGING * response.tolerance and self._goes_along(i, value) else 0
             )
             if self._outside[i] >= self._confirm + wait:
                 fault = Fault.DOES_NOT_FOLLOW if self._asked[i] else Fault.MOVES_UNASKED
