@@ -1,7 +1,7 @@
 """Changes of the robot file that an identification gives.
 
-``follow_delay_ms`` and ``follow_lag_ms`` of every axis, the longest that still count as healthy, are the upper
-ends of its intervals and a quarter. ``dynamics.delay_ms`` and ``lag_ms`` reach from the command to
+``follow_delay_ms`` and ``follow_lag_ms`` of every axis, the longest that still count as healthy, are the
+upper ends of its intervals and a quarter. ``dynamics.delay_ms`` and ``lag_ms`` reach from the command to
 the body: those of the tip where it was measured, else of every axis. Masses and damping are those of the
 stage *body*, ``rates.shape`` has the strongest mode about the pose with the most ring-downs.
 """

@@ -149,9 +149,7 @@ class WatchedBody:
                 self._asked[i] = not self._range.still(i, STILL_SHARE * response.tolerance)
                 self._left_at[i] = value
             self._outside[i] += 1
-            wait = (
-                self.grace if excess <= LAGGING * response.tolerance and self._goes_along(i, value) else 0
-            )
+            wait = self.grace if excess <= LAGGING * response.tolerance and self._goes_along(i, value) else 0
             if self._outside[i] >= self._confirm + wait:
                 fault = Fault.DOES_NOT_FOLLOW if self._asked[i] else Fault.MOVES_UNASKED
                 return fault, self._off(i, value)

@@ -26,8 +26,8 @@ def axis_responses(
     """The response of every axis, in the order of the axes.
 
     Args:
-        robot: its description; ``follow_delay_ms`` and ``follow_lag_ms`` of an axis, else of the robot, replace
-            those of the device.
+        robot: its description; ``follow_delay_ms`` and ``follow_lag_ms`` of an axis, else of the robot,
+            replace those of the device.
         transmission: of its axes.
         devices: response of the device of each axis by its name in the robot; by its quantity where missing.
         period_s: of the tick.
