@@ -10,9 +10,10 @@ import argparse
 import math
 import statistics
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Final
 
+from contid.control.engine.cycle import Timing
 from contid.control.engine.messages import Rows
 from contid.control.engine.virtual import Tee, VirtualProcess
 from contid.control.engine.watch.body_watch import BodyWatch
@@ -43,9 +44,9 @@ class TimedTurns:
         self._apart_ns = 0
         exchange, run = engine.exchange, engine.exchange.run
 
-        def timed(*arguments: object) -> None:
+        def timed(commands: Mapping[str, Mapping[str, float]], timing: Timing, now_s: float) -> None:
             began_ns = time.thread_time_ns()
-            run(*arguments)  # type: ignore[arg-type]
+            run(commands, timing, now_s)
             self._apart_ns += time.thread_time_ns() - began_ns
 
         exchange.run = timed  # type: ignore[method-assign]
