@@ -235,6 +235,8 @@ class AxisDescription(BaseModel):
         direction: sense of rotation that makes the length grow.
         mm_to_bar: for lengths driven by regulators: rows ``[length_mm, pressure_bar]``, strictly monotone,
             interpolated by a monotone cubic.
+        follow_delay_ms: its longest dead time when it is healthy; that of the robot if left out.
+        follow_lag_ms: longest time constant of its answer behind that; likewise.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
@@ -244,3 +246,5 @@ class AxisDescription(BaseModel):
     zero_deg: float = 0.0
     direction: Literal[1, -1] = 1
     mm_to_bar: tuple[tuple[float, float], ...] | None = None
+    follow_delay_ms: NonNegative | None = None
+    follow_lag_ms: Positive | None = None

@@ -19,7 +19,7 @@ from contid.session.read import Session
 
 #: Events that a summary lists; the others are counted only.
 _LISTED = (
-    "refused", "contact", "squeeze", "bus", "tier", "overrun", "skipped", "recorder", "failed", "end",
+    "refused", "contact", "squeeze", "path", "bus", "tier", "overrun", "skipped", "recorder", "failed", "end",
     "stopping",
 )  # fmt: skip
 _MAX_LISTED = 20

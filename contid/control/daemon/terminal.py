@@ -10,7 +10,13 @@ from typing import Final
 
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.buses import BusChanged, OverloadChanged, TicksSkipped
-from contid.control.engine.events.robots import ContactBegan, FaultLatched, OrderRefused, SqueezeChanged
+from contid.control.engine.events.robots import (
+    ContactBegan,
+    FaultLatched,
+    OrderRefused,
+    PathSlowed,
+    SqueezeChanged,
+)
 from contid.control.engine.events.run import LogWritten, RunStarted
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.control.process.log_queue import LEVELS, level_name
@@ -54,7 +60,7 @@ def event_text(event: RunEvent, log_level: int = logging.INFO) -> str:
             # The daemon has printed its own records already.
             shown = event.process == "control" and LEVELS[event.level] >= log_level
             return log_text(event.level, event.message) if shown else ""
-        case FaultLatched() | ContactBegan() | SqueezeChanged():
+        case FaultLatched() | ContactBegan() | SqueezeChanged() | PathSlowed():
             return f"{event.robot}: {event.message}"
         case OrderRefused():
             return f"refused: {event.message}"

@@ -28,6 +28,7 @@ from contid.control.engine.target_selector import TargetSelector
 from contid.control.engine.tick_costs import TickCosts, TickTooLongError
 from contid.control.engine.watch.arrivals import Arrivals
 from contid.control.engine.watch.body_watch import BodyWatch
+from contid.control.engine.watch.path_pace import PathPace
 from contid.control.engine.watch.tip_watch import TipWatch
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
@@ -103,6 +104,8 @@ class Engine:
             stages.append(contacts)
         self.body_watch = BodyWatch(self.robots, self.exchange)
         stages += [*stages_of_extras(parts), StallWatch(self.robots, rate_hz), self.body_watch]
+        if all(config.motion_rules > 2 for config in configs):
+            stages.append(PathPace(self.robots, self.body_watch, self.selector, sink))
         if any(config.follow_tip_m is not None for config in configs):
             stages.append(TipWatch(self.robots, self.exchange))
         arrivals = Arrivals(self.robots, self.body_watch, sink)

@@ -46,6 +46,7 @@ class Timed:
         self._start_lead = ease_ticks(self._configs, trajectory, trajectory.start_s, ahead=True)
         self._end_tail = ease_ticks(self._configs, trajectory, trajectory.end_s, ahead=False)
         self._lead = self._tail = 0
+        self._slowed = 0.0  # ticks by which it is later since its clock started, because a body was behind
         self._paused = False
         self.waits = waits
         self.within_reach = trajectory.within_reach
@@ -90,11 +91,17 @@ class Timed:
         """Go on as soon as the robots are back at the time reached."""
         self._paused = False
 
+    def slow(self, ticks: float) -> None:
+        """Let the clock of the trajectory, if it runs, be later by a part of a tick from now on."""
+        if self._origin is not None:
+            self._slowed += ticks
+
     def _position(self, tick: int) -> float:
         """Ticks of the trajectory played by now."""
         if self._origin is None:
             return self._base
-        return self._base + played(tick - self._origin, self._length - self._base, self._lead, self._tail)
+        since = tick - self._origin - self._slowed
+        return self._base + played(since, self._length - self._base, self._lead, self._tail)
 
     def _begin(self, tick: int) -> None:
         trajectory, left = self._trajectory, self._length - self._base
@@ -103,7 +110,7 @@ class Timed:
             now_s = trajectory.start_s + self._base / self._rate_hz
             lead = ease_ticks(self._configs, trajectory, now_s, ahead=True)
         self._lead, self._tail = fitted(lead, left), fitted(self._end_tail, left)
-        self._origin = tick
+        self._origin, self._slowed = tick, 0.0
 
 
 class Live:

@@ -218,7 +218,7 @@ def markdown() -> str:
         "A fault stops one robot (and the other arm of its chain) and stays until `contid clear-fault`;",
         "a run with one ends with exit code 3.",
         "Numbers never change their meaning: 1xx devices, 2xx arithmetic, 3xx other robots and obstacles.",
-        "112 to 114 come from [the watch of the body](devices/watching.md), which has what it finds.",
+        "112 to 114 come from [the watch of the body](devices/watching.md), which slows a path before 112.",
         "",
         "| number | name | cause | what the robot did | what to do |",
         "|---|---|---|---|---|",

@@ -13,6 +13,7 @@ from contid import __version__
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.buses import TELEMETRY_HZ, ControlStalled, OverloadChanged, TicksSkipped
+from contid.control.engine.events.robots import PathSlowed
 from contid.control.engine.events.run import LogWritten, RunStarted, StreamDelayed
 from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, RequestFields
@@ -132,6 +133,8 @@ class QueryHandler:
             self._warn("warning", SKIPPED, str(event))
         elif isinstance(event, LogWritten) and event.level not in ("debug", "info"):
             self._warn(event.level, event.logger, event.message)
+        elif isinstance(event, PathSlowed):
+            self._warn("warning", event.robot, event.message)
         elif isinstance(event, TicksSkipped):
             if self._warnings and self._warnings[-1]["message"] == self._skips:
                 self._warnings.pop()  # the total is in the new one

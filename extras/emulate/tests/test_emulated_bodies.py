@@ -14,7 +14,9 @@ from contid_drivers.dynamixel import registers as reg
 from contid_emulate.dynamixel import InjectedFault
 from contid_emulate.dynamixel.motion import ShaftMotion
 from contid_emulate.dynamixel.servo import Servo
-from tests.campaign.bodies.damaged_bodies import RATE_HZ, STEP_S, STEPS, Watched, axes_of, motion
+from tests.campaign.bodies.motions import motion
+from tests.campaign.bodies.plants import RATE_HZ, STEP_S, STEPS, axes_of
+from tests.campaign.bodies.watched_runs import Watched
 
 
 def turned(shaft: ShaftMotion, goal: float, seconds: float = 2.0) -> ShaftMotion:

@@ -1,7 +1,7 @@
 """Changes of the robot file that an identification gives.
 
-``follow_delay_ms`` and ``follow_lag_ms``, the longest that still count as healthy, are the upper ends of the
-intervals of the slowest axis and a quarter. ``dynamics.delay_ms`` and ``lag_ms`` reach from the command to
+``follow_delay_ms`` and ``follow_lag_ms`` of every axis, the longest that still count as healthy, are the
+upper ends of its intervals and a quarter. ``dynamics.delay_ms`` and ``lag_ms`` reach from the command to
 the body: those of the tip where it was measured, else of every axis. Masses and damping are those of the
 stage *body*, ``rates.shape`` has the strongest mode about the pose with the most ring-downs.
 """
@@ -40,13 +40,14 @@ def changes(found: IdentifiedMotion, robot: RobotDescription, note: str) -> list
         ContidError: nothing is known well enough to be written.
     """
     out: list[Change] = []
-    known = [axis.answer for axis in found.axes if axis.answer is not None and _is_known(axis.answer.sum_s)]
-    if known and len(known) == len(found.axes):
-        delay_s = max(_highest(each.delay_s, each.sum_s) for each in known)
-        lag_s = max(_highest(each.lag_s, each.sum_s) for each in known)
+    for axis in found.axes:
+        if (answer := axis.answer) is None or not _is_known(answer.sum_s):
+            continue
+        delay_s, lag_s = (_highest(each, answer.sum_s) for each in (answer.delay_s, answer.lag_s))
+        own, healthy = f"axes.{axis.name}", f"{note}: longest when healthy"
         out += [
-            Change("follow_delay_ms", _ms(_MARGIN * delay_s), f"{note}: longest of a healthy axis"),
-            Change("follow_lag_ms", max(_ms(_MARGIN * lag_s), 1.0), f"{note}: longest of a healthy axis"),
+            Change(f"{own}.follow_delay_ms", _ms(_MARGIN * delay_s), healthy),
+            Change(f"{own}.follow_lag_ms", max(_ms(_MARGIN * lag_s), 1.0), healthy),
         ]
     if getattr(robot, "dynamics", None) is not None:
         out += _dynamics(found, len(robot.axis_names), note)

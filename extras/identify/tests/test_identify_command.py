@@ -59,8 +59,10 @@ def test_from_a_session_to_the_file(recorded: tuple[Path, Path], tmp_path: Path)
     assert robot.rates.shape.frequency_hz == pytest.approx(
         found["ring_downs"][0]["modes"][0]["frequency_hz"]["value"], rel=1e-3
     )
-    assert robot.follow_lag_ms is not None
-    assert 1.2 * 50.0 <= robot.follow_lag_ms <= 1.25 * 75.0  # the upper end of its interval and a quarter
+    for name in robot.all_axis_names:
+        lag_ms = robot.axes[name].follow_lag_ms
+        assert lag_ms is not None
+        assert 1.2 * 50.0 <= lag_ms <= 1.25 * 75.0  # the upper end of its interval and a quarter
     assert "identified" in own.read_text()
     assert "<svg" in page.read_text()
 

@@ -8,7 +8,10 @@ import pytest
 
 from contid.control.tick.faults import Fault
 from contid.robot_file.load import find_robot_file, load_robot_file
-from tests.campaign.bodies.damaged_bodies import ROBOTS, axes_of, faults_of, run
+from tests.campaign.bodies.damaged_bodies import ROBOTS
+from tests.campaign.bodies.damages import faults_of
+from tests.campaign.bodies.plants import axes_of
+from tests.campaign.bodies.watched_runs import run
 
 pytestmark = pytest.mark.campaign
 

@@ -13,6 +13,7 @@ import pytest
 from contid.control.engine.messages import Goto, Message
 from contid.control.engine.report import RunReport
 from contid.control.engine.virtual import run_virtual
+from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.faults import Fault
 from contid.control.tick.follow.expected_range import AxisResponse
 from contid.control.tick.follow.tip_path import TipPath
@@ -146,6 +147,15 @@ def test_a_slow_robot_has_time_to_arrive() -> None:
     report = follow(loaded, "t_s,f0.x_mm,f0.y_mm\n0,50,75\n1,40,75\n")
     assert report.exit_code == 0
     assert all(abs(at["difference"]) < 1.0 for at in report.robots["f0"]["axes"].values())
+
+
+def test_the_response_of_an_axis_is_its_own_else_that_of_the_robot() -> None:
+    own = "follow_lag_ms: 30, follow_delay_ms: 5, mm_per_rev"
+    text = fingers(1).replace("mm_per_rev", own, 1).replace("rest_mm:", "follow_lag_ms: 70\n    rest_mm:")
+    (config,) = build_robot_configs(parse_robot_file(text, "own.yaml"), RATE)
+    left, right = config.responses
+    assert (left.lag_s, left.delay_s) == pytest.approx((0.03, 0.005))
+    assert (right.lag_s, right.delay_s) == pytest.approx((0.07, 0.02))
 
 
 def test_less_than_the_tolerance_is_no_fault() -> None:

@@ -28,6 +28,18 @@ class FaultLatched(RunEvent):
     tick: TickNumber
 
 
+@run_event("path")
+class PathSlowed(RunEvent):
+    """A body is behind by more than its devices explain, so its path is slowed; or it follows again."""
+
+    tick: TickNumber
+    robot: RobotName
+    axis: Annotated[str, "ROBOT.AXIS that is farthest behind"]
+    over: Annotated[bool, "it follows again"]
+    lost_s: Annotated[float, "how much longer the path took, once that is over [s]"]
+    message: Text
+
+
 @run_event("contact")
 class ContactBegan(RunEvent):
     """A force acts on a robot that neither its model nor its known load explains."""

@@ -31,6 +31,7 @@ class BodyWatch(TickStage):
 
     Attributes:
         bodies: by index of the robot.
+        behind: greatest distance of a measurement of this tick from its range, as a share of its tolerance.
     """
 
     def __init__(self, robots: Robots, exchange: Exchange) -> None:
@@ -38,6 +39,7 @@ class BodyWatch(TickStage):
         self._robots = robots
         self._exchange = exchange
         self._skipped = 0
+        self.behind = 0.0
         self.bodies = [WatchedBody(config) for config in robots.configs]
 
     def before(self, targets: Targets, timing: Timing, now_s: float) -> Targets:
@@ -45,6 +47,7 @@ class BodyWatch(TickStage):
         samples = self._exchange.samples
         latest_s = timing.deadline_s + timing.lateness_s + FUTURE_S
         gap, self._skipped = timing.skipped != self._skipped, timing.skipped
+        self.behind = 0.0
         for index, body in enumerate(self.bodies):
             if not body.device:
                 continue
@@ -62,6 +65,7 @@ class BodyWatch(TickStage):
             except TypeError:  # an axis has no value
                 pass
             fault, message = body.compare(self._exchange.samples_of(body.config), latest_s, gap)
+            self.behind = max(self.behind, body.behind)
             if fault is not Fault.NONE:
                 self._robots.fail(index, fault, message, now_s)
         return targets

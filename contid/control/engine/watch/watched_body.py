@@ -26,6 +26,8 @@ SETTLE_S: Final = 0.5
 SETTLE_LAGS: Final = 5.0
 #: Share of its tolerance within which the range of an axis that stands still has closed.
 STILL_SHARE: Final = 0.1
+#: Greatest share of its tolerance for an axis that goes along while its path is slowed.
+LAGGING: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +64,8 @@ class WatchedBody:
         checks: name and tolerance of every axis.
         goal: newest command [rad or Pa]; empty before the first.
         device: the same while it is compared, else empty.
+        behind: greatest distance of an axis from its range, as a share of its tolerance.
+        grace: ticks for which an axis that goes along may be outside for longer, as its path is slowed.
         awake: ticks for which the range is kept up.
         note: takes a command of a tick in which it is not.
         settle_s: how long the axes may take to arrive after the last command [s].
@@ -79,6 +83,11 @@ class WatchedBody:
         self.goal: tuple[float, ...] = ()
         self.device: tuple[float, ...] = ()
         self.awake = 0
+        self.behind = 0.0
+        self.grace = 0
+        self._farthest = 0
+        #: Where an axis was when it was first outside.
+        self._left_at = [0.0] * len(config.axes)
         self.last: list[AxisPlace] | None = None
         self.settles_s: float | None = None
         self._range = ExpectedRange(config.responses, config.period_s)
@@ -102,6 +111,8 @@ class WatchedBody:
             self.awake = self._stay
         elif device and self.awake:
             self._range.advance(device)
+        if not device:
+            self.behind = 0.0
         self.device = device
 
     def compare(self, samples: Sequence[Sample], latest_s: float, gap: bool) -> tuple[Fault, str]:
@@ -116,6 +127,7 @@ class WatchedBody:
             self._range.catch_up()
         self.awake = self._stay
         before = (None,) * len(samples) if gap else self._values or self.device
+        self.behind = 0.0
         self._values = [each.value if each.valid and not each.fault else None for each in samples]
         for i, (value, last, sample) in enumerate(zip(self._values, before, samples, strict=True)):
             if value is None:
@@ -128,18 +140,31 @@ class WatchedBody:
                 shown = f"{axis} jumped from {self._edge(i, last)} to {self._edge(i, value)} in one tick"
                 return Fault.IMPLAUSIBLE_SAMPLE, shown
             excess = self._range.excess(i, value)
+            if excess > self.behind * response.tolerance and sample.age_s <= OLD_S:
+                self.behind, self._farthest = excess / response.tolerance, i
             if excess <= response.tolerance or sample.age_s > OLD_S:
                 self._outside[i] = max(self._outside[i] - 1, 0)
                 continue
             if not self._outside[i]:
                 self._asked[i] = not self._range.still(i, STILL_SHARE * response.tolerance)
+                self._left_at[i] = value
             self._outside[i] += 1
-            if self._outside[i] >= self._confirm:
+            wait = self.grace if excess <= LAGGING * response.tolerance and self._goes_along(i, value) else 0
+            if self._outside[i] >= self._confirm + wait:
                 fault = Fault.DOES_NOT_FOLLOW if self._asked[i] else Fault.MOVES_UNASKED
-                return fault, (
-                    f"{axis} is measured at {self._edge(i, value)}, commanded {self._edge(i, self.device[i])}"
-                )
+                return fault, self._off(i, value)
         return Fault.NONE, ""
+
+    def _goes_along(self, axis: int, value: float) -> bool:
+        """True when an axis outside its range has moved towards its command since it left it."""
+        way = value - self._left_at[axis]
+        return way * (self.device[axis] - value) > 0.0 and abs(way) > STILL_SHARE * self.checks[axis][1]
+
+    def behind_axis(self) -> tuple[str, str]:
+        """Name of the axis that is farthest from its range, and where it is."""
+        i = self._farthest
+        value = self._values[i] if self._values else None
+        return self.config.axes[i], self.config.axes[i] if value is None else self._off(i, value)
 
     def leave(self, samples: Sequence[Sample], holds: bool, now_s: float) -> None:
         """The devices take no commands from now on.
@@ -175,6 +200,7 @@ class WatchedBody:
     def rest(self) -> None:
         """Every axis is at its command."""
         self._values = ()
+        self.behind = 0.0
         self.awake -= 1
         self._outside = (
             [max(count - 1, 0) for count in self._outside] if self.awake else [0] * len(self.checks)
@@ -199,6 +225,11 @@ class WatchedBody:
             )
             for (name, quantity), goal, at, want, value, (_, tolerance) in axes
         ]
+
+    def _off(self, axis: int, value: float) -> str:
+        """Where an axis is measured, and commanded."""
+        at, asked = self._edge(axis, value), self._edge(axis, self.device[axis])
+        return f"{self.config.axes[axis]} is measured at {at}, commanded {asked}"
 
     def _edge(self, axis: int, value: float) -> str:
         """A device value in the unit of its column."""

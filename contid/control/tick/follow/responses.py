@@ -26,7 +26,8 @@ def axis_responses(
     """The response of every axis, in the order of the axes.
 
     Args:
-        robot: its description; ``follow_delay_ms`` and ``follow_lag_ms`` replace those of the devices.
+        robot: its description; ``follow_delay_ms`` and ``follow_lag_ms`` of an axis, else of the robot,
+            replace those of the device.
         transmission: of its axes.
         devices: response of the device of each axis by its name in the robot; by its quantity where missing.
         period_s: of the tick.
@@ -39,12 +40,15 @@ def axis_responses(
         device = devices.get(name, _of_quantity(quantity))
         pressure = quantity is Quantity.PRESSURE or robot.axes[name].mm_to_bar is not None
         unit = _span(driven_ends) / _span(device_ends) if robot.axes[name].mm_to_bar else _gain(robot, name)
-        delay_s, lag_s = robot.follow_delay_ms, robot.follow_lag_ms
+        delay_ms, lag_ms = (
+            getattr(robot if getattr(robot.axes[name], key) is None else robot.axes[name], key)
+            for key in ("follow_delay_ms", "follow_lag_ms")
+        )
         out.append(
             AxisResponse(
                 tolerance=math.inf if device.yields else robot.follow_tolerance(quantity) / unit,
-                delay_s=device.delay_s if delay_s is None else delay_s / 1e3,
-                lag_s=device.lag_s if lag_s is None else lag_s / 1e3,
+                delay_s=device.delay_s if delay_ms is None else delay_ms / 1e3,
+                lag_s=device.lag_s if lag_ms is None else lag_ms / 1e3,
                 top=device.top,
                 jump=device.fastest * period_s + _JUMP_SLACK[pressure],
                 overshoot_s=device.overshoot_s,
