@@ -10,7 +10,6 @@ every robot follows its target and the plots have curves.
 from __future__ import annotations
 
 import io
-import itertools
 import os
 import subprocess
 import sys
@@ -24,8 +23,8 @@ from typing import Any, Final
 from PIL import Image
 
 IMAGES: Final = Path(__file__).parents[1] / "images"
-#: Arguments of `contid path` for what each robot does. Fingers that meet on a live stream hold at their margin
-#: whenever the machine is late, so theirs stay 4 mm apart.
+#: Arguments of `contid path` for what each robot does. Fingers that meet on a live stream hold at their
+#: margin whenever the machine is late, so theirs stay 4 mm apart.
 PATHS: Final[dict[str, tuple[str, ...]]] = {
     "hand": (
         "circle --center 48,70 --radius 20 --period 8 --robots left",
@@ -73,8 +72,9 @@ def feed(process: subprocess.Popen[str], lap: list[str]) -> None:
     assert process.stdin is not None
     with suppress(BrokenPipeError):
         process.stdin.write(f"{lap[0]}\n")
-        for row in itertools.cycle(lap[2:]):  # the first row is the last
-            process.stdin.write(f"{row}\n")
+        rows = lap[2:]  # the first row is the last
+        while True:
+            process.stdin.write(f"{rows[int(time.monotonic() * ROWS_PER_S) % len(rows)]}\n")
             process.stdin.flush()
             time.sleep(1.0 / ROWS_PER_S)
 
