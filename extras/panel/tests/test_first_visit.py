@@ -195,11 +195,11 @@ class Visit:
         self.page.wait_for_selector("#recording li.live", state="detached")
 
     def suspends_the_machine(self) -> None:
-        """The process that moves robots stands still for longer than the watchdogs of the devices allow."""
+        """The process that moves robots stands still, for longer than its devices allow."""
         children = psutil.Process(self.process.pid).children()
         (moving,) = (each for each in children if "contid.control.process" in each.cmdline())
         moving.send_signal(signal.SIGSTOP)
-        self.page.wait_for_timeout(1500)
+        self.page.wait_for_timeout(300)
         moving.send_signal(signal.SIGCONT)
         self.state(FAULT)
         self.page.get_by_role("alert").filter(has_text=f"{self.name}: fault").wait_for()
