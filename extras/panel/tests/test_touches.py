@@ -35,7 +35,7 @@ STEPS = {"mm": 0.5, "deg": 0.5}
 OF_RANGE = 1e-3
 #: A bend below which its azimuth turns nothing [deg], and what a touch moves at the least, as a share of it.
 STRAIGHT_DEG, MOVED_SHARE = 0.1, 5e-3
-#: What no robot can move alone from rest. The tip of one section stays on a surface, which is level there; two
+#: What no robot can move alone from rest. The tip of one section stays on a surface that is level there; two
 #: tendons bend in a plane; and a tendon that is pulled alone makes the others slack.
 TENDONS = [f"arm s{section}.t{tendon}_mm" for section in (1, 2, 3) for tendon in (1, 2, 3)]
 BLOCKED = {
@@ -191,6 +191,7 @@ def test_the_first_touch_moves_in_every_free_direction(name: str) -> None:
 
 
 @pytest.mark.campaign
+@pytest.mark.timeout(7200)
 def test_random_touches() -> None:
     """Sliders of all shipped robots, up to six keys after one another, back to rest now and then."""
     numbers = random.Random(TOUCHES)
