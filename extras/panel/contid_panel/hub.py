@@ -21,8 +21,8 @@ from contid.targets import Actuation
 from contid_panel.expiry import clock_ms
 from contid_panel.geometry import PanelGeometry
 from contid_panel.mailbox import Mailbox
-from contid_panel.recorded import Recorded
 from contid_panel.samples import actuation_of
+from contid_sessions.recorded import Recorded
 
 log = logging.getLogger(__name__)
 

@@ -27,8 +27,7 @@ from playwright.sync_api import Browser, Locator
 
 from contid.client import Client
 from contid.remote.client.described_robot import columns_of
-from tests.support.axe import dim, violations
-from tests.support.browser import OpenPage, opened
+from tests.support.browser import OpenPage, dim, opened, violations
 from tests.support.daemons import command
 from tests.support.panels import PanelProcess
 from tests.support.waiting import until
@@ -103,10 +102,6 @@ class Visit:
         act()
         until(lambda: self.command() != before, f"{what} has moved {self.name}")
         self.state(ARMED)
-
-    def tells(self, text: str) -> None:
-        """Wait for a message of the page."""
-        self.page.locator(".toast").get_by_text(text).first.wait_for()
 
     def entry(self, number: int) -> Locator:
         """The field of an axis in which numbers are typed."""
@@ -214,7 +209,7 @@ class Visit:
     def stops(self) -> None:
         self.page.locator("#stop").click()
         self.state(OFF)
-        self.tells("may sink")
+        self.page.locator(".toast").get_by_text("may sink").first.wait_for()
 
 
 def visit(

@@ -12,8 +12,7 @@ pytest.importorskip("axe_playwright_python", reason="pip install 'contid[test]'"
 
 from playwright.sync_api import Browser
 
-from tests.support.axe import dim, violations
-from tests.support.browser import OpenPage, opened
+from tests.support.browser import OpenPage, dim, opened, violations
 from tests.support.daemons import daemon
 from tests.support.panels import PanelProcess, panel
 
