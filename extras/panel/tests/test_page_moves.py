@@ -163,10 +163,3 @@ def test_a_recording_is_begun_and_ended(browser: Browser) -> None:
         it.page.wait_for_selector("#recording li", state="detached")
         done = contid_in(running.folder, "session", "info", listed["file"])
         assert "clean" in done.stdout, done.stdout + done.stderr
-        # It is listed, and what was commanded can be played again.
-        card.get_by_role("button", name="Check").click()
-        it.page.wait_for_selector("#trajectory .good")
-        assert Path(listed["file"]).name in it.text("#trajectory")
-        it.take_control()
-        it.page.locator("#trajectory button:enabled").click()
-        it.page.locator(".toast").get_by_text("go to the first row").wait_for()
