@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import pickle
+import subprocess
+import sys
 from importlib.resources import files
+from pathlib import Path
 from typing import assert_type, get_type_hints
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
+import contid
 from contid import Robot, Sim
 from contid.api.results import AnswerRecords, PoseRecords
 
@@ -35,3 +41,33 @@ def test_a_checker_sees_arrays() -> None:
         assert_type(sim.reset(1)["finger"].tip, NDArray[np.float64])
     # Checkers of users look at types of a package with this file only.
     assert files("contid").joinpath("py.typed").is_file()
+
+
+#: Not for scripts: what `Sim` is to the engine.
+OF_THE_ENGINE = {"Sim.event", "Sim.write"}
+SCRIPT_OF_ALL = Path(__file__).parent / "public_api.py"
+
+
+def test_the_script_uses_the_whole_public_library() -> None:
+    text = SCRIPT_OF_ALL.read_text()
+    public = [name for name in contid.__all__ if not name.startswith("__")]
+    names = {
+        f"{name}.{each}"
+        for name in public
+        for each in vars(getattr(contid, name))
+        if not each.startswith("_") and name != "Wrench"
+    }
+    assert not [name for name in names - OF_THE_ENGINE if f".{name.partition('.')[2]}" not in text]
+    assert not [name for name in contid.__all__ if name not in text]
+
+
+@pytest.mark.campaign
+def test_pyright_takes_the_whole_public_library(tmp_path: Path) -> None:
+    """In its strict mode; `pip install pyright` fetches it, and it needs node."""
+    pytest.importorskip("pyright", reason="pip install pyright")
+    (tmp_path / "script.py").write_text(SCRIPT_OF_ALL.read_text())
+    settings = {"typeCheckingMode": "strict", "include": ["script.py"], "pythonVersion": "3.11"}
+    (tmp_path / "pyrightconfig.json").write_text(json.dumps(settings))
+    command = [sys.executable, "-m", "pyright", "--pythonpath", sys.executable]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "0 errors" in done.stdout, done.stdout + done.stderr

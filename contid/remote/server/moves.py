@@ -128,6 +128,8 @@ class Moves:
             self._control.send(Rows(dict.fromkeys(move.reader.robots)))
             return [str(error)]
         unreachable = self._preconditions.unreachable(targets)
+        if move.nearest:
+            unreachable = self._preconditions.beside(targets, move.last) | unreachable
         if move.nearest and unreachable:
             edges = self._preconditions.edges(targets, move.last, unreachable)
             unreachable = {name: why for name, why in unreachable.items() if name not in edges}

@@ -9,18 +9,20 @@ from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.measured_tip import tip_in_world
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.engine.wiring import chain_guards, clearance_guard
-from contid.control.tick.preflight.edge import along_the_edge
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.preflight.edge import along_the_edge, off_the_reach_m
 from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
 from contid.kinematics.model import Bending
 from contid.remote.protocol.wire import Code, RemoteError
 from contid.remote.server.telemetry_view import TelemetryView
-from contid.targets import Target
+from contid.targets import Actuation, Target
 from contid.trajectory.columns import MAX_FINDINGS
 from contid.trajectory.read import trajectory_of_rows
 from contid.trajectory.rows import RowReader
 from contid.trajectory.timed import Trajectory
+from contid.units import MM_PER_M
 
 _ARMED: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD})
 
@@ -65,23 +67,40 @@ class Preconditions:
             last: those that were taken before them; where robots are commanded to without.
             robots: whose targets are refused.
         """
+        found = {}
+        for name, step in self._steps(targets, last).items():
+            edge = along_the_edge(*step) if name in robots else None
+            if edge is not None:
+                found[name] = edge
+        if not found or self.unreachable({**targets, **found}):
+            return {}
+        return found
+
+    def beside(self, targets: Mapping[str, Target | None], last: Mapping[str, Target]) -> dict[str, str]:
+        """Robots whose step leads beside their reach, by what the tolerance of the file takes; the reason.
+
+        The arguments are those of `edges`.
+        """
+        steps = self._steps(targets, last).items() if self._refuses else ()
+        return {
+            name: f"{name}: this leads {off_m * MM_PER_M:.3g} mm out of reach, and no point of it is nearer"
+            for name, step in steps
+            if (off_m := off_the_reach_m(*step)) > 0.0
+        }
+
+    def _steps(
+        self, targets: Mapping[str, Target | None], last: Mapping[str, Target]
+    ) -> dict[str, tuple[RobotConfig, Target, Target, Actuation]]:
+        """By robot its configuration, target, the target before it, and last command."""
         record, found = self._control.newest(), {}
-        for name in robots:
-            config, command, target = (
-                self._view.configs[name],
-                self._view.command(name, record),
-                targets[name],
-            )
+        for name, target in targets.items():
+            config, command = self._view.configs[name], self._view.command(name, record)
             if command is None or target is None:
                 continue
             tip_m = tip_in_world(config, command, target.load_n)
             arcs = config.model.arcs(command) if isinstance(config.model, Bending) else None
             here = Target(tip_m=tip_m, arcs=None if arcs is None else tuple(arcs.ravel().tolist()))
-            edge = along_the_edge(config, target, last.get(name, here), command)
-            if edge is not None:
-                found[name] = edge
-        if not found or self.unreachable({**targets, **found}):
-            return {}
+            found[name] = config, target, last.get(name, here), command
         return found
 
     def trajectory(

@@ -6,6 +6,7 @@ action becomes a row of such a stream, and the rows of `contid_learn.views` are 
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -118,7 +119,8 @@ class TipEnv(gymnasium.Env[Observation, Action]):
         seen, goals = self._seen(state), self._goals()
         info = self._info(state, seen, goals)
         faulty = any(info["faults"].values())
-        reward = -float(np.mean([info["distance"][view.name] / view.size for view in self.views]))
+        shares = [info["distance"][view.name] / view.size for view in self.views]
+        reward = -sum(shares) / len(shares)
         if faulty:
             reward -= self._length - self._steps
         truncated = self._steps >= self._length
@@ -156,5 +158,5 @@ class TipEnv(gymnasium.Env[Observation, Action]):
 
 def _seen(robot: SimRobot, axes: int) -> Seen:
     """What a policy may see of a robot: what a tracker saw of its tip, else its model."""
-    tip = robot.tracked if np.isfinite(robot.tracked).all() else robot.tip
+    tip = robot.tracked if math.isfinite(robot.tracked.sum()) else robot.tip
     return Seen(robot.measured[:axes], tip)

@@ -18,6 +18,7 @@ its robot where it is, and one whose row is refused leaves those of all: robots 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
@@ -87,6 +88,7 @@ class RobotView:
         self.low, self.high = limits.min, limits.max
         self.velocity = limits.velocity
         self._step = limits.velocity / rate_hz
+        self._scale = 2.0 / (self.high - self.low)
         self.reachable = _reachable(robot)
         self.size = float(np.ptp(self.reachable.tips, axis=0).max())
 
@@ -97,21 +99,17 @@ class RobotView:
 
     def observed(self, seen: Seen, asked: Array, goal: TipGoal) -> Array:
         """Its part of the observation; ``asked`` are the axes that were asked for last."""
-        parts = (
-            self._centred(seen.measured),
-            self._centred(asked),
-            seen.tip / self.size,
-            (goal.tip - seen.tip) / self.size,
-            goal.velocity / self.size,
-        )
-        return np.concatenate(parts)
+        place, of_size = seen.tip / self.size, 1.0 / self.size
+        ahead, onward = goal.tip * of_size - place, goal.velocity * of_size
+        return np.concatenate((self._centred(seen.measured), self._centred(asked), place, ahead, onward))
 
     def after(self, asked: Array, action: Array) -> Array:
         """The axes to ask for after an action."""
         if not np.isfinite(action).all():
             return asked
-        moved: Array = np.clip(asked + self._step * np.clip(action, -1.0, 1.0), self.low, self.high)
-        return moved
+        # `np.clip` takes three times as long as its two halves.
+        moved = asked + self._step * np.minimum(np.maximum(action, -1.0), 1.0)
+        return np.minimum(np.maximum(moved, self.low), self.high)
 
     def begin(self, measured: Array) -> Array:
         """The axes to ask for before the first action: where the robot is."""
@@ -120,10 +118,10 @@ class RobotView:
 
     def distance(self, seen: Seen, goal: TipGoal) -> float:
         """From tip to goal, in the unit of lengths of the file."""
-        return float(np.linalg.norm(goal.tip - seen.tip))
+        return math.dist(goal.tip, seen.tip)
 
     def _centred(self, axes: Array) -> Array:
-        return 2.0 * (axes - self.low) / (self.high - self.low) - 1.0
+        return (axes - self.low) * self._scale - 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,8 +158,10 @@ def observation(
 ) -> Observation:
     """What a policy gets: the robots one after the other, shape ``(m,)``."""
     parts = [view.observed(seen[view.name], asked[view.name], goals[view.name]) for view in views]
-    whole = np.nan_to_num(np.concatenate(parts), nan=0.0, posinf=BOUND, neginf=-BOUND)
-    return np.clip(whole, -BOUND, BOUND).astype(np.float32)
+    whole = np.concatenate(parts) if len(parts) > 1 else parts[0]
+    if not math.isfinite(whole.sum()):
+        whole = np.nan_to_num(whole, nan=0.0, posinf=BOUND, neginf=-BOUND)
+    return np.minimum(np.maximum(whole, -BOUND), BOUND).astype(np.float32)
 
 
 def asked_after(views: Sequence[RobotView], asked: Mapping[str, Array], action: Array) -> dict[str, Array]:

@@ -18,6 +18,7 @@ from starlette.websockets import WebSocket
 
 from contid import __version__
 from contid.errors import ContidError
+from contid.remote.protocol.wire import Fields
 from contid_panel.access import Access
 from contid_panel.checks import Checks
 from contid_panel.guard import Guard
@@ -88,7 +89,17 @@ class PanelApp:
         if self._uploading.locked():  # each takes memory, and a check takes a core
             return PlainTextResponse("another trajectory is being checked\n", status_code=503)
         async with self._uploading:
+            if (recording := request.query_params.get("recording")) is not None:
+                return JSONResponse(await self._recorded(recording))
             return await self._checked(request)
+
+    async def _recorded(self, name: str) -> Fields:
+        """Check what was commanded in a recording of the run."""
+        try:
+            text = await self.hub.recorded.trajectory(name, self.hub.described or {"robots": {}})
+        except ContidError as error:
+            return {"ok": False, "findings": [str(error)]}
+        return await self._checks.check(text, name)
 
     async def _checked(self, request: Request) -> Response:
         body = bytearray()

@@ -102,9 +102,9 @@ class DemoMotion:
                 time.sleep(1.0 / LIVE_ROWS_PER_S)
             begun_s = time.monotonic()
             for number in itertools.count():
-                t_s = number / LIVE_ROWS_PER_S
-                time.sleep(max(begun_s + t_s - time.monotonic(), 0.0))
-                pipe.write(self._row(t_s) + "\n")
+                time.sleep(max(begun_s + number / LIVE_ROWS_PER_S - time.monotonic(), 0.0))
+                # Where it is to be now: rows that were late must not follow each other in a burst.
+                pipe.write(self._row(time.monotonic() - begun_s) + "\n")
                 pipe.flush()
 
     def _row(self, t_s: float) -> str:

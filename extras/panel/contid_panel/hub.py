@@ -22,6 +22,7 @@ from contid_panel.expiry import clock_ms
 from contid_panel.geometry import PanelGeometry
 from contid_panel.mailbox import Mailbox
 from contid_panel.samples import actuation_of
+from contid_sessions.recorded import Recorded
 
 log = logging.getLogger(__name__)
 
@@ -59,6 +60,7 @@ class Hub:
         self._mailboxes: set[Mailbox] = set()
         self._watched = asyncio.Event()
         self._lasting: dict[str, str] = {}
+        self.recorded = Recorded()
         self._lost("not connected yet")
 
     # -- pages ---------------------------------------------------------------------------------------------
@@ -186,7 +188,7 @@ class Hub:
     async def _read_status(self, client: AsyncClient) -> None:
         while True:
             status = await client.status()
-            self.send("status", status=status)
+            self.send("status", status=status, recorded=await self.recorded.after(status))
             await asyncio.sleep(STATUS_PERIOD_S)
 
 

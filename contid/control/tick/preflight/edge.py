@@ -14,10 +14,12 @@ from typing import Final
 
 from contid.control.tick.config import RobotConfig
 from contid.kinematics.model import Bending
-from contid.targets import Actuation, Target
+from contid.targets import Actuation, Target, Vec3
 
 #: Least share of a step that has to be left of it.
 _ONWARD: Final = 0.01
+#: Least share of a step by which it leads beside the reach; solvers that approximate leave less.
+_BESIDE: Final = 0.25
 #: What is longer is no step but an order to somewhere else: share of the distance of the tip from the base,
 #: or of the lengths of the sections.
 _LONGEST: Final = 0.1
@@ -44,12 +46,29 @@ def along_the_edge(config: RobotConfig, target: Target, begin: Target, seed: Act
     in_base = config.frame.target_in_base(target)
     found = config.model.inverse(in_base, seed).actuation
     tip_m = config.frame.point_in_world(config.model.forward(found, in_base.load_n).tip_m)
-    longest_m = _LONGEST * math.dist(begin.tip_m, config.frame.origin_in_world)
-    if math.dist(begin.tip_m, target.tip_m) > longest_m:
+    if not _is_step(config, target.tip_m, begin.tip_m):
         return None
     if math.dist(tip_m, target.tip_m) < math.dist(begin.tip_m, target.tip_m):
         return replace(target, tip_m=tip_m) if _leads_on(begin.tip_m, target.tip_m, tip_m) else None
     return None
+
+
+def off_the_reach_m(config: RobotConfig, target: Target, begin: Target, seed: Actuation) -> float:
+    """How far a step of a tip leads out of the reach [m], also where a `reach_tolerance_mm` takes it.
+
+    0 for what is within reach, and for what is no step. Taken as it is, such a step would move nothing until
+    a person has gone beyond the tolerance. The arguments are those of `along_the_edge`.
+    """
+    if target.tip_m is None or begin.tip_m is None or target.direction or target.rotation or target.mid_m:
+        return 0.0
+    if not _is_step(config, target.tip_m, begin.tip_m):
+        return 0.0
+    off_m = config.model.inverse(config.frame.target_in_base(target), seed).residual_m
+    return off_m if off_m > _BESIDE * math.dist(begin.tip_m, target.tip_m) else 0.0
+
+
+def _is_step(config: RobotConfig, tip_m: Vec3, begin_m: Vec3) -> bool:
+    return math.dist(begin_m, tip_m) <= _LONGEST * math.dist(begin_m, config.frame.origin_in_world)
 
 
 def _with_lengths(

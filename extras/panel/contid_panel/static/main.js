@@ -70,6 +70,7 @@ const handlers = {
     link.mine = mine;
     events.status(status.lease);
     page.status = status;
+    page.recorded = message.recorded;
     if (performance.now() - page.lastFrame > STALE_MS) showStatus(); // else with the next frame
   },
   poses: (message) => poses.show(message),
@@ -88,10 +89,10 @@ const machine = new Machine();
 const events = new Events(link);
 const plots = new Plots();
 const poses = new PosesCard(link, speed);
-const recording = new RecordingCard(link);
 const pace = new Pace();
 const view = new View(link, jog, pace);
 const trajectory = new TrajectoryCard(link, (paths) => view.preview(paths));
+const recording = new RecordingCard(link, (name) => trajectory.again(name));
 for (const id of ["space", "robots"]) byId(id).addEventListener("pointerdown", () => lease.touched());
 installStop(link, () => page.robots);
 installQuestion();
@@ -106,7 +107,7 @@ function showStatus() {
   lease.show(status.lease, page.readOnly);
   trajectory.update();
   poses.update();
-  recording.show(status.recordings ?? []);
+  recording.show(status.recordings ?? [], page.recorded ?? []);
   machine.show(status);
 }
 

@@ -93,13 +93,29 @@ export class TrajectoryCard {
 
   async open() {
     const [file] = this.file.files;
+    this.clear();
+    if (file === undefined) return;
+    await this.checks(file.name, `name=${encodeURIComponent(file.name)}`, file);
+    this.file.value = "";
+  }
+
+  /** What was commanded in a recording of this run. */
+  async again(name) {
+    this.clear();
+    byId("trajectory").scrollIntoView({ block: "nearest" });
+    await this.checks(name, `recording=${encodeURIComponent(name)}`, "");
+  }
+
+  clear() {
     this.check = null;
     this.update();
     this.preview(null);
-    if (file === undefined) return;
-    this.result.replaceChildren(h("p", {}, `Checking ${file.name} …`));
+  }
+
+  async checks(name, query, body) {
+    this.result.replaceChildren(h("p", {}, `Checking ${name} …`));
     try {
-      const found = await request(`/api/check?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file });
+      const found = await request(`/api/check?${query}`, { method: "POST", body });
       if (found.ok) {
         this.check = found.check;
         this.result.replaceChildren(h("p", { className: "good" }, `${found.name}: ${found.rows} rows, ${shown(found.duration_s, 2)} s, every row and the way between is within reach.`));
@@ -108,7 +124,6 @@ export class TrajectoryCard {
     } catch (error) {
       this.result.replaceChildren(h("p", { className: "bad" }, error.message));
     }
-    this.file.value = "";
     this.update();
   }
 
