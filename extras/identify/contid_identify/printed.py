@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contid_identify.delay_lag import JudgedStage
 from contid_identify.estimate import CONFIDENCE, ErrorSize, Interval
 from contid_identify.stages import IdentifiedAxis, IdentifiedMotion
+from contid_identify.tip_motion import TipMotion
 
 _MS = 1e3
 _MM = 1e3
@@ -70,6 +71,18 @@ def lines(found: IdentifiedMotion) -> Iterator[str]:
         )
         for stage in body.stages:
             yield f"    {_stage(stage, _MM, 'mm')}"
+
+
+def motion_lines(model: TipMotion) -> Iterator[str]:
+    """The tip in motion: how its axes answer, and what its predictions are off by on blocks kept out."""
+    yield f"tip in motion: monomials of degree {model.degree} behind the swing of each axis"
+    for axis, delay_s, hz, ratio in zip(
+        model.axes, model.delay_s, model.frequency_hz, model.ratio, strict=True
+    ):
+        yield f"  {axis:10} delay {_MS * delay_s:.0f} ms, {hz:.3g} Hz, damping ratio {ratio:.2g}"
+    for each in model.errors:
+        name = f"{_MS * each.ahead_s:.0f} ms ahead" if math.isfinite(each.ahead_s) else "commands alone"
+        yield (f"  {name:18} kept out {_MM * each.rmse_m:9.4g} mm; 95 % within {_MM * each.radius_m:.4g} mm")
 
 
 def numbers(found: IdentifiedMotion) -> dict[str, object]:
