@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from contid_identify.delay_lag import JudgedStage
 from contid_identify.estimate import CONFIDENCE, ErrorSize, Interval
+from contid_identify.filling import Filling
 from contid_identify.stages import IdentifiedAxis, IdentifiedMotion
 from contid_identify.tip_motion import TipMotion
 
@@ -34,6 +35,8 @@ def lines(found: IdentifiedMotion) -> Iterator[str]:
         )
         for stage in own.stages:
             yield f"  {'':10}   {_stage(stage, 1.0 / axis.per_unit, axis.unit)}"
+        if own.filling is not None:
+            yield f"  {'':10}   {_filled(own.filling, axis)}"
     yield "delay and lag of the tip"
     if found.tip is None:
         yield f"  not identified: {found.tip_refused}"
@@ -141,13 +144,35 @@ def _axis(axis: IdentifiedAxis) -> dict[str, object]:
         "lag_s": _pair(own.lag_s),
         "sum_s": _pair(own.sum_s),
         "gain": _pair(own.gain),
+        "filling": None
+        if own.filling is None
+        else {
+            "delay_s": _pair(own.filling.delay_s),
+            "fill_lag_s": _pair(own.filling.fill_lag_s),
+            "vent_lag_s": _pair(own.filling.vent_lag_s),
+            "fill_per_s": _pair(own.filling.fill_per_s, 1.0 / axis.per_unit),
+            "vent_per_s": _pair(own.filling.vent_per_s, 1.0 / axis.per_unit),
+        },
         "stages": [_judged(stage, 1.0 / axis.per_unit) for stage in own.stages],
     }
 
 
-def _pair(of: Interval) -> dict[str, float | None]:
+def _filled(of: Filling, axis: IdentifiedAxis) -> str:
+    per_unit = 1.0 / axis.per_unit
+    return (
+        f"fills with {_text(of.fill_lag_s, _MS)} ms, at most {_text(of.fill_per_s, per_unit)} {axis.unit}/s; "
+        f"vents with {_text(of.vent_lag_s, _MS)} ms, at most {_text(of.vent_per_s, per_unit)} {axis.unit}/s; "
+        f"delay {_text(of.delay_s, _MS)} ms"
+    )
+
+
+def _pair(of: Interval, factor: float = 1.0) -> dict[str, float | None]:
     known = math.isfinite(of.half)
-    return {"value": of.value, "low": of.low if known else None, "high": of.high if known else None}
+    return {
+        "value": factor * of.value,
+        "low": factor * of.low if known else None,
+        "high": factor * of.high if known else None,
+    }
 
 
 def _judged(stage: JudgedStage, factor: float) -> dict[str, object]:

@@ -1,7 +1,7 @@
 """A tip in motion as numbers: what a robot does with its commands, for any commands and any payload.
 
     x_j(t) = command j, late by its dead time, behind a body of one mode of its own
-    tip(t) = (w + m v) . monomials(clip(x)),   m: mass of the payload
+    tip(t) = (w + s v) . monomials(clip(x)),   s = m / (1 + m / m0),   m: mass of the payload
 
 The swing is in the axes and the map behind it (Wiener). Monomials are clamped to the range of the recordings
 they were fitted to: outside the map stands still and nothing grows with a power of three. Fitted by
@@ -47,13 +47,14 @@ class TipMotion:
         robot: its name.
         axes: names of its axes.
         delay_s, frequency_hz, ratio: dead time, undamped frequency and damping ratio of each axis.
-        softer_per_kg: how much less the logarithm of the frequencies is per mass of payload [1/kg].
+        softer_per_kg: how much less the logarithm of the frequencies is per ``s`` [1/kg].
+        less_per_kg: 1 / m0: a body that hangs is stiffer the more it carries [1/kg].
         centre: commands in the middle of the recordings [m or Pa], ``(axes,)``.
         turns: from commands about the centre to inputs of the map, ``(inputs, axes)``; inputs reach about 1.
         low, high: range of the inputs, ``(inputs,)``.
         degree: of the monomials.
         weights: of a constant and the monomials ``(monomials, 3)`` [m].
-        load_weights: the same per mass of payload [m/kg].
+        load_weights: the same per ``s`` [m/kg].
         loads_kg: least and greatest payload of the recordings.
         memory: weights by which the last errors, `STEP_S` apart, go on; shape ``(order,)``.
         errors: of predictions on blocks kept out, the longest time last.
@@ -66,6 +67,7 @@ class TipMotion:
     frequency_hz: Array
     ratio: Array
     softer_per_kg: float
+    less_per_kg: float
     centre: Array
     turns: Array
     low: Array
@@ -102,14 +104,19 @@ class TipMotion:
 
     def inputs(self, sent: Array, period_s: float, at_s: Array, load_kg: float) -> Array:
         """What the map acts on at times ``at_s``: ``(samples, inputs)``, not clamped."""
-        hz = self.frequency_hz * np.exp(-self.softer_per_kg * load_kg)
+        hz = self.frequency_hz * np.exp(-self.softer_per_kg * self.effect_kg(load_kg))
         return swung(sent, period_s, at_s, self.delay_s, hz, self.ratio, self.centre) @ self.turns.T
 
     def tips(self, inputs: Array, load_kg: float) -> Array:
         """Tips ``(samples, 3)`` [m] of inputs of the map."""
         return np.asarray(
-            features(inputs, self.low, self.high, self.degree) @ (self.weights + load_kg * self.load_weights)
+            features(inputs, self.low, self.high, self.degree)
+            @ (self.weights + self.effect_kg(load_kg) * self.load_weights)
         )
+
+    def effect_kg(self, load_kg: float) -> float:
+        """``s`` of a payload."""
+        return load_kg / (1.0 + self.less_per_kg * max(load_kg, 0.0))
 
     def outside(self, inputs: Array) -> float:
         """Share of the samples whose inputs were not in the recordings of the fit."""

@@ -28,6 +28,7 @@ def write_tip_motion(model: TipMotion, path: Path) -> None:
         "source": model.source,
         "degree": model.degree,
         "softer_per_kg": model.softer_per_kg,
+        "less_per_kg": model.less_per_kg,
         "loads_kg": list(model.loads_kg),
         "errors": [
             # Infinity is no number of JSON.
@@ -70,6 +71,7 @@ def read_tip_motion(path: str | Path) -> TipMotion:
         )  # fmt: skip
         model = TipMotion(
             str(data["robot"]), axes, softer_per_kg=float(data["softer_per_kg"]), degree=degree,
+            less_per_kg=float(data["less_per_kg"]),
             loads_kg=(low_kg, high_kg), errors=errors, source=str(data["source"]), **vectors, **matrices,
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:

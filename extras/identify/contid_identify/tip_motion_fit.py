@@ -37,6 +37,8 @@ _SWINGS_HZ: Final = (1.0, 2.5, 6.0)
 _RATIO: Final = 0.6
 _LOW: Final = (0.0, np.log(0.2), np.log(0.02))
 _HIGH: Final = (2.0, np.log(30.0), np.log(3.0))
+#: Bounds of softening and saturation, per `_LOAD_KG`.
+_LOADS: Final = ((-1.0, 0.0), (1.0, 2.0))
 #: How far an axis may be from the others: dead time [s], logarithms of frequency and ratio.
 _APART: Final = (0.03, 0.3, 0.3)
 #: Samples that hold as much as one alone, because errors last.
@@ -81,9 +83,9 @@ def fit_tip_motion(
     weights, load_weights = fit.map_of(own, degree, penalty)
     loads = [each.load_kg for each in traces]
     found = TipMotion(
-        robot, tuple(axes), delay_s, np.exp(log_hz), np.exp(log_ratio), fit.softer(own), fit.centre,
-        fit.turns, low, high, degree, weights, load_weights, (min(loads), max(loads)), np.zeros(1), (),
-        source,
+        robot, tuple(axes), delay_s, np.exp(log_hz), np.exp(log_ratio), fit.softer(own), fit.less(own),
+        fit.centre, fit.turns, low, high, degree, weights, load_weights, (min(loads), max(loads)),
+        np.zeros(1), (), source,
     )  # fmt: skip
     left = fit.left_out(own, degree, penalty)
     found = replace(found, memory=memory_of(left))
@@ -96,11 +98,13 @@ def fit_tip_motion(
 
 
 class _Fit:
-    """Fits of the same traces. Parameters: three per axis in turn, then the softening where loads differ."""
+    """Fits of the same traces. Parameters: three per axis in turn, then softening and saturation by loads."""
 
     def __init__(self, traces: Sequence[LoadedTrace], statics: Statics | None) -> None:
         self.loads = [each.load_kg for each in traces]
         self.loaded = np.ptp(self.loads) > 0.0
+        # Two payloads show a slope, three its change.
+        self.of_loads = min(len(set(self.loads)), 3) - 1
         sent = np.concatenate([each.trace.sent for each in traces])
         self.axes = sent.shape[1]
         self.centre = sent.mean(axis=0)
@@ -131,13 +135,21 @@ class _Fit:
 
     def softer(self, parameters: Array) -> float:
         """Of the logarithm of the frequencies, per mass [1/kg]."""
-        return float(parameters[-1]) / _LOAD_KG if self.loaded else 0.0
+        return float(parameters[3 * self.axes]) / _LOAD_KG if self.loaded else 0.0
+
+    def less(self, parameters: Array) -> float:
+        """How much less the next payload does [1/kg]."""
+        return float(parameters[3 * self.axes + 1]) / _LOAD_KG if self.of_loads > 1 else 0.0
+
+    def effects(self, parameters: Array) -> list[float]:
+        """``s`` of the payload of each recording [kg]."""
+        return [load_kg / (1.0 + self.less(parameters) * load_kg) for load_kg in self.loads]
 
     def inputs(self, parameters: Array, rows: Rows) -> list[Array]:
         """What the map acts on, per recording."""
         delay_s, log_hz, log_ratio = self.of_axes(parameters)
         out = []
-        for trace, load_kg, own in zip(self.traces, self.loads, rows, strict=True):
+        for trace, load_kg, own in zip(self.traces, self.effects(parameters), rows, strict=True):
             hz = np.exp(log_hz - self.softer(parameters) * load_kg)
             x = swung(
                 trace.sent, trace.period_s, trace.at_s[own], delay_s, hz, np.exp(log_ratio), self.centre
@@ -155,7 +167,7 @@ class _Fit:
         parts = self.inputs(parameters, rows)
         low, high = np.concatenate(parts).min(axis=0), np.concatenate(parts).max(axis=0)
         out = []
-        for x, load_kg in zip(parts, self.loads, strict=True):
+        for x, load_kg in zip(parts, self.effects(parameters), strict=True):
             phi = features(x, low, high, degree)
             out.append(np.column_stack([phi, load_kg / _LOAD_KG * phi]) if self.loaded else phi)
         return np.concatenate(out)
@@ -192,24 +204,24 @@ class _Fit:
 
     def left(self, parameters: Array) -> Array:
         """What the map leaves over of the rows of the search ``(rows, 3)``."""
-        x = self.columns(parameters, self.search, self.degree_at_most())
+        x = self.columns(parameters, self.search, self.degree_at_most(self.search, 5))
         tips = self.measured(self.search)
         none = np.zeros((x.shape[1], 3))
         return np.asarray(tips - x @ self.solved(x.T @ x, x.T @ tips, len(x), _MIDDLE, none))
 
-    def degree_at_most(self) -> int:
-        """The highest degree with at least ten rows of the search per monomial."""
-        rows = sum(map(len, self.search))
+    def degree_at_most(self, chosen: Rows, least: int) -> int:
+        """The highest degree with at least so many rows per monomial."""
+        rows = sum(map(len, chosen))
         x = np.zeros((1, len(self.turns)))
         ends = x[0] - 1.0, x[0] + 1.0
         twice = 2 if self.loaded else 1
-        return next((d for d in _DEGREES if rows >= 10 * twice * features(x, *ends, d).shape[1]), 1)
+        return next((d for d in _DEGREES if rows >= least * twice * features(x, *ends, d).shape[1]), 1)
 
     def searched(self) -> Array:
         """Dead time, frequency and ratio common to all axes."""
         from scipy.optimize import least_squares
 
-        tail = [0.0] if self.loaded else []
+        tail = [0.0, 0.1][: self.of_loads]
 
         def spread(three: Array) -> Array:
             return np.concatenate([np.tile(three[:3], self.axes), three[3:]])
@@ -220,10 +232,10 @@ class _Fit:
             for hz in _SWINGS_HZ
         ]
         start = min(starts, key=lambda three: float((self.left(spread(three)) ** 2).sum()))
-        ends = [*_LOW, *([-1.0] if tail else [])], [*_HIGH, *([1.0] if tail else [])]
+        ends = [*_LOW, *_LOADS[0][: len(tail)]], [*_HIGH, *_LOADS[1][: len(tail)]]
         found = least_squares(
             lambda three: self.left(spread(three)).ravel(), start, bounds=ends,
-            x_scale=[0.05, 0.2, 0.2, *([0.1] if tail else [])],
+            x_scale=[0.05, 0.2, 0.2, *[0.1] * len(tail)],
             max_nfev=15, diff_step=1e-3,
         )  # fmt: skip
         return spread(found.x)
@@ -232,10 +244,10 @@ class _Fit:
         """Every axis for itself, near the others."""
         from scipy.optimize import least_squares
 
-        apart = np.concatenate([np.tile(_APART, self.axes), [0.3] if self.loaded else []])
+        apart = np.concatenate([np.tile(_APART, self.axes), [0.3] * self.of_loads])
         ends = [
-            np.concatenate([np.tile(each, self.axes), [sign] if self.loaded else []])
-            for each, sign in ((_LOW, -1.0), (_HIGH, 1.0))
+            np.concatenate([np.tile(each, self.axes), loads[: self.of_loads]])
+            for each, loads in zip((_LOW, _HIGH), _LOADS, strict=True)
         ]
         size = float(np.sqrt((self.left(shared) ** 2).mean() * _ALIKE))
         if self.axes == 1 or size <= 0.0:
@@ -272,7 +284,7 @@ class _Fit:
     def chosen(self, parameters: Array) -> tuple[int, float]:
         """Degree and penalty that predict left-out fifths of the fitted blocks best."""
         best = (np.inf, 1, _MIDDLE)
-        for degree in range(1, self.degree_at_most() + 1):
+        for degree in range(1, self.degree_at_most(self.rows, 20) + 1):
             for penalty, errors in zip(
                 _PENALTIES, self._left_out(parameters, degree, _PENALTIES), strict=True
             ):
