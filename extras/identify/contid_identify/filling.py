@@ -107,6 +107,6 @@ def fit_filling(traces: Sequence[CommandedTrace], split: TimeSplit, delay_s: flo
     found = estimate(lambda p: left(p)[rows], start, low, high, split.blocks[rows])
     unit = np.eye(len(start))
     lags = [found.interval(*unit[k]).exponential() for k in (1, 2)]
-    fastest = [found.interval(*unit[k]).exponential() for k in (3, 4)]
-    speeds = [Interval(span * each.value, span * each.half) for each in fastest]
-    return Filling(found.interval(*unit[0]), *lags, *speeds, left(found.values))
+    speeds = [found.interval(*unit[k]).exponential() for k in (3, 4)]
+    fills, vents = (Interval(span * each.value, span * each.half) for each in speeds)
+    return Filling(found.interval(*unit[0]), lags[0], lags[1], fills, vents, left(found.values))
