@@ -6,10 +6,10 @@ Recordings: srl-ethz/diffPD_sim2real at commit 825e7b7 (MIT, (c) 2021 Soft Robot
 repacked: twelve steps of 1.5 s at 100 Hz, three markers on the tip, of which the mean is predicted. The
 split, set beforehand: 100, 225 and 325 mbar are kept out. The frame of each step is that of the first motion.
 
-    z(t) = a p / (1 - p / p0) (swing(t) + c / (1 - p / p0) (1 - exp(-t / tau))),   x = -k z - l z^2,   y constant
+    z(t) = a p / (1 - p / p0) (swing(t) + c / (1 - p / p0) (1 - exp(-t / tau))),   x = -k z - l z^2
 
-The body is softer the more it is blown up, and the creep c grows with that: c / (1 - p / p0). Numbers: a, p0, c,
-tau, f, damping ratio, k and l.
+The body is softer the more it is blown up, and the creep c grows with that: c / (1 - p / p0). y is
+constant. Numbers: a, p0, c, tau, f, damping ratio, k and l.
 """
 
 from __future__ import annotations
