@@ -32,7 +32,8 @@ PERIOD_S: Final = 0.01
 def steps() -> dict[float, tuple[Array, int]]:
     """Tips about their rest ``(frames, 3)`` [mm], and the frame of the step, by pressure [mbar]."""
     of = table("pneumatic-step/steps.csv.gz")
-    tips = sum(columns(of, [f"{axis}{marker}_mm" for axis in "xyz"]) for marker in (5, 6, 7)) / 3.0
+    markers = [columns(of, [f"{axis}{marker}_mm" for axis in "xyz"]) for marker in (5, 6, 7)]
+    tips = np.mean(markers, axis=0)
     out = {}
     for pressure in np.unique(of["pressure_mbar"]):
         tip = tips[of["pressure_mbar"] == pressure]
@@ -52,7 +53,7 @@ def tip_of(numbers: Array, mbar: float, since_s: Array) -> Array:
     fade = np.exp(-ratio * rate * since)
     swing = 1.0 - fade * (np.cos(damped * since) + ratio * rate / damped * np.sin(damped * since))
     z = 1e-2 * a * mbar / soft * (swing + creep / soft * (1.0 - np.exp(-since / tau_s)))
-    return np.column_stack([-side * z - 1e-2 * turn * z**2, np.zeros(len(z)), z])
+    return np.asarray(np.column_stack([-side * z - 1e-2 * turn * z**2, np.zeros(len(z)), z]), dtype=float)
 
 
 def rmse(errors: Array) -> float:

@@ -138,10 +138,11 @@ def payload() -> tuple[TipMotion, list[str]]:
             f"  mass from {window_s:.0f} s: {np.sqrt((off**2).mean()):.1f} g rms, mean {off.mean():+.1f} g; "
             f"{100 * held:.0f} % of {len(off)} intervals hold it"
         )
-    traces = [
-        LoadedTrace(trace(*(each[: int(FITTED * len(each))] for each in recording(grams)), ""), 1e-3 * grams)
-        for grams in (0, 100, 300)
-    ]
+    traces = []
+    for grams in (0, 100, 300):
+        sent, tip = recording(grams)
+        fitted = int(FITTED * len(tip))
+        traces.append(LoadedTrace(trace(sent[:fitted], tip[:fitted], f"{grams} g"), 1e-3 * grams))
     other = fit_tip_motion("trunk", AXES, traces, statics_of(0, FITTED), "")
     out.append(f"payload: three fitted, other commands; less per kg {other.less_per_kg:.2f}")
     for grams in (100, 300):

@@ -23,7 +23,7 @@ from contid_identify.robot_option import ROBOT
     "--recover",
     "recover_s",
     type=NumberRange(4.0, 600.0),
-    help="Find zeros, gains and delay anew from the first so many seconds; the rest judges them.",
+    help="Find zeros, gains and delay anew from this many first seconds; the rest judges them.",
 )
 @click.option(
     "-o",

@@ -142,7 +142,7 @@ def tip_motion(
         robot: description of the robot file.
         recordings: of it.
         loads_kg: payload of each; empty for none.
-        source: what the file of numbers is to tell about where they are from.
+        source: origin of the numbers, for their file.
 
     Raises:
         ContidError: too few tips, or no axis moved.

@@ -85,7 +85,7 @@ def _check(model: TipMotion, path: str | Path, remedy: str) -> None:
     if not 1 <= model.degree <= 3:
         raise ContidError(f"{path}: degree is {model.degree}; allowed: 1 to 3")
     monomials = features(np.zeros((1, inputs)), model.low, model.low, model.degree).shape[1]
-    wanted: dict[str, tuple[int, ...]] = {
+    shapes: dict[str, tuple[int, ...]] = {
         **dict.fromkeys(("delay_s", "frequency_hz", "ratio", "centre"), (len(model.axes),)),
         "high": (inputs,),
         "memory": (len(model.memory),),
@@ -93,7 +93,7 @@ def _check(model: TipMotion, path: str | Path, remedy: str) -> None:
         "weights": (monomials, 3),
         "load_weights": (monomials, 3),
     }
-    for name, shape in wanted.items():
+    for name, shape in shapes.items():
         values: Array = getattr(model, name)
         if values.shape != shape or not np.isfinite(values).all():
             raise ContidError(

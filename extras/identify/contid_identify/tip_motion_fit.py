@@ -210,7 +210,7 @@ class _Fit:
         return np.asarray(tips - x @ self.solved(x.T @ x, x.T @ tips, len(x), _MIDDLE, none))
 
     def degree_at_most(self, chosen: Rows, least: int) -> int:
-        """The highest degree with at least so many rows per monomial."""
+        """The highest degree with at least ``least`` rows per monomial."""
         rows = sum(map(len, chosen))
         x = np.zeros((1, len(self.turns)))
         ends = x[0] - 1.0, x[0] + 1.0
