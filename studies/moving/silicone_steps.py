@@ -53,7 +53,9 @@ def tip_of(numbers: Array, mbar: float, since_s: Array) -> Array:
     fade = np.exp(-ratio * rate * since)
     swing = 1.0 - fade * (np.cos(damped * since) + ratio * rate / damped * np.sin(damped * since))
     z = 1e-2 * a * mbar / soft * (swing + creep / soft * (1.0 - np.exp(-since / tau_s)))
-    return np.asarray(np.column_stack([-side * z - 1e-2 * turn * z**2, np.zeros(len(z)), z]), dtype=float)
+    tip: Array = np.zeros((len(since), 3))
+    tip[:, 0], tip[:, 2] = -side * z - 1e-2 * turn * z**2, z
+    return tip
 
 
 def rmse(errors: Array) -> float:
