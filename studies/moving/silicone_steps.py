@@ -70,7 +70,7 @@ def report() -> Iterator[str]:
 
     def since(mbar: float) -> Array:
         tip, start = data[mbar]
-        return (np.arange(len(tip)) - start) * PERIOD_S
+        return np.asarray((np.arange(float(len(tip))) - start) * PERIOD_S)
 
     def left(numbers: Array) -> Array:
         return np.concatenate(

@@ -192,7 +192,11 @@ def monomials(values: Array, degree: int) -> Array:
     """Products of up to ``degree`` columns of ``(n, columns)``, without the constant: ``(n, monomials)``."""
     columns = range(values.shape[1])
     chosen = (c for power in range(1, degree + 1) for c in combinations_with_replacement(columns, power))
-    return np.column_stack([np.prod(values[:, list(each)], axis=1) for each in chosen])
+    rows = np.ascontiguousarray(values.T)
+    found: dict[tuple[int, ...], Array] = {}
+    for each in chosen:
+        found[each] = found[each[:-1]] * rows[each[-1]] if len(each) > 1 else rows[each[0]]
+    return np.stack(list(found.values())).T
 
 
 def swing(values: Array, period_s: float, frequency_hz: float, ratio: float) -> Array:
