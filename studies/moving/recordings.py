@@ -82,6 +82,7 @@ def answered(found: AxisAnswer, unit: str) -> str:
         f"delay {1e3 * delay.value:4.0f} +- {1e3 * delay.half:2.0f} ms, lag {1e3 * lag.value:4.0f} +- "
         f"{1e3 * lag.half:2.0f} ms, gain {found.gain.value:.3f}; kept out {stages[0].kept_out.rmse:.2f} -> "
         f"{size(stages[2].kept_out)} {unit}"
+        + (f"; filling and venting {size(stages[3].kept_out)}" if found.filling is not None else "")
     )
 
 

@@ -7,5 +7,6 @@ from typing import Final
 #: Commands of this extra, see `contid.cli.support.table`.
 COMMANDS: Final = {
     "identify": ("contid_identify.command", "delay, lag and swing of a robot, from its recordings"),
+    "predict": ("contid_identify.predict_command", "a recording beside what the identified robot would do"),
     "excite": ("contid_identify.excite_command", "a trajectory that shows how a robot moves"),
 }

@@ -36,7 +36,7 @@ class CommandedTrace:
     measured: Array
     name: str = ""
 
-    def picked(self, rows: Array | NDArray[np.intp]) -> CommandedTrace:
+    def picked(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> CommandedTrace:
         """The same commands with some of the measurements only; ``rows`` is a mask or indices."""
         return replace(self, at_s=self.at_s[rows], measured=self.measured[rows])
 

@@ -28,6 +28,19 @@ from contid_identify.robot_option import ROBOT, chosen_robot
     show_default=True,
     help="Time until the devices stand behind a move, for --ring-down and --body [s].",
 )
+@click.option(
+    "--motion",
+    "motion_file",
+    type=NewFile(dir_okay=False, path_type=Path),
+    help="Also the tip in motion, as a file of numbers for `contid predict`.",
+)
+@click.option(
+    "--load-g",
+    "loads_g",
+    type=NumberRange(0.0, 1e5),
+    multiple=True,
+    help="Payload of each session in turn, for --motion; default: 0.",
+)
 @click.option("--write", is_flag=True, help="Write delay and lag, or the swing, into ROBOT_FILE.")
 @click.option(
     "--html", type=NewFile(dir_okay=False, path_type=Path), help="Also write a page with the figures."
@@ -40,6 +53,8 @@ def command(
     ring_down: bool,
     body: bool,
     settle_s: float,
+    motion_file: Path | None,
+    loads_g: tuple[float, ...],
     write: bool,
     html: Path | None,
     as_json: bool,
@@ -53,7 +68,7 @@ def command(
     """
     from contid.errors import ContidError, require_extra
     from contid.robot_file.load import load_named
-    from contid_identify.printed import lines, numbers
+    from contid_identify.printed import lines, motion_lines, numbers
     from contid_identify.recording import read_recording
     from contid_identify.stages import Rests, identify
     from contid_identify.written import changes
@@ -65,6 +80,10 @@ def command(
         raise ContidError(
             f"--write: {robot_file} is not a file of yours; `contid new NAME --from {robot_file}` makes one"
         )
+    if loads_g and (motion_file is None or len(loads_g) != len(sessions)):
+        raise ContidError(
+            f"--load-g {len(loads_g)} times for {len(sessions)} sessions; give it once for each, and --motion"
+        )
     recordings = [read_recording(path, name) for path in sessions]
     rests = Rests(settle_s, ring_down, body) if ring_down or body else None
     found = identify(name, robots[name], recordings, rests)
@@ -73,6 +92,16 @@ def command(
     else:
         for line in lines(found):
             click.echo(line)
+    if motion_file is not None:
+        from contid_identify.stages import tip_motion
+        from contid_identify.tip_motion_file import write_tip_motion
+
+        source = f"{', '.join(path.name for path in sessions)} on {date.today().isoformat()}"
+        model = tip_motion(name, robots[name], recordings, [1e-3 * each for each in loads_g], source)
+        write_tip_motion(model, motion_file)
+        for line in motion_lines(model):
+            click.echo(line, err=as_json)
+        click.echo(f"written to {motion_file}", err=True)
     if html is not None:
         from contid.whole_file import replacing
         from contid_identify.page import page

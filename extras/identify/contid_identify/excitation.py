@@ -50,7 +50,7 @@ class Excitation:
 def excitation_of(traces: Sequence[CommandedTrace]) -> Excitation:
     """What commands of one axis can show; ``sent`` is ``(ticks,)``, ``measured`` ``(samples, 1)``."""
     span = float(max(np.ptp(each.sent) for each in traces))
-    noise = _noise(np.concatenate([each.measured[:, 0] for each in traces]))
+    noise = noise_of(np.concatenate([each.measured[:, 0] for each in traces]))
     nothing = Excitation(span, noise, 0.0, np.inf, np.inf, 1.0, ())
     if span <= _LEAST_MOTION * noise or span <= 0.0:
         return replace(nothing, warnings=("it hardly moved: nothing about its delay and lag",))
@@ -72,7 +72,7 @@ def excitation_of(traces: Sequence[CommandedTrace]) -> Excitation:
     return replace(found, warnings=(warning,))
 
 
-def _noise(values: Array) -> float:
+def noise_of(values: Array) -> float:
     """Standard deviation of white noise on smooth values: third differences, by their median size."""
     if len(values) < 4:
         return 0.0

@@ -7,7 +7,9 @@ from collections.abc import Iterator
 
 from contid_identify.delay_lag import JudgedStage
 from contid_identify.estimate import CONFIDENCE, ErrorSize, Interval
+from contid_identify.filling import Filling
 from contid_identify.stages import IdentifiedAxis, IdentifiedMotion
+from contid_identify.tip_motion import TipMotion
 
 _MS = 1e3
 _MM = 1e3
@@ -33,6 +35,8 @@ def lines(found: IdentifiedMotion) -> Iterator[str]:
         )
         for stage in own.stages:
             yield f"  {'':10}   {_stage(stage, 1.0 / axis.per_unit, axis.unit)}"
+        if own.filling is not None:
+            yield f"  {'':10}   {_filled(own.filling, axis)}"
     yield "delay and lag of the tip"
     if found.tip is None:
         yield f"  not identified: {found.tip_refused}"
@@ -70,6 +74,18 @@ def lines(found: IdentifiedMotion) -> Iterator[str]:
         )
         for stage in body.stages:
             yield f"    {_stage(stage, _MM, 'mm')}"
+
+
+def motion_lines(model: TipMotion) -> Iterator[str]:
+    """The tip in motion: how its axes answer, and what its predictions are off by on blocks kept out."""
+    yield f"tip in motion: monomials of degree {model.degree} behind the swing of each axis"
+    for axis, delay_s, hz, ratio in zip(
+        model.axes, model.delay_s, model.frequency_hz, model.ratio, strict=True
+    ):
+        yield f"  {axis:10} delay {_MS * delay_s:.0f} ms, {hz:.3g} Hz, damping ratio {ratio:.2g}"
+    for each in model.errors:
+        name = f"{_MS * each.ahead_s:.0f} ms ahead" if math.isfinite(each.ahead_s) else "commands alone"
+        yield (f"  {name:18} kept out {_MM * each.rmse_m:9.4g} mm; 95 % within {_MM * each.radius_m:.4g} mm")
 
 
 def numbers(found: IdentifiedMotion) -> dict[str, object]:
@@ -128,13 +144,35 @@ def _axis(axis: IdentifiedAxis) -> dict[str, object]:
         "lag_s": _pair(own.lag_s),
         "sum_s": _pair(own.sum_s),
         "gain": _pair(own.gain),
+        "filling": None
+        if own.filling is None
+        else {
+            "delay_s": _pair(own.filling.delay_s),
+            "fill_lag_s": _pair(own.filling.fill_lag_s),
+            "vent_lag_s": _pair(own.filling.vent_lag_s),
+            "fill_per_s": _pair(own.filling.fill_per_s, 1.0 / axis.per_unit),
+            "vent_per_s": _pair(own.filling.vent_per_s, 1.0 / axis.per_unit),
+        },
         "stages": [_judged(stage, 1.0 / axis.per_unit) for stage in own.stages],
     }
 
 
-def _pair(of: Interval) -> dict[str, float | None]:
+def _filled(of: Filling, axis: IdentifiedAxis) -> str:
+    per_unit = 1.0 / axis.per_unit
+    return (
+        f"fills with {_text(of.fill_lag_s, _MS)} ms, at most {_text(of.fill_per_s, per_unit)} {axis.unit}/s; "
+        f"vents with {_text(of.vent_lag_s, _MS)} ms, at most {_text(of.vent_per_s, per_unit)} {axis.unit}/s; "
+        f"delay {_text(of.delay_s, _MS)} ms"
+    )
+
+
+def _pair(of: Interval, factor: float = 1.0) -> dict[str, float | None]:
     known = math.isfinite(of.half)
-    return {"value": of.value, "low": of.low if known else None, "high": of.high if known else None}
+    return {
+        "value": factor * of.value,
+        "low": factor * of.low if known else None,
+        "high": factor * of.high if known else None,
+    }
 
 
 def _judged(stage: JudgedStage, factor: float) -> dict[str, object]:

@@ -31,25 +31,34 @@ class TimeSplit:
         blocks: number of the block of each sample.
         pieces: number of its piece of a block.
         kept_out: whether it is kept out of the fit.
+        ends_s: times of the first sample and the last.
     """
 
     blocks: Array
     pieces: Array
     kept_out: Mask
+    ends_s: tuple[float, float] = (0.0, 1.0)
 
     @property
     def fitted(self) -> Mask:
         """Mask of the samples of the fit."""
         return ~self.kept_out
 
+    def kept_out_at(self, at_s: Array) -> Mask:
+        """Mask of other times ``at_s`` between the first sample and the last."""
+        return np.asarray(_block_of(at_s, self.ends_s) % _EVERY == _KEPT)
+
 
 def split_time(at_s: Array) -> TimeSplit:
     """The split of samples by their times, in blocks of equal duration."""
-    span = max(float(at_s[-1] - at_s[0]), 1e-9)
-    place = (at_s - at_s[0]) / span * (1.0 - 1e-12)
-    blocks = np.floor(place * BLOCKS).astype(int)
-    pieces = np.floor(place * BLOCKS * _PIECES).astype(int)
-    return TimeSplit(blocks, pieces, blocks % _EVERY == _KEPT)
+    ends_s = (float(at_s[0]), float(at_s[-1]))
+    blocks = _block_of(at_s, ends_s)
+    return TimeSplit(blocks, _block_of(at_s, ends_s, BLOCKS * _PIECES), blocks % _EVERY == _KEPT, ends_s)
+
+
+def _block_of(at_s: Array, ends_s: tuple[float, float], count: int = BLOCKS) -> Array:
+    span = max(ends_s[1] - ends_s[0], 1e-9)
+    return np.asarray(np.floor((at_s - ends_s[0]) / span * (1.0 - 1e-12) * count).astype(int))
 
 
 def joined_split(times: Sequence[Array]) -> TimeSplit:

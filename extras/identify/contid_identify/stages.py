@@ -18,6 +18,8 @@ from contid_identify.excitation import Excitation, excitation_of
 from contid_identify.recording import RobotRecording
 from contid_identify.ring_down import RingDown, decays_of, fit_ring_downs
 from contid_identify.tip_answer import LEAST_TIPS, TipAnswer, fit_tip
+from contid_identify.tip_motion import TipMotion
+from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +126,42 @@ def identify(
         except ContidError as error:
             tip_refused = str(error)
     return IdentifiedMotion(name, tuple(recordings), tuple(axes), tip, tip_refused, ring_downs, body)
+
+
+def tip_motion(
+    name: str,
+    robot: RobotDescription,
+    recordings: Sequence[RobotRecording],
+    loads_kg: Sequence[float],
+    source: str,
+) -> TipMotion:
+    """The tip in motion, from all recordings with a measured tip, beginning with the statics of the file.
+
+    Args:
+        name: of the robot.
+        robot: description of the robot file.
+        recordings: of it.
+        loads_kg: payload of each; empty for none.
+        source: origin of the numbers, for their file.
+
+    Raises:
+        ContidError: too few tips, or no axis moved.
+    """
+    model = build_model(robot)
+
+    def statics(commands: Array) -> Array:
+        try:
+            return np.asarray(forward_many(model, commands)["tip_m"])
+        except ContidError:
+            return np.full((len(commands), 3), np.nan)
+
+    loads = loads_kg or [0.0] * len(recordings)
+    traces = [
+        LoadedTrace(each.tip_trace(), load_kg)
+        for each, load_kg in zip(recordings, loads, strict=True)
+        if len(each.tip_at_s) >= LEAST_TIPS
+    ]
+    return fit_tip_motion(name, robot.axis_names, traces, statics, source)
 
 
 def _statics(robot: RobotDescription, recordings: Sequence[RobotRecording]) -> list[Array] | None:

@@ -150,7 +150,7 @@ class _TipFit:
                 values = first_order(values, trace.period_s, float(np.exp(parameters[1])))
             if len(parameters) > 2:
                 hz, ratio = np.exp(parameters[2:4])
-                values = _swing(values, trace.period_s, float(hz), float(ratio))
+                values = swing(values, trace.period_s, float(hz), float(ratio))
             delay_s = float(parameters[0]) if len(parameters) else 0.0
             found.append(between(values, (trace.at_s - delay_s) / trace.period_s))
         return np.concatenate(found)
@@ -192,16 +192,28 @@ def monomials(values: Array, degree: int) -> Array:
     """Products of up to ``degree`` columns of ``(n, columns)``, without the constant: ``(n, monomials)``."""
     columns = range(values.shape[1])
     chosen = (c for power in range(1, degree + 1) for c in combinations_with_replacement(columns, power))
-    return np.column_stack([np.prod(values[:, list(each)], axis=1) for each in chosen])
+    rows = np.ascontiguousarray(values.T)
+    found: dict[tuple[int, ...], Array] = {}
+    for each in chosen:
+        found[each] = found[each[:-1]] * rows[each[-1]] if len(each) > 1 else rows[each[0]]
+    return np.stack(list(found.values())).T
 
 
-def _swing(values: Array, period_s: float, frequency_hz: float, ratio: float) -> Array:
-    """A body of one mode behind values ``(ticks, columns)`` that hold from tick to tick; gain 1."""
-    from scipy.signal import cont2discrete, lfilter
+def swing(values: Array, period_s: float, frequency_hz: float, ratio: float) -> Array:
+    """A body of one mode behind values ``(ticks, columns)`` that hold from tick to tick; gain 1.
+
+    Exactly between ticks: poles ``s``, and the first two values of the answer to a step.
+    """
+    from scipy.signal import lfilter
 
     rate = 2.0 * np.pi * frequency_hz
-    numerator, denominator, _ = cont2discrete(
-        ([rate**2], [1.0, 2.0 * ratio * rate, rate**2]), period_s, method="zoh"
-    )
+    # Two equal poles are as good as two that differ in the seventh digit, and those have one formula.
+    ratio = ratio if abs(ratio - 1.0) > 1e-7 else 1.0 + 1e-7
+    turn = rate * np.sqrt(complex(ratio**2 - 1.0))
+    first_pole, second_pole = -ratio * rate + turn, -ratio * rate - turn
+    a, b = np.exp(first_pole * period_s), np.exp(second_pole * period_s)
+    one = (1.0 - (second_pole * a - first_pole * b) / (second_pole - first_pole)).real
+    both, product = (a + b).real, (a * b).real
     first = values[:1]
-    return np.asarray(first + lfilter(numerator.ravel(), denominator, values - first, axis=0))
+    numerator = [0.0, one, 1.0 - both + product - one]
+    return np.asarray(first + lfilter(numerator, [1.0, -both, product], values - first, axis=0))

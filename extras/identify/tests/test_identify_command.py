@@ -12,6 +12,7 @@ from contid.api.simulated import Sim
 from contid.errors import ContidError
 from contid.robot_file.load import load_named
 from contid_identify.command import command
+from contid_identify.predict_command import command as predict
 
 #: Pressures [bar]; the simulated regulators answer with a lag of 50 ms.
 MOVES = (
@@ -67,12 +68,39 @@ def test_from_a_session_to_the_file(recorded: tuple[Path, Path], tmp_path: Path)
     assert "<svg" in page.read_text()
 
 
+@pytest.mark.slow
+def test_a_file_of_the_tip_in_motion_predicts(recorded: tuple[Path, Path], tmp_path: Path) -> None:
+    file, session = recorded
+    motion, tips = tmp_path / "arm.motion.json", tmp_path / "tips.csv"
+    done = identify(str(file), str(session), "--motion", str(motion))
+    assert done.exit_code == 0
+    assert "commands alone" in done.output
+    done = CliRunner().invoke(
+        predict, [str(motion), str(session), "--json", "--csv", str(tips)], catch_exceptions=False
+    )
+    assert done.exit_code == 0
+    found = json.loads(done.stdout.partition("\n")[0])
+    assert found["holds"]
+    assert found["errors"][-1]["ahead_s"] is None
+    assert 0.3 < found["errors"][-1]["rmse_mm"] < 5.0
+    assert len(tips.read_text().splitlines()) > 500
+    for arguments, message in (
+        (["-o", str(tmp_path / "x.json")], "--recover"),
+        (["--find-load"], "--load-g"),
+        (["--find-load", "--load-g", "5"], "one of them"),
+        (["--recover", "500"], "it must go on"),
+    ):
+        with pytest.raises(ContidError, match=message):
+            CliRunner().invoke(predict, [str(motion), str(session), *arguments], catch_exceptions=False)
+
+
 def test_mistakes_are_named(recorded: tuple[Path, Path], tmp_path: Path) -> None:
     _, session = recorded
     for arguments, message in (
         (["stiffflop1", str(session), "--write"], "contid new"),
         (["finger", str(session)], "robot finger"),
         (["hand", str(session)], "--robot"),
+        (["stiffflop1", str(session), "--load-g", "5"], "give it once for each"),
     ):
         with pytest.raises(ContidError, match=message):
             identify(*arguments)

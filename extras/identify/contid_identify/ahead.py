@@ -1,0 +1,139 @@
+"""Predictions a short time ahead, with measured tips until then: the last errors of the model go on.
+
+    e(t) = tip measured - tip predicted from commands,   e(t + s) ~ a_1 e(t) + a_2 e(t - s) + ...
+
+The recursion is applied as often as the time ahead needs. What e differs by from its own forecast of one
+step is the innovation: small while the robot is as it was identified.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from contid.kinematics.array import Array
+from contid_identify.split import Mask
+from contid_identify.tip_motion import AheadError, TipMotion
+
+#: Between two errors of the recursion [s], and their number.
+STEP_S: Final = 0.02
+ORDER: Final = 10
+#: Times ahead that are judged [s].
+AHEAD_S: Final = (0.03, 0.06, 0.15, 0.3)
+#: Ridge of the recursion, as a share of the mean power of the errors.
+_RIDGE: Final = 1e-3
+#: Measured tips farther apart than this are not joined [s].
+_GAP_S: Final = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedTips:
+    """Predictions of one recording, on equal steps of `STEP_S`.
+
+    Attributes:
+        at_s: times ``(steps,)``.
+        measured_m, predicted_m: tips ``(steps, 3)``; the latter from commands alone.
+        inside: which steps have measured tips around them, ``(steps,)`` of bool.
+        outside: share of the steps whose commands were not in the recordings of the fit.
+    """
+
+    at_s: Array
+    measured_m: Array
+    predicted_m: Array
+    inside: Mask
+    outside: float
+
+    @property
+    def errors_m(self) -> Array:
+        """Of the predictions from commands alone, ``(steps, 3)``."""
+        return np.asarray(self.measured_m - self.predicted_m)
+
+
+def predicted_tips(
+    model: TipMotion, sent: Array, period_s: float, tip_at_s: Array, tip_m: Array, load_kg: float
+) -> PredictedTips:
+    """Measured tips of a recording on equal steps, and predictions of them from its commands alone."""
+    at_s = np.arange(float(tip_at_s[0]), float(tip_at_s[-1]), STEP_S)
+    measured = np.column_stack([np.interp(at_s, tip_at_s, column) for column in tip_m.T])
+    after = np.clip(np.searchsorted(tip_at_s, at_s), 1, len(tip_at_s) - 1)
+    inside = tip_at_s[after] - tip_at_s[after - 1] <= _GAP_S
+    inputs = model.inputs(sent, period_s, at_s, load_kg)
+    return PredictedTips(at_s, measured, model.tips(inputs, load_kg), inside, model.outside(inputs))
+
+
+def memory_of(errors_m: Sequence[Array]) -> Array:
+    """Weights ``(ORDER,)`` of the recursion, of errors ``(steps, 3)`` each without gaps."""
+    pasts, nexts = [], []
+    for each in errors_m:
+        if len(each) > ORDER:
+            windows = np.lib.stride_tricks.sliding_window_view(each, ORDER + 1, axis=0)
+            pasts.append(windows[..., -2::-1].reshape(-1, ORDER))
+            nexts.append(windows[..., -1].ravel())
+    if not pasts:
+        return np.zeros(ORDER)
+    x, y = np.concatenate(pasts), np.concatenate(nexts)
+    normal = x.T @ x
+    normal[np.diag_indices_from(normal)] *= 1.0 + _RIDGE
+    return np.asarray(np.linalg.solve(normal, x.T @ y))
+
+
+def goes_on(memory: Array, ahead_s: float) -> Array:
+    """Weights ``(order,)`` of the last errors, the newest first, for the error ``ahead_s`` later.
+
+    Between two steps they are interpolated.
+    """
+    order = len(memory)
+    turn = np.eye(order, k=-1)
+    turn[0] = memory
+    power = ahead_s / STEP_S
+    low = np.linalg.matrix_power(turn, int(power))
+    share = power - int(power)
+    return np.asarray((1.0 - share) * low[0] + share * (low @ turn)[0])
+
+
+def ahead(model: TipMotion, of: PredictedTips, ahead_s: float) -> tuple[Array, Mask]:
+    """Errors of predictions ``ahead_s`` ahead.
+
+    Returns:
+        Errors ``(steps, 3)`` at the times of ``of``, and the mask ``(steps,)`` of those with a past.
+    """
+    weights = goes_on(model.memory, ahead_s)
+    errors, order = of.errors_m, len(weights)
+    forecast = np.zeros_like(errors)
+    known = np.zeros(len(errors), dtype=bool)
+    # A time ahead of no whole number of steps looks back to errors between two of them.
+    places = np.arange(len(errors)) - ahead_s / STEP_S
+    first = int(np.ceil(ahead_s / STEP_S)) + order
+    for k, weight in enumerate(weights.tolist()):
+        back = np.clip(places - k, 0.0, len(errors) - 1.0)
+        low = back.astype(int)
+        share = (back - low)[:, None]
+        high = np.minimum(low + 1, len(errors) - 1)
+        forecast += weight * ((1.0 - share) * errors[low] + share * errors[high])
+    window = np.convolve(~of.inside, np.ones(first + 1), mode="full")[: len(errors)]
+    known[first:] = window[first:] == 0
+    return errors - forecast, known
+
+
+def judged_ahead(model: TipMotion, of: Sequence[tuple[PredictedTips, Mask]]) -> tuple[AheadError, ...]:
+    """Errors at every time of `AHEAD_S`, then from commands alone, on the steps of a mask each."""
+    out = []
+    for ahead_s in AHEAD_S:
+        parts = []
+        for tips, rows in of:
+            errors, known = ahead(model, tips, ahead_s)
+            parts.append(errors[rows & known])
+        out.append(error_ahead(ahead_s, np.concatenate(parts)))
+    out.append(error_ahead(float("inf"), np.concatenate([each.errors_m[rows] for each, rows in of])))
+    return tuple(out)
+
+
+def error_ahead(ahead_s: float, errors_m: Array) -> AheadError:
+    """Size of errors ``(n, 3)``; not a number where there are none."""
+    if not len(errors_m):
+        return AheadError(ahead_s, float("nan"), float("nan"))
+    size = np.linalg.norm(errors_m, axis=1)
+    return AheadError(ahead_s, float(np.sqrt((size**2).mean())), float(np.quantile(size, 0.95)))

@@ -1,0 +1,147 @@
+"""A tip in motion as numbers: what a robot does with its commands, for any commands and any payload.
+
+    x_j(t) = command j, late by its dead time, behind a body of one mode of its own
+    tip(t) = (w + s v) . monomials(clip(x)),   s = m / (1 + m / m0),   m: mass of the payload
+
+The swing is in the axes and the map behind it (Wiener). Monomials are clamped to the range of the recordings
+they were fitted to: outside the map stands still and nothing grows with a power of three. Fitted by
+`contid_identify.tip_motion_fit`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from contid.errors import ContidError
+from contid.kinematics.array import Array
+from contid_identify.answer import between
+from contid_identify.tip_answer import monomials, swing
+
+#: Inputs are clamped this share of their range beyond it.
+_BEYOND: Final = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class AheadError:
+    """What predictions are off by on data kept out of the fit.
+
+    Attributes:
+        ahead_s: how long ahead, with measured tips until then; infinite for commands alone.
+        rmse_m: root mean square of the distance.
+        radius_m: holds 95 % of the tips.
+    """
+
+    ahead_s: float
+    rmse_m: float
+    radius_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class TipMotion:
+    """The tip of one robot in motion.
+
+    Attributes:
+        robot: its name.
+        axes: names of its axes.
+        delay_s, frequency_hz, ratio: dead time, undamped frequency and damping ratio of each axis.
+        softer_per_kg: how much less the logarithm of the frequencies is per ``s`` [1/kg].
+        less_per_kg: 1 / m0: a body that hangs is stiffer the more it carries [1/kg].
+        centre: commands in the middle of the recordings [m or Pa], ``(axes,)``.
+        turns: from commands about the centre to inputs of the map, ``(inputs, axes)``; inputs reach about 1.
+        low, high: range of the inputs, ``(inputs,)``.
+        degree: of the monomials.
+        weights: of a constant and the monomials ``(monomials, 3)`` [m].
+        load_weights: the same per ``s`` [m/kg].
+        loads_kg: least and greatest payload of the recordings.
+        memory: weights by which the last errors, `STEP_S` apart, go on; shape ``(order,)``.
+        errors: of predictions on blocks kept out, the longest time last.
+        source: recordings and date.
+    """
+
+    robot: str
+    axes: tuple[str, ...]
+    delay_s: Array
+    frequency_hz: Array
+    ratio: Array
+    softer_per_kg: float
+    less_per_kg: float
+    centre: Array
+    turns: Array
+    low: Array
+    high: Array
+    degree: int
+    weights: Array
+    load_weights: Array
+    loads_kg: tuple[float, float]
+    memory: Array
+    errors: tuple[AheadError, ...]
+    source: str
+
+    def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:
+        """Tips ``(samples, 3)`` [m] in the base frame, from commands alone; the robot rests before.
+
+        Args:
+            sent: commands, held from tick to tick, ``(ticks, axes)`` [m or Pa].
+            period_s: between two of them; the first is at time 0.
+            at_s: times of the tips; None for those of the commands.
+            load_kg: mass of the payload.
+
+        Raises:
+            ContidError: commands of another number of axes, or not finite.
+        """
+        sent = np.asarray(sent, dtype=float)
+        if sent.ndim != 2 or sent.shape[1] != len(self.axes):
+            raise ContidError(
+                f"{self.robot}: commands of shape {sent.shape}; needed: (ticks, {len(self.axes)})"
+            )
+        if len(sent) < 2 or not np.isfinite(sent).all() or not period_s > 0.0:
+            raise ContidError(f"{self.robot}: commands must be finite, two at least, with a period above 0")
+        at_s = np.arange(float(len(sent))) * period_s if at_s is None else at_s
+        return self.tips(self.inputs(sent, period_s, at_s, load_kg), load_kg)
+
+    def inputs(self, sent: Array, period_s: float, at_s: Array, load_kg: float) -> Array:
+        """What the map acts on at times ``at_s``: ``(samples, inputs)``, not clamped."""
+        hz = self.frequency_hz * np.exp(-self.softer_per_kg * self.effect_kg(load_kg))
+        return swung(sent, period_s, at_s, self.delay_s, hz, self.ratio, self.centre) @ self.turns.T
+
+    def tips(self, inputs: Array, load_kg: float) -> Array:
+        """Tips ``(samples, 3)`` [m] of inputs of the map."""
+        return np.asarray(
+            features(inputs, self.low, self.high, self.degree)
+            @ (self.weights + self.effect_kg(load_kg) * self.load_weights)
+        )
+
+    def effect_kg(self, load_kg: float) -> float:
+        """``s`` of a payload."""
+        return load_kg / (1.0 + self.less_per_kg * max(load_kg, 0.0))
+
+    def outside(self, inputs: Array) -> float:
+        """Share of the samples whose inputs were not in the recordings of the fit."""
+        beyond = _BEYOND * (self.high - self.low)
+        return float(((inputs < self.low - beyond) | (inputs > self.high + beyond)).any(axis=1).mean())
+
+    @property
+    def open_loop(self) -> AheadError:
+        """Errors of predictions from commands alone."""
+        return self.errors[-1]
+
+
+def features(inputs: Array, low: Array, high: Array, degree: int) -> Array:
+    """A constant and monomials of inputs clamped to a range, ``(samples, monomials)``."""
+    beyond = _BEYOND * (high - low)
+    clamped = np.clip(inputs, low - beyond, high + beyond)
+    return np.column_stack([np.ones(len(clamped)), monomials(clamped, degree)])
+
+
+def swung(
+    sent: Array, period_s: float, at_s: Array, delay_s: Array, hz: Array, ratio: Array, centre: Array
+) -> Array:
+    """Commands about a centre, late and behind one mode each, at times ``at_s``; ``(samples, axes)``."""
+    out = np.empty((len(at_s), sent.shape[1]))
+    for j in range(sent.shape[1]):
+        values = swing(sent[:, j : j + 1] - centre[j], period_s, float(hz[j]), float(ratio[j]))
+        out[:, j] = between(values, (at_s - delay_s[j]) / period_s)[:, 0]
+    return out

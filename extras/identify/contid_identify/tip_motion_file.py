@@ -1,0 +1,104 @@
+"""The file of a `TipMotion`: JSON with every number, which `contid predict` and programs read."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from contid.errors import ContidError
+from contid.kinematics.array import Array
+from contid.whole_file import replacing
+from contid_identify.tip_motion import AheadError, TipMotion, features
+
+_FORMAT: Final = "contid tip motion 1"
+_VECTORS: Final = ("delay_s", "frequency_hz", "ratio", "centre", "low", "high", "memory")
+_MATRICES: Final = ("turns", "weights", "load_weights")
+
+
+def write_tip_motion(model: TipMotion, path: Path) -> None:
+    """Write the file, whole or not at all."""
+    data: dict[str, Any] = {
+        "format": _FORMAT,
+        "robot": model.robot,
+        "axes": list(model.axes),
+        "source": model.source,
+        "degree": model.degree,
+        "softer_per_kg": model.softer_per_kg,
+        "less_per_kg": model.less_per_kg,
+        "loads_kg": list(model.loads_kg),
+        "errors": [
+            # Infinity is no number of JSON.
+            {"ahead_s": each.ahead_s if math.isfinite(each.ahead_s) else None,
+             "rmse_m": each.rmse_m, "radius_m": each.radius_m}
+            for each in model.errors
+        ],
+    }  # fmt: skip
+    for name in (*_VECTORS, *_MATRICES):
+        data[name] = getattr(model, name).tolist()
+    with replacing(path) as file:
+        file.write((json.dumps(data, indent=1) + "\n").encode())
+
+
+def read_tip_motion(path: str | Path) -> TipMotion:
+    """Read the file.
+
+    Raises:
+        ContidError: not such a file, or numbers of the wrong count.
+    """
+    remedy = "`contid identify ROBOT SESSION --motion FILE` writes one"
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ContidError(f"{path}: no file of a tip in motion ({error}); {remedy}") from None
+    if not isinstance(data, dict) or data.get("format") != _FORMAT:
+        raise ContidError(f"{path}: its `format` is not {_FORMAT!r}; {remedy}")
+    try:
+        axes = tuple(map(str, data["axes"]))
+        vectors = {name: np.array(data[name], dtype=float) for name in _VECTORS}
+        matrices = {name: np.array(data[name], dtype=float) for name in _MATRICES}
+        degree = int(data["degree"])
+        low_kg, high_kg = map(float, data["loads_kg"])
+        errors = tuple(
+            AheadError(
+                float("inf") if each["ahead_s"] is None else float(each["ahead_s"]),
+                float(each["rmse_m"]), float(each["radius_m"]),
+            )
+            for each in data["errors"]
+        )  # fmt: skip
+        model = TipMotion(
+            str(data["robot"]), axes, softer_per_kg=float(data["softer_per_kg"]), degree=degree,
+            less_per_kg=float(data["less_per_kg"]),
+            loads_kg=(low_kg, high_kg), errors=errors, source=str(data["source"]), **vectors, **matrices,
+        )  # fmt: skip
+    except (KeyError, TypeError, ValueError) as error:
+        raise ContidError(f"{path}: {error!r} where a number or a key should be; {remedy}") from None
+    _check(model, path, remedy)
+    return model
+
+
+def _check(model: TipMotion, path: str | Path, remedy: str) -> None:
+    inputs = len(model.low)
+    if not 1 <= model.degree <= 3:
+        raise ContidError(f"{path}: degree is {model.degree}; allowed: 1 to 3")
+    monomials = features(np.zeros((1, inputs)), model.low, model.low, model.degree).shape[1]
+    shapes: dict[str, tuple[int, ...]] = {
+        **dict.fromkeys(("delay_s", "frequency_hz", "ratio", "centre"), (len(model.axes),)),
+        "high": (inputs,),
+        "memory": (len(model.memory),),
+        "turns": (inputs, len(model.axes)),
+        "weights": (monomials, 3),
+        "load_weights": (monomials, 3),
+    }
+    for name, shape in shapes.items():
+        values: Array = getattr(model, name)
+        if values.shape != shape or not np.isfinite(values).all():
+            raise ContidError(
+                f"{path}: {name} has shape {values.shape} or numbers that are not finite; needed: {shape}; "
+                f"{remedy}"
+            )
+    if not model.errors or not (model.frequency_hz > 0.0).all():
+        raise ContidError(f"{path}: no errors, or a frequency that is not above 0; {remedy}")

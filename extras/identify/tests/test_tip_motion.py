@@ -1,0 +1,149 @@
+"""The tip in motion: recovered from commands and noisy tips of a plant that another integrator moves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contid.errors import ContidError
+from contid.kinematics.array import Array
+from contid_identify.ahead import STEP_S, goes_on, memory_of, predicted_tips
+from contid_identify.answer import CommandedTrace
+from contid_identify.moved_on import payload_of, recover
+from contid_identify.prediction import lines, predicted
+from contid_identify.tip_motion import TipMotion
+from contid_identify.tip_motion_file import read_tip_motion, write_tip_motion
+from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
+
+PERIOD_S = 0.02
+HZ, RATIO, DELAY_S = 1.5, 0.25, 0.13
+
+
+def commands(seed: int, duration_s: float = 30.0) -> Array:
+    """Sums of sines on two axes, smooth at the start."""
+    draw = np.random.default_rng(seed)
+    at_s = np.arange(0.0, duration_s, PERIOD_S)
+    lines = [
+        draw.uniform(0.2, 1.0) * np.sin(2.0 * np.pi * draw.uniform(0.1, 1.6) * at_s + draw.uniform(0, 6.28))
+        for _ in range(20)
+    ]
+    ramp = np.minimum(at_s, 1.0)[:, None]
+    columns = np.column_stack([sum(lines[:10]), sum(lines[10:])])
+    return np.asarray(0.8 * ramp * columns / np.abs(columns).max(axis=0))
+
+
+def plant(sent: Array, load_kg: float = 0.0, delay_s: float = DELAY_S, zero: float = 0.0) -> Array:
+    """Tips at the ticks [m]: semi-implicit Euler of a swing with small steps, then two bends of one arc."""
+    parts, hz = 20, HZ * np.exp(-2.0 * load_kg)
+    step_s, rate = PERIOD_S / parts, 2.0 * np.pi * hz
+    late = round(delay_s / step_s)
+    fine = np.repeat(sent, parts, axis=0)
+    fine = np.concatenate([np.repeat(fine[:1], late, axis=0), fine])[: len(fine)]
+    x, v, out = fine[0].copy(), np.zeros(2), []
+    for k, target in enumerate(fine):
+        if k % parts == 0:
+            out.append(x.copy())
+        v += step_s * (rate**2 * (target - x) - 2.0 * RATIO * rate * v)
+        x += step_s * v
+    bends = 0.6 * np.array(out) + zero
+    bend = np.maximum(np.linalg.norm(bends, axis=1, keepdims=True), 1e-9)
+    side = (1.0 - np.cos(bend)) / bend**2 * bends
+    tip = 0.2 * np.column_stack([side, np.sin(bend) / bend])
+    return np.asarray(tip - np.array([0.0, 0.0, 0.05 * load_kg]) + 0.1 * load_kg * tip)
+
+
+def trace_of(seed: int, load_kg: float = 0.0, duration_s: float = 30.0, **changes: float) -> CommandedTrace:
+    sent = commands(seed, duration_s)
+    noise = np.random.default_rng(seed + 1000).normal(0.0, 3e-4, (len(sent), 3))
+    tips = plant(sent, load_kg, **changes) + noise
+    return CommandedTrace(PERIOD_S, sent, np.arange(float(len(sent))) * PERIOD_S, tips, f"seed {seed}")
+
+
+@pytest.fixture(scope="module")
+def model() -> TipMotion:
+    traces = [LoadedTrace(trace_of(1, 0.0), 0.0), LoadedTrace(trace_of(2, 0.2), 0.2)]
+    return fit_tip_motion("arm", ("a", "b"), traces, None, "a test")
+
+
+def test_delay_swing_and_other_commands(model: TipMotion) -> None:
+    assert model.delay_s == pytest.approx(DELAY_S, abs=0.002)
+    assert model.frequency_hz == pytest.approx(HZ, rel=0.02)
+    assert model.ratio == pytest.approx(RATIO, rel=0.2)
+    assert model.softer_per_kg == pytest.approx(2.0, rel=0.2)
+    other = trace_of(5)
+    off = np.linalg.norm(model.predict(other.sent, PERIOD_S) - other.measured, axis=1)
+    # 0.3 mm of noise on each of three components is 0.52 mm; the tip moves by 0.1 m.
+    assert np.sqrt((off**2).mean()) < 1.5e-3
+    assert 0.85 < (off <= model.open_loop.radius_m).mean() <= 1.0
+    assert model.errors[0].rmse_m <= 1.1 * model.open_loop.rmse_m
+
+
+def test_a_payload_from_motion(model: TipMotion) -> None:
+    found = payload_of(model, trace_of(7, 0.1, 12.0))
+    assert found.value == pytest.approx(0.1, abs=0.01)
+    assert found.half < 0.03
+    with pytest.raises(ContidError, match="--load-g"):
+        payload_of(replace(model, loads_kg=(0.0, 0.0)), trace_of(7))
+    with pytest.raises(ContidError, match="record longer"):
+        payload_of(model, trace_of(7, 0.1, 3.0))
+
+
+def test_recovery_after_a_change(model: TipMotion) -> None:
+    changed = trace_of(9, delay_s=0.05, zero=0.03)
+    found = recover(model, changed, 18.0)
+    assert found.later_s.value == pytest.approx(-0.08, abs=0.005)
+    assert found.after.rmse_m < 0.25 * found.zeroed.rmse_m < found.before.rmse_m
+    assert found.holds
+    tips = predicted_tips(model, changed.sent, PERIOD_S, changed.at_s, changed.measured, 0.0)
+    judged = predicted(model, tips)
+    assert not judged.holds
+    assert "has changed" in list(lines(model, judged, None, None))[-1]
+    with pytest.raises(ContidError, match="it must go on"):
+        recover(model, changed, 28.0)
+
+
+def test_outside_of_the_recordings_nothing_grows(model: TipMotion) -> None:
+    far = np.full((200, 2), 30.0)
+    far[:100] = 0.0
+    assert np.linalg.norm(model.predict(far, PERIOD_S), axis=1).max() < 0.5
+    assert model.outside(model.inputs(far, PERIOD_S, np.arange(200) * PERIOD_S, 0.0)) > 0.3
+
+
+def test_errors_go_on_by_their_recursion() -> None:
+    draw, errors = np.random.default_rng(3), np.zeros((4000, 3))
+    for k in range(1, len(errors)):
+        errors[k] = 0.9 * errors[k - 1] + draw.normal(0.0, 1.0, 3)
+    weights = goes_on(memory_of([errors]), 5.0 * STEP_S)
+    assert weights.sum() == pytest.approx(0.9**5, abs=0.05)
+
+
+def test_the_file_holds_every_number(model: TipMotion, tmp_path: Path) -> None:
+    file = tmp_path / "m.json"
+    write_tip_motion(model, file)
+    sent = commands(11, 5.0)
+    again = read_tip_motion(file)
+    assert np.array_equal(
+        again.predict(sent, PERIOD_S, load_kg=0.1), model.predict(sent, PERIOD_S, load_kg=0.1)
+    )
+    assert again.errors == model.errors
+    text = file.read_text()
+    for bad, message in (
+        ("{}", "format"),
+        ("nothing", "no file of a tip"),
+        (text.replace('"degree": ', '"degree": 1'), "degree"),
+        (text.replace('"centre"', '"center"'), "centre"),
+        (text.replace('"memory": [', '"memory": [NaN,'), "finite"),
+    ):
+        file.write_text(bad)
+        with pytest.raises(ContidError, match=message):
+            read_tip_motion(file)
+
+
+def test_commands_of_another_robot_are_refused(model: TipMotion) -> None:
+    with pytest.raises(ContidError, match="needed"):
+        model.predict(np.zeros((10, 3)), PERIOD_S)
+    with pytest.raises(ContidError, match="finite"):
+        model.predict(np.full((10, 2), np.nan), PERIOD_S)
