@@ -25,7 +25,7 @@ PORT = "/dev/serial/by-id/usb-1a86_USB_Single_Serial_XXXXXXXX-if00"
 #: Emulated servos do not run in real time as the tick does.
 TOLERANT = "tolerance_ticks: 50\n    latency_ms: 12"
 #: Lines of the driver without its emulator, which docs/devices/drivers.md states.
-LINES = 250
+LINES = 252
 
 
 @pytest.fixture

@@ -104,7 +104,7 @@ class Bends:
         arcs = np.zeros((len(rows), len(sections), 3))
         arcs[:, :, :2] = (rows / self._lengths).reshape(len(rows), -1, 2)
         found = [self.model.of_arcs(each, self.model.lower) for each in arcs.reshape(len(rows), -1).tolist()]
-        return np.clip(np.array(found), self.model.lower, self.model.upper)
+        return np.asarray(np.clip(np.array(found), self.model.lower, self.model.upper))
 
     def tip_slope(self, row: Array) -> Array:
         """See `Coordinates`."""

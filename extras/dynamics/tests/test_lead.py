@@ -31,7 +31,7 @@ TICK_S: Final = 0.005
 
 def round_trip(seconds: float, turn_s: float) -> Array:
     """A share 0 to 1 that begins and ends at rest, with its derivatives, and turns on the way."""
-    t = np.arange(0.0, seconds + 1e-9, TICK_S)
+    t = np.arange(0.0, seconds + 1e-9, TICK_S, dtype=np.float64)
     s = np.clip(np.minimum(t, seconds - t) / 1.5, 0.0, 1.0)
     ease = s**4 * (35.0 - 84.0 * s + 70.0 * s**2 - 20.0 * s**3)
     wave: Array = ease * (0.5 - 0.5 * np.cos(2.0 * np.pi * t / turn_s))
@@ -44,7 +44,7 @@ def test_what_comes_out_of_the_answer_is_the_path() -> None:
     command = led(path[:, None], TICK_S, Answer((0.0,), (lag_s,), hz, ratio))[:, 0]
     rate = 2.0 * math.pi * hz
     parts = np.polymul([lag_s, 1.0], [1.0 / rate**2, 2.0 * ratio / rate, 1.0])
-    times = TICK_S * np.arange(len(command))
+    times = TICK_S * np.arange(len(command), dtype=np.float64)
     reached = lsim(([1.0], parts), command, times)[1]
     without = lsim(([1.0], parts), path, times)[1]
     assert np.abs(reached - path).max() < 2e-3
@@ -66,7 +66,7 @@ def test_a_file_is_led_through_its_rows(tmp_path: Path) -> None:
     assert "the tip does the path 30 ms later" in done.output
     led_rows = np.loadtxt(tmp_path / "led.csv", delimiter=",", skiprows=1)
     reached = lsim(([1.0], [0.1, 1.0]), led_rows[:, 1] - led_rows[0, 1], led_rows[:, 0])[1] + led_rows[0, 1]
-    at_rows = np.interp(0.02 * np.arange(len(wave)), led_rows[:, 0], reached)
+    at_rows = np.interp(0.02 * np.arange(len(wave), dtype=np.float64), led_rows[:, 0], reached)
     assert np.abs(at_rows - (0.2 + 0.3 * wave)).max() < 1e-3
     text = (tmp_path / "arm.yaml").read_text()
     shaped = "    rates:\n      shape: {frequency_hz: 5}\n"
@@ -129,7 +129,7 @@ def test_the_tip_does_the_path_of_the_file() -> None:
     """On a plant whose first frequency is 10 % lower; 24 ticks are the greatest dead time."""
     robot, path = twin(1.0), pressures(round_trip(5.0, 2.5))
     answer = answer_of(robot, path.mean(axis=0).tolist())
-    times_s = TICK_S * np.arange(len(path))
+    times_s = TICK_S * np.arange(len(path), dtype=np.float64)
     commands = led_commands(robot, build_model(robot), path, times_s, TICK_S, answer, ease_s=0.5).commands
     plant = twin(1.0 / 0.81)
     plain, best = error_mm(plant, path, path)
@@ -161,7 +161,9 @@ def test_a_path_sets_out_and_stops_where_it_is_not_at_rest() -> None:
     assert pace[-1] < 1e-4
     assert pace[120:-120] == pytest.approx(0.5 * np.pi, rel=1e-4)
     still = round_trip(4.0, 2.0)[:, None]
-    assert eased(still, TICK_S * np.arange(len(still)), TICK_S, 0.6) == pytest.approx(still, abs=1e-9)
+    assert eased(still, TICK_S * np.arange(len(still), dtype=np.float64), TICK_S, 0.6) == pytest.approx(
+        still, abs=1e-9
+    )
 
 
 def test_held_pressures_move_the_tip_least() -> None:
@@ -200,10 +202,11 @@ def test_led_tendons_stay_taut_and_bend_as_led() -> None:
     ]
     path = np.array([model.of_arcs(row, robot.rest) for row in arcs])
     answer = Answer((0.0,) * 9, (0.08,) * 9, 6.0, 0.05)
-    made = led_commands(robot, model, path, 0.05 * np.arange(61), 0.01, answer, ease_s=0.5)
+    made = led_commands(robot, model, path, 0.05 * np.arange(61, dtype=np.float64), 0.01, answer, ease_s=0.5)
     assert made.held == 0
     assert min(float(np.min(model.tensions(tuple(row)))) for row in made.commands.tolist()) > 1.0 - 1e-6
     bends = Bends(model)
+    assert made.path is not None
     wished = led(bends.of(made.path), 0.01, Answer((0.0,) * 6, (0.08,) * 6, 6.0, 0.05))
     assert bends.of(made.commands) == pytest.approx(wished, abs=1e-9)
     assert np.abs(made.commands - made.path).max() > 5e-4
@@ -222,7 +225,9 @@ def test_free_axes_of_a_tip_path_turn_no_corners() -> None:
     path = np.array(rows)
     assert np.abs(np.diff(path, axis=0)).max() > 1e4
     answer = Answer((0.0,) * 6, (0.1,) * 6, 2.0, 0.05)
-    made = led_commands(robot, model, path, 0.1 * np.arange(61), 0.02, answer, ease_s=0.8, by_tips=True)
+    made = led_commands(
+        robot, model, path, 0.1 * np.arange(61, dtype=np.float64), 0.02, answer, ease_s=0.8, by_tips=True
+    )
     tips = np.array([model.forward(tuple(row)).tip_m for row in made.path[::4].tolist()])
     assert np.abs(np.hypot(tips[:, 0], tips[:, 1]) - 0.02225).max() < 1e-4
     assert np.abs(tips[:, 2] - 0.089).max() < 1e-4

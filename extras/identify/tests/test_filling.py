@@ -24,7 +24,9 @@ def test_lags_and_greatest_speeds_of_a_chamber() -> None:
         gap = late[k] - x
         x += step_s * float(np.clip(gap / (FILL_S if gap > 0.0 else VENT_S), -VENTS, FILLS))
     noisy = np.array(measured)[:, None] + draw.normal(0.0, 0.03, (len(measured), 1))
-    found = fit_axis([CommandedTrace(PERIOD_S, sent, np.arange(len(measured)) * 40.0 * step_s, noisy)])
+    found = fit_axis(
+        [CommandedTrace(PERIOD_S, sent, np.arange(len(measured), dtype=np.float64) * 40.0 * step_s, noisy)]
+    )
     own = found.filling
     assert own is not None
     assert own.delay_s.value == pytest.approx(DELAY_S, abs=0.01)

@@ -25,7 +25,7 @@ HZ, RATIO, DELAY_S = 1.5, 0.25, 0.13
 def commands(seed: int, duration_s: float = 30.0) -> Array:
     """Sums of sines on two axes, smooth at the start."""
     draw = np.random.default_rng(seed)
-    at_s = np.arange(0.0, duration_s, PERIOD_S)
+    at_s = np.arange(0.0, duration_s, PERIOD_S, dtype=np.float64)
     lines = [
         draw.uniform(0.2, 1.0) * np.sin(2.0 * np.pi * draw.uniform(0.1, 1.6) * at_s + draw.uniform(0, 6.28))
         for _ in range(20)
@@ -109,7 +109,7 @@ def test_outside_of_the_recordings_nothing_grows(model: TipMotion) -> None:
     far = np.full((200, 2), 30.0)
     far[:100] = 0.0
     assert np.linalg.norm(model.predict(far, PERIOD_S), axis=1).max() < 0.5
-    assert model.outside(model.inputs(far, PERIOD_S, np.arange(200) * PERIOD_S, 0.0)) > 0.3
+    assert model.outside(model.inputs(far, PERIOD_S, np.arange(200, dtype=np.float64) * PERIOD_S, 0.0)) > 0.3
 
 
 def test_errors_go_on_by_their_recursion() -> None:

@@ -36,7 +36,7 @@ def follow(fault: str, count: int = 1, axis: str = "f0.left") -> tuple[RunReport
     return run_virtual(loaded, RATE, way, sinks=[seen]), seen
 
 
-def told(seen: Collector) -> list[tuple[str, bool]]:
+def path_events(seen: Collector) -> list[tuple[str, bool]]:
     return [(event["axis"], event["over"]) for event in seen.events if event["event"] == "path"]
 
 
@@ -48,7 +48,7 @@ def test_a_slow_body_slows_its_path_and_stays_on_it() -> None:
     assert report.ticks > plain.ticks + 50
     assert report.robots["f0"]["tip_error_max_mm"] < 1e-9
     assert not report.robots["f0"]["ticks_limited"]
-    assert told(seen) == [("f0.left", False), ("f0.left", True)]
+    assert path_events(seen) == [("f0.left", False), ("f0.left", True)]
     begun, over = (event for event in seen.events if event["event"] == "path")
     assert "f0.left is measured at" in begun["message"]
     assert over["lost_s"] == pytest.approx((report.ticks - plain.ticks) / RATE, abs=0.2)
@@ -56,7 +56,7 @@ def test_a_slow_body_slows_its_path_and_stays_on_it() -> None:
 
 def test_the_path_of_a_sound_body_is_not_touched() -> None:
     seen = [follow(fault)[1] for fault in ("", "kind: slow, share: 0.5")]
-    assert told(seen[0]) == told(seen[1]) == []
+    assert path_events(seen[0]) == path_events(seen[1]) == []
     first, second = (
         [axis.command for record in each.records for axis in record.robots[0].axes] for each in seen
     )
@@ -77,7 +77,7 @@ def test_a_body_that_does_not_come_along_is_a_fault(fault: str) -> None:
     report, seen = follow(fault)
     assert report.exit_code == 3
     assert report.robots["f0"]["fault"] == Fault.DOES_NOT_FOLLOW
-    assert told(seen) == [("f0.left", False)]
+    assert path_events(seen) == [("f0.left", False)]
     at = report.robots["f0"]["axes"]["left_mm"]
     assert abs(at["difference"]) < 4.0
 
@@ -102,7 +102,7 @@ def test_a_move_is_slowed_as_well() -> None:
         orders: dict[int, list[Message]] = {300: [Goto("f0", Target(actuation=(0.07, 0.05)))]}
         run_virtual(loaded, RATE, None, sinks=[seen], orders=orders, ticks=1000)
         (end,) = [event for event in seen.events if event["event"] == "goto"]
-        ended.append((end["arrived"], end["tick"], told(seen)))
+        ended.append((end["arrived"], end["tick"], path_events(seen)))
     assert [each[0] for each in ended] == [True, True]
     assert ended[1][1] > ended[0][1] + 10
     assert (ended[0][2], ended[1][2][0]) == ([], ("f0.left", False))
