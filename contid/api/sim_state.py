@@ -22,7 +22,10 @@ _NO_TIP: Final = (math.nan, math.nan, math.nan)
 
 @dataclass(frozen=True, eq=False)
 class SimRobot:
-    """One robot after a tick.
+    """One robot after a tick, in the units of the library (`contid.api.units.Units`).
+
+    Axes have the unit of their quantity each, ``mm``, ``bar`` or ``deg``, tips and distances that of lengths,
+    ``mm``; with ``si=True`` they are in m, Pa and rad.
 
     Attributes:
         mode: ``APPROACH`` (on its way to the first target), ``RUN``, ``HOLD``, ``FAULT``, ...
@@ -127,8 +130,8 @@ class StateReader:
         return SimRobot(
             mode=Mode(record.mode).name,
             fault=int(record.fault),
-            command=self._edge(config, [axis.command for axis in record.axes]),
-            measured=self._edge(config, measured),
+            command=self._in_user_units(config, [axis.command for axis in record.axes]),
+            measured=self._in_user_units(config, measured),
             tip=units.from_si(np.array((tip or _NO_TIP)[: config.model.dimension])),
             tracked=units.from_si(np.array(record.measured_tip_m[: config.model.dimension])),
             residual=float(units.from_si(np.array(record.residual_m))),
@@ -136,7 +139,7 @@ class StateReader:
             refused=refused,
         )
 
-    def _edge(self, config: RobotConfig, values: Sequence[float]) -> Array:
+    def _in_user_units(self, config: RobotConfig, values: Sequence[float]) -> Array:
         """Values of all axes, each in its unit."""
         pairs = zip(values, config.quantities, strict=True)
         return np.array([float(self.units.from_si(np.array(value), each)) for value, each in pairs])

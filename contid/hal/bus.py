@@ -33,12 +33,16 @@ class DeviceKind(enum.StrEnum):
 class SpooledTendon:
     """A tendon on the spool of an axis, and the backbone it bends together with the others; for emulators.
 
+    A section of the backbone has two bends, the components of its bend ``theta (cos phi, sin phi)`` about two
+    axes (`contid.kinematics.tendon.geometry`).
+
     Attributes:
         stiffness_nm: torque of the tendon per angle wound in [N m/rad].
-        bends: angle wound in per bend of the backbone, with the sign of the device's rotation [rad/rad].
-        bending_nm: stiffness of each of these bends [N m/rad].
+        bends: angle wound in by each bend of the backbone, with the sign of the device's rotation [rad/rad];
+            section by section from the base, the two of a section one after the other.
+        bending_nm: stiffness of each bend, in the order of ``bends`` [N m/rad].
         backlash_rad: half width of the backlash between spool and tendon.
-        capstan: coefficient of friction in each section, which has two bends; empty: none.
+        capstan: coefficient of friction in each section, half as many as ``bends``; empty: none.
     """
 
     stiffness_nm: float
@@ -208,7 +212,12 @@ class SimulatesBodies(Protocol):
     """A simulated bus that computes where the tips of its robots are."""
 
     def carry(self, robot: str, description: BaseModel) -> None:
-        """Simulate the body of a robot whose axes it carries; called before `Bus.open`."""
+        """Simulate the body of a robot whose axes it carries; called before `Bus.open`.
+
+        Args:
+            robot: its name.
+            description: a `contid.robot_file.robot.RobotDescription`, which this layer does not import.
+        """
 
 
 @runtime_checkable

@@ -110,5 +110,5 @@ class Reference:
             )
 
 
-#: Of an axis about which nothing is known.
+#: Of an axis without a zero: `Reference.require_former` accepts whatever is found.
 UNKNOWN: Final = Reference()

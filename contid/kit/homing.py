@@ -11,13 +11,13 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, Field
 
 from contid.errors import DeviceError
-from contid.hal import AxisOnBus, Bus, Clock, Homed, Report, Rest, Sample
+from contid.hal import AxisOnBus, Bus, Clock, Homed, Report, Rest
 from contid.hal.homing import BACKOFF_MIN_DEG
 from contid.kit.clock import MonotonicClock
 from contid.kit.signals import defer_signals
@@ -31,6 +31,9 @@ FROZEN_S: Final = 0.8
 MOVED_RAD: Final = math.radians(0.15)
 #: A device that does not answer for this time ends the search.
 SILENT_S: Final = 0.3
+#: Longest search, in multiples of the time that ``travel_deg`` takes at the speed of the search. The goal
+#: waits for a device that is slower; a position that only jitters would keep the search up for ever.
+LONGEST_SEARCH: Final = 4.0
 
 
 class EffortStop(BaseModel, extra="forbid", frozen=True, allow_inf_nan=False):
@@ -43,7 +46,7 @@ class EffortStop(BaseModel, extra="forbid", frozen=True, allow_inf_nan=False):
         speed_deg_s: speed of the search.
         lead_deg: farthest that the goal is ahead of the position.
         backoff_deg: way back from the stop; 3 degrees at least.
-        travel_deg: longest way to the stop.
+        travel_deg: longest way to the stop; it limits the time of a search as well (`LONGEST_SEARCH`).
         at_mm: length of the actuator at the stop.
     """
 
@@ -116,6 +119,7 @@ def _home_one(bus: Bus, axis: AxisOnBus, clock: Clock, report: Report) -> Homed:
     finally:
         with defer_signals():
             bus.disable([name], Rest.RELAX)
+    # No `contid.hal.Sample` shows that a device has lost its count of turns: the whole angle must agree.
     axis.reference.require_former(name, stop, turns_lost=False)
     report(f"{name}: stop at {math.degrees(stop):.2f} deg")
     way = math.degrees(abs(first - start))
@@ -140,7 +144,6 @@ class _Search:
     name: str
     how: EffortStop
     clock: Clock
-    last: Sample | None = field(default=None)
 
     def look(self, goal: float | None = None) -> _Place:
         """Send a goal, and wait for a valid answer.
@@ -165,16 +168,18 @@ class _Search:
         """Go towards the stop; where it stands still with the effort [rad].
 
         Raises:
-            DeviceError: no stop on the way, or a standstill without the effort.
+            DeviceError: no stop on the way or in time, or a standstill without the effort.
         """
         how = self.how
         speed, lead, travel = (math.radians(each) for each in (how.speed_deg_s, how.lead_deg, how.travel_deg))
         start = place = self.look().value
-        goal, before = place, self.clock.now()
-        moved_at, pushed_at, moved_from = before, before, place
+        begun = self.clock.now()
+        goal, before = place, begun
+        moved_at, pushed_at, moved_from = begun, begun, place
         while True:
             self.clock.sleep(POLL_S)
             now = self.clock.now()
+            # The goal advances at the speed, never behind the position, nor ahead by more than the lead.
             goal += how.direction * speed * (now - before)
             ahead = min(max((goal - place) * how.direction, 0.0), lead)
             goal, before = place + how.direction * ahead, now
@@ -193,11 +198,11 @@ class _Search:
                     f"it stands still with an effort of {abs(found.effort or 0.0):.3g}, below {how.effort:g}",
                     "its encoder is dead, or `effort` of its homing is more than it reaches: raise lead_deg",
                 )
-            if way > how.travel_deg or now - moved_at > FROZEN_S + travel / speed:
+            if way > how.travel_deg or now - begun > FROZEN_S + LONGEST_SEARCH * travel / speed:
                 raise DeviceError(
                     self.name,
-                    f"no stop within {way:.0f} deg",
-                    "check direction, effort and travel_deg of its homing",
+                    f"no stop within {way:.0f} deg and {now - begun:.1f} s",
+                    "check direction, effort and travel_deg of its homing; its encoder must not jitter",
                 )
 
     def _pushes(self, found: _Place, leads: bool) -> bool:
@@ -207,20 +212,23 @@ class _Search:
 
     def move_back(self, stop: float, back: float) -> float:
         """Move away from a stop; the way that was measured [rad]."""
-        goal = stop - self.how.direction * back
+        direction = self.how.direction
+        end = stop - direction * back
         speed, lead = math.radians(self.how.speed_deg_s), math.radians(self.how.lead_deg)
-        place, moved_at, moved_from = stop, self.clock.now(), stop
-        until = moved_at + back / speed + FROZEN_S
-        step = stop
-        while self.clock.now() < until and self.clock.now() - moved_at < FROZEN_S:
+        before = moved_at = self.clock.now()
+        until = before + back / speed + FROZEN_S
+        goal = place = moved_from = stop
+        while (now := self.clock.now()) < until and now - moved_at < FROZEN_S:
             self.clock.sleep(POLL_S)
-            left = min(
-                (step - goal) * self.how.direction - speed * POLL_S, (place - goal) * self.how.direction
-            )
-            step = goal + self.how.direction * max(left, (place - goal) * self.how.direction - lead, 0.0)
-            place = self.look(step).value
+            now = self.clock.now()
+            # As towards the stop, by the ways left to the end: the goal goes on at the speed, never behind
+            # the position, nor ahead of it by more than the lead, nor beyond the end.
+            left = (place - end) * direction
+            goal_left = min((goal - end) * direction - speed * (now - before), left)
+            goal, before = end + direction * max(goal_left, left - lead, 0.0), now
+            place = self.look(goal).value
             if abs(place - moved_from) > MOVED_RAD:
                 moved_at, moved_from = self.clock.now(), place
-            if abs(place - goal) <= MOVED_RAD / 2.0:
+            if abs(place - end) <= MOVED_RAD / 2.0:
                 break
-        return (stop - place) * self.how.direction
+        return (stop - place) * direction

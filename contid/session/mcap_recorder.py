@@ -2,10 +2,10 @@
 
 Started before the first tick as ``python -m contid.session.mcap_recorder`` with a pickled `RecorderJob` on
 stdin. Its stdout has lines for the daemon: ``ready`` or an error, later `MISSED` with the number of ticks
-that it missed so far, or further errors. A thread brings what was written to the disk once a second. It
-sleeps until half a period after the next deadline, computed from the newest record, with the pidfd of the
-ring's writer (the control process) in the same ``select``: one wake-up per tick, no polling, no work for
-the control process.
+that it missed so far, or further errors. A thread brings what was written to the disk every `SYNC_PERIOD_S`.
+The recorder sleeps until half a period after the next deadline, computed from the newest record, with the
+pidfd of the ring's writer (the control process) in the same ``select``: one wake-up per tick, and no work for
+the control process. It sleeps `_MAX_SLEEP_S` at most.
 
 It ends when the ring is finished or the ring's writer has ended, with or without the daemon, or when the
 daemon ends a recording that began during the run: drains the ring, adds the footer, compacts. It ignores
@@ -46,6 +46,8 @@ _MAX_RECORDS: Final = 256
 #: Fraction of a period after a deadline at which its record is read.
 _DELAY: Final = 0.5
 _MIN_SLEEP_S: Final = 5e-4
+#: Longest sleep: the end of the ring, lines of the daemon and an error of the disk do not end it.
+_MAX_SLEEP_S: Final = 0.1
 #: Nice value while recording. A kill of this process loses the records that are still in the ring only.
 _PRIORITY: Final = -10
 
@@ -154,6 +156,7 @@ class McapRecorder:
             self._writer.event(self._events.popleft().event)
 
     def _sync(self) -> None:
+        """Bring what was written to the disk, again and again; in a thread of its own."""
         while not self._closing.wait(SYNC_PERIOD_S):
             try:
                 self._writer.sync()
@@ -176,8 +179,13 @@ class McapRecorder:
                 continue
             attached = Attached(**json.loads(line))
             path = Path(attached.path)
+            try:
+                rows = path.read_bytes()
+            except OSError as error:
+                _answer(f"{attached.name}: not recorded, so it cannot be replayed from there: {error}")
+                continue
+            self._writer.attach(attached.name, NPZ, rows, attached.about)
             with suppress(OSError):
-                self._writer.attach(attached.name, NPZ, path.read_bytes(), attached.about)
                 path.unlink()
 
     def _sleep(self) -> bool:
@@ -185,7 +193,7 @@ class McapRecorder:
         wait_s = self._next_s - time.monotonic()
         if wait_s <= 0.0:  # overdue: the robots are connecting, or a tick was skipped
             wait_s = max(_DELAY * self._period_s, _MIN_SLEEP_S)
-        ready, _, _ = select.select([self._pidfd], [], [], min(wait_s, 0.1))
+        ready, _, _ = select.select([self._pidfd], [], [], min(wait_s, _MAX_SLEEP_S))
         return bool(ready)
 
 

@@ -14,6 +14,7 @@ from typing import Final
 from contid.control.daemon.spawn import ENVIRONMENT, module_command
 from contid.control.engine.cycle import Sink
 from contid.control.engine.messages import Message, Play
+from contid.control.process.ring import SECONDS
 from contid.control.process.setup import RunSetup
 from contid.control.process.shared_files import ATTACHED_FILES, folder
 from contid.errors import ContidError
@@ -31,6 +32,8 @@ from contid.session.write import SessionWriter
 
 #: How long the end of a run waits for compaction; a session of 45 minutes of a hand takes a third of it.
 COMPACTION_TIMEOUT_S: Final = 120.0
+#: How long a recorder that could not start has to end; it has nothing to complete.
+FAILED_START_TIMEOUT_S: Final = 5.0
 
 
 class RecordingObserver:
@@ -88,7 +91,7 @@ class RecordingObserver:
         except BrokenPipeError:
             answer = ""
         if answer != READY:
-            self._close(5.0)
+            self._close(FAILED_START_TIMEOUT_S)
             raise ContidError(answer or "the recorder did not start")
         os.set_blocking(process.stdout.fileno(), False)
 
@@ -108,6 +111,7 @@ class RecordingObserver:
             return
         self._played += 1
         name, metadata = f"{TRAJECTORY}-{self._played}", trajectory_metadata(message.trajectory)
+        # Not compressed, which would take longer: the order waits for it.
         data = encode_trajectory(message.trajectory, at_once=True)
         if self._writer is not None:
             self._writer.attach(name, NPZ, data, metadata)
@@ -157,9 +161,12 @@ class RecordingObserver:
 
     def watch(self) -> None:
         """Take in what the recorder has to report: ticks that it missed, and errors."""
-        if self._process is None or self._process.stdout is None:
-            return
-        *lines, self._lines = (self._lines + (self._process.stdout.read() or b"")).split(b"\n")
+        if self._process is not None:
+            self._take_reports(self._process)
+
+    def _take_reports(self, process: subprocess.Popen[bytes]) -> None:
+        assert process.stdout is not None
+        *lines, self._lines = (self._lines + (process.stdout.read() or b"")).split(b"\n")
         for line in lines:
             text = line.decode(errors="replace")
             if text.startswith(MISSED):
@@ -185,29 +192,32 @@ class RecordingObserver:
         return self._close(COMPACTION_TIMEOUT_S)
 
     def _close(self, timeout_s: float) -> tuple[str, ...]:
-        """Close the recorder's pipe and wait for its end; returns errors."""
+        """Close the recorder's pipe and wait for its end; returns errors.
+
+        A recorder that has not ended in time counts as compacting: it goes on without this process.
+        """
         process, self._process = self._process, None
         assert process is not None
         assert process.stdin is not None
         assert process.stdout is not None
         with suppress(BrokenPipeError):
             process.stdin.close()
-        try:
+        with suppress(subprocess.TimeoutExpired):
             process.wait(timeout_s)
-            self._process = process
-            self.watch()
-            self._process = None
-            for path in self._sent:  # a recorder that was killed has not removed them
-                path.unlink(missing_ok=True)
-        except subprocess.TimeoutExpired:
-            process.stdout.close()
-            return (f"{self.path}: complete; it is still being compacted",)
-        self.lost = process.returncode != 0 or self.missed_ticks > 0
-        if self.missed_ticks:
-            missed = f"{self.path}: lacks {self.missed_ticks} ticks; the disk was too slow for more than 8 s"
-            self._errors.append(missed)
-        errors = tuple(self._errors)
+        status = process.returncode  # None: it has not ended
+        os.set_blocking(process.stdout.fileno(), False)
+        self._take_reports(process)
         process.stdout.close()
-        if process.returncode and not errors:
-            return (f"{self.path}: the recorder ended with status {process.returncode}",)
-        return errors
+        errors, self._errors = self._errors, []
+        self.lost = bool(status) or self.missed_ticks > 0
+        if self.missed_ticks:
+            slow = f"the disk was too slow for more than {SECONDS:g} s"
+            errors.append(f"{self.path}: lacks {self.missed_ticks} ticks; {slow}")
+        if status is None:
+            errors.append(f"{self.path}: complete; it is still being compacted")
+            return tuple(errors)
+        for path in self._sent:  # a recorder that was killed has not removed them
+            path.unlink(missing_ok=True)
+        if status and not errors:
+            errors.append(f"{self.path}: the recorder ended with status {status}")
+        return tuple(errors)

@@ -1,4 +1,7 @@
-"""Life cycle: opening never moves, enabling never jumps, resting keeps its promise, closing lets go."""
+"""Life cycle: opening never moves, enabling never jumps, rest states are kept, closing changes no torque.
+
+Lengths of time and distances are those of `contid.testing.rig.Facts`; ``pump(0.0)`` is one exchange.
+"""
 
 from __future__ import annotations
 
@@ -120,5 +123,6 @@ class LifeContract:
         enabled.bus.open()
         enabled.pump(0.0)
         before = enabled.value(axis)
+        # For less than the silence that trips a watchdog: only a command that was carried out would move it.
         enabled.pump(enabled.facts.silence_s / 2, {axis: before + enabled.facts.near})
         assert enabled.value(axis) == pytest.approx(before, abs=enabled.facts.reading)

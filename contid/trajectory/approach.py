@@ -26,8 +26,9 @@ from contid.trajectory.standstill import MotionState
 _ROUNDING: Final = 1e-9
 
 
-#: Ways shorter than those of this time at full speed [s], and speeds below this share of the limit: such an
-#: axis is there already. The solver finds no motion for some of them, and for others one away and back.
+#: An axis is at its goal already where its way is shorter than that of this time at full speed [s]; a speed
+#: below this share of its limit, and an acceleration below it in the same scaled unit, are zero. For some of
+#: such values the solver finds no motion, and for others one away from the goal and back.
 _THERE: Final = 1e-8
 
 
@@ -48,7 +49,7 @@ class Approach:
         start_velocity: [m/s or Pa/s].
         goal: position of every axis at rest.
         velocity_limit, acceleration_limit, jerk_limit: of every axis.
-        straight: on a straight line from standstill.
+        straight: on a straight line from standstill; from motion the axes may leave it.
         start_acceleration: none by default; without ruckig it counts as none.
 
     Attributes:
@@ -89,8 +90,9 @@ class Approach:
         )
         # ruckig leaves the line where the limits of the axes differ, as those of a wrist do.
         limits = velocity_limit, acceleration_limit, jerk_limit
-        still = not any(start_acceleration)  # from motion no line is kept
-        uneven = straight and still and any(len(set(limit)) > 1 for limit in limits)
+        # `_cruising` takes no acceleration into account, so one that is there needs ruckig.
+        unaccelerated = not any(start_acceleration)
+        uneven = straight and unaccelerated and any(len(set(limit)) > 1 for limit in limits)
         solve = _optimal if optimal() and not uneven else _cruising
         self._trajectory: Any = solve(problem, straight)
         self.duration_s: float = self._trajectory.duration
@@ -144,6 +146,8 @@ def _optimal(problem: _Problem, straight: bool) -> Any:
     asked.current_acceleration = problem.acceleration
     asked.target_velocity = asked.target_acceleration = [0.0] * axes
     asked.max_velocity, asked.max_acceleration = [1.0] * axes, problem.acceleration_limit
+    # Phase: all axes have the same profile but for a factor each, which is a straight line; ruckig falls back
+    # to Time where there is none. Time: they only arrive together.
     asked.synchronization = ruckig.Synchronization.Phase if straight else ruckig.Synchronization.Time
     asked.target_position = problem.goal
     trajectory: Any = ruckig.Trajectory(axes)

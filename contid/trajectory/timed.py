@@ -48,6 +48,7 @@ class Trajectory:
         """Compute the curve once."""
         assert self.layout.time is not None
         times = self.rows[:, self.layout.time]
+        # Of the powers 0 to 3 of the time since a row, for every interval, shape (n - 1, 4, columns).
         coefficients = np.zeros((0, 4, self.rows.shape[1]))
         if len(times) > 1:
             coefficients = linear(times, self.rows)
@@ -117,6 +118,7 @@ class Trajectory:
         """`values_at` of many times, shape ``(times, columns)``."""
         index = self.rows_at(times_s)
         inside = (index >= 0) & (index < len(self._coefficients))
+        # The first or the last row for every time; times on the curve are replaced below.
         rows: Floats = self.rows[np.where(index < 0, 0, -1)]
         at = index[inside]
         u = (times_s[inside] - self.times_s[at])[:, None]
@@ -125,7 +127,10 @@ class Trajectory:
         return rows
 
     def stretched(self, factor: float) -> Trajectory:
-        """The same path, each of its parts ``factor`` times slower; it begins at the same time."""
+        """The same path, each of its parts ``factor`` times slower; it begins at the same time.
+
+        It does not count as `within_reach`, whatever this one does: `accepted` marks it after its own check.
+        """
         assert self.layout.time is not None
         rows = self.rows.copy()
         times = rows[:, self.layout.time]

@@ -68,6 +68,7 @@ class ShaftBus(PolledBus):
     def __init__(self, shaft: Shaft) -> None:
         self.clock, self.shaft, self.script = VirtualClock(1.0), shaft, lambda time_s: None
         self.axis = AxisOnBus("r.a", Options(homing=STOP))
+        self.exchange_s = 0.001
         super().__init__("bus", [self.axis], self.clock)
 
     def connect(self) -> None:
@@ -82,7 +83,7 @@ class ShaftBus(PolledBus):
             self.script(self._at - 1.0)
             shaft.step(0.002)
             self._at += 0.002
-        self.clock.sleep(0.001)
+        self.clock.sleep(self.exchange_s)
         effort = shaft.amps if shaft.reports else None
         return {"r.a": Reading(shaft.seen * DEG, shaft.powered, goal=shaft.goal * DEG, effort=effort)}
 
@@ -125,6 +126,29 @@ def test_what_is_no_stop_is_named_and_nothing_stays_under_power(
     with pytest.raises(DeviceError, match=message):
         bus.home()
     assert not bus.shaft.powered
+
+
+@pytest.mark.parametrize("jammed", [False, True])
+def test_an_encoder_that_jitters_ends_the_search(jammed: bool) -> None:
+    """By more than what counts as motion, so that it never stands still."""
+    bus = ShaftBus(Shaft(jammed=jammed))
+
+    def jitter(time_s: float) -> None:
+        bus.shaft.slipped = 0.5 * math.sin(2.0 * math.pi * time_s / 0.03)
+
+    bus.script = jitter
+    with pytest.raises(DeviceError, match="no stop within"):
+        bus.home()
+    assert not bus.shaft.powered
+    assert bus.clock.now() < 30.0
+
+
+def test_exchanges_that_take_long_do_not_slow_the_way_back() -> None:
+    """Of 45 degrees in 0.75 s, and 0.8 s to spare; the goal goes on by the time that has passed."""
+    bus = ShaftBus(Shaft())
+    bus.axis = AxisOnBus("r.a", Options(homing=STOP.model_copy(update={"backoff_deg": 45.0})))
+    bus.exchange_s = 0.04
+    assert bus.home() == pytest.approx(-30.0, abs=0.5)
 
 
 def test_a_zero_that_moved_needs_force() -> None:

@@ -16,6 +16,8 @@ from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
 from contid.control.process.ring_writer import RingWriter
 from contid.control.process.setup import RunSetup
+from contid.session import recording_observer
+from contid.session.format.header import Attached
 from contid.session.recording_observer import RecordingObserver
 from tests.support.daemons import fast_daemon as daemon
 from tests.support.fingers import load
@@ -104,5 +106,61 @@ def test_ticks_that_a_slow_disk_lost_are_reported_while_it_runs(tmp_path: Path) 
     missing = f"{recording.path}: lacks 745 ticks; the disk was too slow for more than 8 s"
     assert [*recording.detach()] == [missing]
     assert recording.lost
+    writer.close()
+    shared.unlink()
+
+
+@pytest.mark.realtime
+def test_ticks_are_missing_also_where_the_recorder_does_not_end_in_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording_observer, "COMPACTION_TIMEOUT_S", 0.1)
+    loaded = load(2)
+    shared = ring.create(record_layout(loaded, 200.0), seconds=0.0)
+    recording = RecordingObserver(tmp_path / "s.mcap", {})
+    recording.attach(RunSetup(loaded, 200.0, shared, None, OnEnd.HOLD, attended=True), os.getpid())
+    process = recording._process
+    assert process is not None
+    process.send_signal(signal.SIGSTOP)
+    writer = RingWriter(shared)
+    size = writer.layout.packer().size // 8
+    for tick in range(1000):
+        writer.write([tick, 0, tick / 200.0, *([0] * (size - 3))])
+    process.send_signal(signal.SIGCONT)
+
+    def missed() -> int:
+        recording.watch()
+        return recording.missed_ticks
+
+    until(lambda: missed() > 0, "the report")
+    process.send_signal(signal.SIGSTOP)
+    lacks, compacted = recording.detach()
+    assert "lacks 745 ticks" in lacks
+    assert "still being compacted" in compacted
+    assert recording.lost
+    writer.finish()
+    process.send_signal(signal.SIGCONT)
+    assert process.wait(timeout=60) == 0
+    writer.close()
+    shared.unlink()
+
+
+@pytest.mark.realtime
+def test_a_trajectory_that_the_recorder_cannot_read_is_an_error(tmp_path: Path) -> None:
+    loaded = load(2)
+    shared = ring.create(record_layout(loaded, 200.0), seconds=0.0)
+    recording = RecordingObserver(tmp_path / "s.mcap", {})
+    recording.attach(RunSetup(loaded, 200.0, shared, None, OnEnd.HOLD, attended=True), os.getpid())
+    recording._send(Attached("trajectory-1", {}, str(tmp_path / "gone.npz")))
+
+    def reported() -> bool:
+        recording.watch()
+        return bool(recording._errors)
+
+    until(reported, "the report")
+    writer = RingWriter(shared)
+    writer.finish()
+    (error,) = recording.detach()
+    assert "trajectory-1: not recorded" in error
     writer.close()
     shared.unlink()

@@ -59,7 +59,7 @@ class Sink(Protocol):
     """Where records and events go: a ring, a log, or both."""
 
     def write(self, values: list[float]) -> None:
-        """One tick, all values of the layout in order."""
+        """One tick: all values of its `contid.control.engine.tick_layout.RecordLayout` in order."""
         ...
 
     def event(self, event: RunEvent) -> None:
@@ -76,7 +76,9 @@ class Timing:
         skipped: ticks skipped since the start.
         deadline_s: when it should have started, on the clock of the buses.
         lateness_s: how much later it started.
-        end_s: deadline of the exchanges, on the clock of the buses.
+        end_s: until when `contid.control.engine.exchange.Exchange` waits for answers of buses with workers of
+            their own, on the clock of the buses; it waits for a least share of the period in any case. 0 in
+            virtual time and in replay, which have no such buses.
     """
 
     tick: int

@@ -104,7 +104,7 @@ class ControlProcess:
             trajectory=setup.trajectory, on_end=setup.on_end, attended=setup.attended,
             guards=chain_guards(setup.loaded), clearance=clearance_guard(setup.loaded),
         )  # fmt: skip
-        self.engine.costs.mark = ring.computes
+        self.engine.costs.mark = ring.mark_robot
 
     def run(self) -> None:
         """Run cycles until every robot is at rest."""
@@ -146,7 +146,7 @@ class ControlProcess:
                 engine.obey(Finish(None, "on_host_loss"), timing.tick)
             engine.cycle(timing)
             if timing.tick % COST_TICKS == 0:
-                self._ring.costs(engine.costs.robots_s)
+                self._ring.publish_costs(engine.costs.robots_s)
             self._logs.write(self._ring, LOGS_PER_TICK)
             if start_s > stop_by_s:
                 break
@@ -201,7 +201,7 @@ def _serve(
         ring.event(RunStarted(realtime=not why_not, message=why_not))
         ports |= {
             name: BusPort(
-                bus, threaded=len(buses) + len(isolated) > 1, reopen_aside=True, prepare=ring.prepare
+                bus, threaded=len(buses) + len(isolated) > 1, reopen_aside=True, prepare=ring.mark_preparing
             )
             for name, bus in buses.items()
         }

@@ -56,7 +56,7 @@ class LogQueue(logging.Handler):
         self.waiting.append(line)
 
     def take(self, at_most: int = CAPACITY) -> Iterator[LogWritten]:
-        """Remove and return the oldest records."""
+        """Remove and return the oldest records, each when the iterator gets to it."""
         for _ in range(min(at_most, len(self.waiting))):
             yield self.waiting.popleft()
 

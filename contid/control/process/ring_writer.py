@@ -25,7 +25,8 @@ from contid.control.process.ring import (
     MappedRing,
 )
 
-#: Durations in the mean of a robot.
+#: Each duration enters the running mean of its robot with the weight 1 / COSTS, which is the mean of about as
+#: many durations.
 COSTS: Final = 16.0
 
 
@@ -61,21 +62,25 @@ class RingWriter(MappedRing):
             self._numbers[EVENTS] = self._events
 
     def _fill(self, at: int, number: int, contents: bytes) -> None:
-        """Fill a slot; its stamp comes last."""
+        """Fill a slot; its number comes last.
+
+        While it has the number 0, readers take it for overwritten. A copy that was made meanwhile fails the
+        CRC, which is that of the contents and the number (`contid.control.process.ring`).
+        """
         STAMP.pack_into(self._map, at, 0, crc32(contents, number & 0xFFFFFFFF))
         self._map[at + STAMP.size : at + STAMP.size + len(contents)] = contents
         U64.pack_into(self._map, at, number)
 
-    def prepare(self, begins: bool) -> None:
+    def mark_preparing(self, begins: bool) -> None:
         """Mark that a request to devices begins, which may take longer than a tick, or is over."""
         self._numbers[PREPARING] = begins
 
-    def computes(self, robot: int) -> None:
+    def mark_robot(self, robot: int) -> None:
         """Mark that the tick of a robot begins, by its index; -1 when those of all are over."""
         self._numbers[ROBOT] = robot + 1
 
-    def costs(self, robots_s: Sequence[float]) -> None:
-        """Publish durations of a tick of every robot [s]; readers get the mean of about `COSTS`."""
+    def publish_costs(self, robots_s: Sequence[float]) -> None:
+        """Publish durations of a tick of every robot [s]; readers get their running means."""
         for index, took_s in enumerate(robots_s):
             self._costs[index] += (took_s - self._costs[index]) / COSTS
 

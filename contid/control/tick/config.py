@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 #: live streams of tendon robots. 2: on live streams also of axes that accelerate towards a limit, beside
 #: limits that axes share, and where a motion ends on a limit. 3: a straight line to a row on such a limit
 #: leads to the row itself, and no way is rounded in motion (`contid.trajectory.pursuit.Lines`); a path slows
-#: while a body is behind (`contid.control.engine.watch.path_pace`).
+#: while a body is behind (`contid.control.engine.watch.path_pace`); how far axes go on that stop is a bound.
 MOTION_RULES: Final = 3
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1

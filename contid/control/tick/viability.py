@@ -17,11 +17,12 @@ from contid.units import LIMIT_TOLERANCE_M
 
 #: A bound counts as kept up to this share of it: rounding.
 SLACK: Final = 1.0 + 1e-6
-#: Greatest slope of a shared limit along one axis, and excess of one that is rounding [m]
-#: (`contid.control.tick.shared_limits`); of tensions it is `contid.units.LIMIT_TOLERANCE_M`.
+#: Greatest slope of a shared limit along one axis, which `contid.control.tick.shared_limits.SharedLimits`
+#: promises, and excess of one that is rounding [m]; of tensions it is `contid.units.LIMIT_TOLERANCE_M`.
 _STEEPEST: Final = 2.0
 _ROUNDING_M: Final = 1e-12
-#: Share of the velocity below which an axis counts as moving with it, for how far a stop can lead.
+#: By motion rules before 3, an axis had at least this share of its greatest velocity in the estimate of the
+#: way of its stop.
 _SLOW: Final = 0.05
 #: States of a stop that are compared with limits that axes share, and where it comes close to their bounds:
 #: an axis that still accelerates leads beyond them early in its stop, and tensions have corners.
@@ -43,7 +44,15 @@ def stops_inside(config: RobotConfig, state: MovingAxes, last: Actuation) -> boo
     most = excess(config, state.position)
     if config.taut is None:
         rates = zip(state.velocity[:own], config.velocity, config.acceleration, config.jerk, strict=False)
-        reach = [max(abs(v), _SLOW * top) * (abs(v) / a + 2.0 * a / j) for v, top, a, j in rates]
+        if (
+            config.motion_rules > 2
+        ):  # together they take as long as the slowest, each at its top speed at most
+            each = [(v, a, j, abs(b)) for (v, _, a, j), b in zip(rates, state.acceleration, strict=False)]
+            tops = [abs(v) + 0.5 * b * b / j for v, _, j, b in each]
+            stop_s = max(b / j + top / a + a / j for top, (_, a, j, b) in zip(tops, each, strict=True))
+            reach = [top * stop_s for top in tops]
+        else:  # an estimate: less than the way of an axis that is slow and accelerates
+            reach = [max(abs(v), _SLOW * top) * (abs(v) / a + 2.0 * a / j) for v, top, a, j in rates]
         if -most > _STEEPEST * sum(reach):
             return True
     rounding_m = _ROUNDING_M if config.taut is None else LIMIT_TOLERANCE_M
@@ -52,7 +61,7 @@ def stops_inside(config: RobotConfig, state: MovingAxes, last: Actuation) -> boo
         return False
     if config.taut is None and config.motion_rules < 2:
         return _stop_keeps(config, state, last, allowed, _LOOKED_AT)
-    return _stop_keeps(config, state, last, allowed, _LOOKED_AT, clearly=True) or _stop_keeps(
+    return _stop_keeps(config, state, last, allowed, _LOOKED_AT, with_margin=True) or _stop_keeps(
         config, state, last, allowed, _LOOKED_AT_CLOSELY
     )
 
@@ -64,17 +73,18 @@ def _stop_keeps(
     allowed_m: float,
     looked_at: int,
     *,
-    clearly: bool = False,
+    with_margin: bool = False,
 ) -> bool:
-    """True when no state of a stop exceeds the limits that axes share by more than this.
+    """True when no state of a stop exceeds the limits that axes share by more than ``allowed_m``.
 
-    ``clearly``: nor would one that is as far beyond a state as the next one is from it.
+    ``with_margin``: the larger excess of two neighbouring states, plus their difference, does not either.
+    This stands in for the states between the two, which are not computed.
     """
     rates = AxisRates(config.velocity, config.acceleration, config.jerk)
     ways = stopping(state, rates, looked_at, Lines.of(config.motion_rules))
     if not all(_within(config, way.position, last) for way in ways):
         return False
-    if not clearly:
+    if not with_margin:
         return all(excess(config, way.position) <= allowed_m for way in ways)
     found = [excess(config, position) for position in (state.position, *(way.position for way in ways))]
     return all(max(a, b) + abs(b - a) <= allowed_m for a, b in pairwise(found))
@@ -96,48 +106,72 @@ def _within(config: RobotConfig, position: Actuation, last: Actuation) -> bool:
     )
 
 
-def viable(config: RobotConfig, index: int, at: float, speed: float, bend: float) -> bool:
+def viable(config: RobotConfig, index: int, at: float, speed: float, acceleration: float) -> bool:
     """True when an axis can go on from a state within its velocity, and stop within its limits of position.
+
+    Times are counted in ticks, as in `contid.control.tick.limits.AxisLimits`.
 
     Args:
         config: of the robot.
         index: of the axis.
-        at: its position.
-        speed: its velocity times the period.
-        bend: its acceleration times the period squared.
+        at: its position [m, Pa or rad].
+        speed: its velocity times the period [that per tick].
+        acceleration: its acceleration times the period squared [that per tick^2].
     """
     limits, h = config.limits[index], config.period_s
     jolt = config.jerk[index] * h * h * h
-    if abs(speed + 0.5 * bend * abs(bend) / jolt) > limits.step * SLACK:
+    # The speed when the acceleration has been brought to zero at the full jerk.
+    if abs(speed + 0.5 * acceleration * abs(acceleration) / jolt) > limits.step * SLACK:
         return False
     if speed < 0.0:
-        room, speed, bend = at - limits.lower, -speed, -bend
+        room, speed, acceleration = at - limits.lower, -speed, -acceleration
     else:
         room = limits.upper - at
-    # More than any stop needs. By rules 1 it left out that an axis which accelerates becomes faster first.
-    top, more = speed, 1.0
-    if config.motion_rules > 1 and bend > 0.0:
-        top, more = speed + 0.5 * bend * bend / jolt, 1.5
-    return room > top * (top / limits.change + more * limits.change / jolt + 1.0) or (
-        _stop_length(speed, bend, limits.change, jolt) <= max(room, 0.0) + limits.change * 1e-6
+    if config.motion_rules > 2:  # a deceleration above its greatest is so by rounding
+        acceleration = max(acceleration, -limits.change)
+    # More than any stop needs: one from ``top`` without acceleration takes top / change + change / jolt ticks
+    # at most, with half of ``top`` as its mean speed. An axis that accelerates gets to ``top`` in up to
+    # change / jolt ticks before it: with half of those of the stop, 1.5. One tick is added. Motion rules
+    # before 2 left this acceleration out (`contid.control.tick.config.MOTION_RULES`).
+    top, jerk_phases = speed, 1.0
+    if config.motion_rules > 1 and acceleration > 0.0:
+        top, jerk_phases = speed + 0.5 * acceleration * acceleration / jolt, 1.5
+    return room > top * (top / limits.change + jerk_phases * limits.change / jolt + 1.0) or (
+        _stop_length(speed, acceleration, limits.change, jolt) <= max(room, 0.0) + limits.change * 1e-6
     )
 
 
-def _stop_length(speed: float, bend: float, change: float, jolt: float) -> float:
-    """How far an axis goes on that stops as soon as it can, in the units of its steps."""
-    if bend >= 0.0:  # its speed grows until its acceleration is zero
-        top = speed + 0.5 * bend * bend / jolt
-        return speed * bend / jolt + bend**3 / (3.0 * jolt * jolt) + _from_cruise(top, change, jolt)
-    # It is on the way of a stop that began earlier, without acceleration.
-    ticks = -bend / jolt
-    top = speed + 0.5 * bend * bend / jolt
+def _stop_length(speed: float, acceleration: float, change: float, jolt: float) -> float:
+    """How far an axis goes on that stops as soon as it can [m, Pa or rad].
+
+    Args:
+        speed: towards the limit, not negative, per tick.
+        acceleration: positive towards the limit, per tick^2.
+        change: greatest acceleration, per tick^2.
+        jolt: greatest change of the acceleration, per tick^3.
+    """
+    if acceleration >= 0.0:  # its speed grows to ``top`` until its acceleration is zero
+        top = speed + 0.5 * acceleration * acceleration / jolt
+        until_top = speed * acceleration / jolt + acceleration**3 / (3.0 * jolt * jolt)
+        return until_top + _from_cruise(top, change, jolt)
+    # It decelerates as in a stop that began at the speed ``top`` without acceleration, ``ticks`` ago.
+    ticks = -acceleration / jolt
+    top = speed + 0.5 * acceleration * acceleration / jolt
+    # The deceleration of that stop, jolt ticks, grows to the smaller of ``change`` and sqrt(top jolt). One
+    # above sqrt(top jolt) stops the axis before it can be brought to zero, so within ``ticks`` and never
+    # faster than ``speed``. By motion rules before 3, one above ``change`` by rounding got the same way, too
+    # short for an axis that is fast.
     if ticks > min(change / jolt, math.sqrt(top / jolt)):
         return speed * ticks
+    # The way of the whole stop, less what it has covered in ``ticks``.
     return max(0.0, _from_cruise(top, change, jolt) - (top * ticks - jolt * ticks**3 / 6.0))
 
 
 def _from_cruise(speed: float, change: float, jolt: float) -> float:
-    """Way of a stop from a speed without acceleration."""
+    """Way of a stop from a speed without acceleration: half the speed times its duration.
+
+    The deceleration stays at ``change`` for a while, or returns to zero before it gets there.
+    """
     ticks = (
         speed / change + change / jolt if speed * jolt >= change * change else 2.0 * math.sqrt(speed / jolt)
     )

@@ -6,7 +6,8 @@ namespace contid {
 
 namespace {
 
-// What a row's field `limited_by` holds: see contid/kinematics/batch/pneumatic.py.
+// What a row's field `limited_by` holds: see contid/kinematics/batch/pneumatic.py. kSnaps: the arm snaps through on
+// the straight path to the target (kNoSnap, along_branch/straight_path.hpp).
 constexpr std::uint64_t kOptimal = 1, kStable = 2, kBlocked = 4, kSnaps = 8;
 
 inline Vec load_of(const double* loads, std::size_t k) {
@@ -18,16 +19,25 @@ inline Vec load_of(const double* loads, std::size_t k) {
 Answer Arm::inverse(const Task& task, Vec force, const double* seed) const {
   const Found found = search_settled(rod, task, force, limits, seed, settings);
   const Outcome& o = found.outcome;
-  Answer answer{{},        o.residual, o.statics,    found.snap,       o.met,
-                o.optimal, o.blocked,  found.stable, found.iterations, found.elements};
+  Answer answer;
   std::copy(o.pressures, o.pressures + kMost, answer.pressures);
+  answer.residual = o.residual;
+  answer.statics = o.statics;
+  answer.snap = found.snap;
+  answer.met = o.met;
+  answer.optimal = o.optimal;
+  answer.blocked = o.blocked;
+  answer.stable = found.stable;
+  answer.iterations = found.iterations;
+  answer.elements = found.elements;
   return answer;
 }
 
 Equilibrium Arm::forward(const Rod& carrying, const double* pressures, Vec force) const {
-  Judged at;
+  Judged at;  // the ends of the rod in the equilibrium that was reached, and their derivatives
   Equilibrium out;
   out.done = fine_equilibrium(carrying, pressures, force, settings, out.moment, at, out.elements);
+  // The branch ends before the full loads: some other equilibrium under them.
   if (out.done < 1.0) buckled(carrying, pressures, force, out.elements, out.moment, at);
   out.ends = at.ends;
   return out;

@@ -9,6 +9,7 @@
 namespace contid {
 
 constexpr int kMostColumns = 64;
+// A row for the preferred value of each column, and 16 for the coordinates of a target and their progress (chord.hpp).
 constexpr int kMostRows = kMostColumns + 16;
 
 // Columns of a matrix, one after the other.
@@ -25,10 +26,11 @@ inline void rotate(double* a, double* b, int count, double c, double s) {
   }
 }
 
-// The Moore-Penrose inverse, (columns, rows) row by row: singular values of at most `singular` times the greatest count
-// as none. One-sided Jacobi rotations make the columns orthogonal, A V = U S, and A+ = V S^-1 U^T (M. R. Hestenes,
-// "Inversion of matrices by biorthogonalization and related results", 1958). `wide`: A is the transpose of what is
-// asked for, so that A has at least as many rows as columns.
+// The Moore-Penrose inverse: singular values of at most `singular` times the greatest count as none. One-sided Jacobi
+// rotations make the columns orthogonal, A V = U S, and A+ = V S^-1 U^T (M. R. Hestenes, "Inversion of matrices by
+// biorthogonalization and related results", 1958). A, of m rows and n columns, is overwritten; it has at least as many
+// rows as columns. Element (i, k) of A+, i < n and k < m, goes to out[i * m + k]. `wide`: A is the transpose of the
+// matrix whose inverse is asked for; that is the transpose of A+, and (i, k) goes to out[k * n + i].
 inline void pseudo_inverse(SmallMatrix& a, bool wide, double singular, double* out) {
   constexpr int kSweeps = 60;
   constexpr double kOrthogonal = 1e-16;
@@ -59,8 +61,9 @@ inline void pseudo_inverse(SmallMatrix& a, bool wide, double singular, double* o
   }
 }
 
-// x of the least |A x - b| over some of the columns, by Householder reflections; A and b are overwritten. A column that
-// depends on those before it gets 0.
+// x of the least |A x - b|, by Householder reflections; A and b are overwritten. A has at least as many rows as
+// columns. A column that depends on those before it gets 0, where what is left of it is exactly 0: a small rest by
+// rounding counts as independent. The rows of preferred steps in chord.hpp make all columns independent.
 inline void least_squares(SmallMatrix& a, double* b, double* x) {
   const int m = a.rows, n = a.columns;
   double diagonal[kMostColumns];
@@ -86,10 +89,12 @@ inline void least_squares(SmallMatrix& a, double* b, double* x) {
 }
 
 // Minimum of |A x - b| with low <= x <= high, by a primal active set. `held` are the bounds that hold (-1, 0, 1): those
-// of a similar problem before, those of this one after.
+// of a similar problem before, those of this one after. After 4 n rounds the x found so far stays; it keeps the bounds.
 inline void bounded_least_squares(const SmallMatrix& a, const double* b, const double* low, const double* high,
                                   signed char* held, double* x) {
-  constexpr double kKeeps = 1e-14;  // slope of a bound that keeps nothing, by the greatest number of b
+  // A bound is released where |A x - b|^2 / 2 falls by more than this, times the greatest number of b, per unit of x
+  // away from it. Less is rounding.
+  constexpr double kReleases = 1e-14;
   const int m = a.rows, n = a.columns;
   double most = 0.0;
   for (int i = 0; i < m; ++i) most = std::max(most, std::fabs(b[i]));
@@ -138,7 +143,7 @@ inline void bounded_least_squares(const SmallMatrix& a, const double* b, const d
       const double slope = dot(a.of[j], missed, m) * held[j];
       if (slope > steepest) steepest = slope, worst = j;
     }
-    if (!(steepest > kKeeps * most)) return;
+    if (!(steepest > kReleases * most)) return;
     held[worst] = 0;
   }
 }

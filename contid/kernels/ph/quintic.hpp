@@ -25,13 +25,14 @@ inline Spinor spinor(const Preimage& A, double t) {
   return s;
 }
 
-// Angular rates of the Euler-Rodrigues frame per unit of t, each times sigma / 2.
+// Angular rates of the Euler-Rodrigues frame (f1, f2, f3), f1 the tangent, per unit of t, each times sigma / 2:
+// f2' . f3, f1' . f2 and f1' . f3.
 struct Rates {
   double spin, k2, k3;
 };
 
 inline Rates rates(const Spinor& s) {
-  const auto& [u, v, p, q] = s.a;
+  const auto& [u, v, p, q] = s.a;  // A = u + v i + p j + q k
   const auto& [du, dv, dp, dq] = s.d;
   return {u * dv - du * v - p * dq + dp * q, u * dq - du * q - v * dp + dv * p, -(u * dp - du * p + v * dq - dv * q)};
 }
@@ -55,6 +56,7 @@ inline double parameter_at(const Preimage& A, double length, double s) {
   if (s >= length) return 1.0;
   double low = 0.0, high = 1.0, t = s / length;
   for (int iteration = 0; iteration < 60; ++iteration) {
+    // The arc length at t by de Casteljau's rule: its coefficients are sums of those of sigma, divided by five.
     std::array<double, 6> b;
     b[0] = 0.0;
     for (int i = 0; i < 5; ++i) b[i + 1] = b[i] + sigma[i] / 5.0;
@@ -72,7 +74,9 @@ inline double parameter_at(const Preimage& A, double length, double s) {
   return t;
 }
 
-// The lowest of `samples` points of a curve, counted from its start; the hodograph is integrated exactly.
+// The point of least z among `samples` points of a curve at equal steps of t, from its start. The control points P
+// integrate the hodograph exactly: each is the one before plus a Bernstein coefficient of the hodograph, divided by
+// five. The middle coefficient is (s2 + 2 s3) / 3, so that 15 divides it.
 inline Vec lowest(const Preimage& A, int samples) {
   const Vec s0 = product(A[0], A[0]), s1 = product(A[0], A[1]), s2 = product(A[0], A[2]), s3 = product(A[1], A[1]),
             s4 = product(A[1], A[2]), s5 = product(A[2], A[2]);
@@ -84,7 +88,7 @@ inline Vec lowest(const Preimage& A, int samples) {
   Vec best = P[0];
   for (int sample = 1; sample < samples; ++sample) {
     const double t = static_cast<double>(sample) / (samples - 1);
-    Vec Q[6];
+    Vec Q[6];  // de Casteljau's rule
     for (int k = 0; k < 6; ++k) Q[k] = P[k];
     for (int level = 5; level > 0; --level)
       for (int k = 0; k < level; ++k)
@@ -112,12 +116,13 @@ struct Gauss {
         x -= here / slope;
       }
       node[i] = 0.5 * (1.0 - x);
-      weight[i] = 1.0 / ((1.0 - x * x) * slope * slope);
+      weight[i] = 1.0 / ((1.0 - x * x) * slope * slope);  // half of that on [-1, 1]
     }
   }
 };
 
-// int (w1^2 + k2^2 + k3^2) / sigma dt: bending plus twisting energy for unit stiffness [1/m].
+// int (w1^2 + w2^2 + w3^2) / sigma dt with the angular rates w per unit of t: bending plus twisting energy for unit
+// stiffness [1/m]. `rates` has them times sigma / 2, hence 4 / sigma^2.
 inline double energy(const Preimage& A) {
   static const Gauss gauss;
   double sum = 0.0;

@@ -11,8 +11,10 @@ the length of the backbone ``L`` [m]. With ``q = u^2 + v^2``, ``A = sin(theta)/t
 No radius and no azimuth is formed, so the straight arm is no singularity. Vectorised over leading dimensions.
 ``contid/kernels/arc/arc.hpp`` has the same formulas.
 
-Sources: Singh et al., ROBIO 2017, Eq. 2-5 (errata: ``atan`` for ``atan2`` in Eq. 2, R31 of Eq. 3 lacks its
-minus sign, D cancels near the straight arm) and Hughes et al., Eq. 2-3.
+Sources: I. Singh et al., "Performances Evaluation of Inverse Kinematic Models of a Compact Bionic Handling
+Assistant", ROBIO 2017, Eq. 2-5 (errata: ``atan`` for ``atan2`` in Eq. 2; R31 of Eq. 3 lacks its minus sign;
+the root D of Eq. 2, of which theta = D / 3d, loses its digits by cancellation near the straight arm), and
+J. Hughes, C. Della Santina, D. Rus, "Extensible High Force Manipulator for Complex Exploration", Eq. 2-3.
 """
 
 from __future__ import annotations
@@ -45,7 +47,10 @@ _POWERS: Final = np.arange(_TERMS)
 
 
 class Coefficients(NamedTuple):
-    """``A, B, C`` of the module and ``A1 = 2 dA/dq``, ``B1 = 2 dB/dq``, each of the shape of q."""
+    """``A, B, C`` of the module and ``A1 = 2 dA/dq``, ``B1 = 2 dB/dq``, each of the shape of q.
+
+    With the factor 2, ``dA/du = u A1`` and ``dA/dv = v A1``, because ``dq/du = 2 u``; B alike.
+    """
 
     A: Array
     B: Array
@@ -111,7 +116,7 @@ def jacobians(u: Array, v: Array, L: Array) -> ArcJacobians:
     linear[..., 1, 1] = L * (c.B + v * v * c.B1)
     linear[..., 2, 0], linear[..., 2, 1] = L * u * c.A1, L * v * c.A1
     linear[..., 0, 2], linear[..., 1, 2], linear[..., 2, 2] = u * c.B, v * c.B, c.A
-    angular = np.zeros_like(linear)
+    angular = np.zeros_like(linear)  # the column of L stays zero: the rotation does not depend on L
     angular[..., 0, 0] = -c.C * u * v
     angular[..., 1, 0] = 1.0 - c.C * v * v
     angular[..., 2, 0] = -c.B * v

@@ -25,8 +25,8 @@ ELEMENTS: Final = 6
 _NEVER_MM: Final = 1e9
 #: Steps of the difference quotients by moduli, moments [-], densities [kg/m^3] and masses of links [g].
 _STEPS: Final = (1e-3, 1e-3, 1.0, 0.01)
-#: Bounds of the half loop (half the play, from which the side of the hysteresis follows), as parts of the
-#: range of an axis. Between them the half loop is that of the calibration.
+#: The half loop of an axis is that of the calibration, but at least and at most these parts of the range of
+#: the axis (`IdentifiedArm.half_loop`).
 HALF_LOOP_RANGE: Final = (0.002, 0.02)
 
 #: One number per axis, or the components of a vector.
@@ -37,7 +37,9 @@ class IdentifiedArm:
     """The model of a robot file with what ``sense.load.calibration`` adds.
 
     Attributes:
-        half_loop: half the play of every axis [bar].
+        half_loop: half width of the hysteresis loop of every axis [bar], positive: the sides that `corrected`
+            takes are computed from the commands by a division by it. `corrected` itself uses the loop of the
+            calibration as it is: its sign is that of the effect of a side, and it may be zero.
         steps: by which `near` raises an error of the sections.
     """
 
@@ -109,6 +111,8 @@ class IdentifiedArm:
             by_scale: derivative of the tip by the errors of sections [mm by their unit], shape ``(3, m)``.
         """
         away = np.array(pressures) - self._middle
+        # In the order of ``covariance_factor`` (`contid.robot_file.pneumatic.sense.ModelErrors`): by offsets,
+        # gains and loops of the axes, then by the errors of the sections.
         columns = np.concatenate(
             [by_pressure, by_pressure * away, by_pressure * np.array(sides), by_scale], axis=1
         )
@@ -120,9 +124,10 @@ class IdentifiedArm:
         """How far the tip crept in these decades beyond 1 s of the pose's age [mm], and the covariance of it.
 
         Args:
-            decades: logarithm of the age, see `contid_fit.sense.creep`.
+            decades: log10 of the age over 1 s, see `contid_fit.sense.creep`.
             by_scale: derivative of the tip by the errors of sections [mm by their unit], shape ``(3, m)``.
         """
+        # The modulus falls with the age, and ``by_scale`` is for moduli that rise: hence the sign below.
         by_modulus = decades * by_scale[:, : self._sections].sum(axis=1)
         spread: Array = self._calibration.creep_sigma**2 * np.outer(by_modulus, by_modulus)
         return -self._calibration.creep_per_decade * by_modulus, spread

@@ -90,8 +90,10 @@ class ShapeInverse:
 
 #: In ``limited_by`` where the curve is not near enough to the target, and no limit keeps it away.
 QUINTIC: Final = "quintic"
-# Larger than the error of any arm [m]; its square does not overflow.
-_MAX_ERROR_M: Final = 1e6
+# Distances of tips [m] and lengths of directions between which the curve is computed: wider than any arm
+# needs, and far from where squares underflow or overflow.
+_MIN_NORM: Final = 1e-9
+_MAX_NORM: Final = 1e6
 #: Default tolerance [mm]: the paper's arm is reconstructed to 1.2-4.2 mm.
 DEFAULT_MM: Final = 5.0
 
@@ -102,6 +104,7 @@ class PhModel(SectionModel):
     def __init__(self, robot: TriTube) -> None:
         super().__init__(robot)
         sections = self.sections
+        # The length of the backbone of a section is the mean of its three tubes.
         home = self.feasible.home.reshape(-1, 3).mean(axis=1)
         self._inverse = ShapeInverse(
             [TubeSection(d, each) for d, each in zip(sections.radius_m, sections.angles_rad, strict=True)],
@@ -141,13 +144,13 @@ class PhModel(SectionModel):
             note = "there is no curve to this tip; lengths stay where they are"
         else:
             note = f"the quintic's lengths leave {m_to_mm(residual_m):.6g} mm; {within}"
-        return Solution(actuation, residual_m, False, limits, 0, note)
+        return Solution(actuation, residual_m, False, limits, note=note)
 
     def _lengths(self, tip_m: Vec3, direction: Vec3) -> Array | None:
         """Lengths along the quintic, inside the limits or not; None when there is none."""
         away = math.hypot(*tip_m)
         turn = math.hypot(*direction)
-        if not (1e-9 < away < _MAX_ERROR_M and 1e-9 < turn < _MAX_ERROR_M):  # NaN included
+        if not (_MIN_NORM < away < _MAX_NORM and _MIN_NORM < turn < _MAX_NORM):  # NaN included
             return None
         x, y, z = direction
         a, b, c = tip_m
@@ -160,6 +163,9 @@ def arc_direction(tip_m: Vec3, rigid_m: float = 0.0) -> Vec3:
     """Unit tangent at a tip that one arc from the base, along +z, reaches after a rigid piece.
 
     ``t = 2 c (x, y, c) / (x^2 + y^2 + c^2) - e_z`` with ``c = z + h``; not a number where there is none.
+
+    The sum ``t + e_z`` of the tangents at both ends of an arc is parallel to its chord p. The tip is
+    ``p + h t``, so ``tip + h e_z = (x, y, c)`` is parallel to p as well.
     """
     x, y, z = tip_m
     c = z + rigid_m

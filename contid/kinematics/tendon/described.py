@@ -48,6 +48,8 @@ def statics_of(robot: TendonRobot, geometry: TendonGeometry) -> TendonStatics | 
             for ei, section in zip(bending, geometry.sections, strict=True)
         ),
         MM_PER_M * stiffness[geometry.section_of],
+        # The least tension of the straight robot at zero pulls (`TendonStatics.rest_n`): with drives
+        # ``pretension_n``, with a motor per tendon the floor.
         tension.floor_n if tension.pretension_n is None else tension.pretension_n,
         tension.max_n,
     )
@@ -59,7 +61,10 @@ def bend_max_of(robot: TendonRobot) -> tuple[float, ...]:
 
 
 def bends_by_pulls(geometry: TendonGeometry, statics: TendonStatics | None) -> Array:
-    """Bends that pulls give [rad/m], shape ``(2 sections, tendons)``: by the balance, or those nearest."""
+    """Bends that pulls give [rad/m], shape ``(2 sections, tendons)``.
+
+    By the balance of tensions; without one, those whose pulls differ least from the given ones, by squares.
+    """
     if statics is not None:
         return statics.bends_by_pulls
     return np.asarray(np.linalg.pinv(geometry.pull_matrix), dtype=np.float64)
@@ -93,7 +98,7 @@ def spooled_tendons(
     zero_pulls, unit_pulls = (0.0,) * axes, (1.0,) * axes
     angles_at_zero, angles_at_unit = np.array(to_device(zero_pulls)), np.array(to_device(unit_pulls))
     rad_per_m = (angles_at_unit - angles_at_zero)[: geometry.tendons]
-    angles_by_bends = geometry.pull_matrix * rad_per_m[:, None]
+    angles_by_bends = geometry.pull_matrix * rad_per_m[:, None]  # [rad/rad]
     bending_nm = tuple(np.repeat(statics.bending_nm, 2).tolist())  # a section has two bends, equally stiff
     half_backlash_m = robot.backlash or (0.0,) * geometry.tendons
     return tuple(

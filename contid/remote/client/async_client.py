@@ -27,6 +27,9 @@ CONNECT_PERIOD_S: Final = 0.005
 class AsyncClient(Procedures):
     """A connection to a daemon; several tasks may use it. Open it with ``async with``.
 
+    It has the requests and procedures of `Procedures`, and implements the six I/O operations that they await,
+    the abstract methods of `contid.remote.client.orders.Orders`, from `_open` to `_disconnect`.
+
     Only requests and awaiting a move or telemetry keep the lease, never a background task: the lease of a
     program that hangs must lapse.
     """
@@ -34,10 +37,13 @@ class AsyncClient(Procedures):
     _lost: ConnectionLostError | RemoteError | None = None
     _wire: AsyncSocketWire | AsyncQueuedWire | None = None
     _reading: asyncio.Task[None] | None = None
+    #: Requests that wait for their response, by number, and the event of a notice; `_open` makes both.
+    _waiting: dict[int, tuple[Request, asyncio.Future[Fields]]]
+    _noticed: asyncio.Event
 
     async def _open(self, path: Path) -> None:
         """Connect to a socket or an address, and begin to read."""
-        self._waiting: dict[int, tuple[Request, asyncio.Future[Fields]]] = {}
+        self._waiting = {}
         self._noticed = asyncio.Event()
         if self._address is not None:
             self._wire = await AsyncQueuedWire.open(self._address)
@@ -66,6 +72,7 @@ class AsyncClient(Procedures):
             async with asyncio.timeout(request.timeout_s):
                 return await future
         except TimeoutError:
+            # An error with the daemon's reason, if it gave one; the connection itself is left as it is.
             raise self._protocol.lost(f"no response within {request.timeout_s:g} s") from None
         finally:
             self._waiting.pop(request.number, None)
@@ -80,6 +87,7 @@ class AsyncClient(Procedures):
         """Wait for a notice or the response to rows, at most for this time [s]."""
         if self._lost is not None:
             raise self._lost
+        # What came before this call does not end the wait: callers have looked at it, or do so afterwards.
         self._noticed.clear()
         with suppress(TimeoutError):
             async with asyncio.timeout(seconds):

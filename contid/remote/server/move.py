@@ -16,9 +16,9 @@ from contid.trajectory.rows import RowReader
 
 #: Greatest credit of a live stream: rows that may come in one burst.
 LIVE_ROWS: Final = 8
-#: Credit of a timed trajectory.
+#: Credit of a timed trajectory, which is not spent: the most rows of one request.
 TIMED_ROWS: Final = 1024
-#: Rows of a timed trajectory in all: 250 s at 200 Hz.
+#: Rows of a timed trajectory in all: 250 s at 200 Hz. `contid.remote.server.moves.Moves.rows` refuses more.
 MAX_ROWS: Final = 50_000
 
 #: Sends a notice to the client of a move.
@@ -37,7 +37,11 @@ class Credit:
 
     @property
     def granted(self) -> int:
-        """Rows that may be sent in all, those that came included: a client need not wait for responses."""
+        """Rows that may be sent in all, those that came included.
+
+        A client that counts what it has sent need not wait for responses. Of a live stream the number never
+        falls: what is spent was credit before.
+        """
         return MAX_ROWS if self._timed else self._spent + self.rows
 
     @property
@@ -59,7 +63,10 @@ class Credit:
             self._spent += rows
 
     def refilled(self, now_s: float) -> bool:
-        """True when a waiting client may send again: at half the credit, not row by row."""
+        """True when a waiting client may send again: at half the credit, not row by row.
+
+        Only the call in which the credit gets there is true; later the responses to rows have the credit.
+        """
         if self._rows >= LIVE_ROWS / 2:
             return False
         self._grow(now_s)

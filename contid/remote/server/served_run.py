@@ -41,10 +41,13 @@ class ServedRun:
     ) -> Fields:
         """The result of an order: the tick that obeyed it, the states after it, and who refused it.
 
-        Of an order to stop it has the axes that were ``silent`` in that tick.
+        Args:
+            future: of the order, from `PendingOrders.send`.
+            robots: those that the order is for; None for all.
+            stops: an order to stop: the result has the axes that were ``silent`` in that tick.
 
         Raises:
-            RemoteError: every robot refused.
+            RemoteError: every robot refused, or the order as a whole was refused.
         """
         outcome = await self.pending.confirmed(future)
         result: Fields = {"tick": outcome.tick, "robots": self.states(robots, outcome.record)}
@@ -52,12 +55,13 @@ class ServedRun:
             result["silent"] = silent
         if not outcome.refused:
             return result
-        if outcome.refused.keys() >= result["robots"].keys() or "" in outcome.refused:
+        as_a_whole = "" in outcome.refused  # an `OrderRefused` that names no robot
+        if as_a_whole or outcome.refused.keys() >= result["robots"].keys():
             faults = self.view.faults(outcome.record, robots)
             raise RemoteError(Code.REFUSED, "; ".join(outcome.refused.values()), faults)
         return {**result, "refused": dict(outcome.refused)}
 
     def states(self, robots: tuple[str, ...] | None, record: TickRecord | None) -> Fields:
-        """State by robot in a record."""
+        """State by robot in a record; of all robots where ``robots`` is None."""
         names = robots if robots is not None else tuple(self.view.configs)
         return {name: self.view.mode(name, record).name for name in names}

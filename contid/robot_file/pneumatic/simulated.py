@@ -1,4 +1,8 @@
-"""The ``sim`` of a pneumatic arm: payload, wall, errors of its model and tracker of the simulated arm."""
+"""The ``sim`` of a pneumatic arm: payload, wall, errors of its model and tracker of the simulated arm.
+
+An arm at rest is simulated by the equations of J. Shi et al., "Position and Orientation Control for
+Hyper-elastic Multi-segment Continuum Robots" (``contid/kernels/plant``; errata in docs/robots/stiffflop.md).
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ from contid.robot_file.base import NonNegative, Strict
 from contid.robot_file.clearance import PlaneDescription
 from contid.robot_file.simulated_body import SimulatedPayload
 
-#: An error of a parameter [%].
+#: An error of a parameter [%]: the simulated one is between half and twice that of the model.
 _Percent = Annotated[float, Field(gt=-50, lt=100)]
 
 
@@ -64,6 +68,7 @@ class SimulatedArm(SimulatedPayload):
 
     @model_validator(mode="after")
     def _free(self) -> Self:
+        # The simulation of an arm in motion has no contact (docs/robots/dynamics.md).
         if self.dynamics and self.wall is not None:
             raise ValueError("dynamics: an arm in motion has no wall; leave one of the two out")
         return self

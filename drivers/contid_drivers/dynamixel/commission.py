@@ -24,8 +24,15 @@ from contid_drivers.dynamixel.registers import Register
 
 #: Option of FACTORY RESET.
 KEEP_ID_AND_BAUD: Final = 2
+#: Allowance for the delay of the adapter, as `ServoPort` has it.
 LATENCY_S: Final = 0.02
+#: Longest wait of one read of the port by the SDK, which reads again until its own time-out.
 READ_WAIT_S: Final = 0.005
+#: Pause before each ping of a servo that restarts.
+RESTART_PAUSE_S: Final = 0.05
+#: Pause between the order to change its baud rate and the first request at the new one.
+NEW_BAUD_S: Final = 0.05
+#: Remedy where answers to reads and writes are switched off; "it" is the Status Return Level.
 RESTORE_LEVEL: Final = "`contid servo reboot` sets it to 2, as does `contid run`"
 
 
@@ -80,7 +87,7 @@ class SdkBus:
         until = time.monotonic() + REBOOT_S
         while time.monotonic() < until:
             # The answer to the reboot may arrive before the servo goes down.
-            time.sleep(0.05)
+            time.sleep(RESTART_PAUSE_S)
             if self.answers(device):
                 return
         raise DeviceError(self.name(device), f"no answer within {REBOOT_S:g} s after {what}")
@@ -98,8 +105,10 @@ class SdkBus:
         for _ in range(TRIES):
             *data, result, error = request()
             if result == COMM_SUCCESS:
-                if error & ~ALERT:
-                    raise DeviceError(self.name(device), self._sdk.getRxPacketError(error & ~ALERT))
+                # The alert bit reports a hardware error; the request was carried out all the same.
+                refusal = error & ~ALERT
+                if refusal:
+                    raise DeviceError(self.name(device), self._sdk.getRxPacketError(refusal))
                 return tuple(data)
         raise DeviceError(self.name(device), *self._why(device, result))
 
@@ -178,7 +187,7 @@ def set_baud(path: str, baud: int, device: int, new: int) -> None:
     with sdk_bus(path, baud) as bus:
         check_free(bus, device, baud)
         bus.write(device, reg.BAUD, code)
-    time.sleep(0.05)
+    time.sleep(NEW_BAUD_S)
     with sdk_bus(path, new) as bus:
         if not bus.answers(device):
             raise DeviceError(bus.name(device), f"does not answer at {new} baud", "run `contid scan`")

@@ -24,13 +24,24 @@ USUAL_BAUDS: Final = (1000000, 57600)
 OTHER_BAUDS: Final = (2000000, 4000000, 3000000, 115200, 9600)
 #: Answers of Protocol 1.0 to a broadcast ping begin within this time.
 PROTOCOL_1_S: Final = 0.05
+#: Protocol 1.0: id of a broadcast and greatest id of one servo; instructions; registers of the model number.
+_BROADCAST_1: Final = 0xFE
+_GREATEST_ID_1: Final = 0xFD
+_PING_1: Final = 0x01
+_READ_1: Final = 0x02
+_MODEL_ADDRESS_1, _MODEL_BYTES_1 = 0, 2
+#: Bytes of the shortest status of Protocol 1.0: two of the header, id, length, error and checksum.
+_STATUS_BYTES_1: Final = 6
 
 
 def scan(ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
     """Search ports; one that does not open is reported and skipped.
 
+    Without named ports no Arduino board's port is opened, because that resets most boards. Of the named ports
+    only those of a Due are left out; a named port of another Arduino board is opened.
+
     Args:
-        ports: empty for every USB serial port that is no Arduino board's.
+        ports: empty for every USB serial port that is no Arduino or Teensy board's.
         bauds: empty for the usual rates, and where nothing answers the others.
         report: takes lines about the progress.
     """
@@ -83,31 +94,39 @@ def _at(path: str, bauds: Sequence[int], report: Report) -> Iterator[FoundDevice
 def protocol_1(port: ServoPort) -> dict[int, int]:
     """Model number by id of the servos that answer to Protocol 1.0; 0 when it is not answered.
 
-    A packet is ``FF FF ID LEN INST PARAM.. CHECK``, CHECK the inverted sum of the bytes from ID on; a status
-    has its error in place of INST. Source: e-manual, Protocol 1.0.
+    A packet is ``FF FF ID LEN INST PARAM.. CHECK``. LEN counts the bytes behind it; CHECK is the inverted sum
+    of the bytes from ID on, so that the sum with CHECK is FF. A status has its error in place of INST.
+    Source: e-manual, Protocol 1.0.
     """
-    answered = _ask_1(port, 0xFE, b"\x01")
+    answered = _ask_1(port, _BROADCAST_1, bytes((_PING_1,)))
     found = {}
     for device in answered:
-        number = _ask_1(port, device, b"\x02\x00\x02").get(device, b"")
-        found[device] = int.from_bytes(number[:2], "little")
+        request = bytes((_READ_1, _MODEL_ADDRESS_1, _MODEL_BYTES_1))
+        number = _ask_1(port, device, request).get(device, b"")
+        found[device] = int.from_bytes(number[:_MODEL_BYTES_1], "little")
     return found
 
 
 def _ask_1(port: ServoPort, device: int, body: bytes) -> dict[int, bytes]:
-    """Parameters of the intact answers to an instruction of Protocol 1.0, by id."""
-    packet = bytes((device, len(body) + 1)) + body
+    """Parameters of the intact answers to an instruction of Protocol 1.0, by id.
+
+    ``body`` is the instruction and its parameters. Packets are compared from ID on. What equals the packet
+    that was sent is its echo, which some adapters return, and no answer.
+    """
+    sent = bytes((device, len(body) + 1)) + body
+    sent += bytes((~sum(sent) & 0xFF,))
     port.flush()
-    deadline = port.send(b"\xff\xff" + packet + bytes((~sum(packet) & 0xFF,))) + PROTOCOL_1_S
+    deadline = port.send(b"\xff\xff" + sent) + PROTOCOL_1_S
     stream = b""
     while time.monotonic() < deadline and (data := port.receive(deadline)):
         stream += data
     answers = {}
-    for at in range(len(stream) - 5):
-        if stream[at : at + 2] != b"\xff\xff" or stream[at + 2] > 0xFD:
+    for at in range(len(stream) - _STATUS_BYTES_1 + 1):
+        if stream[at : at + 2] != b"\xff\xff" or stream[at + 2] > _GREATEST_ID_1:
             continue
-        status = stream[at + 2 : at + 4 + stream[at + 3]]
-        whole = len(status) == 2 + stream[at + 3] and stream[at + 3] >= 2
-        if whole and sum(status) & 0xFF == 0xFF and status != packet + bytes((~sum(packet) & 0xFF,)):
-            answers[stream[at + 2]] = status[3:-1]
+        answering, length = stream[at + 2], stream[at + 3]
+        status = stream[at + 2 : at + 4 + length]
+        whole = len(status) == 2 + length and length >= 2
+        if whole and sum(status) & 0xFF == 0xFF and status != sent:
+            answers[answering] = status[3:-1]
     return answers

@@ -18,7 +18,7 @@ from contid_drivers.dynamixel.registers import Register
 log = logging.getLogger(__name__)
 
 POLL_S: Final = 0.005
-#: Standing still: less motion than this.
+#: A servo stands still while its position changes by less than this; a way back has arrived within it.
 STILL_TICKS: Final = 3
 #: A way back without motion for this time goes no further.
 STUCK_S: Final = 0.5
@@ -31,7 +31,8 @@ LOOK_MS: Final = 60
 def prepare(client: ServoClient, axis: Axis, speed_deg_s: float, current_ma: float) -> int:
     """Set the registers of a search, torque off; returns the present position [ticks].
 
-    Turns that the servo keeps are kept, which sets ``axis.turn_known``.
+    Turns that the servo keeps in its marks (see `contid_drivers.dynamixel.turns`) are stored in it again
+    behind the writes, and ``axis.turn_known`` is True then. Without them it is False, and the turns are 0.
 
     Raises:
         DeviceError: torque off is not confirmed.
@@ -45,14 +46,14 @@ def prepare(client: ServoClient, axis: Axis, speed_deg_s: float, current_ma: flo
         (reg.DRIVE_MODE, 0),
         (reg.OPERATING_MODE, reg.MODE_NUMBERS["current_based_position"]),
         (reg.PROFILE_VELOCITY, max(1, round(speed_deg_s / reg.DEG_S_PER_UNIT))),
-        (reg.PROFILE_ACCELERATION, 0),
+        (reg.PROFILE_ACCELERATION, 0),  # no limit
         (reg.GOAL_CURRENT, axis.model.to_units(current_ma)),
     ):
         if client.read(device, register) != value:
             client.write(device, register, value)
     axis.turns, axis.turn_known, axis.travel = 0, False, None
     if kept is not None:
-        # The change of mode has cleared one of the marks.
+        # A change of the operating mode has cleared Velocity I Gain, one of the two marks.
         turns.store(client, axis, kept)
     return client.read(device, reg.PRESENT_POSITION)
 
@@ -61,7 +62,8 @@ def arm(client: ServoClient, axes: Sequence[Axis], watchdog_ms: int) -> None:
     """Switch the torque of searching axes on, under watchdogs that are no shorter than the robot file's."""
     for axis in axes:
         arming.arm(client, axis)
-    most_ms = min(max(watchdog_ms, PAUSE_MS, LOOK_MS * len(axes)), 127 * reg.WATCHDOG_MS_PER_UNIT)
+    longest_ms = reg.BUS_WATCHDOG.high * reg.WATCHDOG_MS_PER_UNIT
+    most_ms = min(max(watchdog_ms, PAUSE_MS, LOOK_MS * len(axes)), longest_ms)
     arming.start_watchdogs(client, list(axes), most_ms // reg.WATCHDOG_MS_PER_UNIT)
 
 

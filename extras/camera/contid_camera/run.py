@@ -18,8 +18,9 @@ from contid_camera.refusals import Refusals
 from contid_camera.setup_file import LoadedSetup
 from contid_camera.tracker import MeasuredTip, TipTracker
 
-#: Least time between two writes of the overlay [s].
+#: Least time between two writes of the overlay [s], by the times of the images.
 OVERLAY_S: Final = 0.5
+#: ``ax,ay,az`` is the unit vector of the body's direction at the tip, in the world.
 HEADER: Final = "t_s,x_mm,y_mm,z_mm,ax,ay,az,sd_mm,error_px"
 
 
@@ -65,6 +66,7 @@ def track(
     Raises:
         ContidError: images of another size than the camera's; the overlay cannot be written.
     """
+    # With one thread the processor time is the time on one core, which the report is about.
     cv2.setNumThreads(1)
     tracker, report, drawn_s = TipTracker(loaded), TrackReport(), -1e9
     width, height = loaded.camera.size_px

@@ -16,7 +16,7 @@ import click
 from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 from contid.hal import Diagnoses, Finding, Identifies
-from contid.robot_file.load import load_named
+from contid.robot_file.load import LoadedFile, load_named
 from contid.robot_file.proven.bringup import bringup_findings, device_finding
 from contid.robot_file.tick_rate import exchange_time, rate_finding
 
@@ -34,24 +34,6 @@ if TYPE_CHECKING:
 def command(robot_file: str, as_json: bool, fix: bool, service: bool, yes: bool, accept: str | None) -> None:
     """Examine the host and the buses and devices of ROBOT_FILE; moves nothing; exit code 4 on an ERROR."""
     from contid.control.engine.wiring import wired_buses
-    from contid.control.process.host_checks import examine
-    from contid.control.process.other_devices import other_devices
-
-    def findings() -> Iterator[Finding]:
-        yield from examine()
-        for bus in buses:
-            wiring = bus.wiring
-            time = exchange_time(wiring)
-            if time is not None:
-                yield rate_finding(wiring.name, time, loaded.file.rate_hz)
-            if isinstance(bus.driver, Diagnoses):
-                yield from bus.driver.doctor(wiring.name, wiring.options, bus.axes)
-            else:
-                yield Finding(wiring.name, True, f"driver {wiring.driver!r} has no diagnosis")
-            if loaded.file.bringup:
-                with suppress(ContidError):  # a silent bus has findings already
-                    yield from (device_finding(*other) for other in other_devices(loaded, bus))
-        yield from bringup_findings(loaded)
 
     if (service or yes) and not fix:
         raise click.UsageError("--service and --yes go with --fix")
@@ -62,11 +44,33 @@ def command(robot_file: str, as_json: bool, fix: bool, service: bool, yes: bool,
     if accept is not None:
         _accept(buses, accept)
     well = True
-    for finding in findings():
+    for finding in _findings(loaded, buses):
         well = well and finding.ok
         _print(finding, as_json)
     if not well:
         sys.exit(4)
+
+
+def _findings(loaded: LoadedFile, buses: Sequence[WiredBus]) -> Iterator[Finding]:
+    """Findings about the host, then bus by bus, then about the bringup; each is made when it is taken."""
+    from contid.control.process.host_checks import examine
+    from contid.control.process.other_devices import other_devices
+
+    yield from examine()
+    for bus in buses:
+        wiring = bus.wiring
+        time = exchange_time(wiring)
+        if time is not None:
+            yield rate_finding(wiring.name, time, loaded.file.rate_hz)
+        if isinstance(bus.driver, Diagnoses):
+            yield from bus.driver.doctor(wiring.name, wiring.options, bus.axes)
+        else:
+            yield Finding(wiring.name, ok=True, message=f"driver {wiring.driver!r} has no diagnosis")
+        if loaded.file.bringup:
+            with suppress(ContidError):  # a silent bus has findings already
+                for other in other_devices(loaded, bus):
+                    yield device_finding(other.axis, other.change)
+    yield from bringup_findings(loaded)
 
 
 def _accept(buses: Sequence[WiredBus], name: str) -> None:
@@ -119,9 +123,12 @@ def _print(finding: Finding, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(dataclasses.asdict(finding)))
         return
-    mark = click.style("ok   ", fg="green") if finding.ok else click.style("ERROR", fg="red")
-    if finding.warning:
+    if finding.warning:  # a warning is a finding that is ok with a restriction
         mark = click.style("warn ", fg="yellow")
+    elif finding.ok:
+        mark = click.style("ok   ", fg="green")
+    else:
+        mark = click.style("ERROR", fg="red")
     click.echo(f"{mark} {finding.subject}: {finding.message}")
     if finding.remedy:
         click.echo(f"      -> {finding.remedy}")

@@ -39,3 +39,17 @@ def test_a_goal_beyond_256_turns_less_a_tick_is_refused(sign: int) -> None:
     assert errors(servo, Instruction.WRITE, at + reg.GOAL_POSITION.encode(last)) == [StatusError.NONE]
     assert errors(servo, Instruction.WRITE, at + reg.GOAL_POSITION.encode(beyond)) == [StatusError.DATA_RANGE]
     assert servo.get(reg.GOAL_POSITION) == last
+
+
+@pytest.mark.parametrize("offset", [0, 100, -100])
+def test_a_watchdog_that_trips_moves_a_servo_by_its_homing_offset(offset: int) -> None:
+    """DynamixelSDK issue 584: the goal becomes another position than the present one."""
+    servo = Servo(1, position_ticks=2048.0)
+    servo.put(reg.OPERATING_MODE, reg.MODE_NUMBERS["extended_position"])
+    servo.put(reg.HOMING_OFFSET, offset)
+    servo.put(reg.TORQUE_ENABLE, 1)
+    servo.put(reg.BUS_WATCHDOG, 1)
+    servo.advance(1.0)
+    assert servo.tripped
+    assert servo.tripped_goal == 2048.0 + offset
+    assert servo.position_ticks == 2048.0 + offset

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from contid.remote.client.client_protocol import CHUNK
+from contid.remote.protocol import expiry
 from contid.remote.protocol.connect import connect
-from contid.remote.protocol.expiry import FIELD, LASTING, clock_s
 from contid.remote.protocol.wire import (
     PROTOCOL,
     Code,
@@ -102,8 +102,9 @@ class DaemonLink:
         self._waiting[number] = future
         try:
             # The clock of the sender is not ours: what waits longer than its sender does is not carried out.
-            valid = {} if verb in LASTING else {FIELD: clock_s() + VALID_S}
-            self._writer.write(encode({"id": number, "verb": verb, **fields, **valid}))
+            never_expires = verb in expiry.LASTING
+            until = {} if never_expires else {expiry.FIELD: expiry.clock_s() + VALID_S}
+            self._writer.write(encode({"id": number, "verb": verb, **fields, **until}))
             response = await future
         finally:
             self._waiting.pop(number, None)
@@ -129,20 +130,31 @@ class DaemonLink:
             self._reading.cancel()
         if self._writer is not None:
             self._writer.transport.abort()
-        self._fail()
+        self._fail("the connection to the daemon was closed; robots that it moved hold")
 
     async def _read(self, reader: asyncio.StreamReader) -> None:
-        partial = b""
-        with suppress(OSError, RemoteError):
-            while chunk := await reader.read(CHUNK):
-                *lines, partial = (partial + chunk).split(b"\n")
-                for line in lines:
-                    self._take(line)
+        """Take lines until the daemon closes the connection, or sends a line that cannot be read."""
+        partial, reason = b"", "the daemon closed the connection; its robots hold"
+        try:
+            with suppress(OSError):
+                while chunk := await reader.read(CHUNK):
+                    *lines, partial = (partial + chunk).split(b"\n")
+                    for line in lines:
+                        self._take(line)
+        except RemoteError as error:
+            reason = f"a line of the daemon cannot be read: {error}; the connection was closed, robots hold"
         self.open = False
-        self._fail()
+        if self._writer is not None:
+            self._writer.transport.abort()
+        self._fail(reason)
         self._ended()
 
     def _take(self, line: bytes) -> None:
+        """Pass on a line that is no response, or answer the request that a response is for.
+
+        Raises:
+            RemoteError: it is no JSON object.
+        """
         if line.startswith(TELEMETRY):
             self._noticed(line, None)
             return
@@ -154,10 +166,11 @@ class DaemonLink:
         if future is not None and not future.done():
             future.set_result(fields)
 
-    def _fail(self) -> None:
+    def _fail(self, reason: str) -> None:
+        """End the requests that wait for their responses."""
         for future in self._waiting.values():
             if not future.done():
-                future.set_exception(ConnectionLostError("the daemon closed the connection; its robots hold"))
+                future.set_exception(ConnectionLostError(reason))
 
 
 def refusal(code: Code | str, message: str) -> Fields:

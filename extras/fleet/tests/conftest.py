@@ -14,7 +14,14 @@ from tests.support.fleets import Fleet, fleet
 from tests.support.waiting import until
 
 #: Tests that need no network.
-PURE = ("test_keys", "test_endpoints", "test_fleet_file", "test_gate", "test_common_trajectory")
+PURE = (
+    "test_daemon_link",
+    "test_keys",
+    "test_endpoints",
+    "test_fleet_file",
+    "test_gate",
+    "test_common_trajectory",
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

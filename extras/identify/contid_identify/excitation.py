@@ -46,19 +46,30 @@ class Excitation:
     alike: float
     warnings: tuple[str, ...]
 
+    @classmethod
+    def of_nothing(cls, span: float, noise: float, warning: str) -> Excitation:
+        """Of commands that fix neither dead time nor lag, with the reason."""
+        return cls(
+            span=span,
+            noise=noise,
+            upper_hz=0.0,
+            delay_s=np.inf,
+            lag_s=np.inf,
+            alike=1.0,
+            warnings=(warning,) if warning else (),
+        )
+
 
 def excitation_of(traces: Sequence[CommandedTrace]) -> Excitation:
     """What commands of one axis can show; ``sent`` is ``(ticks,)``, ``measured`` ``(samples, 1)``."""
     span = float(max(np.ptp(each.sent) for each in traces))
     noise = noise_of(np.concatenate([each.measured[:, 0] for each in traces]))
-    nothing = Excitation(span, noise, 0.0, np.inf, np.inf, 1.0, ())
     if span <= _LEAST_MOTION * noise or span <= 0.0:
-        return replace(nothing, warnings=("it hardly moved: nothing about its delay and lag",))
+        return Excitation.of_nothing(span, noise, "it hardly moved: nothing about its delay and lag")
     information = sum(_information(each) for each in traces)
     if np.linalg.cond(information) > 1e12:
-        return replace(
-            nothing, warnings=("its commands have one shape only: nothing about its delay and lag",)
-        )
+        warning = "its commands have one shape only: nothing about its delay and lag"
+        return Excitation.of_nothing(span, noise, warning)
     covariance = np.linalg.inv(information) * max(noise, 1e-6 * span) ** 2
     delay_s, lag_s = (1.96 * np.sqrt(np.diag(covariance))).tolist()
     alike = abs(float(covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])))

@@ -11,7 +11,9 @@ from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.kinematics.batch import forward_many
 from contid.kinematics.model import build_model
+from contid.robot_file.base import Quantity
 from contid.robot_file.robot import RobotDescription
+from contid_identify.answer import CommandedTrace
 from contid_identify.body_fit import BodyFit, fit_body
 from contid_identify.delay_lag import AxisAnswer, fit_axis
 from contid_identify.excitation import Excitation, excitation_of
@@ -39,7 +41,16 @@ class Rests:
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedAxis:
-    """One axis: what its commands can show, and its answer, or the reason why there is none."""
+    """One axis: what its commands can show, and its answer, or the reason why there is none.
+
+    Attributes:
+        name: of the axis.
+        unit: of the robot file.
+        per_unit: what one of that unit is in the unit of ``excitation`` and ``answer`` [m, Pa or rad].
+        excitation: of its commands; its warnings are there with an answer, too.
+        answer: None when there is none.
+        refused: why there is no answer; "" with one.
+    """
 
     name: str
     unit: str
@@ -78,7 +89,8 @@ def identify(
 
     Args:
         name: of the robot.
-        robot: description of the robot file; its axes are those of the recordings.
+        robot: description of the robot file; all its axes, those of the model and the extra ones, are those
+            of the recordings.
         recordings: of it.
         rests: what to take from rests of the commands; None for nothing.
 
@@ -100,22 +112,10 @@ def identify(
             ring_downs = fit_ring_downs([decay for own in decays for decay in own])
         if rests.body:
             body = fit_body(robot, recordings, decays)
-    axes = []
-    for k, (axis, quantity) in enumerate(zip(robot.all_axis_names, robot.quantities, strict=True)):
-        traces = [each.axis_trace(k) for each in recordings if len(each.axis_at_s[k]) > 0]
-        if not traces:
-            empty = Excitation(0.0, 0.0, 0.0, float("inf"), float("inf"), 1.0, ())
-            refused = "no measurement of it is recorded"
-            axes.append(IdentifiedAxis(axis, quantity.unit, quantity.to_si(1.0), empty, None, refused))
-            continue
-        excitation = excitation_of(traces)
-        found, refused = None, "; ".join(excitation.warnings)
-        if excitation.upper_hz > 0.0:
-            try:
-                found = fit_axis(traces)
-            except ContidError as error:
-                refused = str(error)
-        axes.append(IdentifiedAxis(axis, quantity.unit, quantity.to_si(1.0), excitation, found, refused))
+    axes = [
+        _identified_axis(axis, quantity, [e.axis_trace(k) for e in recordings if len(e.axis_at_s[k]) > 0])
+        for k, (axis, quantity) in enumerate(zip(robot.all_axis_names, robot.quantities, strict=True))
+    ]
     tip, tip_refused = None, ""
     measured = [each for each in recordings if len(each.tip_at_s) >= LEAST_TIPS]
     if not measured:
@@ -126,6 +126,31 @@ def identify(
         except ContidError as error:
             tip_refused = str(error)
     return IdentifiedMotion(name, tuple(recordings), tuple(axes), tip, tip_refused, ring_downs, body)
+
+
+def _identified_axis(name: str, quantity: Quantity, traces: Sequence[CommandedTrace]) -> IdentifiedAxis:
+    """The answer of one axis to its commands, from the recordings that have measurements of it."""
+    answer, refused = None, ""
+    if not traces:
+        excitation = Excitation.of_nothing(span=0.0, noise=0.0, warning="")
+        refused = "no measurement of it is recorded"
+    else:
+        excitation = excitation_of(traces)
+        if excitation.upper_hz > 0.0:
+            try:
+                answer = fit_axis(traces)
+            except ContidError as error:
+                refused = str(error)
+        else:
+            refused = "; ".join(excitation.warnings)
+    return IdentifiedAxis(
+        name=name,
+        unit=quantity.unit,
+        per_unit=quantity.to_si(1.0),
+        excitation=excitation,
+        answer=answer,
+        refused=refused,
+    )
 
 
 def tip_motion(
@@ -150,6 +175,7 @@ def tip_motion(
     model = build_model(robot)
 
     def statics(commands: Array) -> Array:
+        # A prior at drawn commands: the fit leaves out rows that are not finite.
         try:
             return np.asarray(forward_many(model, commands)["tip_m"])
         except ContidError:
@@ -165,7 +191,11 @@ def tip_motion(
 
 
 def _statics(robot: RobotDescription, recordings: Sequence[RobotRecording]) -> list[Array] | None:
-    """Tips of the commands by the model of the file, in the base frame; None where one has no pose."""
+    """Tips of the commands by the model of the file, in the base frame; None where one has no pose.
+
+    They are an input of the regression at every tick, so none may be missing. The axes of the model are the
+    first ones of the commands; the extra axes do not move the tip.
+    """
     model = build_model(robot)
     out = []
     for each in recordings:

@@ -27,17 +27,28 @@ from contid_identify.split import joined_split
 
 #: Share of the variance of the commands below which a combination of axes counts as not moved.
 _STILL: Final = 1e-4
-#: Measurements per monomial at least, for monomials of this degree.
-_PER_MONOMIAL: Final = 60
+#: Degrees of the monomials; the first one with this number of measurements per monomial is taken, else 1.
 _DEGREES: Final = (3, 2, 1)
+_PER_MONOMIAL: Final = 60
 #: Ridge of the regression, as a share of the mean power of the monomials; what never occurs stays 0.
 _RIDGE: Final = 1e-6
 LEAST_TIPS: Final = 200
-#: Starts of the search.
+#: Places of the parameters. Those from `_LAG` on are logarithms: half of their interval is a relative error.
+_DELAY, _LAG, _FREQUENCY, _RATIO = range(4)
+#: Starts of the dead time without a lag.
 _DELAYS_S: Final = (0.02, 0.08, 0.2, 0.4)
+#: Starts with a lag: this share of that dead time stays dead time, the rest is the lag, at least this one.
+_STAYS_DELAY: Final = (0.3, 0.8)
+_LEAST_LAG_S: Final = 0.01
+#: Starts with a swing: this share of the dead time, the lag up to this one, these frequencies, this ratio.
+_SWING_DELAY: Final = 0.5
+_SWING_LAG_S: Final = 0.1
 _SWINGS_HZ: Final = (1.0, 2.5, 6.0)
-#: Fewest samples in a search for a start; the rest are left out evenly.
-_COARSE: Final = 2000
+_SWING_RATIO: Final = 0.2
+#: A swing is shown below this damping ratio, at which the overshoot after a step is 0.15 %, when half of the
+#: interval of its frequency is below this share of it, and when the errors kept out are smaller with it.
+_SHOWN_RATIO: Final = 0.9
+_SHOWN_ERROR: Final = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,34 +87,38 @@ def fit_tip(traces: Sequence[CommandedTrace], statics_m: Sequence[Array] | None 
     static = fit.judged("static map", fit.fitted([]))
     late = fit.best([[delay_s] for delay_s in _DELAYS_S])
     stages = [static, fit.judged("dead time", late)]
-    first_s = float(late.values[0])
-    lagged = fit.best([[share * first_s, np.log(max((1.0 - share) * first_s, 0.01))] for share in (0.3, 0.8)])
+    alone_s = float(late.values[_DELAY])
+    lagged = fit.best(
+        [[share * alone_s, np.log(max((1.0 - share) * alone_s, _LEAST_LAG_S))] for share in _STAYS_DELAY]
+    )
     stages.append(fit.judged("dead time and lag", lagged))
     delay_s, log_lag = lagged.values.tolist()
-    swung = fit.best(
-        [[0.5 * delay_s, min(log_lag, np.log(0.1)), np.log(hz), np.log(0.2)] for hz in _SWINGS_HZ]
-    )
+    begin = [_SWING_DELAY * delay_s, min(log_lag, np.log(_SWING_LAG_S))]
+    swung = fit.best([[*begin, np.log(hz), np.log(_SWING_RATIO)] for hz in _SWINGS_HZ])
     stages.append(fit.judged("and swing", swung))
-    ratio = float(np.exp(swung.values[3]))
-    shown = (
-        ratio < 0.9
-        and swung.interval(0.0, 0.0, 1.0).half < 0.3
-        and stages[3].kept_out.rmse < stages[2].kept_out.rmse
-    )
+    ratio = float(np.exp(swung.values[_RATIO]))
+    relative_error = _parameter(swung, _FREQUENCY).half
+    better = stages[3].kept_out.rmse < stages[2].kept_out.rmse
+    shown = ratio < _SHOWN_RATIO and relative_error < _SHOWN_ERROR and better
     found = swung if shown else lagged
     frequency = damping = None
     if shown:
-        damped_hz = float(np.exp(swung.values[2])) * np.sqrt(1.0 - ratio**2)
-        frequency = Interval(damped_hz, damped_hz * swung.interval(0.0, 0.0, 1.0).half)
-        damping = swung.interval(0.0, 0.0, 0.0, 1.0).exponential()
+        damped_hz = float(np.exp(swung.values[_FREQUENCY])) * np.sqrt(1.0 - ratio**2)
+        frequency = Interval(damped_hz, damped_hz * relative_error)
+        damping = _parameter(swung, _RATIO).exponential()
     return TipAnswer(
-        found.interval(1.0),
-        found.interval(0.0, 1.0).exponential(),
-        frequency,
-        damping,
-        tuple(stages),
-        fit.degree,
+        delay_s=_parameter(found, _DELAY),
+        lag_s=_parameter(found, _LAG).exponential(),
+        frequency_hz=frequency,
+        ratio=damping,
+        stages=tuple(stages),
+        degree=fit.degree,
     )
+
+
+def _parameter(found: Estimate, place: int) -> Interval:
+    """One parameter of a fit, as the sum in which it alone has a weight."""
+    return found.interval(*[0.0] * place, 1.0)
 
 
 class _TipFit:
@@ -118,13 +133,14 @@ class _TipFit:
         self.measured = np.concatenate([each.measured for each in traces])
         sent = np.concatenate([each.sent for each in traces])
         middle = sent.mean(axis=0)
-        _, sizes, turns = np.linalg.svd(sent - middle, full_matrices=False)
+        # Rows of `principal` are the principal directions of the commands.
+        _, sizes, principal = np.linalg.svd(sent - middle, full_matrices=False)
         moved = sizes**2 > _STILL * max(float((sizes**2).sum()), 1e-300)
         if not moved.any() or sizes[0] <= 0.0:
             raise ContidError(
                 "no axis was commanded to move; `contid excite` makes a trajectory that moves it"
             )
-        scale = np.abs((sent - middle) @ turns[moved].T).max(axis=0)
+        scale = np.abs((sent - middle) @ principal[moved].T).max(axis=0)
         combinations = int(moved.sum())
         rows = int(self.split.fitted.sum())
         degrees = _DEGREES if statics_m is None else (1,)
@@ -135,7 +151,7 @@ class _TipFit:
         self.inputs = []
         tips = self.measured
         for k, each in enumerate(traces):
-            parts = (each.sent - middle) @ turns[moved].T / scale
+            parts = (each.sent - middle) @ principal[moved].T / scale
             columns = [np.ones(len(parts)), monomials(parts, self.degree)]
             if statics_m is not None:
                 columns.append((statics_m[k] - tips.mean(axis=0)) / max(float(np.ptp(tips)), 1e-9))
@@ -202,18 +218,26 @@ def monomials(values: Array, degree: int) -> Array:
 def swing(values: Array, period_s: float, frequency_hz: float, ratio: float) -> Array:
     """A body of one mode behind values ``(ticks, columns)`` that hold from tick to tick; gain 1.
 
-    Exactly between ticks: poles ``s``, and the first two values of the answer to a step.
+        x'' + 2 ratio rate x' + rate^2 x = rate^2 u
+
+    has the poles s1 and s2, and from rest the answer to a step of u from 0 to 1
+
+        x(t) = 1 - (s2 exp(s1 t) - s1 exp(s2 t)) / (s2 - s1)
+
+    The filter has the poles a = exp(s1 period) and b = exp(s2 period), so its denominator is
+    1 - (a + b) / z + a b / z^2. The first coefficient of its numerator is x(period); the second follows from
+    gain 1 at z = 1.
     """
     from scipy.signal import lfilter
 
     rate = 2.0 * np.pi * frequency_hz
-    # Two equal poles are as good as two that differ in the seventh digit, and those have one formula.
+    # The formula divides by s2 - s1: two equal poles are replaced by two that hardly differ.
     ratio = ratio if abs(ratio - 1.0) > 1e-7 else 1.0 + 1e-7
-    turn = rate * np.sqrt(complex(ratio**2 - 1.0))
-    first_pole, second_pole = -ratio * rate + turn, -ratio * rate - turn
+    apart = rate * np.sqrt(complex(ratio**2 - 1.0))
+    first_pole, second_pole = -ratio * rate + apart, -ratio * rate - apart
     a, b = np.exp(first_pole * period_s), np.exp(second_pole * period_s)
-    one = (1.0 - (second_pole * a - first_pole * b) / (second_pole - first_pole)).real
+    after_one = (1.0 - (second_pole * a - first_pole * b) / (second_pole - first_pole)).real
     both, product = (a + b).real, (a * b).real
     first = values[:1]
-    numerator = [0.0, one, 1.0 - both + product - one]
+    numerator = [0.0, after_one, 1.0 - both + product - after_one]
     return np.asarray(first + lfilter(numerator, [1.0, -both, product], values - first, axis=0))

@@ -88,6 +88,7 @@ class RobotView:
         self.low, self.high = limits.min, limits.max
         self.velocity = limits.velocity
         self._step = limits.velocity / rate_hz
+        # A robot file is refused unless the upper limit of every axis is above its lower one.
         self._scale = 2.0 / (self.high - self.low)
         self.reachable = _reachable(robot)
         self.size = float(np.ptp(self.reachable.tips, axis=0).max())
@@ -133,7 +134,11 @@ class Reachable:
 
 
 def _reachable(robot: Robot) -> Reachable:
-    """Tips spread over the axes of a robot, which its inverse kinematics reaches; the same every time."""
+    """Tips spread over the axes of a robot, which its inverse kinematics reaches; the same every time.
+
+    The axes of a goal are those that the inverse kinematics finds for the tip, not the drawn ones: with
+    redundant axes both have the same tip. Tips for which it finds none are left out.
+    """
     limits = robot.limits
     drawn = np.random.default_rng(0).uniform(limits.min, limits.max, (POSES, len(robot.axes)))
     found = robot.ik(robot.fk(drawn).tip)

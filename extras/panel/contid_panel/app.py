@@ -1,4 +1,8 @@
-"""The web application: static files, the WebSocket of the pages, and two requests."""
+"""The web application: static files, the WebSocket of the pages, and three requests.
+
+These are ``hello`` (version, and whether the panel is read-only), ``estop``, which also a read-only panel
+carries out, and ``check`` of an uploaded trajectory or of a recording.
+"""
 
 from __future__ import annotations
 
@@ -34,6 +38,12 @@ STATIC: Final = Path(__file__).parent / "static"
 class PanelApp:
     """The panel of one daemon.
 
+    Args:
+        socket: of the daemon.
+        access: who may use the panel.
+        read_only: pages show and stop, and give no other order.
+        demonstrates: the daemon's own input is a demonstration, which pages may take over without a question.
+
     Attributes:
         hub: its connection for telemetry.
         asgi: the application, guarded.
@@ -52,7 +62,7 @@ class PanelApp:
             Route("/", self._index),
             Route("/api/hello", self._hello, methods=["GET"]),
             Route("/api/estop", self._estop, methods=["POST"]),
-            Route("/api/check", self._check, methods=["POST"]),
+            Route("/api/check", self._serve_check, methods=["POST"]),
             WebSocketRoute("/socket", self._socket),
             Mount("/static", StaticFiles(directory=STATIC)),
         ]
@@ -76,24 +86,24 @@ class PanelApp:
         return JSONResponse({"version": __version__, "read_only": self._read_only})
 
     async def _estop(self, request: Request) -> Response:
-        """Stop all robots for a page whose WebSocket is lost; the body does not matter."""
+        """Stop all robots for a page whose WebSocket is lost, read-only or not; the body does not matter."""
         try:
             return JSONResponse(await self._stopper.stop(lambda client: client.estop()))
         except (ContidError, OSError) as error:
             return PlainTextResponse(f"{error}\n", status_code=503)
 
-    async def _check(self, request: Request) -> Response:
-        """Check an uploaded trajectory."""
+    async def _serve_check(self, request: Request) -> Response:
+        """Check an uploaded trajectory, or the recording that the query names."""
         if self._read_only:
             return PlainTextResponse("this panel is read-only\n", status_code=403)
         if self._uploading.locked():  # each takes memory, and a check takes a core
             return PlainTextResponse("another trajectory is being checked\n", status_code=503)
         async with self._uploading:
             if (recording := request.query_params.get("recording")) is not None:
-                return JSONResponse(await self._recorded(recording))
-            return await self._checked(request)
+                return JSONResponse(await self._check_recording(recording))
+            return await self._check_upload(request)
 
-    async def _recorded(self, name: str) -> Fields:
+    async def _check_recording(self, name: str) -> Fields:
         """Check what was commanded in a recording of the run."""
         try:
             text = await self.hub.recorded.trajectory(name, self.hub.described or {"robots": {}})
@@ -101,7 +111,8 @@ class PanelApp:
             return {"ok": False, "findings": [str(error)]}
         return await self._checks.check(text, name)
 
-    async def _checked(self, request: Request) -> Response:
+    async def _check_upload(self, request: Request) -> Response:
+        """Receive a trajectory, at most `MAX_UPLOAD` bytes within `UPLOAD_TIMEOUT_S`, and check it."""
         body = bytearray()
         try:
             async with asyncio.timeout(UPLOAD_TIMEOUT_S):

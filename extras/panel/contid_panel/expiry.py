@@ -16,12 +16,14 @@ from contid.remote.protocol.wire import STOP_VERBS, Code, Fields, RemoteError, i
 
 #: How long after its press an order is valid.
 VALID_S: Final = 1.0
-#: A press that lies further ahead is a mistake of clocks.
+#: The estimate of `static/clock.js` is never ahead. A press up to this far ahead counts as one of now; one
+#: further ahead is refused, because its clock is wrong.
 AHEAD_S: Final = 0.25
 #: Orders to stop: they are carried out at once, whatever else waits, and never expire.
 URGENT: Final = frozenset(STOP_VERBS)
-#: These also only end something.
-LASTING: Final = URGENT | {"release", "jog_end"}
+#: Orders of a page that never expire: these also only end something. They are no requests of the daemon's
+#: protocol, which has no ``jog_end``; those of its requests that never expire are `protocol_expiry.LASTING`.
+LASTING_ORDERS: Final = URGENT | {"release", "jog_end"}
 
 #: Until when the order is valid that the present task carries out [s]; None: for ever.
 valid_until_s: ContextVar[float | None] = ContextVar("valid_until_s", default=None)
@@ -53,7 +55,7 @@ def validity(verb: str, pressed_ms: object) -> float | None:
     Raises:
         RemoteError: it has expired, or has no time at which it was given.
     """
-    if verb in LASTING:
+    if verb in LASTING_ORDERS:
         return None
     if not is_number(pressed_ms):
         raise RemoteError(Code.BAD_REQUEST, f"{verb}: pressed_ms is missing")

@@ -148,7 +148,7 @@ def test_poses_are_saved_and_gone_to(it: OpenPage, running: Running) -> None:
     it.page.keyboard.press("Escape")
 
 
-def test_a_recording_is_begun_and_ended(browser: Browser) -> None:
+def test_a_recording_is_begun_ended_and_checked_for_playing_it_again(browser: Browser) -> None:
     with armed_daemon(1) as running, panel(running) as served, opened(browser, served) as it:
         card = it.page.locator("#recording")
         it.page.wait_for_selector("#recording button:enabled")
@@ -160,6 +160,9 @@ def test_a_recording_is_begun_and_ended(browser: Browser) -> None:
         assert listed["by"].startswith("panel page")
         assert Path(listed["file"]).name in card.inner_text()
         card.get_by_role("button", name="End recording").click()
-        it.page.wait_for_selector("#recording li", state="detached")
+        it.page.wait_for_selector("#recording .recordings li", state="detached")
         done = contid_in(running.folder, "session", "info", listed["file"])
         assert "clean" in done.stdout, done.stdout + done.stderr
+        it.page.get_by_text("Again", exact=True).click()
+        it.page.wait_for_selector("#trajectory .good, #trajectory .bad")
+        assert "every row and the way between is within reach" in it.page.locator("#trajectory").inner_text()

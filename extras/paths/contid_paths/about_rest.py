@@ -36,11 +36,13 @@ _APART: Final = 0.125
 _BESIDE: Final = 0.75
 #: Centres within reach that the check of a run gets for each size and side.
 _CHECKED: Final = 3
-#: Points of a lap that are solved before the check of a run.
+#: Points, spread evenly over all laps, that are solved before the check of a run.
 _POINTS: Final = 24
 #: Decimals of chosen lengths [mm] and periods [s]; attempts to find a period.
 _DECIMALS: Final = 1
 _ATTEMPTS: Final = 4
+#: A path becomes slower by this factor more than the least one that the check states.
+_MARGIN: Final = 1.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,12 +112,16 @@ def _centres(config: RobotConfig, path: ShapePath, beside: float) -> Iterator[Ve
     pose = config.model.forward(config.rest)
     tip_m = config.frame.point_in_world(pose.tip_m)
     along = config.frame.vector_in_world(pose.direction)
+    # The cross product of the tip's direction and x, the shape's first axis; y where these are parallel.
     aside = unit_vector((0.0, along[2], -along[1])) or (0.0, 1.0, 0.0)
-    for k in range(2 * _CENTRES + 1):
-        away_mm = _APART * path.size_mm * (k + 1 >> 1) * (-1.0 if k % 2 else 1.0)
-        aside_mm, axes = beside * path.size_mm, zip(tip_m, along, aside, strict=True)
+    aside_mm = beside * path.size_mm
+    # The tip itself, then one step back, one step on, two steps back, and so on.
+    steps = [0, *(side * count for count in range(1, _CENTRES + 1) for side in (-1, 1))]
+    for step in steps:
+        away_mm = _APART * path.size_mm * step
+        axes = zip(tip_m, along, aside, strict=True)
         lengths = (m_to_mm(p) + away_mm * d + aside_mm * s for p, d, s in axes)
-        centre = vec3(round(value, _DECIMALS) + 0.0 for value in lengths)
+        centre = vec3(round(value, _DECIMALS) + 0.0 for value in lengths)  # 0.0 also for -0.0
         if _reached(config, path, centre):
             yield centre
 
@@ -139,24 +145,27 @@ def _timed(loaded: LoadedFile, found: PathAboutRest) -> PathAboutRest | None:
     assert preflight is not None, "refusing always checks"
     for _ in range(_ATTEMPTS):
         slowdown = _slowdown(preflight, loaded, found)
-        if slowdown is None or slowdown == 1.0:
-            return found if slowdown else None
+        if math.isinf(slowdown):
+            return None
+        if slowdown == 1.0:
+            return found
         period_s = math.ceil(slowdown * found.path.period_s * 10.0**_DECIMALS) / 10.0**_DECIMALS
         found = replace(found, path=replace(found.path, period_s=period_s))
     return None
 
 
-def _slowdown(preflight: Preflight, loaded: LoadedFile, found: PathAboutRest) -> float | None:
-    """How many times slower a path has to be, 1 for one that is followed; None: no speed helps."""
+def _slowdown(preflight: Preflight, loaded: LoadedFile, found: PathAboutRest) -> float:
+    """How many times slower a path has to be: 1 for one that is followed, infinite where no speed helps."""
     text = io.StringIO()
     write_path(text, found.path, found.robots)
     text.seek(0)
     trajectory = read_trajectory(text, "path", loaded.driven)
     try:
-        preflight.follows(trajectory, "path")  # ends at the first place where no speed helps
+        # Ends at the first place that is refused; it raises when that is refused at any speed.
+        preflight.follows(trajectory, "path")
         preflight.trajectory(trajectory, "path")
     except TooFastError as error:
-        return 1.01 * error.slowdown
+        return _MARGIN * error.slowdown
     except BadInputError:
-        return None
+        return math.inf
     return 1.0

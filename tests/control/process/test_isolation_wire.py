@@ -85,6 +85,20 @@ def test_log_records_keep_their_level_and_name() -> None:
     assert second[:2] == [logging.ERROR, "winch"]
 
 
+@pytest.mark.parametrize("text", ["\x00" * 500, "\U0001f916" * 500, '"' * 2000, "z" * 2000, "z\x00" * 400])
+def test_a_long_record_keeps_its_level_however_many_bytes_its_escapes_take(text: str) -> None:
+    reading, writing = os.pipe()
+    with os.fdopen(reading, "rb", 0) as pipe:
+        PipeHandler(writing).emit(logging.LogRecord("winch" * 100, logging.ERROR, "", 0, text, (), None))
+        os.close(writing)
+        line = pipe.read()
+    (record,) = LineLimit("x").take(line, 0.0)
+    assert record[0] == logging.ERROR
+    assert record[1].startswith("winch")
+    assert text.startswith(record[2])
+    assert LONGEST_LINE - 24 <= len(line) <= LONGEST_LINE + 1  # cut by no more than two characters
+
+
 @pytest.mark.parametrize("value", [math.nan, -0.0, math.inf])
 def test_a_number_that_is_none_is_not_made_one(value: float) -> None:
     sample = Sample(value, 1.0, True, 0.0)

@@ -47,6 +47,19 @@ def test_the_bus_process_rests_its_devices(
     assert done.exists()
 
 
+@pytest.mark.process
+def test_a_bus_process_that_has_ended_keeps_its_number_until_its_group_was_killed() -> None:
+    """The number of one that was waited for may be that of others."""
+    pid = os.fork()
+    if not pid:
+        os.setpgid(0, 0)
+        os._exit(7)
+    assert arrives(lambda: keeper.ended_child(os.P_PID, pid) == pid)
+    assert keeper.ended_child(os.P_PID, pid) == pid
+    os.killpg(pid, signal.SIGKILL)  # raises when there is no such group
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 7
+
+
 def arrives(is_there: Callable[[], bool]) -> bool:
     end_s = time.monotonic() + 10.0
     while not is_there() and time.monotonic() < end_s:

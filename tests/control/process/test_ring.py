@@ -46,7 +46,7 @@ def test_costs_of_robots_are_means_and_touch_no_record(path: Path) -> None:
     assert reader.costs_s == [0.0, 0.0]
     for tick in range(300):
         writer.write(values(tick))
-        writer.costs([2e-4 if tick % 2 else 1e-4, 3e-3])
+        writer.publish_costs([2e-4 if tick % 2 else 1e-4, 3e-3])
     assert reader.costs_s == pytest.approx([1.5e-4, 3e-3], rel=0.05)
     assert [record.tick for record in reader.ticks()] == list(range(300))[-reader.slots + 1 :]
     writer.close()

@@ -36,7 +36,7 @@ class StreamDelayed(RunEvent):
     """The delay that a live stream is followed with changed (`contid.control.engine.live.row_clock`)."""
 
     tick: TickNumber
-    delay_ms: Annotated[float, "from when a row was meant until it is followed [ms]; 0 without a clock"]
+    delay_ms: Annotated[float, "from when a row is due, as learnt, until it is followed [ms]; 0: not learnt"]
 
 
 @run_event("stopping")
@@ -63,9 +63,9 @@ class NoteWritten(RunEvent):
 
     experiment: Annotated[str, "name of the experiment"]
     node: Annotated[str, "name of this daemon in its fleet"]
-    conductor: Annotated[str, "boot of the client's machine, from which its clock counts"]
-    at_s: Annotated[float, "when the offset was measured, on the clock of deadline_s"]
-    offset_s: Annotated[float, "clock of deadline_s less that of the client"]
+    conductor: Annotated[str, "machine that conducts the fleet run, by its boot, where its clock began"]
+    at_s: Annotated[float, "when the offset was measured, on the clock of the buses"]
+    offset_s: Annotated[float, "clock of the buses, that of ``deadline_s``, less that of the client"]
     bound_s: Annotated[float, "largest error of the offset"]
     wall_s: Annotated[float, "time of day less the clock of the client"]
     message: Text = ""

@@ -57,19 +57,19 @@ class Keeper:
         # The end of the control process comes twice: as the end of the socket, and as this signal. It only
         # wakes the loop: raised in the middle of the end it would cut the time of the bus process.
         self._left = False
-        signal.signal(signal.SIGTERM, self._leave)
+        signal.signal(signal.SIGTERM, self._note_end)
 
-    def _leave(self, number: int, frame: Any) -> None:
+    def _note_end(self, number: int, frame: Any) -> None:
         self._left = True
 
     def serve(self) -> None:
         """Carry out orders until the control process closes its end."""
-        paused_s = 0.0
+        pause_ends_s = 0.0  # no output is read before that
         try:
             while True:
-                pause_s = max(paused_s - time.monotonic(), 0.0)
-                watched = [self._control, self._woken, *(() if pause_s else (self._output,))]
-                timeout_s = pause_s or (PAUSE_S if self._unsent else 1.0)
+                pause_left_s = max(pause_ends_s - time.monotonic(), 0.0)
+                watched = [self._control, self._woken, *(() if pause_left_s else (self._output,))]
+                timeout_s = pause_left_s or (PAUSE_S if self._unsent else 1.0)
                 ready = select.select(watched, (), (), timeout_s)[0]
                 if self._woken in ready:
                     os.read(self._woken, PIECE)
@@ -77,20 +77,20 @@ class Keeper:
                     return
                 if self._output in ready or not ready:
                     self._forward()
-                    paused_s = time.monotonic() + PAUSE_S if ready else 0.0
+                    pause_ends_s = time.monotonic() + PAUSE_S if ready else 0.0
                 self._reap()
                 self._send()
                 if self._control in ready and not self._obey():
                     return
         finally:
-            self._leave_time()
+            self._wait_for_rest()
             self._end()
 
-    def _leave_time(self) -> None:
+    def _wait_for_rest(self) -> None:
         """Time for the bus process to bring devices without a watchdog to rest; it sees the end as well."""
         end_s = time.monotonic() + REST_S
         with suppress(ChildProcessError):
-            while self._child and time.monotonic() < end_s and os.waitpid(self._child, os.WNOHANG)[0] == 0:
+            while self._child and time.monotonic() < end_s and ended_child(os.P_PID, self._child) == 0:
                 time.sleep(0.005)
 
     def _obey(self) -> bool:
@@ -114,6 +114,8 @@ class Keeper:
             return
         code = 1
         try:
+            # `bus_process.main` gives SIGTERM, SIGCHLD and SIGALRM their default action; other signals keep
+            # what the control process had set before it forked the keeper.
             signal.set_wakeup_fd(-1)
             os.setpgid(0, 0)
             bind(keeper, signal.SIGKILL)
@@ -123,13 +125,18 @@ class Keeper:
         finally:
             os._exit(code)
 
-    def _end(self) -> None:
-        """End the bus process and everything that it has started."""
+    def _end(self) -> int:
+        """End the bus process and everything that it has started; returns its status as `os.waitpid`.
+
+        A process that has ended keeps its number until it is waited for, so its group is killed before that:
+        afterwards the number could be that of others.
+        """
+        status = 0
         if self._child:
             with suppress(ProcessLookupError):
                 os.killpg(self._child, signal.SIGKILL)
             with suppress(ChildProcessError):
-                os.waitpid(self._child, 0)
+                status = os.waitpid(self._child, 0)[1]
             self._child = 0
         # It is the reaper of what left the group of the bus process: those are its children now.
         children = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children")
@@ -139,18 +146,18 @@ class Keeper:
                 with suppress(ProcessLookupError, ChildProcessError):
                     os.kill(child, signal.SIGKILL)
                     os.waitpid(child, 0)
+        return status
 
     def _reap(self) -> None:
         """Report the end of the bus process; others are orphans of it."""
         with suppress(ChildProcessError):
-            while True:
-                pid, status = os.waitpid(-1, os.WNOHANG)
-                if not pid:
-                    return
+            while pid := ended_child(os.P_ALL, 0):
                 if pid == self._child:
-                    self._end()
+                    status = self._end()
                     self._forward()
                     self._unsent.append(json.dumps({"ended": how_ended(status)}).encode())
+                else:
+                    os.waitpid(pid, 0)
 
     def _forward(self) -> None:
         """Forward a piece of the output."""
@@ -168,13 +175,20 @@ class Keeper:
                 del self._unsent[0]
 
 
+def ended_child(kind: int, number: int) -> int:
+    """A child that has ended and was not waited for yet, 0 without one; arguments as of `os.waitid`."""
+    found = os.waitid(kind, number, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+    return 0 if found is None else found.si_pid
+
+
 def how_ended(status: int) -> str:
     """The end of a process, for a person; ``status`` as of `os.waitpid`."""
     if not os.WIFSIGNALED(status):
         return f"exited with status {os.waitstatus_to_exitcode(status)}"
     number = os.WTERMSIG(status)
     if number == signal.SIGXCPU:
-        return "computed for 0.5 s without a pause and was ended"
+        longest_s = bus_process.LONGEST_RUN_US / 1e6
+        return f"computed for {longest_s:g} s without a pause and was ended"
     try:
         return f"was ended by {signal.Signals(number).name}"
     except ValueError:
@@ -198,7 +212,7 @@ def start(logger: str, body: bytes) -> tuple[int, socket.socket]:
         return keeper, ours
     try:
         bind(control, signal.SIGTERM)
-        signal.signal(signal.SIGTERM, _leave)
+        signal.signal(signal.SIGTERM, _exit_at_once)  # until there is a `Keeper`
         ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
         with suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
@@ -212,5 +226,5 @@ def start(logger: str, body: bytes) -> tuple[int, socket.socket]:
         os._exit(0)
 
 
-def _leave(number: int, frame: Any) -> None:
+def _exit_at_once(number: int, frame: Any) -> None:
     raise SystemExit(0)

@@ -98,7 +98,8 @@ class KeptProcess:
 
     def send(self, kind: BusRequest) -> None:
         """Send a request without parameters."""
-        self.write(HEAD.pack(kind, self.next_number(), False))
+        has_json = False
+        self.write(HEAD.pack(kind, self.next_number(), has_json))
 
     def write(self, message: bytes) -> None:
         """Send a message; that the bus process has ended is reported by its keeper."""
@@ -112,7 +113,12 @@ class KeptProcess:
         return json.loads(message) if message else None
 
     def receive(self, kind: BusRequest | None, end_s: float) -> bytes:
-        """The answer to the newest request; empty when none came in time or the bus process ended."""
+        """The answer to the newest request; empty when none came in time or the bus process ended.
+
+        Args:
+            kind: `BusRequest.JOB` for the reply to a job; None for the answer to any other request.
+            end_s: until when to wait, on the monotonic clock.
+        """
         watched = [self._orders]
         if self._connection is not None and not self.cut:
             watched.append(self._connection)
@@ -127,8 +133,10 @@ class KeptProcess:
                     watched.remove(self._connection)
                     continue
                 found, number, _ = HEAD.unpack_from(message)
+                # The first job of a bus process that was started anew builds the bus. Where that fails,
+                # `BusProcess` answers it with OPEN and the error.
                 if number == self._number and found == BusRequest.OPEN and kind is BusRequest.JOB:
-                    self.end_process(json.loads(message[HEAD.size :])["error"])  # it could not be built
+                    self.end_process(json.loads(message[HEAD.size :])["error"])
                 elif number == self._number:
                     return message[HEAD.size :]
             if self._orders in ready:

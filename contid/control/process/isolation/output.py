@@ -15,6 +15,9 @@ RECORD: Final = "\x1e"
 LINES_PER_S: Final = 20
 #: Longest line [bytes].
 LONGEST_LINE: Final = 1000
+#: Characters of the name of a logger in a line, and most bytes of a character in JSON: two escapes.
+LONGEST_NAME: Final = 60
+LONGEST_ESCAPE: Final = 12
 
 
 class PipeHandler(logging.Handler):
@@ -31,23 +34,37 @@ class PipeHandler(logging.Handler):
         except Exception:  # a wrong format string must not stop a driver
             self.handleError(record)
             return
-        line = json.dumps([record.levelno, record.name, text[: LONGEST_LINE // 2]])
         with suppress(OSError):
-            os.write(self._descriptor, f"{RECORD}{line}\n".encode())
+            os.write(self._descriptor, record_line(record.levelno, record.name, text))
+
+
+def record_line(level: int, logger: str, text: str) -> bytes:
+    """A log record as a line of at most `LONGEST_LINE` bytes.
+
+    Its text is cut for that: `LineLimit` cuts longer lines, and what is left of the JSON would be no record.
+    """
+    logger = logger[:LONGEST_NAME]
+    text = text[:LONGEST_LINE]
+    while len(line := f"{RECORD}{json.dumps([level, logger, text])}") > LONGEST_LINE:
+        text = text[: -max((len(line) - LONGEST_LINE) // LONGEST_ESCAPE, 1)]
+    return f"{line}\n".encode()
 
 
 class LineLimit:
     """Splits what was read from the pipe into lines and lets a limited number pass."""
 
     def __init__(self, logger: str) -> None:
-        """``logger`` is the name of the log records of lines that are none."""
+        """``logger`` is the name of the log records that are made of printed lines."""
         self._logger = logger
         self._rest = b""
         self._begun_s = 0.0
         self._passed = self._dropped = 0
 
     def take(self, data: bytes, now_s: float) -> Iterator[list[Any]]:
-        """The records to forward, as level, logger and text."""
+        """The records to forward, as level, logger and text.
+
+        `LINES_PER_S` counts lines of every level: a flood of errors costs as much as one of prints.
+        """
         if now_s - self._begun_s >= 1.0:
             if self._dropped:
                 yield [logging.WARNING, self._logger, f"{self._dropped} more lines of output are left out"]

@@ -30,11 +30,12 @@ class ClearancePreflight:
     ) -> None:
         self._guard = guard
         self._configs = {config.name: config for config in configs if config.name in guard.arms}
-        start = {name: (seeds.get(name, config.rest), ZERO3) for name, config in self._configs.items()}
+        no_force = ZERO3
+        start = {name: (seeds.get(name, config.rest), no_force) for name, config in self._configs.items()}
         self.walk = Walk(guard, start)
 
     def approach(self, goals: Configuration) -> str:
-        """Move all robots of ``goals`` there at once, from standstill.
+        """Move all robots of ``goals`` there at once, from standstill, under the forces of ``goals``.
 
         Returns why that comes too near, or ""; after a refusal the robots are where they were.
         """
@@ -42,27 +43,28 @@ class ClearancePreflight:
         start = self.walk.configuration
         motions = {}
         for name, (goal, _) in goals.items():
-            here = start[name][0]
+            here, _ = start[name]
             still = (0.0,) * len(here)
             motions[name] = motion_to(self._configs[name], here, PresentRates(still, still), goal)
         duration_s = max((motion.duration_s for motion in motions.values()), default=0.0)
-        steps = max(1, math.ceil(duration_s / INTERVAL_S))
-        for k in range(1, steps + 1):
-            time_s = duration_s * k / steps
+        intervals = max(1, math.ceil(duration_s / INTERVAL_S))
+        for k in range(1, intervals + 1):
+            time_s = duration_s * k / intervals
             reached: dict[str, tuple[Actuation, Vec3]] = {}
-            moves: dict[str, Actuation] = {}
+            steps: dict[str, Actuation] = {}
             for name, motion in motions.items():
                 actuation, velocity = motion.at(time_s)
-                reached[name] = (actuation, goals[name][1])
-                moves[name] = tuple([each * self._configs[name].period_s for each in velocity])
-            message = self.to(reached, moves)
+                _, force_n = goals[name]
+                reached[name] = (actuation, force_n)
+                steps[name] = tuple([each * self._configs[name].period_s for each in velocity])
+            message = self.to(reached, steps)
             if message:
                 self.walk = Walk(self._guard, start)
                 return message
         return ""
 
     def to(self, reached: Configuration, steps: Mapping[str, Actuation]) -> str:
-        """Move on to a configuration, reached with ``steps`` per tick [m or Pa].
+        """Move on to a configuration; ``steps``: displacements per tick there [m or Pa], by robot.
 
         Returns why the configuration, or a stop from it, comes too near, or "".
         """

@@ -17,9 +17,14 @@ BOOT_S: Final = 0.1
 LOAD_FULL_MA: Final = 1400
 #: Longest step of the motion; the watchdog is checked in every step.
 STEP_S: Final = 0.002
-#: Modes in which the emulated motor moves; in the others it stands still.
-_POSITION_MODES: Final = (3, 4, 5)
+#: Operating modes in which the emulated motor moves; in the others it stands still.
+_CURRENT_BASED_MODE: Final = reg.MODE_NUMBERS["current_based_position"]
+_POSITION_MODES: Final = (3, reg.MODE_NUMBERS["extended_position"], _CURRENT_BASED_MODE)
 _PWM_MODE: Final = 16
+#: Bit of Startup Configuration: torque on at power-up.
+_TORQUE_ON: Final = 0x01
+#: Bit of Hardware Error Status.
+_OVERLOAD: Final = 0x20
 
 
 class ServoMachine(ControlTable):
@@ -39,10 +44,15 @@ class ServoMachine(ControlTable):
         self.motion = ShaftMotion(position_ticks, stops_ticks)
         #: The stops of a jammed shaft while it was free.
         self._free_stops: tuple[float, float] | None = None
+        #: Time that it was advanced to [s], as of the next three.
         self.now = 0.0
+        #: End of its last start; before it, it does not answer.
         self.booted_at = 0.0
+        #: Last time at which the Bus Watchdog was fed.
         self.fed_at = 0.0
+        #: Last time at which the Bus Watchdog tripped.
         self.stopped_at = 0.0
+        #: Goal [ticks of the encoder] that a tripped Bus Watchdog has set; None unless that was under torque.
         self.tripped_goal: float | None = None
         #: Address and data of a REG WRITE that awaits its ACTION.
         self.registered: tuple[int, bytes] | None = None
@@ -88,7 +98,7 @@ class ServoMachine(ControlTable):
         self.reset_control()
         self.forget_turns()
         self.put(reg.GOAL_POSITION, 0)
-        if self.get(reg.STARTUP) & 1:
+        if self.get(reg.STARTUP) & _TORQUE_ON:
             self.put(reg.GOAL_POSITION, self.present())
             self.put(reg.TORQUE_ENABLE, 1)
 
@@ -124,7 +134,7 @@ class ServoMachine(ControlTable):
                 self._limits()
                 self.motion.step(step)
                 if self.motion.overloaded:
-                    self.fail(0x20)
+                    self.fail(_OVERLOAD)
             elif self.motion.velocity:
                 self.motion.release()
             by_hand = self.now <= self.hand_until
@@ -136,13 +146,19 @@ class ServoMachine(ControlTable):
 
     def _watch(self) -> None:
         armed = self.memory[reg.BUS_WATCHDOG.address]
-        if not self.torque or not 1 <= armed <= 127:
+        if not self.torque or not 1 <= armed <= reg.BUS_WATCHDOG.high:
             return
         if self.now - self.fed_at > armed * reg.WATCHDOG_MS_PER_UNIT / 1e3:
             self.trip()
 
     def trip(self) -> None:
-        """Bus Watchdog trip: stop, and ignore goals until 0 is written."""
+        """Bus Watchdog trip: stop, and ignore goals until 0 is written.
+
+        The goal becomes the position of the encoder plus Homing Offset: a servo with an offset moves by it.
+        This follows a fault of real firmware (DynamixelSDK issue 584, reported in extended position mode). By
+        that report the real motor does not stop; the emulated one moves once. The driver writes Homing Offset
+        0 before it arms a servo.
+        """
         self.put(reg.BUS_WATCHDOG, reg.WATCHDOG_TRIPPED)
         self.stopped_at = self.now
         if self.torque:
@@ -163,7 +179,7 @@ class ServoMachine(ControlTable):
         acceleration = self.get(reg.PROFILE_ACCELERATION) * reg.DEG_S2_PER_UNIT * reg.TICKS_PER_DEG
         unit = self.model.ma_per_unit
         current = self.get(reg.CURRENT_LIMIT) if unit else LOAD_FULL_MA
-        if self.memory[reg.OPERATING_MODE.address] == 5:
+        if self.memory[reg.OPERATING_MODE.address] == _CURRENT_BASED_MODE:
             current = min(current, abs(self.get(reg.GOAL_CURRENT)))
         self.motion.limit(profile * ticks_per_unit, acceleration, current * (unit or 1.0))
 
@@ -188,7 +204,6 @@ class ServoMachine(ControlTable):
     def _report(self) -> None:
         """Bring the read-only registers up to date."""
         motion = self.motion
-        memory = self.memory
         current_ma = motion.current
         velocity = int(motion.velocity * reg.RAD_PER_TICK / reg.RAD_S_PER_UNIT)
         if self.frozen is not None and self.torque:
@@ -197,9 +212,9 @@ class ServoMachine(ControlTable):
             velocity = 0
         # A model without current registers reports its load, 0.1 %, at the same address.
         current = int(current_ma / (self.model.ma_per_unit or LOAD_FULL_MA / 1e3))
-        memory[126:128] = (current & 0xFFFF).to_bytes(2, "little")
-        memory[128:132] = (velocity & 0xFFFFFFFF).to_bytes(4, "little")
-        memory[132:136] = (self.present() & 0xFFFFFFFF).to_bytes(4, "little")
-        memory[144] = self.supply_decivolt
-        memory[122] = 1 if velocity else 0
-        memory[120:122] = (int((self.now - self.booted_at) * 1e3) % reg.REALTIME_TICKS).to_bytes(2, "little")
+        self.put(reg.PRESENT_CURRENT, current)
+        self.put(reg.PRESENT_VELOCITY, velocity)
+        self.put(reg.PRESENT_POSITION, self.present())
+        self.put(reg.PRESENT_VOLTAGE, self.supply_decivolt)
+        self.put(reg.MOVING, 1 if velocity else 0)
+        self.put(reg.REALTIME_TICK, int((self.now - self.booted_at) * 1e3) % reg.REALTIME_TICKS)

@@ -11,11 +11,16 @@ import math
 from collections.abc import Callable
 from typing import Final
 
+from contid_drivers.dynamixel import registers as reg
+
 #: No-load speed at 5 V, 103 rpm [ticks/s], and the acceleration of a free servo without a profile.
-SPEED_MAX: Final = 103.0 / 60.0 * 4096.0
+SPEED_MAX: Final = 103.0 / 60.0 * reg.TICKS_PER_REV
 ACCELERATION_MAX: Final = 200_000.0
 #: Ticks per second and tick of error near the goal, after the profile.
 STIFFNESS: Final = 60.0
+#: From an error and a way per step below this on, the shaft is on its goal [ticks].
+ARRIVED_TICKS: Final = 0.5
+#: Current that turns the shaft without a load, and that is added per tick of error at standstill.
 FRICTION_MA: Final = 40.0
 MA_PER_TICK: Final = 8.0
 #: Pushing with more than this current against a stop for this time is an overload.
@@ -41,7 +46,7 @@ class ShaftMotion:
         self.slowed = 1.0
         self._speed = SPEED_MAX
         self._acceleration = ACCELERATION_MAX
-        self._current_limit = 1750.0
+        self._current_limit = float(reg.CURRENT_LIMIT.default)
         self._pushed_s = 0.0
         #: Current with which a tendon turns the shaft back, signed like its rotation [mA]; None for no load.
         self.load: Callable[[], float] | None = None
@@ -84,13 +89,49 @@ class ShaftMotion:
         return math.copysign(min(self._current_limit, FRICTION_MA + MA_PER_TICK * abs(error)), error)
 
     def step(self, dt: float) -> None:
-        """Advance by ``dt`` [s] under torque."""
+        """Advance by ``dt`` [s] under torque.
+
+        Against a load that turns the shaft away from its goal the motor needs the current of the load and
+        that of the friction. Where the limit is not above both, the shaft stands still, with the current at
+        its limit.
+        """
         error = self.goal - self.seen
         load = self.load() if self.load is not None else 0.0
         if error == 0.0 and self.velocity == 0.0:
-            self.current = -load if load else 0.0  # what holds it
+            self._hold(load)
             self._pushed_s = 0.0
             return
+        opposing = abs(load) if load * error < 0.0 else 0.0
+        blocked = opposing > 0.0 and FRICTION_MA + opposing >= self._current_limit
+        self._accelerate(error, blocked, dt)
+        ahead = self.position + self.velocity * dt
+        position = max(self.stops[0], min(self.stops[1], ahead))
+        at_stop = position != ahead
+        if at_stop:
+            self._push(position, dt)
+        else:
+            self._pushed_s = 0.0
+            needed = self._current_limit if blocked else FRICTION_MA + opposing
+            direction = error if blocked else self.velocity
+            self.current = math.copysign(min(self._current_limit, needed), direction)
+        close = abs(error) < ARRIVED_TICKS and abs(self.velocity) * dt < ARRIVED_TICKS
+        if close and not blocked and not at_stop:
+            # Exactly on the goal where the encoder sees the whole motion: it sees the position plus its jump.
+            position = self.goal - self.jumped if self._share == 1.0 else position
+            self.velocity = 0.0
+            self._hold(load)
+        self.position = position
+
+    def _hold(self, load: float) -> None:
+        """Standing on the goal: the current carries the load."""
+        self.current = -load if load else 0.0
+
+    def _accelerate(self, error: float, blocked: bool, dt: float) -> None:
+        """Change the velocity towards the one that the profile has at this distance from the goal.
+
+        It is the least of four: the speed of the profile, the one from which it can stop at the goal, the one
+        of the position loop near the goal, and the one that reaches the goal within this step.
+        """
         target = min(
             self._speed,
             math.sqrt(2.0 * self._acceleration * abs(error)),
@@ -100,31 +141,36 @@ class ShaftMotion:
         target = math.copysign(target, error)
         if self._current_limit < FRICTION_MA:
             target = 0.0
-        opposing = abs(load) if load * error < 0.0 else 0.0
-        blocked = opposing > 0.0 and FRICTION_MA + opposing >= self._current_limit
         if blocked:
             self.velocity = target = 0.0
         change = self._acceleration * dt
         self.velocity += max(-change, min(change, target - self.velocity))
-        moved = self.position + self.velocity * dt
-        free = max(self.stops[0], min(self.stops[1], moved))
-        if moved != free:
-            self.velocity = 0.0
-            self.current = self.pushing(self.goal - self._seen(free))
-            self._pushed_s = self._pushed_s + dt if abs(self.current) > OVERLOAD_MA else 0.0
-        else:
-            self._pushed_s = 0.0
-            needed = self._current_limit if blocked else FRICTION_MA + opposing
-            self.current = math.copysign(
-                min(self._current_limit, needed), error if blocked else self.velocity
-            )
-        if abs(error) < 0.5 and not blocked and moved == free and abs(self.velocity) * dt < 0.5:
-            free = self.goal - self.jumped if self._share == 1.0 else free
-            self.velocity, self.current = 0.0, -load if load else 0.0
-        self.position = free
+
+    def _push(self, stop: float, dt: float) -> None:
+        """Stand still at a stop, with the current of the position loop; counts the time of an overload."""
+        self.velocity = 0.0
+        self.current = self.pushing(self.goal - self._seen(stop))
+        self._pushed_s = self._pushed_s + dt if abs(self.current) > OVERLOAD_MA else 0.0
 
     def drive(self, share: float, supply: float, dt: float) -> None:
-        """Advance by ``dt`` [s] under a share of full PWM, at a share of the supply of `SPEED_MAX`."""
+        """Advance by ``dt`` [s] under a PWM.
+
+        The motion is the solution of
+
+            T v' = u - v,   x' = v,   u = share top - hold sign(v),   top = supply SPEED_MAX
+
+        with the time constant T and the part ``hold`` of the friction:
+
+            v(dt) = u + (v(0) - u) exp(-dt / T),   x(dt) = x(0) + u dt + (v(0) - u) T (1 - exp(-dt / T))
+
+        The friction changes its sign at standstill, so a shaft whose velocity would change its sign stops in
+        this step; its way is then that of a velocity that falls to 0 evenly over the step.
+
+        Args:
+            share: share of full PWM, signed like the rotation.
+            supply: voltage of the supply as a share of the one at which `SPEED_MAX` holds.
+            dt: the time.
+        """
         top = supply * SPEED_MAX
         hold = FRICTION_SHARE * top
         standing = self.velocity == 0.0
@@ -137,10 +183,8 @@ class ShaftMotion:
         way = target * dt + (self.velocity - target) * TIME_CONSTANT_S * (1.0 - kept)
         if after * self.velocity < 0.0:
             after, way = 0.0, self.velocity * dt / 2.0
-        self.position, moved = (
-            max(self.stops[0], min(self.stops[1], self.position + way)),
-            self.position + way,
-        )
-        self.velocity = after if self.position == moved else 0.0
+        ahead = self.position + way
+        self.position = max(self.stops[0], min(self.stops[1], ahead))
+        self.velocity = after if self.position == ahead else 0.0
         self.goal = self.position
         self.current = (share * supply - self.velocity / SPEED_MAX) * STALL_MA

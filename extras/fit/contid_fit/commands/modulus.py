@@ -1,11 +1,14 @@
-"""``contid calibrate modulus``: the modulus polynomial and the bending gain of pneumatic sections."""
+"""``contid calibrate modulus``: the modulus polynomial and the bending gain of pneumatic sections.
+
+Numbers of equations are those of Shi et al., as in `contid_fit.calibrate.modulus`.
+"""
 
 from __future__ import annotations
 
 import json
 import math
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import click
 
@@ -20,8 +23,8 @@ if TYPE_CHECKING:
 def command(request: Calibration) -> None:
     """Fit moduli to DATA, a CSV of p1_bar,p2_bar,p3_bar,elongation_mm,bend_deg[,section][,trial].
 
-    Elongations (equal pressures) give the polynomial of eq. 20, bending angles the bending gain. With --write
-    the numbers go into the robot file, with their origin as a comment.
+    Elongations (equal pressures) give the polynomial of the modulus (eq. 20 of Shi et al.), bending angles
+    the bending gain. With --write the numbers go into the robot file, with their origin as a comment.
     """
     from contid.errors import ContidError
     from contid.kinematics.cosserat.model import build_section
@@ -31,7 +34,7 @@ def command(request: Calibration) -> None:
 
     name, robot = request.find(Cosserat, "pneumatic arm")
     sections = [build_section(each) for each in robot.geometry.sections]
-    readings = read_readings(request.data, request.source)
+    readings = read_readings(request.data, request.source)  # one at least
     numbers = sorted({reading.section for reading in readings})
     if numbers[-1] > len(sections):
         raise ContidError(f"{request.source}: it has sections {numbers}; the robot has {len(sections)}")
@@ -45,6 +48,10 @@ def command(request: Calibration) -> None:
     request.write_back(name, _changes(fits, request.note))
 
 
+#: Of x in eq. 20, for the coefficients b1 to b5.
+_POWERS: Final = (4, 3, 2, 1, 0)
+
+
 def _finite(values: dict[str, object]) -> dict[str, object]:
     """JSON has no infinity; an open end is null."""
     return {key: None if value == math.inf else value for key, value in values.items()}
@@ -56,7 +63,7 @@ def _text(found: ModulusFit) -> str:
         f"section {found.section}: {found.readings} elongations, {found.levels} pressures, "
         f"{found.trials} trials",
         "  E = "
-        + " ".join(f"{b:+.4g} x^{4 - i}" for i, b in enumerate(found.modulus_pa))
+        + " ".join(f"{b:+.4g} x^{power}" for power, b in zip(_POWERS, found.modulus_pa, strict=True))
         + "  [Pa, x in bar]",
         f"  RMSE: modulus {found.rmse_modulus_pa:.2f} Pa, elongation {found.rmse_elongation_mm:.3f} mm",
         f"  elongation grows with pressure {grows}; modulus_up_to_bar {found.up_to_bar:.3f} "

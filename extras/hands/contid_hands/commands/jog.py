@@ -11,7 +11,8 @@ import click
 from contid.cli.support.orders import socket_option
 from contid.cli.support.parameters import NumberRange
 
-#: How long after a press it may still move the robot [s].
+#: How long after it is made a request of a press may begin to move the robot [s]: the daemon refuses one that
+#: waited longer. It is independent of ``--hold-ms``, the time for which a press that was accepted moves.
 VALID_S: Final = 1.0
 
 
@@ -78,7 +79,9 @@ def command(
     from contid_hands.teleop.gamepad.session import GamepadSession
 
     with choose_device(gamepad) as device:
-        pad = Gamepad(device, read_mapping(mapping or default_mapping(device.has.kind), device.has))
+        # A device that is named and is of no kind gets the mapping of gamepads.
+        file = mapping or default_mapping(device.has.kind)
+        pad = Gamepad(device, read_mapping(file, device.has))
         with Client(socket, name="contid jog", valid_s=VALID_S) as client, line, Keyboard() as keyboard:
             session = GamepadSession(client, Console(keyboard, line.log, line.show), options, pad)
             line.log(f"{device.has.name} ({device.path}): {pad.mapping.help}")

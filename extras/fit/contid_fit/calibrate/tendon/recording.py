@@ -9,8 +9,9 @@ label does not count.
 from __future__ import annotations
 
 import csv
+import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,12 +48,15 @@ class TendonRecording:
 
     @property
     def runs(self) -> Array:
-        """Number of the run of each row, from 0, shape ``(rows,)``; a change of the label begins a run."""
+        """Number of the run of each row, from 0, shape ``(rows,)``; a change of the label begins a run.
+
+        Whole numbers as floats, like every `Array`.
+        """
         labels = np.array(self.pattern)
         changes = np.flatnonzero(labels[1:] != labels[:-1]) + 1
-        runs = np.zeros(len(self))
-        runs[changes] = 1.0
-        return np.cumsum(runs)
+        begins = np.zeros(len(self))
+        begins[changes] = 1.0
+        return np.cumsum(begins)
 
     def rows(self, start: int, stop: int) -> TendonRecording:
         """The rows from ``start`` to before ``stop``."""
@@ -65,7 +69,7 @@ class TendonRecording:
         return replace(self, servos=tuple(self.servos[i] for i in order), pull_m=self.pull_m[:, order])
 
     def followed_by(self, other: TendonRecording) -> TendonRecording:
-        """Both, one after the other, of the same robot without a change between them.
+        """Both, one after the other; the robot keeps its state from the last row of this one to the other's.
 
         Raises:
             BadInputError: other servos.
@@ -92,17 +96,20 @@ def read_recording(lines: Iterable[str], name: str) -> TendonRecording:
     header = next((line for line in text if line.strip() and not line.lstrip().startswith("#")), "")
     cells = [cell.strip() for cell in next(csv.reader([header]), [])]
     servos = tuple(cell for cell in cells if _SERVO.fullmatch(cell))
-    columns = Columns([(name,) for name in ("timestamp", *servos, *_TIP)], text=("pattern_label",))
+    # Groups of one name each: no column has an alternative.
+    groups = [(column,) for column in ("timestamp", *servos, *_TIP)]
+    columns = Columns(groups, text=("pattern_label",))
     if header and len(servos) < 3:
         message = f"{len(servos)} columns servo_<id>_mm; a tendon robot has three or more"
         raise BadInputError([Located(name, 1, 1, message)])
-    last: list[float] = []
+    last_s = -math.inf
 
-    def in_time(row: MeasuredRow) -> Iterable[Located]:
+    def in_time(row: MeasuredRow) -> Iterator[Located]:
+        nonlocal last_s
         time_s = row.numbers["timestamp"]
-        if last and time_s < last[0]:
+        if time_s < last_s:
             yield row.finding("timestamp", f"{time_s} is before the row above")
-        last[:] = [time_s]
+        last_s = time_s
 
     rows = read_measured(text, name, columns, in_time)
     return TendonRecording(

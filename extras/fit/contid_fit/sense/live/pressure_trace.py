@@ -1,4 +1,10 @@
-"""What the regulators of an arm reported around a time, and the sides of their hysteresis."""
+"""What the regulators of an arm reported around a time, and the sides of their hysteresis.
+
+The side of an axis is that of a play operator: a follower stays where it is while the command is within half
+the loop of it, and else keeps that distance,
+
+    follower := min(max(follower, command - half), command + half),   side = (command - follower) / half
+"""
 
 from __future__ import annotations
 
@@ -29,8 +35,11 @@ class PressurePose:
     Attributes:
         pressures: reported [bar].
         sides: place of every axis between the branches of its hysteresis loop, -1 to 1.
-        late: possible error of the pressures by the error of their time [bar].
+        late: possible error of the pressures by the error of their time [bar]; 0 for an arm that rests.
         side_open: 1 where the axis has not yet moved through its loop, so that its side is unknown; else 0.
+
+    Whether the arm rests and which sides are open is judged at the newest tick, not at the capture. For a
+    capture before the end of a motion, or before an axis reached a branch, they are those of after it.
     """
 
     pressures: Numbers
@@ -43,7 +52,8 @@ class PressureTrace:
     """Reports and sides of the newest ticks.
 
     Args:
-        half_loop: half the play of every axis [bar].
+        half_loop: half the play of every axis [bar], each above 0, as those of `IdentifiedArm` are: they are
+            at least a part of the range of the axis.
         period_s: period of the tick.
     """
 
@@ -89,24 +99,30 @@ class PressureTrace:
         ]
 
     def at(self, capture_s: float) -> PressurePose | None:
-        """What the regulators reported around a time; None without reports."""
-        # The newest report was read one tick ago.
+        """What the regulators reported around a time; None without reports.
+
+        Reports are averaged whose pressures were measured within `AVERAGED_S` of the capture, and at least
+        within half a tick, so that slow ticks have one.
+        """
+        # The newest report, at the end of the queue, was measured one tick ago; one place is one tick.
+        newest = len(self._reports) - 1
         behind = (self._now_s - self._period_s - capture_s) / self._period_s
         half = max(AVERAGED_S / self._period_s, 0.5)
-        count = len(self._reports)
-        first = max(0, math.ceil(count - 1 - behind - half))
-        last = min(count - 1, math.floor(count - 1 - behind + half))
-        reports = [self._reports[i] for i in range(first, last + 1)]
-        known = [each for each, _ in reports if each is not None]
-        sides = reports[len(reports) // 2][1] if reports else ()
-        if not known or not sides:
+        first = max(0, math.ceil(newest - behind - half))
+        last = min(newest, math.floor(newest - behind + half))
+        around = [self._reports[i] for i in range(first, last + 1)]
+        valid = [reported for reported, _ in around if reported is not None]
+        sides = around[len(around) // 2][1] if around else ()
+        if not valid or not sides:
             return None
-        pressures = tuple([sum(column) / len(known) for column in zip(*known, strict=True)])
-        span_s = (len(known) - 1) * self._period_s
+        pressures = tuple([sum(column) / len(valid) for column in zip(*valid, strict=True)])
+        # The error of the time by the velocity of the pressures: their change over the span of the reports,
+        # which counts the valid ones as if none between them were missing.
+        span_s = (len(valid) - 1) * self._period_s
         share = TIMING_S / span_s if span_s and self._rested_s < RESTING_S else 0.0
         return PressurePose(
-            pressures,
-            sides,
-            tuple([share * (new - old) for old, new in zip(known[0], known[-1], strict=True)]),
-            tuple([0.0 if known else 1.0 for known in self._side_known]),
+            pressures=pressures,
+            sides=sides,
+            late=tuple([share * (new - old) for old, new in zip(valid[0], valid[-1], strict=True)]),
+            side_open=tuple([0.0 if known else 1.0 for known in self._side_known]),
         )

@@ -19,16 +19,27 @@ from contid_hands.teleop.gamepad.events import (
     EV_ABS,
     EV_KEY,
     EV_REL,
+    EVENT,
+    RELATIVE,
     EventDecoder,
     InputEvent,
 )
 
+#: Numbers of the reading ioctls. The bit maps of a type of event and the absolute axes have a range each: the
+#: type, or the code of the axis, is added to the first number of the range.
+_EVIOCGID: Final = 0x02
+_EVIOCGNAME: Final = 0x06
+_EVIOCGKEY: Final = 0x18
+_EVIOCGBIT: Final = 0x20
+_EVIOCGABS: Final = 0x40
+#: ``struct input_absinfo``, and ``struct input_id``: bus, vendor, product, version.
 _ABSINFO: Final = struct.Struct("=6i")
 _ID: Final = struct.Struct("=4H")
 _NAME_BYTES: Final = 256
 #: Of the bit maps: KEY_MAX, REL_MAX and ABS_MAX are 0x2ff, 0xf and 0x3f.
 _KEY_BYTES, _REL_BYTES, _ABS_BYTES = 96, 2, 8
-_READ_BYTES: Final = 24 * 256
+#: Bytes of one read: 256 events.
+_READ_BYTES: Final = EVENT.size * 256
 #: Reads of one call; the queue of the kernel is much shorter.
 _READS: Final = 64
 #: Makers of 3D mice: 3Dconnexion, and Logitech, which made the older ones.
@@ -74,7 +85,8 @@ class Capabilities:
     @property
     def kind(self) -> str | None:
         """``spacemouse``, ``gamepad``, or None for another device."""
-        six = len({*self.absolute, *self.relative} & {*range(6)}) == 6
+        # X to RZ have the codes 0 to 5, whether they are absolute or relative.
+        six = {*RELATIVE.values()} <= {*self.absolute, *self.relative}
         maker = self.vendor == _VENDOR_3DCONNEXION or (
             self.vendor == _VENDOR_LOGITECH and "space" in self.name.lower()
         )
@@ -152,19 +164,19 @@ def capabilities(descriptor: int) -> Capabilities:
     Raises:
         OSError: it is no input device, or gone.
     """
-    _, vendor, _, _ = _ID.unpack(_query(descriptor, 0x02, _ID.size))
-    name = _query(descriptor, 0x06, _NAME_BYTES).split(b"\0")[0].decode(errors="replace")
+    _, vendor, _, _ = _ID.unpack(_query(descriptor, _EVIOCGID, _ID.size))
+    name = _query(descriptor, _EVIOCGNAME, _NAME_BYTES).split(b"\0")[0].decode(errors="replace")
     absolute = {
-        code: AbsInfo(*_ABSINFO.unpack(_query(descriptor, 0x40 + code, _ABSINFO.size)))
-        for code in _bits(_query(descriptor, 0x20 + EV_ABS, _ABS_BYTES))
+        code: AbsInfo(*_ABSINFO.unpack(_query(descriptor, _EVIOCGABS + code, _ABSINFO.size)))
+        for code in _bits(_query(descriptor, _EVIOCGBIT + EV_ABS, _ABS_BYTES))
     }
     return Capabilities(
         name=name,
         vendor=vendor,
-        keys=_bits(_query(descriptor, 0x20 + EV_KEY, _KEY_BYTES)),
-        relative=_bits(_query(descriptor, 0x20 + EV_REL, _REL_BYTES)),
+        keys=_bits(_query(descriptor, _EVIOCGBIT + EV_KEY, _KEY_BYTES)),
+        relative=_bits(_query(descriptor, _EVIOCGBIT + EV_REL, _REL_BYTES)),
         absolute=absolute,
-        pressed=_bits(_query(descriptor, 0x18, _KEY_BYTES)),
+        pressed=_bits(_query(descriptor, _EVIOCGKEY, _KEY_BYTES)),
     )
 
 
@@ -195,5 +207,5 @@ def _query(descriptor: int, number: int, size: int) -> bytes:
 
 
 def _bits(data: bytes) -> frozenset[int]:
-    """Numbers of the bits that are set; correct on little-endian machines, the only ones with wheels."""
+    """Numbers of the bits that are set; correct on little-endian machines, for which wheels are published."""
     return frozenset(bit for bit in range(8 * len(data)) if data[bit // 8] >> bit % 8 & 1)

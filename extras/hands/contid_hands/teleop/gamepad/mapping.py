@@ -164,7 +164,7 @@ class BoundMapping:
 
 
 def default_mapping(kind: str | None) -> Path:
-    """The shipped mapping for a kind of device."""
+    """The shipped mapping for a kind of device; that of gamepads for None."""
     name = "spacemouse" if kind == "spacemouse" else "gamepad"
     return Path(str(files("contid_hands.teleop.gamepad") / "mappings" / f"{name}.yaml"))
 
