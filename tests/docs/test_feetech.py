@@ -121,6 +121,7 @@ def test_the_arm_follows_a_circle_on_emulated_servos(folder: Path, servos: dict[
     assert {servo.memory[40] for servo in servos.values()} == {1}  # stop.on_end: hold
 
 
+@pytest.mark.realtime
 def test_without_the_servos_the_message_names_them(folder: Path) -> None:
     with FeetechEmulator(str(folder / "servos"), [Servo(2, "sts", 2200.0)]):
         report = output(folder, "contid", "run", "arm.yaml", code=4)

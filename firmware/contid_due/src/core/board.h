@@ -5,10 +5,10 @@
 #ifndef CONTID_BOARD_H
 #define CONTID_BOARD_H
 
+#include "air/regulator.h"
 #include "config.h"
 #include "motor.h"
 #include "pulse.h"
-#include "air/regulator.h"
 
 namespace contid {
 

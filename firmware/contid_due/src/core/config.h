@@ -39,9 +39,9 @@ struct RegulatorConfig {
   int32_t trim, trim_rate;               // outer loop: limit of its correction [Pa]; 1/s times 256
   int32_t points;                        // calibration: duty at pressure; 0: a pair of valves
   int32_t duty[TABLE_POINTS], pressure[TABLE_POINTS];
-  bool outlet_open;                      // without power
-  int32_t valve_ms, least_ms;            // longest time of a valve to open or to shut; shortest pulse
-  int32_t band;                          // error without a pulse [Pa]
+  bool outlet_open;            // without power
+  int32_t valve_ms, least_ms;  // longest time of a valve to open or to shut; shortest pulse
+  int32_t band;                // error without a pulse [Pa]
   bool valves() const { return points == 0; }
   // Whether a reset shuts the chamber.
   bool keeps() const { return valves() && !outlet_open; }

@@ -42,7 +42,7 @@ const EdgePins EDGE_PINS[4] = {{25, 26, 0}, {27, 28, 2}, {29, 11, 6}, {30, 32, 9
 const char MOTOR_PINS[] =
     "m0 pwm9 in38,39 enc2,13 flt22 A0; m1 pwm8 in40,41 enc5,4 flt23 A1; m2 pwm7 in42,43 enc25,26 flt24 A2; "
     "m3 pwm6 in44,45 enc27,28 flt31 A3; m4 pwm34 in46,47 enc29,11 flt33 A4; m5 pwm36 in48,49 enc30,32 flt35 A5";
-const char PRESSURE_PINS[] = 
+const char PRESSURE_PINS[] =
     "p0 pwm9 v38,39 A0; p1 pwm8 v40,41 A1; p2 pwm7 v42,43 A2; p3 pwm6 v44,45 A3; p4 pwm34 v46,47 A4; "
     "p5 pwm36 v48,49 A5; jumper 53";
 

@@ -1,4 +1,5 @@
-// A proportional pressure regulator, or a pair of valves: slew, calibration, ceiling, read-back faults, optional outer loop.
+// A proportional pressure regulator, or a pair of valves: slew, calibration, ceiling, read-back faults, optional outer
+// loop.
 #ifndef CONTID_REGULATOR_H
 #define CONTID_REGULATOR_H
 

@@ -81,7 +81,8 @@ void ValvePair::begin(int32_t off, int32_t pressure) {
   // Farther from the end of its range than when it was measured, the flow is stronger than then.
   const int32_t stronger = off > 0 ? flow.at - pressure : pressure - flow.at;
   if (stronger > 4 * config_->band) flow = Flow{0, 0, 0, 0};
-  // A valve that opens at all stays open for the time that it takes to shut: less than its least change is not to be had.
+  // A valve that opens at all stays open for the time that it takes to shut: less than its least change is not to be
+  // had.
   if (flow.least > magnitude(off)) return;
   width_ = width(flow, magnitude(off));
   flowing_ = off > 0 ? Flowing::IN : Flowing::OUT;
