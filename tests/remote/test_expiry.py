@@ -59,12 +59,12 @@ def test_an_order_that_had_no_response_is_not_carried_out_later(order: str) -> N
 @pytest.mark.process
 @pytest.mark.realtime
 def test_an_order_may_be_valid_for_less_than_its_response_is_waited_for() -> None:
-    with daemon(1) as running, running.client(timeout_s=20.0, valid_s=0.2) as client:
+    with daemon(1) as running, running.client(timeout_s=20.0, valid_s=1.0) as client:
         armed(client)
         with stopped(running, 0.0):
             request = client._procedures._protocol.request("resume", {})
             client._procedures._wire.send(request)  # type: ignore[union-attr]
-            time.sleep(0.5)
+            time.sleep(1.5)
         client._procedures._read(5.0)
         with pytest.raises(RemoteError, match="too late") as refused:
             client._procedures._protocol.result(request)
