@@ -8,7 +8,7 @@ import pytest
 
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.preflight.edge import along_the_edge
+from contid.control.tick.preflight.edge import along_the_edge, off_the_reach_m
 from contid.control.tick.preflight.rows import Preflight
 from contid.kinematics.model import Bending
 from contid.robot_file.load import load_named
@@ -122,3 +122,17 @@ def test_a_direction_is_not_led_along_the_edge() -> None:
     tip = config.model.forward(config.rest).tip_m
     below = Target(tip_m=(0.001, 0.0, tip[2] - 0.002), direction=(0.0, 0.0, 1.0))
     assert along_the_edge(config, below, Target(tip_m=tip), config.rest) is None
+
+
+def test_an_azimuth_of_an_arm_that_bends_in_a_plane_leads_nowhere() -> None:
+    loaded = load_named("planar2")
+    (config,) = build_robot_configs(loaded, loaded.file.rate_hz)
+    bend, turn = math.radians(0.03), math.radians(0.1)
+    begin = Target(arcs=(bend, 0.0, 0.1, 0.0, 0.0, 0.1))
+    seed = config.model.inverse(begin, config.rest).actuation
+    asked = Target(arcs=(bend * math.cos(turn), bend * math.sin(turn), 0.1, 0.0, 0.0, 0.1))
+    assert config.model.inverse(asked, seed).converged
+    assert off_the_reach_m(config, asked, begin, seed) > 0.0
+    assert along_the_edge(config, asked, begin, seed) is None
+    longer = Target(arcs=(1.5 * bend, 0.0, 0.1, 0.0, 0.0, 0.1))
+    assert off_the_reach_m(config, longer, begin, seed) == 0.0

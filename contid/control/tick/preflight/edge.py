@@ -20,6 +20,8 @@ from contid.targets import Actuation, Target, Vec3
 _ONWARD: Final = 0.01
 #: Least share of a step by which it leads beside the reach; solvers that approximate leave less.
 _BESIDE: Final = 0.25
+#: Bends that differ by less are the same: those of the last command, computed back from its actuation.
+_ROUNDING_RAD: Final = 1e-7
 #: What is longer is no step but an order to somewhere else: share of the distance of the tip from the base,
 #: or of the lengths of the sections.
 _LONGEST: Final = 0.1
@@ -54,17 +56,33 @@ def along_the_edge(config: RobotConfig, target: Target, begin: Target, seed: Act
 
 
 def off_the_reach_m(config: RobotConfig, target: Target, begin: Target, seed: Actuation) -> float:
-    """How far a step of a tip leads out of the reach [m], also where a `reach_tolerance_mm` takes it.
+    """How far a step of a tip, or of bends, leads out of the reach [m], also where a tolerance takes it.
 
     0 for what is within reach, and for what is no step. Taken as it is, such a step would move nothing until
-    a person has gone beyond the tolerance. The arguments are those of `along_the_edge`.
+    a person has gone beyond the tolerance of the solution or `reach_tolerance_mm`: an azimuth of an arm that
+    bends in a plane, for one. The arguments are those of `along_the_edge`.
     """
+    if target.arcs is not None and begin.arcs is not None:
+        return _bends_left_m(config, target, begin.arcs, seed)
     if target.tip_m is None or begin.tip_m is None or target.direction or target.rotation or target.mid_m:
         return 0.0
     if not _is_step(config, target.tip_m, begin.tip_m):
         return 0.0
     off_m = config.model.inverse(config.frame.target_in_base(target), seed).residual_m
     return off_m if off_m > _BESIDE * math.dist(begin.tip_m, target.tip_m) else 0.0
+
+
+def _bends_left_m(config: RobotConfig, target: Target, begin: Sequence[float], seed: Actuation) -> float:
+    """What is left of a step of bends, times the lengths [m]; 0 where that is less than `_BESIDE` of it."""
+    assert target.arcs is not None
+    assert isinstance(config.model, Bending)
+    solved = config.model.inverse(target, seed)
+    found = config.model.arcs(solved.actuation, target.load_n).ravel().tolist()
+    asked, before, after = (
+        [a for k, a in enumerate(each) if k % 3 < 2] for each in (target.arcs, begin, found)
+    )
+    left, step = math.dist(asked, after), math.dist(asked, before)
+    return left * sum(found[2::3]) if left > _BESIDE * step and step > _ROUNDING_RAD else 0.0
 
 
 def _is_step(config: RobotConfig, tip_m: Vec3, begin_m: Vec3) -> bool:
@@ -93,7 +111,9 @@ def _with_lengths(
             inside, nearest = share, replace(target, arcs=tuple(arcs))
         else:
             outside = share
-    return nearest if nearest.arcs is not None and _leads_on(begin, asked, nearest.arcs) else None
+    if nearest.arcs is None or not _leads_on(begin, asked, nearest.arcs):
+        return None
+    return None if _bends_left_m(config, nearest, begin, seed) > 0.0 else nearest
 
 
 def _leads_on(begin: Sequence[float], asked: Sequence[float], found: Sequence[float]) -> bool:
