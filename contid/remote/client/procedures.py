@@ -15,6 +15,18 @@ from contid.remote.client.servo import Controller, ServoReport, servo
 from contid.remote.protocol.wire import ConnectionLostError, Fields, RemoteError
 
 
+def measured_tip(
+    tip_mm: Sequence[float], direction: Sequence[float] | None, robot: str | None, time_s: float | None
+) -> Fields:
+    """The fields of a measured tip, also of NumPy's numbers; arguments as of `Procedures.measure`."""
+    return {
+        "robot": robot,
+        "tip_mm": [float(value) for value in tip_mm],
+        "direction": None if direction is None else [float(value) for value in direction],
+        "time_s": None if time_s is None else float(time_s),
+    }
+
+
 class Procedures(Orders):
     """A connection to a daemon; arguments and attributes are those of `Orders`."""
 
@@ -156,14 +168,8 @@ class Procedures(Orders):
         Raises:
             RemoteError: not a finite number, too old, out of reach, or another client tracks the robot.
         """
-        return await self.request(
-            "measure",
-            robot=robot,
-            tip_mm=[float(value) for value in tip_mm],  # also NumPy's numbers
-            direction=None if direction is None else [float(value) for value in direction],
-            age_ms=None if age_ms is None else float(age_ms),
-            time_s=None if time_s is None else float(time_s),
-        )
+        age = None if age_ms is None else float(age_ms)
+        return await self.request("measure", age_ms=age, **measured_tip(tip_mm, direction, robot, time_s))
 
     async def telemetry(
         self,

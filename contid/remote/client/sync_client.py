@@ -13,7 +13,7 @@ from typing import Any, Concatenate, Final, ParamSpec, Self, TypeVar
 
 from contid.remote.client.client_protocol import RESPONSE_TIMEOUT_S, Request
 from contid.remote.client.orders import Robots
-from contid.remote.client.procedures import Procedures
+from contid.remote.client.procedures import Procedures, measured_tip
 from contid.remote.client.wires import Address, QueuedWire, SocketWire
 from contid.remote.protocol.wire import ConnectionLostError, Fields, RemoteError
 
@@ -50,13 +50,8 @@ class BlockingProcedures(Procedures):
         Returns:
             What the daemon refused of the tips before, as far as it has answered.
         """
-        fields = {
-            "robot": robot,
-            "tip_mm": [float(value) for value in tip_mm],
-            "direction": None if direction is None else [float(value) for value in direction],
-            "time_s": float(time_s),
-        }
-        request = self._protocol.request("measure", fields, newest=True)
+        tip = measured_tip(tip_mm, direction, robot, time_s)
+        request = self._protocol.request("measure", tip, newest=True)
         await self._post(request)
         self._unanswered.append(request)
         self._read(0.0)

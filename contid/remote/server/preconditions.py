@@ -68,8 +68,8 @@ class Preconditions:
             robots: whose targets are refused.
         """
         found = {}
-        for name, step in self._steps(targets, last).items():
-            edge = along_the_edge(*step) if name in robots else None
+        for name, step in self._steps({name: targets[name] for name in robots}, last).items():
+            edge = along_the_edge(*step)
             if edge is not None:
                 found[name] = edge
         if not found or self.unreachable({**targets, **found}):
