@@ -13,7 +13,7 @@ from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import build_model
 from contid_dynamics.coordinates import Pressures, coordinates_of, held
 from contid_dynamics.lead import Answer, answer_of, answered, check_velocities, eased, led
-from contid_dynamics.smoothed import smoothed
+from contid_dynamics.smoothed import smoothed, tips_of
 
 if TYPE_CHECKING:
     from contid.kinematics.array import Array
@@ -160,7 +160,7 @@ def led_commands(
     """
     coordinates = coordinates_of(robot, model, period_s)
     if by_tips and isinstance(coordinates, Pressures) and path.shape[1] > _TIP:
-        tips = eased(np.array([model.forward(tuple(row)).tip_m for row in path]), times_s, period_s, ease_s)
+        tips = eased(tips_of(model, path), times_s, period_s, ease_s)
         of_path = smoothed(model, tips, period_s, answer, path[0], max(1, round(_LOOK_S / period_s)))
     else:
         of_path = eased(coordinates.of(path), times_s, period_s, ease_s)
@@ -184,9 +184,6 @@ def _tip_error(model: Model, made: LedCommands, commands: Array, period_s: float
     follows = np.vstack((commands, np.repeat(commands[-1:], len(made.path) + late, axis=0)))
     reached = answered(follows, period_s, made.answer)[late:]
     every = max(1, round(_LOOK_S / period_s))
-    tips, wished = (
-        np.array([model.forward(tuple(row)).tip_m for row in rows[: len(made.path) : every].tolist()])
-        for rows in (reached, made.path)
-    )
+    tips, wished = (tips_of(model, rows[: len(made.path) : every]) for rows in (reached, made.path))
     apart = np.linalg.norm(tips - wished, axis=1)
     return TipError(float(np.sqrt(np.mean(apart**2))), float(apart.max()))

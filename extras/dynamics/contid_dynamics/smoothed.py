@@ -87,12 +87,12 @@ def smoothed(model: Model, tips_m: Array, period_s: float, answer: Answer, first
         for axis in range(axes):
             values += [turn @ shares[axis], (shares[axis] - 0.5) / (0.5 * _MIDDLE)]
         actuations = low + size * (design[looks] @ shares.T)
-        off = _tips(model, actuations) - tips_m[looks]
+        off = tips_of(model, actuations) - tips_m[looks]
         slopes = np.empty((len(looks), 3, axes))
         for axis in range(axes):
             moved = actuations.copy()
             moved[:, axis] += _SLOPE * size[axis]
-            slopes[:, :, axis] = (_tips(model, moved) - tips_m[looks] - off) / (_SLOPE * _MM)
+            slopes[:, :, axis] = (tips_of(model, moved) - tips_m[looks] - off) / (_SLOPE * _MM)
         for k in range(3):
             rows.append(
                 weight * sparse.hstack([sparse.diags(slopes[:, k, a]) @ design[looks] for a in range(axes)])
@@ -116,5 +116,6 @@ def smoothed(model: Model, tips_m: Array, period_s: float, answer: Answer, first
     return np.asarray(low + size * (design @ shares.T))
 
 
-def _tips(model: Model, actuations: Array) -> Array:
+def tips_of(model: Model, actuations: Array) -> Array:
+    """Tips of a model in its base frame [m], ``(rows, 3)``, by actuations ``(rows, axes)``."""
     return np.array([model.forward(tuple(row)).tip_m for row in actuations.tolist()])
