@@ -44,14 +44,14 @@ def stops_inside(config: RobotConfig, state: MovingAxes, last: Actuation) -> boo
     most = excess(config, state.position)
     if config.taut is None:
         rates = zip(state.velocity[:own], config.velocity, config.acceleration, config.jerk, strict=False)
-        if (
-            config.motion_rules > 2
-        ):  # together they take as long as the slowest, each at its top speed at most
+        # Together they take as long as the slowest, each at its top speed at most; rules before 3 had an
+        # estimate, less than the way of an axis that is slow and accelerates.
+        if config.motion_rules > 2:
             each = [(v, a, j, abs(b)) for (v, _, a, j), b in zip(rates, state.acceleration, strict=False)]
             tops = [abs(v) + 0.5 * b * b / j for v, _, j, b in each]
             stop_s = max(b / j + top / a + a / j for top, (_, a, j, b) in zip(tops, each, strict=True))
             reach = [top * stop_s for top in tops]
-        else:  # an estimate: less than the way of an axis that is slow and accelerates
+        else:
             reach = [max(abs(v), _SLOW * top) * (abs(v) / a + 2.0 * a / j) for v, top, a, j in rates]
         if -most > _STEEPEST * sum(reach):
             return True
