@@ -10,6 +10,7 @@ contid imports no extra: the metadata of a distribution names what it adds, and 
 | ``contid.goals`` | options of `contid move`: `contid.cli.support.added_options.GoalOption` |
 | ``contid.workspaces`` | `contid.api.workspace.MeasureWorkspace`, of robots in the plane and in space |
 | ``contid.emulators`` | by the name of a driver, a function like `contid.hal.Emulates.emulator` |
+| ``contid.tools`` | by the name of a driver, an object with interfaces of `contid.hal.optional` for it |
 | ``contid.addresses`` | a function from a text ``NAME:...`` to a `contid.remote.client.wires.Address` |
 
 Drivers (``contid.drivers``), bodies in motion of simulated robots (``contid.bodies``), models
@@ -29,6 +30,7 @@ EXPORTS: Final = "contid.exports"
 WORKSPACES: Final = "contid.workspaces"
 ADDRESSES: Final = "contid.addresses"
 EMULATORS: Final = "contid.emulators"
+TOOLS: Final = "contid.tools"
 
 
 def load_all(group: str) -> dict[str, Any]:

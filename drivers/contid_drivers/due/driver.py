@@ -16,8 +16,6 @@ from contid.hal import (
     DeviceRate,
     DeviceResponse,
     Driver,
-    Finding,
-    FoundDevice,
     Homed,
     RefusedKey,
     Report,
@@ -118,20 +116,6 @@ class DueDriver:
         assert isinstance(options, DueBusOptions)
         return DueBus(name, options, axes, clock)
 
-    def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
-        """Examine without motion; problems are findings, not exceptions (`contid.hal.Diagnoses`)."""
-        from contid_drivers.due.service import doctor
-
-        assert isinstance(options, DueBusOptions)
-        return doctor(name, options, axes)
-
-    def accept(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], report: Report) -> None:
-        """Take the devices that answer as those of the bus (`contid.hal.Identifies`)."""
-        from contid_drivers.due.service import accept
-
-        assert isinstance(options, DueBusOptions)
-        accept(name, options, axes, report)
-
     def home(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
     ) -> list[Homed]:
@@ -139,7 +123,7 @@ class DueDriver:
 
         See `contid.hal.Homes`; the board itself searches the end stops.
         """
-        from contid_drivers.due.service import home
+        from contid_drivers.due.homing import home
 
         assert isinstance(options, DueBusOptions)
         return home(name, options, axes, only, report)
@@ -176,15 +160,6 @@ class DueDriver:
         assert isinstance(options, DueBusOptions)
         return dict.fromkeys((axis.name for axis in axes), board(ask_hello(name, options)))
 
-    def scan(self, ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
-        """Devices on ``ports`` (empty: every likely one) at ``bauds`` (empty: all until one answers).
-
-        See `contid.hal.Scans`; a native port has no rate.
-        """
-        from contid_drivers.due.service import scan
-
-        return scan(ports, report)
-
     def parkable(self, axis: BaseModel) -> bool:
         """True for options of an axis that can be parked; motors without homing (`contid.hal.Parks`)."""
         assert isinstance(axis, DueAxisOptions)
@@ -197,7 +172,7 @@ class DueDriver:
 
         See `contid.hal.Parks`; the board counts from ``power_up_deg`` again.
         """
-        from contid_drivers.due.service import park
+        from contid_drivers.due.homing import park
 
         assert isinstance(options, DueBusOptions)
         park(name, options, axes, only, report)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -18,10 +18,7 @@ from contid.hal import (
     DeviceResponse,
     Driver,
     ExchangeTime,
-    Finding,
-    FoundDevice,
     Homed,
-    RegisterValue,
     Report,
 )
 from contid.hal.pulses import DriveFacts, ProvenDevice, PulsedBus
@@ -93,20 +90,6 @@ class DynamixelDriver:
         assert isinstance(options, DynamixelBusOptions)
         return exchange_time(options, [axis for axis in axes if isinstance(axis, DynamixelAxisOptions)])
 
-    def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
-        """Examine without motion; problems are findings, not exceptions (`contid.hal.Diagnoses`)."""
-        from contid_drivers.dynamixel.doctor import examine
-
-        assert isinstance(options, DynamixelBusOptions)
-        return examine(name, options, axes)
-
-    def accept(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], report: Report) -> None:
-        """Take the devices that answer as those of the bus (`contid.hal.Identifies`)."""
-        from contid_drivers.dynamixel.setup import accept
-
-        assert isinstance(options, DynamixelBusOptions)
-        accept(name, options, axes, report)
-
     def home(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
     ) -> list[Homed]:
@@ -146,68 +129,6 @@ class DynamixelDriver:
 
         assert isinstance(options, DynamixelBusOptions)
         return devices(name, options, axes)
-
-    def scan(self, ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
-        """Devices on ``ports`` (empty: every likely one) at ``bauds`` (empty: all until one answers)."""
-        from contid_drivers.dynamixel.scan import scan
-
-        return scan(ports, bauds, report)
-
-    def set_id(self, port: str, baud: int, device: int, new: int) -> None:
-        """Change the id of a device (`contid.hal.Commissions`)."""
-        from contid_drivers.dynamixel import commission
-
-        commission.set_id(port, baud, device, new)
-
-    def set_baud(self, port: str, baud: int, device: int, new: int) -> None:
-        """Change the baud rate of a device (`contid.hal.Commissions`)."""
-        from contid_drivers.dynamixel import commission
-
-        commission.set_baud(port, baud, device, new)
-
-    def reboot(self, port: str, baud: int, device: int) -> None:
-        """Restart a device; its torque is off afterwards (`contid.hal.Commissions`)."""
-        from contid_drivers.dynamixel import commission
-
-        commission.reboot(port, baud, device)
-
-    def blink(self, port: str, baud: int, device: int, times: int) -> None:
-        """Let the LED of a device blink (`contid.hal.Commissions`)."""
-        from contid_drivers.dynamixel import bench_tools
-
-        bench_tools.blink(port, baud, device, times)
-
-    def read_registers(self, port: str, baud: int, device: int, names: Sequence[str]) -> list[RegisterValue]:
-        """Registers of a device by name; the usual ones without ``names`` (`contid.hal.Commissions`)."""
-        from contid_drivers.dynamixel import bench_tools
-
-        return bench_tools.read(port, baud, device, names)
-
-    def write_register(self, port: str, baud: int, device: int, name: str, value: int) -> int:
-        """Set a register that moves nothing; returns what it holds afterwards (`contid.hal.Commissions`)."""
-        from contid_drivers.dynamixel import bench_tools
-
-        return bench_tools.write(port, baud, device, name, value)
-
-    def factory_reset(self, port: str, baud: int, device: int) -> None:
-        """Restore the factory value of every setting but id and baud rate (`contid.hal.Commissions`)."""
-        from contid_drivers.dynamixel import bench_tools
-
-        bench_tools.reset(port, baud, device)
-
-    def setup(
-        self,
-        name: str,
-        options: BaseModel,
-        axes: Sequence[AxisOnBus],
-        ask: Callable[[str], None],
-        report: Report,
-    ) -> None:
-        """Give the devices of a bus the ids of the robot file, one device after the other."""
-        from contid_drivers.dynamixel.setup import setup
-
-        assert isinstance(options, DynamixelBusOptions)
-        setup(name, options, axes, ask, report)
 
 
 DRIVER: Driver = DynamixelDriver()

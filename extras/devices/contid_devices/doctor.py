@@ -19,6 +19,7 @@ from contid.hal import Diagnoses, Finding, Identifies
 from contid.robot_file.load import LoadedFile, load_named
 from contid.robot_file.proven.bringup import bringup_findings, device_finding
 from contid.robot_file.tick_rate import exchange_time, rate_finding
+from contid_devices.tools import find_tool, require_tool
 
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus
@@ -62,8 +63,9 @@ def _findings(loaded: LoadedFile, buses: Sequence[WiredBus]) -> Iterator[Finding
         time = exchange_time(wiring)
         if time is not None:
             yield rate_finding(wiring.name, time, loaded.file.rate_hz)
-        if isinstance(bus.driver, Diagnoses):
-            yield from bus.driver.doctor(wiring.name, wiring.options, bus.axes)
+        tool = find_tool(wiring.driver, Diagnoses)  # type: ignore[type-abstract]  # a runtime protocol
+        if tool is not None:
+            yield from tool.doctor(wiring.name, wiring.options, bus.axes)
         else:
             yield Finding(wiring.name, ok=True, message=f"driver {wiring.driver!r} has no diagnosis")
         if loaded.file.bringup:
@@ -83,8 +85,8 @@ def _accept(buses: Sequence[WiredBus], name: str) -> None:
     if bus is None:
         listed = ", ".join(each.wiring.name for each in buses)
         raise ContidError(f"no bus {name!r}; buses: {listed}")
-    driver = bus.capable(Identifies, "doctor --accept")  # type: ignore[type-abstract]  # a runtime protocol
-    driver.accept(name, bus.wiring.options, bus.axes, lambda line: click.echo(line, err=True))
+    tool = require_tool(bus, Identifies, "doctor --accept")  # type: ignore[type-abstract]  # a runtime protocol
+    tool.accept(name, bus.wiring.options, bus.axes, lambda line: click.echo(line, err=True))
 
 
 def _fix(service: bool, yes: bool) -> None:

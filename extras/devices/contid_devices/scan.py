@@ -10,7 +10,8 @@ from pathlib import Path
 import click
 
 from contid.errors import ContidError
-from contid.hal import Scans, driver_names, load_driver
+from contid.hal import Scans, driver_names
+from contid_devices.tools import find_tool
 
 
 def serial_names(root: Path = Path("/dev")) -> dict[str, str]:
@@ -53,12 +54,12 @@ def command(ports: tuple[str, ...], bauds: tuple[int, ...], find_port: bool, as_
     count = 0
     left = list(ports)
     for name in driver_names():
-        driver = load_driver(name)
-        if not isinstance(driver, Scans):
+        tool = find_tool(name, Scans)  # type: ignore[type-abstract]  # a runtime protocol
+        if tool is None:
             continue
         if ports and not left:
             break
-        for found in driver.scan(left, bauds, lambda line: click.echo(line, err=True)):
+        for found in tool.scan(left, bauds, lambda line: click.echo(line, err=True)):
             count += 1
             # A port carries devices of one driver.
             left = [port for port in left if port != found.port]

@@ -62,12 +62,13 @@ def command(context: click.Context, port: str | None, baud: int, driver: str) ->
 
     `contid servo ROBOT.yaml` shows position, current, supply and temperature of its axes.
     """
-    from contid.hal import Commissions, load_driver
+    from contid.hal import Commissions
+    from contid_devices.tools import find_tool
 
-    loaded = load_driver(driver)
-    if not isinstance(loaded, Commissions):
+    tool = find_tool(driver, Commissions)  # type: ignore[type-abstract]  # a runtime protocol
+    if tool is None:
         raise ContidError(f"driver {driver!r} has no servos to commission")
-    context.obj = ServoPortOptions(loaded, port, baud)
+    context.obj = ServoPortOptions(tool, port, baud)
 
 
 def _on_device(name: str) -> Callable[[Callable[..., None]], click.Command]:
@@ -88,13 +89,15 @@ def setup(servo_port: ServoPortOptions, robot_file: str) -> None:
     from contid.control.engine.wiring import wired_buses
     from contid.hal import Commissions
     from contid.robot_file.load import load_named
+    from contid_devices.tools import find_tool
 
-    buses = [bus for bus in wired_buses(load_named(robot_file)) if isinstance(bus.driver, Commissions)]
-    if not buses:
+    buses = wired_buses(load_named(robot_file))
+    tools = [find_tool(bus.wiring.driver, Commissions) for bus in buses]  # type: ignore[type-abstract]
+    if not any(tools):
         raise ContidError(f"{robot_file} has no servos to number")
-    for bus in buses:
-        assert isinstance(bus.driver, Commissions)
-        bus.driver.setup(bus.wiring.name, bus.wiring.options, bus.axes, _ask, click.echo)
+    for bus, tool in zip(buses, tools, strict=True):
+        if tool is not None:
+            tool.setup(bus.wiring.name, bus.wiring.options, bus.axes, _ask, click.echo)
     click.echo(f"every servo is numbered; next: contid doctor {robot_file}")
 
 

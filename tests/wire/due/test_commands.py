@@ -17,9 +17,10 @@ from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, load_driver
 from contid.robot_file.load import load_robot_file
+from contid_devices.due.board import doctor
 from contid_devices.firmware import command as firmware_command
+from contid_drivers.due.homing import home
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
-from contid_drivers.due.service import doctor, home
 from contid_emulate.due import emulate
 from tests.wire.due.boards import MOTORS, PARKED
 

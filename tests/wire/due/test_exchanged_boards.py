@@ -7,9 +7,10 @@ import pytest
 from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError, DeviceNotFoundError
 from contid.kit import remembered
+from contid_devices.due.board import accept
 from contid_drivers.due.bus import DueBus
+from contid_drivers.due.homing import park
 from contid_drivers.due.options import DueBusOptions, Role
-from contid_drivers.due.service import accept, park
 from tests.wire.due.boards import MOTORS, settle
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from contid_devices.dynamixel.scan import likely_ports
 from contid_devices.firmware import command as firmware_command
 from contid_devices.scan import command as scan_command
 from contid_drivers.due.options import DueBusOptions, Role
-from contid_drivers.dynamixel.scan import likely_ports
 from contid_emulate.due import DueEmulator
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]

@@ -12,12 +12,12 @@ import pytest
 from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Rest
-from contid_drivers.dynamixel import bench_tools
+from contid_devices.dynamixel import bench_tools
+from contid_devices.dynamixel.commission import reboot, set_id
+from contid_devices.dynamixel.setup import setup
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
-from contid_drivers.dynamixel.commission import reboot, set_id
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
-from contid_drivers.dynamixel.setup import setup
 from contid_emulate.dynamixel import DynamixelEmulator, Servo
 
 pytestmark = pytest.mark.realtime

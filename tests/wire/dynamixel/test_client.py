@@ -12,9 +12,9 @@ import dynamixel_sdk as sdk
 import pytest
 
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
+from contid_devices.dynamixel.commission import sdk_bus
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient, ServoRefusedError
-from contid_drivers.dynamixel.commission import sdk_bus
 from contid_drivers.dynamixel.packets import (
     STATUS_ERROR_TEXT,
     Instruction,

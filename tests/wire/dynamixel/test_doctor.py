@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from contid_drivers.dynamixel import DRIVER
+from contid_devices.dynamixel import TOOLS
+from contid_devices.dynamixel.doctor import exchanges
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.client import ServoClient
-from contid_drivers.dynamixel.doctor import exchanges
 from contid_drivers.dynamixel.port import ServoPort
 from contid_emulate.dynamixel import Servo
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.realtime
 
 
 def doctor(r: Any) -> dict[str, Any]:
-    findings = DRIVER.doctor("servos", r.options, r.axes)  # type: ignore[attr-defined]
+    findings = TOOLS.doctor("servos", r.options, r.axes)
     return {finding.subject: finding for finding in findings}
 
 

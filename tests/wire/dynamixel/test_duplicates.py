@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from contid.errors import DeviceError, DeviceNotFoundError
+from contid_devices.dynamixel.commission import set_baud, set_id
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.commission import set_baud, set_id
 from contid_emulate.dynamixel import DynamixelEmulator, Servo
 
 pytestmark = pytest.mark.realtime

@@ -14,7 +14,7 @@ from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError, DeviceNotFoundError
 from contid.hal import AxisOnBus, Rest
 from contid.kit import remembered
-from contid_drivers.dynamixel import DRIVER
+from contid_devices.dynamixel import TOOLS
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
@@ -94,11 +94,11 @@ def test_exchanged_adapters_are_refused_until_a_person_accepts_them(robots: Robo
         robots.bus(0).open()
     assert "--accept servos0" in refused.value.remedy
     assert robots.state(1) == before
-    findings = {each.subject: each for each in DRIVER.doctor("servos0", robots.options[0], robots.axes[0])}  # type: ignore[attr-defined]
+    findings = {each.subject: each for each in TOOLS.doctor("servos0", robots.options[0], robots.axes[0])}
     assert not findings["servos0 identity"].ok
     assert "--accept servos0" in findings["servos0 identity"].remedy
     for which in range(2):
-        DRIVER.accept(f"servos{which}", robots.options[which], robots.axes[which], print)  # type: ignore[attr-defined]
+        TOOLS.accept(f"servos{which}", robots.options[which], robots.axes[which], print)
     assert robots.drive(0)
     assert robots.drive(1)
 

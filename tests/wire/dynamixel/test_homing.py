@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from contid.errors import DeviceError, DeviceNotFoundError
+from contid_devices.dynamixel.commission import reboot, set_baud, set_id
+from contid_devices.dynamixel.scan import scan
 from contid_drivers.dynamixel import DRIVER
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.commission import reboot, set_baud, set_id
-from contid_drivers.dynamixel.scan import scan
 from contid_emulate.dynamixel import Servo
 
 pytestmark = pytest.mark.realtime

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 
 import pytest
 
+from contid_devices.dynamixel.scan import PROTOCOL_1_S, USUAL_BAUDS, protocol_1, scan
 from contid_drivers.dynamixel.client import PING_SIZE, PING_SLOT_S
 from contid_drivers.dynamixel.packets import BROADCAST, STATUS_OVERHEAD
 from contid_drivers.dynamixel.port import ServoPort
-from contid_drivers.dynamixel.scan import PROTOCOL_1_S, USUAL_BAUDS, protocol_1, scan
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 

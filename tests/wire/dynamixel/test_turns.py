@@ -10,9 +10,9 @@ import dynamixel_sdk as sdk
 import pytest
 
 from contid.errors import DeviceError
+from contid_devices.dynamixel.commission import sdk_bus
 from contid_drivers.dynamixel import DRIVER
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.commission import sdk_bus
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 

@@ -16,7 +16,7 @@ from typing import Final
 from contid.errors import DeviceError
 from contid.hal import FoundDevice, Report
 from contid.kit.serial_ports import usb_ports
-from contid_drivers.dynamixel.commission import sdk_bus
+from contid_devices.dynamixel.commission import sdk_bus
 from contid_drivers.dynamixel.models import PROTOCOL_1_NUMBERS, model_name
 from contid_drivers.dynamixel.port import ServoPort
 

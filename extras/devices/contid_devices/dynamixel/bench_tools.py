@@ -14,9 +14,9 @@ from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import RegisterValue
+from contid_devices.dynamixel.commission import SdkBus, check_free, sdk_bus
 from contid_drivers.dynamixel import duplicates
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.commission import SdkBus, check_free, sdk_bus
 from contid_drivers.dynamixel.models import BY_NUMBER, model_name
 from contid_drivers.dynamixel.registers import Register
 

@@ -15,7 +15,8 @@ from contid.errors import DeviceError
 from contid.hal import AxisOnBus, FoundDevice, Report
 from contid.kit.remembered import memory_of
 from contid.kit.serial_ports import find_port
-from contid_drivers.dynamixel import commission
+from contid_devices.dynamixel import commission
+from contid_devices.dynamixel.scan import OTHER_BAUDS, scan
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.checks import identity
@@ -23,7 +24,6 @@ from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.link import handshake
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.port import ServoPort
-from contid_drivers.dynamixel.scan import OTHER_BAUDS, scan
 
 #: A shaft was turned by hand; the other one of its body hardly moves.
 TURNED_TICKS: Final = 200

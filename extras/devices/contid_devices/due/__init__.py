@@ -1,0 +1,42 @@
+"""What is done with Due and Teensy boards beside a run; modules that touch a port are imported on use."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from contid.hal import AxisOnBus, Finding, FoundDevice, Report
+from contid_drivers.due.options import DueBusOptions
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+
+class BoardTools:
+    """Search and diagnosis of boards (entry point ``contid.tools``)."""
+
+    def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
+        """Examine without motion; problems are findings, not exceptions (`contid.hal.Diagnoses`)."""
+        from contid_devices.due.board import doctor
+
+        assert isinstance(options, DueBusOptions)
+        return doctor(name, options, axes)
+
+    def accept(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], report: Report) -> None:
+        """Take the devices that answer as those of the bus (`contid.hal.Identifies`)."""
+        from contid_devices.due.board import accept
+
+        assert isinstance(options, DueBusOptions)
+        accept(name, options, axes, report)
+
+    def scan(self, ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
+        """Devices on ``ports`` (empty: every likely one) at ``bauds`` (empty: all until one answers).
+
+        See `contid.hal.Scans`; a native port has no rate.
+        """
+        from contid_devices.due.board import scan
+
+        return scan(ports, report)
+
+
+TOOLS = BoardTools()
