@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -12,7 +13,7 @@ pytestmark = pytest.mark.process
 SCRIPT = """
 import os, signal, sys
 module = sys.argv[1]
-sys.argv[1:] = ["check", "finger"]
+sys.argv[1:] = sys.argv[2:]
 
 class Interrupt:
     def find_spec(self, name, path=None, target=None):
@@ -26,5 +27,20 @@ main()
 
 @pytest.mark.parametrize("module", ["contid.cli.main", "click", "contid.cli.commands.check", "pydantic"])
 def test_an_interrupt_during_an_import_is_quiet(module: str) -> None:
-    done = subprocess.run([sys.executable, "-c", SCRIPT, module], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, module, "check", "finger"], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr.strip()) == (130, "")
+
+
+def test_a_run_as_a_background_job_of_a_script_loses_no_interrupt(tmp_path: Path) -> None:
+    """Shells start such jobs with SIGINT ignored; it came before the handlers of the run, and was lost."""
+    arguments = ["contid.remote.server.server", "run", "finger", "--mock", "--socket", str(tmp_path / "s")]
+    done = subprocess.run(
+        ["sh", "-c", 'trap "" INT; exec "$@"', "sh", sys.executable, "-c", SCRIPT, *arguments],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     assert (done.returncode, done.stderr.strip()) == (130, "")

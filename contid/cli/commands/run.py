@@ -110,10 +110,14 @@ def command(
     orders over the socket: `contid move`, `contid status`, contid.client.
     """
     import logging
+    import signal
 
     from contid.control.daemon.spawn import spawn
     from contid.control.process.nonblocking_stderr import make_stderr_nonblocking
 
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        # Shells let background jobs ignore it. The run handles it later on, and must not lose it until then.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     make_stderr_nonblocking()
     if stretch and unreachable != "refuse":
         raise click.UsageError("--stretch needs targets within reach: leave out --unreachable nearest")
