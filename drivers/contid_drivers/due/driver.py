@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +19,7 @@ from contid.hal import (
     RefusedKey,
     Report,
 )
-from contid.hal.pulses import DriveFacts, ProvenDevice, PulsedBus
+from contid.hal.pulses import ProvenDevice
 from contid.units import BAR, DEG
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
 
@@ -128,25 +127,9 @@ class DueDriver:
         assert isinstance(options, DueBusOptions)
         return home(name, options, axes, only, report)
 
-    def pulsed_bus(
-        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]
-    ) -> AbstractContextManager[PulsedBus]:
-        """Open the bus for pulses; on exit every motor is without power (`contid.hal.pulses.Pulses`)."""
-        from contid_drivers.due.pulses import pulsed_bus
-
-        assert isinstance(options, DueBusOptions)
-        return pulsed_bus(name, options, axes)
-
-    def drive_facts(self, axis: BaseModel) -> DriveFacts | None:
-        """What the file states about the motor of an axis; None for a regulator."""
-        from contid_drivers.due.pulses import drive_facts
-
-        assert isinstance(axis, DueAxisOptions)
-        return drive_facts(axis)
-
     def wiring(self, options: BaseModel, axis: BaseModel) -> Mapping[str, object]:
         """The options that a change of wiring would change (`contid.hal.pulses.Proves`)."""
-        from contid_drivers.due.pulses import wiring
+        from contid_drivers.due.proven import wiring
 
         assert isinstance(options, DueBusOptions)
         assert isinstance(axis, DueAxisOptions)
@@ -154,7 +137,7 @@ class DueDriver:
 
     def devices(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> Mapping[str, ProvenDevice]:
         """The board, for each axis (`contid.hal.pulses.Proves`)."""
-        from contid_drivers.due.pulses import board
+        from contid_drivers.due.proven import board
         from contid_drivers.due.session import ask_hello
 
         assert isinstance(options, DueBusOptions)

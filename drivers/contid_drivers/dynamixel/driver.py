@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +20,7 @@ from contid.hal import (
     Homed,
     Report,
 )
-from contid.hal.pulses import DriveFacts, ProvenDevice, PulsedBus
+from contid.hal.pulses import ProvenDevice
 from contid.units import DEG
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
@@ -99,25 +98,9 @@ class DynamixelDriver:
         assert isinstance(options, DynamixelBusOptions)
         return home(name, options, axes, only, report)
 
-    def pulsed_bus(
-        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]
-    ) -> AbstractContextManager[PulsedBus]:
-        """Open the bus for pulses; on exit every servo is without torque (`contid.hal.pulses.Pulses`)."""
-        from contid_drivers.dynamixel.checks.pulses import pulsed_bus
-
-        assert isinstance(options, DynamixelBusOptions)
-        return pulsed_bus(name, options, axes)
-
-    def drive_facts(self, axis: BaseModel) -> DriveFacts:
-        """What the manual states about the motor of a servo."""
-        from contid_drivers.dynamixel.checks.pulses import drive_facts
-
-        assert isinstance(axis, DynamixelAxisOptions)
-        return drive_facts(axis)
-
     def wiring(self, options: BaseModel, axis: BaseModel) -> Mapping[str, object]:
         """The options that a change of wiring would change (`contid.hal.pulses.Proves`)."""
-        from contid_drivers.dynamixel.checks.pulses import wiring
+        from contid_drivers.dynamixel.checks.proven import wiring
 
         assert isinstance(options, DynamixelBusOptions)
         assert isinstance(axis, DynamixelAxisOptions)
@@ -125,7 +108,7 @@ class DynamixelDriver:
 
     def devices(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> Mapping[str, ProvenDevice]:
         """The servo of each axis that answers (`contid.hal.pulses.Proves`)."""
-        from contid_drivers.dynamixel.checks.pulses import devices
+        from contid_drivers.dynamixel.checks.proven import devices
 
         assert isinstance(options, DynamixelBusOptions)
         return devices(name, options, axes)

@@ -12,8 +12,8 @@ from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file
 from contid_bringup.command import command
 from contid_devices.doctor import command as doctor
+from contid_devices.dynamixel.pulses import PROBE_PWM
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.checks.pulses import PROBE_PWM
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_emulate.dynamixel.bench import Bench
 from contid_emulate.dynamixel.servo import Servo

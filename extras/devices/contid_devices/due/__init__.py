@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
 from contid.hal import AxisOnBus, Finding, FoundDevice, Report
-from contid_drivers.due.options import DueBusOptions
+from contid.hal.pulses import DriveFacts, PulsedBus
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
 
 class BoardTools:
-    """Search and diagnosis of boards (entry point ``contid.tools``)."""
+    """Search, diagnosis and pulses of boards (entry point ``contid.tools``)."""
 
     def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
         """Examine without motion; problems are findings, not exceptions (`contid.hal.Diagnoses`)."""
@@ -28,6 +30,22 @@ class BoardTools:
 
         assert isinstance(options, DueBusOptions)
         accept(name, options, axes, report)
+
+    def pulsed_bus(
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]
+    ) -> AbstractContextManager[PulsedBus]:
+        """Open the bus for pulses; on exit every motor is without power (`contid.hal.pulses.Pulses`)."""
+        from contid_devices.due.pulses import pulsed_bus
+
+        assert isinstance(options, DueBusOptions)
+        return pulsed_bus(name, options, axes)
+
+    def drive_facts(self, axis: BaseModel) -> DriveFacts | None:
+        """What the file states about the motor of an axis; None for a regulator."""
+        from contid_devices.due.pulses import drive_facts
+
+        assert isinstance(axis, DueAxisOptions)
+        return drive_facts(axis)
 
     def scan(self, ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
         """Devices on ``ports`` (empty: every likely one) at ``bauds`` (empty: all until one answers).

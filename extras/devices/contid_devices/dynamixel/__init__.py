@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
 from contid.hal import AxisOnBus, Finding, FoundDevice, RegisterValue, Report
-from contid_drivers.dynamixel.options import DynamixelBusOptions
+from contid.hal.pulses import DriveFacts, PulsedBus
+from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
 
 class DynamixelTools:
-    """Search, diagnosis and commissioning of servos (entry point ``contid.tools``)."""
+    """Search, diagnosis, pulses and commissioning of servos (entry point ``contid.tools``)."""
 
     def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
         """Examine without motion; problems are findings, not exceptions (`contid.hal.Diagnoses`)."""
@@ -28,6 +30,22 @@ class DynamixelTools:
 
         assert isinstance(options, DynamixelBusOptions)
         accept(name, options, axes, report)
+
+    def pulsed_bus(
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]
+    ) -> AbstractContextManager[PulsedBus]:
+        """Open the bus for pulses; on exit every servo is without torque (`contid.hal.pulses.Pulses`)."""
+        from contid_devices.dynamixel.pulses import pulsed_bus
+
+        assert isinstance(options, DynamixelBusOptions)
+        return pulsed_bus(name, options, axes)
+
+    def drive_facts(self, axis: BaseModel) -> DriveFacts:
+        """What the manual states about the motor of a servo."""
+        from contid_devices.dynamixel.pulses import drive_facts
+
+        assert isinstance(axis, DynamixelAxisOptions)
+        return drive_facts(axis)
 
     def scan(self, ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
         """Devices on ``ports`` (empty: every likely one) at ``bauds`` (empty: all until one answers)."""

@@ -10,7 +10,7 @@ series, registers 11, 36, 98 and 100.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from typing import Final, NamedTuple
 
@@ -23,6 +23,7 @@ from contid_drivers.dynamixel import arming, search, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.checks import identity, left_over
+from contid_drivers.dynamixel.checks.proven import servo_device
 from contid_drivers.dynamixel.client import TRIES, NoAnswerError, ServoClient
 from contid_drivers.dynamixel.grip import read_own_limit
 from contid_drivers.dynamixel.link import handshake
@@ -265,29 +266,9 @@ def _answer(ways: Sequence[int]) -> EncoderAnswer:
     return EncoderAnswer(ways[-1], span, span, 0)
 
 
-def servo_device(client: ServoClient, axis: Axis) -> ProvenDevice:
-    """The servo of an axis: its model and mark, its firmware."""
-    mark = identity.read_mark(client, axis.device)
-    return ProvenDevice(f"{axis.options.model} {mark}".rstrip(), str(client.read(axis.device, reg.FIRMWARE)))
-
-
 def drive_facts(axis: DynamixelAxisOptions) -> DriveFacts:
     """What the manual states about the motor of a model, at its nominal supply."""
     top_deg_s = NO_LOAD_RPM.get(axis.model, _UNREAD_RPM) * 6.0
     return DriveFacts(
         reg.TICKS_PER_REV, True, _FRICTION, top_deg_s, _TIME_CONSTANT_S, sealed=True, longest_s=_LONGEST_S
     )
-
-
-def wiring(options: DynamixelBusOptions, axis: DynamixelAxisOptions) -> Mapping[str, object]:
-    """The options of an axis and its bus that a change of wiring would change."""
-    return {"port": options.port} | axis.model_dump(mode="json", include={"id", "model"})
-
-
-def devices(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus]) -> Mapping[str, ProvenDevice]:
-    """The servo of each axis that answers now (`contid.hal.pulses.Proves.devices`)."""
-    states = [Axis.of(axis, options) for axis in axes]
-    path = find_port(name, options.port)
-    with closing(ServoPort(name, path, options.baud, options.usb_latency_ms / 1e3)) as port:
-        client = ServoClient(name, port)
-        return {a.name: servo_device(client, a) for a in states if client.ping(a.device) is not None}

@@ -14,19 +14,15 @@ from contid.kit.clock import MonotonicClock
 from contid.kit.signals import defer_signals
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.codes import DUTY_FULL, TRACE_MS, Reason, Refusal
-from contid_drivers.due.messages import Hello, PulseTrace
+from contid_drivers.due.messages import PulseTrace
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
+from contid_drivers.due.proven import board
 from contid_drivers.due.session import BoardRefusedError
 from contid_drivers.due.wiring import axis_options
 
 #: The trace is asked for at this interval, and must be over within this time.
 _POLL_S: Final = 0.02
 _TRACE_S: Final = 2.0
-#: Options that a change of cables or parts changes.
-_WIRING: Final = (
-    "channel", "bridge", "encoder_reversed", "motor_reversed", "counts_per_rev", "start_state", "on_watchdog",
-    "current_ma_per_v", "calibration", "readback",
-)  # fmt: skip
 
 
 class DuePulsedBus:
@@ -121,11 +117,6 @@ def pulsed_bus(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> 
                 bus.disable(bus.axes, Rest.RELAX)
 
 
-def board(hello: Hello) -> ProvenDevice:
-    """The board behind a hello."""
-    return ProvenDevice(hello.unique_id, ".".join(map(str, hello.firmware)))
-
-
 def drive_facts(axis: DueAxisOptions) -> DriveFacts | None:
     """What the file states about the motor of an axis; None for a regulator."""
     if axis.kind is not DeviceKind.MOTOR:
@@ -137,13 +128,4 @@ def drive_facts(axis: DueAxisOptions) -> DriveFacts | None:
         axis.no_load_deg_s,
         axis.time_constant_ms / 1000.0,
         axis.stall_current_ma / 1000.0,
-    )
-
-
-def wiring(options: DueBusOptions, axis: DueAxisOptions) -> Mapping[str, object]:
-    """The options of an axis and its bus that a change of wiring would change."""
-    # Digests of axes without valves stay those of files that were written before there were any.
-    keys = {*_WIRING} if axis.valves is None else {*_WIRING, "valves"}
-    return {"role": options.role, "connection": options.connection} | axis.model_dump(
-        mode="json", include=keys
     )
