@@ -126,7 +126,7 @@ class DynamixelDriver:
         return pulsed_bus(name, options, axes)
 
     def drive_facts(self, axis: BaseModel) -> DriveFacts:
-        """What the manual states about the motor of a servo."""
+        """What the manual states about the motor of a servo (`contid.hal.pulses.Pulses`)."""
         from contid_drivers.dynamixel.checks.pulses import drive_facts
 
         assert isinstance(axis, DynamixelAxisOptions)
@@ -154,13 +154,13 @@ class DynamixelDriver:
         return scan(ports, bauds, report)
 
     def set_id(self, port: str, baud: int, device: int, new: int) -> None:
-        """Change the id of a device (`contid.hal.Commissions`)."""
+        """Change the id of the device with id ``device`` to ``new`` (`contid.hal.Commissions`)."""
         from contid_drivers.dynamixel import commission
 
         commission.set_id(port, baud, device, new)
 
     def set_baud(self, port: str, baud: int, device: int, new: int) -> None:
-        """Change the baud rate of a device (`contid.hal.Commissions`)."""
+        """Change the baud rate of the device with id ``device`` to ``new`` (`contid.hal.Commissions`)."""
         from contid_drivers.dynamixel import commission
 
         commission.set_baud(port, baud, device, new)
