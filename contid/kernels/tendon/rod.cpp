@@ -21,7 +21,8 @@ struct Solver {
     const Given h = array("lengths"), rest = array("rest");
     s.elements = static_cast<int>(h.size());
     s.tendons = static_cast<int>(rest.size());
-    if (s.elements < 1 || s.tendons < 1 || s.tendons > kMaxTendons) throw nb::value_error("1 to 64 tendons, 1 element at least");
+    if (s.elements < 1 || s.tendons < 1 || s.tendons > kMaxTendons)
+      throw nb::value_error("1 to 64 tendons, 1 element at least");
     s.stretches = nb::cast<bool>(of.attr("stretches"));
     s.base = nb::cast<double>(of.attr("base_m"));
     const size_t n = s.elements, m = s.tendons;
