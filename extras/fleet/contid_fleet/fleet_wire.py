@@ -4,8 +4,8 @@ A request is sent as a query of Zenoh, and its answer is delivered as a line suc
 gives no free lease to an order that comes by network. Therefore the wire, in the program of the operator,
 acquires it first, except after a stop by another client.
 
-Set-points of `servo` go through `contid_fleet.row_pipeline`. Rows of `stream` are pipelined by the client, up
-to the number that the daemon has granted, and none is dropped.
+Set-points of `servo` go through `contid_fleet.links.row_pipeline`. Rows of `stream` are pipelined by the
+client, up to the number that the daemon has granted, and none is dropped.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from typing import Any, Final
 
 from contid.remote.client.client_protocol import Request
 from contid.remote.protocol.wire import Code, Fields, decode, encode
+from contid_fleet.links.operator_link import LEASE_S, NO_LEASE
+from contid_fleet.links.row_pipeline import RowPipeline
 from contid_fleet.operator import FleetOperator, response_of
-from contid_fleet.operator_link import LEASE_S, NO_LEASE
 from contid_fleet.rights import LEASED, STOPS
-from contid_fleet.row_pipeline import RowPipeline
 
 #: Longest wait for an answer; the bridge answers by itself when the daemon does not [s].
 ANSWER_TIMEOUT_S: Final = 5.0

@@ -14,13 +14,13 @@ from typing import Final
 from contid.errors import ContidError
 from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, encode
 from contid_fleet.clocks import NotedOffset, clock_fields
-from contid_fleet.daemon_link import DaemonLink, refusal
 from contid_fleet.feed_watch import FeedWatch
 from contid_fleet.fleet_file import MachineFile
 from contid_fleet.gate import FORBIDDEN, checked
 from contid_fleet.keys import Keys, Order, Origin
+from contid_fleet.links.daemon_link import DaemonLink, refusal
+from contid_fleet.links.operator_links import MAX_SESSIONS, OperatorLinks
 from contid_fleet.net import Declared, NetSession, Question, in_loop
-from contid_fleet.operator_links import MAX_SESSIONS, OperatorLinks
 from contid_fleet.rights import CLOCK, FEED, NOTE, READS, STOPS
 from contid_fleet.sessions import Sessions
 

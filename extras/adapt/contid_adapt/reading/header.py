@@ -171,7 +171,7 @@ def _facts(lines: Sequence[str], separator: str) -> dict[str, str]:
 
 
 def _are_units(cells: Sequence[str], fields: int) -> bool:
-    """True for a line of units: six of ten words are units or signs for none."""
+    """True for a line of units: six of ten cells are units or signs for none."""
     given = [cell for cell in cells if cell]
     names = sum(unit_word(cell) in UNITS or cell in "[]-()" for cell in given)
     return bool(given) and len(cells) <= fields + 1 and 10 * names >= 6 * len(given)

@@ -108,7 +108,7 @@ def _of_rows(rows: Sequence[tuple[int, dict[str, Any]]], file: str) -> Table:
 
 
 def column_of(name: str, position: int, values: Sequence[Any]) -> TableColumn:
-    """A column of JSON values: of words where these are more than half, else of numbers.
+    """A column of JSON values: of texts where these are more than half, else of numbers.
 
     Args:
         name: of the column.

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from contid_fleet.keys import Origin
-from contid_fleet.operator_link import OperatorLink
+from contid_fleet.links.operator_link import OperatorLink
 from contid_fleet.sessions import Sessions
 
 #: Sessions with a connection of their own; stops of others use that of the bridge.
