@@ -89,13 +89,13 @@ def command(
     serve(server, scene, rate_hz, faults, poses)
 
 
-def _poses(bodies: Sequence[str]) -> dict[str, EmulatedPose]:
+def _poses(bodies: Sequence[str]) -> dict[str, EmulatedPose | None]:
     """Poses by name, position [m] and quaternion, of bodies ``NAME`` or ``NAME=x,y,z``.
 
     Raises:
         click.BadParameter: a body has no name, no three numbers, or the name of another.
     """
-    poses: dict[str, EmulatedPose] = {}
+    poses: dict[str, EmulatedPose | None] = {}
     for text in bodies:
         name, _, numbers = text.partition("=")
         if not name:
