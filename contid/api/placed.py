@@ -1,7 +1,7 @@
-"""Points and vectors of many rows between the world and a base frame, bit for bit as `BaseFrame`.
+"""Arrays of points, vectors and matrices between the world and a base frame.
 
-Bit for bit: sums are in the order of `BaseFrame`, so that a row of an array and a single target give the same
-numbers. Planar robots have two columns: z is 0.
+Sums of points and vectors are in the order of `BaseFrame`, so that a row of an array and a single target give
+the same numbers bit for bit; matrices are products of NumPy. Planar robots have two columns: z is 0.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class PlacedRows:
         dimension: d, the columns of points in the world: 2 for planar robots, else 3.
 
     Attributes:
-        dimension: the same.
+        dimension: d.
     """
 
     def __init__(self, frame: BaseFrame, dimension: int) -> None:

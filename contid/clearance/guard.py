@@ -77,6 +77,18 @@ class ClearanceGuard:
     Args:
         file: a robot file.
         clearance: clearance of this file.
+
+    Attributes:
+        margin_m: distance that every pair keeps [m], except tips that may touch.
+        tip_depth_m: depth to which two tips that may touch may be in each other [m].
+        arms: by robot.
+        obstacles: in the world, by name.
+        pairs: pairs whose distance is bounded along a motion (`Shapes.nearest`): of two robots that of their
+            shafts, of a robot and an obstacle that of the whole body.
+        sampled: pairs whose distance is computed at points of a motion, without a bound between these
+            (`Shapes.sampled`): those with a tip that may touch, and a body with itself, which are near for as
+            long as something is held.
+        rest: actuation of every robot at its rest pose, extra axes at their lower limits.
     """
 
     def __init__(self, file: RobotFile, clearance: Clearance) -> None:
@@ -88,8 +100,6 @@ class ClearanceGuard:
         arms = [*itertools.combinations(self.arms, 2)]
         every = [*arms, *itertools.product(self.arms, self.obstacles)]
         self.pairs: tuple[Pair, ...] = tuple(p for p in every if frozenset(p) not in ignored)
-        #: Pairs with a tip that may touch, and a body with itself: near for as long as something is held.
-        #: `Walk` computes their distances at points of a motion, without a bound between these.
         tips = [p for p in arms if any(self.arms[name].tip_free_m > 0.0 for name in p)]
         near = [*tips, *((name, name) for name in self.arms)]
         self.sampled: tuple[Pair, ...] = tuple(p for p in near if frozenset(p) not in ignored)
@@ -108,7 +118,12 @@ class ClearanceGuard:
 
 
 class Shapes:
-    """The bodies of one configuration; computed when a distance needs them."""
+    """The bodies of one configuration; each is computed when a distance needs it first.
+
+    Args:
+        guard: what a robot file states.
+        configuration: of every robot whose distance is asked for.
+    """
 
     def __init__(self, guard: ClearanceGuard, configuration: Configuration) -> None:
         self._guard = guard
@@ -116,9 +131,11 @@ class Shapes:
         self._parts: dict[str, ArmParts] = {}
 
     def nearest(self, pair: Pair, enough_m: float = np.inf) -> Nearest:
-        """The distance of a pair, of two robots without their tips that may touch.
+        """The distance of one of `ClearanceGuard.pairs`.
 
-        Only a bound where it has ``enough_m`` to spare at least.
+        Args:
+            pair: of two robots the distance is that of their shafts, without the tips that may touch.
+            enough_m: where at least this is certainly to spare, the distance is only bounded [m].
         """
         robot, other = pair
         margin_m = self._guard.margin_m
@@ -130,7 +147,10 @@ class Shapes:
         return Nearest(robot, other, found, margin_m)
 
     def sampled(self, pair: Pair) -> Nearest:
-        """The distance of the tips of two robots from all of the other, or of a robot from itself."""
+        """The distance of one of `ClearanceGuard.sampled`.
+
+        Of two robots that of a tip which may touch from the body of the other, of one robot that from itself.
+        """
         robot, other = pair
         margin_m = self._guard.margin_m
         enough_m = margin_m + LOOK_AHEAD_M
@@ -149,7 +169,7 @@ class Shapes:
         return min(found, key=lambda each: each.spare_m)
 
     def _tips(self, robot: str, tip: Body, other: str, other_tip: Body) -> Nearest:
-        """The distance of two tips that may touch; in a plane they may not cross either."""
+        """The distance of two tips that may touch, of their tip radii; in a plane they may not cross."""
         arms = (self._guard.arms[robot], self._guard.arms[other])
         width_m, depth_m = arms[0].tip_radius_m + arms[1].tip_radius_m, self._guard.tip_depth_m
         plane = all(arm.model.dimension == 2 for arm in arms)

@@ -33,7 +33,7 @@ NonNegative: TypeAlias = Annotated[float, Field(ge=0)]
 Size: TypeAlias = Annotated[float, Field(ge=0.1, le=1e5)]
 #: An azimuth [deg]. In a far larger one the angles that are added to it are lost in rounding.
 Azimuth: TypeAlias = Annotated[float, Field(ge=-3600, le=3600)]
-#: A rate: outside these bounds the duration of a motion is lost in float64 rounding.
+#: A limit of a rate, in the unit of its key. Beyond these the duration of a motion is lost in rounding.
 Rate: TypeAlias = Annotated[float, Field(ge=1e-3, le=1e12)]
 
 
@@ -76,26 +76,26 @@ class Quantity(enum.StrEnum):
 
     @property
     def per_si(self) -> float:
-        """Edge units per SI unit: 1000 mm per m, 1e-5 bar per Pa, 57.3 degrees per rad."""
-        first, second = self.edge_si
-        return first / second
+        """Units of files and rows per SI unit: 1000 mm per m, 1e-5 bar per Pa, 57.3 degrees per rad."""
+        divisor, factor = self.edge_si
+        return divisor / factor
 
     def to_si(self, value: float) -> float:
         """A number of a file or row, in mm, bar or degrees, as m, Pa or rad."""
-        first, second = self.edge_si
-        return value / first * second
+        divisor, factor = self.edge_si
+        return value / divisor * factor
 
     def from_si(self, value: _Values) -> _Values:
-        """A value in m, Pa or rad as mm, bar or degrees, correctly rounded; a number or an array."""
-        first, second = self.edge_si
-        return value / second * first
+        """A value in m, Pa or rad as mm, bar or degrees, rounded once; a number or an array."""
+        divisor, factor = self.edge_si
+        return value / factor * divisor
 
     @property
     def edge_si(self) -> tuple[float, float]:
-        """``si = value / first * second`` with one of them 1, so that the conversion rounds once."""
-        return {Quantity.LENGTH: (MM_PER_M, 1.0), Quantity.PRESSURE: (1.0, BAR), Quantity.ANGLE: (1.0, DEG)}[
-            self
-        ]
+        """Divisor and factor that make a number of a file SI. One of them is 1: it is rounded once."""
+        if self is Quantity.LENGTH:
+            return MM_PER_M, 1.0
+        return 1.0, BAR if self is Quantity.PRESSURE else DEG
 
     @property
     def unit(self) -> str:
@@ -107,7 +107,7 @@ class Placement(Strict):
     """Pose of a frame in another one: rotation Rz(yaw) Ry(pitch) Rx(roll), then translation.
 
     Attributes:
-        x_mm, y_mm, z_mm: its origin.
+        x_mm, y_mm, z_mm: its origin in the other frame.
         roll_deg: first rotation, about x of the other frame.
         pitch_deg: second rotation, about its y.
         yaw_deg: third rotation, about its z.
@@ -122,7 +122,7 @@ class Placement(Strict):
 
     @property
     def position_m(self) -> tuple[float, float, float]:
-        """Origin of the base in the world [m]."""
+        """Origin of this frame in the other [m]."""
         return (self.x_mm / MM_PER_M, self.y_mm / MM_PER_M, self.z_mm / MM_PER_M)
 
     @property

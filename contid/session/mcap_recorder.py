@@ -45,15 +45,16 @@ SYNC_PERIOD_S: Final = 0.8
 _MAX_RECORDS: Final = 256
 #: Fraction of a period after a deadline at which its record is read.
 _DELAY: Final = 0.5
-_MIN_SLEEP_S: Final = 5e-4
-#: Longest sleep: the end of the ring, lines of the daemon and an error of the disk do not end it.
+_MIN_SLEEP_S: Final = 5e-4  # while a record is overdue
+#: Longest sleep: the end of the ring, lines of the daemon and an error of the disk do not wake the recorder.
 _MAX_SLEEP_S: Final = 0.1
-#: Nice value while recording. A kill of this process loses the records that are still in the ring only.
-_PRIORITY: Final = -10
+#: Nice values: records that are not read in time are missing, a file that is compacted later is not.
+_NICE_RECORDING: Final = -10
+_NICE_COMPACTING: Final = 10
 
 
 class McapRecorder:
-    """Writes the records of a ring to a file."""
+    """Writes the records of a ring to a file; raises `ContidError` where it cannot create it."""
 
     def __init__(self, job: RecorderJob) -> None:
         self._reader = RingReader(job.ring)
@@ -66,8 +67,7 @@ class McapRecorder:
         self._next_s = 0.0
         self._taken = self._reader.skip() if job.during_run else 0
         self._ended = False
-        #: Ticks and events missed so far.
-        self._missed = (0, 0)
+        self._missed = (0, 0)  # ticks and events, as far as the file states it
         #: Events of ticks that are not written yet.
         self._events: deque[DatedEvent] = deque()
         self._sync_error: ContidError | None = None
@@ -147,7 +147,7 @@ class McapRecorder:
         return self._taken < written
 
     def _write_events(self, ticks: int | None) -> None:
-        """Write the events before a tick, at the time of the tick before it.
+        """Write the events before a tick, at the time of the tick that was written last.
 
         Args:
             ticks: number of ticks before the one that is written next; None for all events.
@@ -165,6 +165,7 @@ class McapRecorder:
                 return
 
     def _take_attached(self) -> None:
+        """Take the trajectories that the daemon has sent, or the end of the recording."""
         try:
             chunk = os.read(self._inbox, 1 << 16)
         except BlockingIOError:
@@ -213,7 +214,7 @@ def main() -> int:
     os.set_blocking(1, False)  # a daemon that stands still must not keep the ring from being read
     gc.collect()
     gc.freeze()
-    _set_nice(_PRIORITY)
+    _set_nice(_NICE_RECORDING)
     recorder.listen(sys.stdin.fileno())
     try:
         recorder.run()
@@ -223,7 +224,7 @@ def main() -> int:
         return error.exit_code
     finally:
         recorder.close()
-    _set_nice(-_PRIORITY)  # compaction is not urgent
+    _set_nice(_NICE_COMPACTING)
     if os.getppid() != daemon:  # the daemon, which removes the ring, has ended
         job.ring.unlink(missing_ok=True)
     try:

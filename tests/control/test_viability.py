@@ -12,7 +12,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits
 from contid.control.tick.viability import excess, stops_inside, viable
 from contid.robot_file.load import load_named
-from contid.trajectory.pursuit import MovingAxes
+from contid.trajectory.planned_motion import MovingAxes
 
 
 def config_of(robot: str) -> RobotConfig:

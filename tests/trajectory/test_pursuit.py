@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from contid.targets import Actuation
-from contid.trajectory.pursuit import AxisRates, Lines, MovingAxes, braked, frame_velocity, pursued, stopping
+from contid.trajectory.planned_motion import AxisRates, Lines, MovingAxes
+from contid.trajectory.pursuit import braked, frame_velocity, pursued, stopping
 
 H_S = 0.005
 RATES = AxisRates((0.06, 0.1, 0.06), (1.0, 0.9, 1.0), (20.0, 18.0, 25.0))

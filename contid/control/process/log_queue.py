@@ -17,7 +17,7 @@ from contid.control.engine.events.run import LogWritten
 
 #: Records kept until the next `LogQueue.take`; older ones are dropped.
 CAPACITY: Final = 1024
-#: Levels of `LogWritten`, highest first; records of other levels get the next lower one.
+#: Levels of `LogWritten`, highest first; records of other levels get the next lower one, at least the last.
 LEVELS: Final = {
     "critical": logging.CRITICAL,
     "error": logging.ERROR,
@@ -28,12 +28,15 @@ LEVELS: Final = {
 
 
 def level_name(level: int) -> str:
-    """The name of a level."""
+    """The level of `LogWritten` for a level of `logging`."""
     return next((name for name, lowest in LEVELS.items() if level >= lowest), "debug")
 
 
 class LogQueue(logging.Handler):
     """Collects log records; safe in threads that must not write to the ring.
+
+    Args:
+        process: name of this process in the events.
 
     Attributes:
         waiting: records that were not taken yet, oldest first.
@@ -68,7 +71,7 @@ class LogQueue(logging.Handler):
 
 @contextmanager
 def handle_logs(level: int, *handlers: logging.Handler) -> Iterator[None]:
-    """Pass log records of this process from ``level`` to handlers."""
+    """Pass log records of this process from ``level`` on to handlers, within the context."""
     root = logging.getLogger()
     before = root.level
     root.setLevel(level)

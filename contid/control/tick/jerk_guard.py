@@ -24,7 +24,8 @@ from contid.control.tick.state import GuardState, RobotState
 from contid.control.tick.viability import SLACK, stays_viable, stops_inside, viable
 from contid.targets import Actuation
 from contid.trajectory.approach import optimal
-from contid.trajectory.pursuit import AxisRates, Lines, MovingAxes, braked, frame_velocity, kept_line, pursued
+from contid.trajectory.planned_motion import AxisRates, Lines, MovingAxes
+from contid.trajectory.pursuit import braked, frame_velocity, kept_line, pursued
 
 #: Shares of the velocity with which a tendon robot goes on before it stops, where its way leaves limits.
 _SHARES: Final = (1.0, 0.3, 0.1)

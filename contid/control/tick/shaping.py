@@ -7,8 +7,9 @@ Singer and W. P. Seering, "Preshaping Command Inputs to Reduce System Vibration"
     zv:   1, K            over 1 + K,            at 0, T/2
     zvd:  1, 2 K, K^2     over (1 + K)^2,        at 0, T/2, T
 
-for the damped period T. Zvd also cancels the change by an error of the frequency. Delays between two ticks
-are divided among them. With a schedule over poses zvd is the product of the zv of the two slowest modes.
+for the damped period T. Zvd also cancels, to the first order, what an error of the frequency leaves. Delays
+between two ticks are divided among them. With a schedule over poses zvd is the product of the zv of the two
+slowest modes.
 
 What goes out is a weighted mean of the commands of the last period: it is within every limit of position,
 speed, acceleration and jerk that those keep, and within every convex limit that axes share. For that the
@@ -42,12 +43,12 @@ class Shaper:
 
     @classmethod
     def of(cls, shape: InputShape, period_s: float, frequencies: tuple[float, float] | None = None) -> Shaper:
-        """Of the ``shape`` of a robot file, for a period of the tick.
+        """The shaper for the ``shape`` of a robot file.
 
         Args:
-            shape: of the file.
-            period_s: of the tick.
-            frequencies: of the two slowest modes [Hz], None for that of the file.
+            shape: rates.shape of the file.
+            period_s: period of the tick.
+            frequencies: those of the two slowest modes [Hz]; None for the one frequency of the file.
         """
         found: dict[int, float] = {}
         impulses = shape.impulses(frequencies)
@@ -68,10 +69,10 @@ class ShaperChoice:
     """Which shaper a motion has.
 
     Attributes:
-        shape: of the file.
-        quantity: of the axes of the model.
-        period_s: of the tick.
-        fixed: without a schedule.
+        shape: rates.shape of the robot file.
+        quantity: quantity of the axes of the model, in whose unit a schedule has poses.
+        period_s: period of the tick.
+        fixed: the shaper of every motion where the shape has no schedule.
     """
 
     shape: InputShape
@@ -81,14 +82,14 @@ class ShaperChoice:
 
     @classmethod
     def of(cls, shape: InputShape, quantity: Quantity, period_s: float) -> ShaperChoice:
-        """Of the ``shape`` of a robot file."""
+        """The choice for the ``shape`` of a robot file, as in the attributes."""
         return cls(shape, quantity, period_s, Shaper.of(shape, period_s))
 
     def shaper(self, pose: Actuation, load_n: Vec3) -> Shaper:
         """The shaper of a motion.
 
         Args:
-            pose: for which the body's frequencies count [m or Pa]; axes beyond the model's do not.
+            pose: where the body has the frequencies that count [m or Pa]; extra axes are not used.
             load_n: known force on the tip.
         """
         schedule = self.shape.schedule
@@ -100,13 +101,13 @@ class ShaperChoice:
 
 @dataclass(frozen=True, slots=True)
 class Shaped:
-    """The commands of the last period, and what goes to the devices.
+    """The state of shaping after a tick: the commands of the last period, and what goes to the devices.
 
     Attributes:
-        past: commands, the oldest first.
-        acting: the weighted mean; empty before the first command.
-        ticks_left: until `acting` is the last command, if that stands.
-        shaper: of the present motion, None at rest.
+        past: commands of the present motion, the oldest first; empty at rest.
+        acting: their weighted mean, which goes out; empty before the first command.
+        ticks_left: ticks until `acting` is the last command, if no other follows.
+        shaper: shaper of the present motion, None at rest.
     """
 
     past: tuple[Actuation, ...] = ()
@@ -115,6 +116,7 @@ class Shaped:
     shaper: Shaper | None = None
 
 
+#: Before the first command.
 NOT_SHAPED: Final = Shaped()
 
 
@@ -126,13 +128,13 @@ def next_shaped(
     goal: Actuation,
     load_n: Vec3 = ZERO3,
 ) -> Shaped:
-    """What goes out after a tick.
+    """The state after a tick, with what goes out in it.
 
     Args:
-        choose: the shaper of a motion to a pose under a load.
-        before: after the tick before.
+        choose: the shaper of a motion to a pose under a load (`ShaperChoice.shaper`).
+        before: the state after the tick before.
         last: the command of the tick before.
-        command: of this tick.
+        command: the command of this tick.
         goal: where the motion goes, as far as that is known.
         load_n: known force on the tip.
     """

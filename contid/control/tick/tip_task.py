@@ -1,4 +1,4 @@
-"""What a target asks for as a function of the axes: rows for the tip, its direction and a mid-point."""
+"""What a target asks for as a function of the axes: rows for tip, direction or frame, and mid-point."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from contid.targets import Actuation, Pose, Target, Vec3, vec3
 #: Length that a radian of direction counts as [m].
 _ELL_M: Final = 0.1
 #: Axis moves of the finite differences, as a share of the travel.
-_SHARE: Final = 1e-6
-
+_MOVE_SHARE: Final = 1e-6
 #: Angle from which the axis of a rotation is taken from its symmetric part [rad].
-_HALF_TURN: Final = 3.1
+_NEAR_HALF_TURN: Final = 3.1
+#: Sine of the angle below which two directions more than a right angle apart count as opposite.
+_OPPOSITE: Final = 1e-9
 
 #: From the model's own axes to the rows of a target [m].
 Task: TypeAlias = Callable[[Array], Array]
@@ -29,7 +30,13 @@ Task: TypeAlias = Callable[[Array], Array]
 def task_of(config: RobotConfig, target: Target, extra: Actuation) -> Task:
     """The rows of a target that a pose must meet [m], as a function of the model's own axes.
 
-    Those of a frame are the turn from it.
+    Three rows each, in this order: the tip, its direction or its turn from the frame of the target (radians
+    count as `_ELL_M`), and the mid-point. A target has a direction, a frame, or neither.
+
+    Args:
+        config: of the robot.
+        target: in the base frame.
+        extra: values of the axes beyond those of the model [m or rad].
     """
     goal = None if target.rotation is None else np.reshape(target.rotation, (3, 3))
 
@@ -54,13 +61,19 @@ def jacobian_of(task: Task, at: Array, limits: Sequence[AxisLimits], middle: Arr
     columns = []
     for k in range(len(at)):
         moved = at.copy()
-        moved[k] += math.copysign(_SHARE * (limits[k].upper - limits[k].lower), middle[k] - at[k])
+        moved[k] += math.copysign(_MOVE_SHARE * (limits[k].upper - limits[k].lower), middle[k] - at[k])
         columns.append((task(moved) - here) / (moved[k] - at[k]))
     return np.stack(columns, axis=1)
 
 
 def displacement_of(task: Task, last: Array, directed: bool) -> Displacement:
-    """Rows of the target from those of the last command; a direction as the vector of its turn."""
+    """Change of the rows of a target [m] by a step of the axes.
+
+    Args:
+        task: rows of the target.
+        last: axes at the last command, from which a step counts.
+        directed: the target has a direction; the change of its rows 3 to 5 is then the vector of the turn.
+    """
     begin = task(last)
 
     def of(step: Array) -> Array:
@@ -73,20 +86,28 @@ def displacement_of(task: Task, last: Array, directed: bool) -> Displacement:
 
 
 def _turn(direction: Array, change: Array) -> Array:
-    """Tangent of the great circle from a direction to a changed one, as long as the angle [rad]."""
+    """Tangent of the great circle from a direction to a changed one, as long as the angle [rad].
+
+    Every great circle leads to the opposite direction: taken is the one that turns about z, so that a
+    direction of a plane stays in it, and from the z axis the one through x.
+    """
     across = change - direction * float(direction @ change)
     sine = size_of(across)
     angle = math.atan2(sine, 1.0 + float(direction @ change))
+    if sine < _OPPOSITE and angle > 0.5 * math.pi:
+        x, y, _ = direction.tolist()
+        flat = math.hypot(x, y)
+        return math.pi * np.array((-y / flat, x / flat, 0.0) if flat > 0.0 else (1.0, 0.0, 0.0))
     return across * (angle / sine if sine > 0.0 else 1.0)
 
 
 def shifted(point: Vec3, begin: Vec3, end: Vec3) -> Vec3:
-    """A point moved as from ``begin`` to ``end``."""
+    """A point moved by as much as ``end`` is from ``begin``."""
     return vec3(p + e - b for p, b, e in zip(point, begin, end, strict=True))
 
 
 def turned(begin: Vec3, end: Vec3, share: float) -> Vec3:
-    """A direction of the great circle between two directions."""
+    """The direction at a share of the great circle, 0 at ``begin`` and 1 at ``end``."""
     start = np.array(begin)
     turn = share * _turn(start, np.array(end) - start)
     angle = size_of(turn)
@@ -101,7 +122,7 @@ def turn_of(rotation: Array, size: float = 1.0) -> Vec3:
     across = 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
     sine = size_of(across)
     angle = math.atan2(sine, 0.5 * (float(np.trace(r)) - 1.0))
-    if angle > _HALF_TURN:  # the antisymmetric part vanishes; the symmetric one has the axis
+    if angle > _NEAR_HALF_TURN:  # the antisymmetric part vanishes; the symmetric one has the axis
         columns = 0.5 * (r + r.T) - math.cos(angle) * np.eye(3)
         axis = columns[:, int(np.argmax(np.diag(columns)))]
         axis = axis / size_of(axis)
@@ -111,5 +132,5 @@ def turn_of(rotation: Array, size: float = 1.0) -> Vec3:
 
 
 def between(begin: Vec3, end: Vec3, share: float) -> Vec3:
-    """A point of the straight line between two points."""
+    """The point at a share of the straight line, 0 at ``begin`` and 1 at ``end``."""
     return vec3(a + share * (b - a) for a, b in zip(begin, end, strict=True))

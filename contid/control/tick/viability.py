@@ -12,7 +12,8 @@ from typing import Final
 
 from contid.control.tick.config import RobotConfig
 from contid.targets import Actuation
-from contid.trajectory.pursuit import AxisRates, Lines, MovingAxes, stopping
+from contid.trajectory.planned_motion import AxisRates, Lines, MovingAxes
+from contid.trajectory.pursuit import stopping
 from contid.units import LIMIT_TOLERANCE_M
 
 #: A bound counts as kept up to this share of it: rounding.

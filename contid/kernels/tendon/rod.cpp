@@ -14,18 +14,20 @@ namespace {
 struct Solver {
   TendonRodSolver rod;
 
+  // Reads the fields of RodElements (contid/kinematics/tendon/rod.py) by name.
   static RodSetup setup_of(nb::handle of) {
     RodSetup s;
     const auto array = [&](const char* name) { return nb::cast<Given>(of.attr(name)); };
     const Given h = array("lengths"), rest = array("rest");
     s.elements = static_cast<int>(h.size());
     s.tendons = static_cast<int>(rest.size());
-    if (s.elements < 1 || s.tendons < 1 || s.tendons > kMaxTendons) throw nb::value_error("1 to 64 tendons, 1 element");
+    if (s.elements < 1 || s.tendons < 1 || s.tendons > kMaxTendons)
+      throw nb::value_error("1 to 64 tendons, 1 element at least");
     s.stretches = nb::cast<bool>(of.attr("stretches"));
     s.base = nb::cast<double>(of.attr("base_m"));
     const size_t n = s.elements, m = s.tendons;
-    s.h = numbers(h, n, "lengths");
-    s.rest = numbers(rest, m, "rest");
+    s.h = numbers(h, n, "lengths: one number per element");
+    s.rest = numbers(rest, m, "rest: one number per tendon");
     s.rigid = numbers(array("rigid"), n, "rigid: one number per element");
     s.stiffness = numbers(array("stiffness"), 4 * n, "stiffness: four numbers per element");
     s.arms = numbers(array("arms"), 2 * n * m, "arms: two numbers per element and tendon");
@@ -39,8 +41,9 @@ struct Solver {
 
   explicit Solver(nb::handle setup) : rod(setup_of(setup)) {}
 
-  // Into the arrays of a TendonEquilibrium (contid/kinematics/tendon/rod.py), `jacobian` and `compliance` with
-  // `derivatives` only; the moment left over, below 0 when no equilibrium was found.
+  // Fills the arrays of a TendonEquilibrium (contid/kinematics/tendon/rod.py), `jacobian` and `compliance` with
+  // `derivatives` only, for pulls [m] and a force on the tip [N], from the strain `start` on. Returns the moment left
+  // over [N m], below 0 when no equilibrium was found or it has no derivatives.
   double solve(Given pulls, nb::handle force, Given start, nb::handle into, bool derivatives) {
     const RodSetup& s = rod.setup();
     const auto array = [&](const char* name) { return nb::cast<Rows>(into.attr(name)); };
@@ -50,7 +53,7 @@ struct Solver {
     const bool fits = pulls.size() == m && start.size() == 4 * n && strain.size() == 4 * n &&
                       points.size() == 3 * (n + 1) && rotation.size() == 9 && tensions.size() == m && tip.size() == 3 &&
                       jacobian.size() == 3 * m && compliance.size() == 9;
-    if (!fits) throw nb::value_error("arrays of the rod's size");
+    if (!fits) throw nb::value_error("the arrays do not have the size of the rod");
     double f[3];
     read(force, f, 3, "force: three numbers");
     const TendonRodSolver::State* at = rod.solve(pulls.data(), {f[0], f[1], f[2]}, start.data());

@@ -22,32 +22,40 @@ _CACHE_REMEDY: Final = "set XDG_CACHE_HOME to a folder you may write to"
 
 
 def firmware_dir() -> Path:
-    """The folder ``firmware``: ``$CONTID_FIRMWARE``, of an installed contid, or of a checkout.
+    """The folder ``firmware``: ``$CONTID_FIRMWARE``, else that of an installed contid or of a checkout.
 
     Raises:
-        DeviceError: none exists.
+        DeviceError: it has no sources.
     """
     given = os.environ.get("CONTID_FIRMWARE")
-    candidates = [
-        *([Path(given)] if given else []),
-        Path(__file__).parent / "_firmware",
-        Path(__file__).parents[3] / "firmware",
-    ]
+    installed, checkout = Path(__file__).parent / "_firmware", Path(__file__).parents[3] / "firmware"
+    # Where the variable names a folder, other sources must not be built, or flashed, instead.
+    candidates = [Path(given)] if given else [installed, checkout]
     for folder in candidates:
         if (folder / "contid_due" / "src" / "core" / "board.cpp").is_file():
             return folder
-    raise DeviceError(
-        "firmware", f"no sources in any of {', '.join(map(str, candidates))}", "set CONTID_FIRMWARE"
-    )
+    wrong = " or ".join(map(str, candidates))
+    remedy = "CONTID_FIRMWARE: a folder with contid_due/src/core"
+    raise DeviceError("firmware", f"no sources in {wrong}", remedy)
 
 
 def core_sources() -> list[Path]:
-    """Sources of the portable core, which runs on the board and on a PC."""
+    """Sources of the portable core, which runs on the board and on a PC.
+
+    Raises:
+        DeviceError: as `firmware_dir`.
+    """
     return sorted((firmware_dir() / "contid_due" / "src" / "core").rglob("*.cpp"))
 
 
 def build_id() -> int:
-    """Number of the sketch's sources: `contid firmware flash` builds it in, a board reports it."""
+    """Number of the sketch's sources: `contid firmware flash` builds it in, a board reports it.
+
+    Never 0, which boards report whose sketch was built by hand.
+
+    Raises:
+        DeviceError: as `firmware_dir`.
+    """
     sketch = firmware_dir() / "contid_due"
     digest = hashlib.sha256()
     for path in sorted(path for path in sketch.rglob("*") if path.suffix in (".h", ".cpp", ".ino")):
@@ -56,7 +64,11 @@ def build_id() -> int:
 
 
 def build_note(reported: int) -> str:
-    """What the build id of a board means for its sketch."""
+    """What the build id that a board reports means for its sketch.
+
+    Raises:
+        DeviceError: as `firmware_dir`.
+    """
     if reported == 0:
         return "built by hand"
     if reported == build_id():

@@ -99,6 +99,10 @@ CASES: dict[str, tuple[str, dict[str, list[Any]]]] = {
         {"pose.x": [1, 3], "s[1]": [2, 4]},
     ),
     "json of lists": ('{"t": [0, 1], "p": [[1, 2], [3, 4]]}', {"t": [0, 1], "p[1]": [2, 4]}),
+    "json of objects whose keys have another order": (
+        '{\n"t": {"0": 0, "1": 1},\n"x": {"1": 20, "0": 10}\n}',
+        {"t": [0, 1], "x": [10, 20]},
+    ),
     "cr cr lf": ("t,x\r\r\n0,1\r\r\n1,2\r\r\n", {"t": [0, 1], "x": [1, 2]}),
     "bars": ("| t | x |\n|---|---|\n| 0 | 1 |\n| 1 | 2 |\n", {"t": [0, 1], "x": [1, 2]}),
     "unit line": ("t,x\ns,mm\n0,1\n1,2\n", {"t": [0, 1], "x": [1, 2]}),
@@ -146,6 +150,7 @@ def test_units_come_from_brackets_lines_of_units_and_names(tmp_path: Path) -> No
         ("t,x\n0.5,1,7\n0.7,2,9\n", "1:1", "2 names"),
         ("t,x,y\n1,2,3,4\n0,1,2\n1,2,3\n2,3,4\n", "2:1", "a line of 4 numbers"),
         (MOTIVE.replace("Frames,3", "Frames,9"), "1:63", "it was cut"),
+        ('{\n"p": {"x": 1, "y": 2},\n"turn": {"roll": 1, "yaw": 2}\n}', "1:1", "no table"),
         ("#ROSBAG V2.0\n", "1:1", "rostopic echo"),
         ("words only\nand more words\n", "1:1", "no rows of numbers"),
     ],
@@ -166,6 +171,27 @@ def test_a_cell_that_is_no_number_is_kept_with_its_row(tmp_path: Path) -> None:
     table = read_table(path)
     assert table.column("x").bad == ((2, "3q"),)
     assert str(table.at(2, table.column("x"), "")).endswith("a.csv:4:3: ")
+
+
+def test_a_number_beyond_doubles_is_kept_with_its_row(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    path.write_text('{"t": 0, "x": 1}\n{"t": 1, "x": 1' + "0" * 400 + "}\n")
+    ((row, cell),) = read_table(path).column("x").bad
+    assert (row, len(cell)) == (1, 401)
+
+
+@pytest.mark.parametrize("sign", ["#", "%", "//"])
+def test_a_comment_states_a_fact(sign: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"{sign} Rate: 100\nx,y\n1,2\n3,4\n")
+    assert read_table(path).facts["Rate"] == "100"
+
+
+@pytest.mark.parametrize("line", ["sep=;", '"sep=;"'])
+def test_a_line_that_names_the_separator_names_no_column(line: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"{line}\n1\n2\n3\n")
+    assert [each.name for each in read_table(path).columns] == [""]
 
 
 def test_a_name_that_stands_twice_is_refused_and_positions_name_both(tmp_path: Path) -> None:

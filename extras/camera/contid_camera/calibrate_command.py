@@ -26,7 +26,7 @@ from contid.cli.support.parameters import NewFile, NumberRange
     default=600,
     show_default=True,
     type=click.IntRange(8, 100_000),
-    help="Greatest number to look at.",
+    help="Greatest number of images to look at.",
 )
 def command(source: str, board: str, square_mm: float, output: Path, images: int) -> None:
     """Calibrate a camera from SOURCE: its number, a video, or a folder of images of a chessboard.
@@ -35,7 +35,7 @@ def command(source: str, board: str, square_mm: float, output: Path, images: int
     """
     from itertools import islice
 
-    from contid.errors import ContidError
+    from contid.whole_file import replacing
     from contid_camera.extra import require_extra
 
     require_extra()
@@ -43,17 +43,15 @@ def command(source: str, board: str, square_mm: float, output: Path, images: int
     from contid_camera.frames import frames
 
     match = re.fullmatch(r"(\d{1,2})x(\d{1,2})", board)
-    if match is None or min(int(each) for each in match.groups()) < 3:
+    columns, rows = (int(each) for each in match.groups()) if match else (0, 0)
+    if min(columns, rows) < 3:
         raise click.BadParameter(
             f"{board!r} is not COLUMNSxROWS of inner corners, 3 at least", param_hint="--board"
         )
-    columns, rows = (int(each) for each in match.groups())
     looked = (image for image, _ in islice(frames(source), images))
     camera, used, cover = calibrated(looked, columns, rows, square_mm / 1e3)
-    try:
-        output.write_text(camera.text(), encoding="utf-8")
-    except OSError as error:
-        raise ContidError(f"{output}: cannot be written: {error.strerror}") from None
+    with replacing(output) as file:
+        file.write(camera.text().encode())
     click.echo(f"{output}: {used} images, corners {camera.error_px:.2f} px off")
     if cover < MIN_COVER:
         click.echo(

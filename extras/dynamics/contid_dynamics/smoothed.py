@@ -23,10 +23,13 @@ if TYPE_CHECKING:
 #: Degree of the curves, and how far their knots are apart [s].
 _DEGREE: Final = 5
 _KNOTS_S: Final = 0.05
+#: Steps of Gauss and Newton at most; a step below the least one, as a share of the range, is the last.
 _STEPS: Final = 10
-#: What counts as much as a tip that is off by 1 mm: all axes half of their range from the middle, a curve
-#: whose coefficients turn by this share of the range from knot to knot, a lead beyond a limit by this share.
-_MM: Final = 1e-3
+_LEAST_STEP: Final = 1e-4
+#: Errors are counted in these units, at every knot: of the tip [m]; of a coefficient from the middle of the
+#: range, in half ranges; of its third difference from knot to knot, and of the lead beyond a limit, as
+#: shares of the range.
+_TIP_M: Final = 1e-3
 _MIDDLE: Final = 30.0
 _TURN: Final = 0.3
 _BEYOND: Final = 0.01
@@ -42,15 +45,15 @@ def smoothed(model: Model, tips_m: Array, period_s: float, answer: Answer, first
     """Axes over time whose tip does a path, at rest at both ends.
 
     Args:
-        model: of the robot.
-        tips_m: the path at the times of commands, ``(ticks, 3)``.
+        model: of the robot; its limits are the range of each axis.
+        tips_m: the path at the times of commands, in the base frame, ``(ticks, 3)``.
         period_s: between two commands.
         answer: of the robot, whose lead is to be within the limits.
-        first: axes at the first row, where the search begins, ``(axes,)``.
+        first: axes at the first row [m or Pa], ``(axes,)``: the search begins with a robot that stays there.
         every: ticks between two looks at the tip.
 
     Returns:
-        Actuations ``(ticks, axes)``.
+        Actuations ``(ticks, axes)`` [m or Pa], after at most `_STEPS` steps.
     """
     from scipy import sparse
     from scipy.interpolate import BSpline
@@ -61,9 +64,10 @@ def smoothed(model: Model, tips_m: Array, period_s: float, answer: Answer, first
     size, end_s = high - low, (ticks - 1) * period_s
     inner = np.linspace(0.0, end_s, max(4, round(end_s / _KNOTS_S)) + 1)
     gap = inner[1]
-    knots = np.concatenate((inner[0] - gap * np.arange(_DEGREE, 0, -1), inner, end_s + gap * np.arange(1, 6)))
+    beyond = gap * np.arange(1, _DEGREE + 1)
+    knots = np.concatenate((-beyond[::-1], inner, end_s + beyond))
     count = len(knots) - _DEGREE - 1
-    # The first and the last coefficients are alike: the curve rests there.
+    # The first five coefficients are one number, and so are the last five: the curve rests there.
     groups = np.clip(np.arange(count) - _DEGREE + 1, 0, count - 2 * _DEGREE + 1)
     joined = sparse.csr_matrix((np.ones(count), (np.arange(count), groups)))
     at = period_s * np.arange(ticks)
@@ -81,6 +85,7 @@ def smoothed(model: Model, tips_m: Array, period_s: float, answer: Answer, first
     turn = sparse.diags([1.0, -3.0, 3.0, -1.0], [0, 1, 2, 3], shape=(free - 3, free)) / _TURN
     weight = np.sqrt(every * period_s / gap)
     base = [sparse.kron(sparse.eye(axes), sparse.vstack((turn, sparse.eye(free) / (0.5 * _MIDDLE)))).tocsr()]
+    # Coefficients of the curves ``(axes, free)``, as shares of the range of each axis.
     shares = np.tile(((first - low) / size)[:, None], (1, free))
     for _ in range(_STEPS):
         rows, values = [*base], []
@@ -92,12 +97,12 @@ def smoothed(model: Model, tips_m: Array, period_s: float, answer: Answer, first
         for axis in range(axes):
             moved = actuations.copy()
             moved[:, axis] += _SLOPE * size[axis]
-            slopes[:, :, axis] = (tips_of(model, moved) - tips_m[looks] - off) / (_SLOPE * _MM)
+            slopes[:, :, axis] = (tips_of(model, moved) - tips_m[looks] - off) / (_SLOPE * _TIP_M)
         for k in range(3):
             rows.append(
                 weight * sparse.hstack([sparse.diags(slopes[:, k, a]) @ design[looks] for a in range(axes)])
             )
-            values.append(weight * off[:, k] / _MM)
+            values.append(weight * off[:, k] / _TIP_M)
         for axis, lead in enumerate(leads):
             ahead = lead @ shares[axis]
             over = np.where(ahead > 1.0 - _OFF, ahead - 1.0 + _OFF, np.minimum(ahead - _OFF, 0.0))
@@ -111,7 +116,7 @@ def smoothed(model: Model, tips_m: Array, period_s: float, answer: Answer, first
         change = -spsolve(matrix.T @ matrix, matrix.T @ value).reshape(axes, free)
         greatest = float(np.abs(change).max())
         shares = shares + change * min(1.0, _CHANGE / max(greatest, 1e-12))
-        if greatest < 1e-4:
+        if greatest < _LEAST_STEP:
             break
     return np.asarray(low + size * (design @ shares.T))
 

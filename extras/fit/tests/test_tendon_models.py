@@ -10,8 +10,11 @@ import pytest
 from scipy.optimize import minimize
 
 from contid.kinematics.array import Array
+from contid_fit.calibrate.tendon import fit
 from contid_fit.calibrate.tendon.elastic import Elastic, series
-from contid_fit.calibrate.tendon.models import ElasticBends, LinearBends, Nominal, RecordingModel
+from contid_fit.calibrate.tendon.models import ElasticBends, LinearBends, Nominal, Prediction, RecordingModel
+from contid_fit.calibrate.tendon.parameters import Parameters, group
+from contid_fit.calibrate.tendon.recording import TendonRecording
 
 COUNT = (3, 4)
 ANGLES = np.array([0.1, 2.2, 4.3, 0.6, 2.1, 3.9, 5.3])
@@ -119,3 +122,26 @@ def test_derivatives_are_those_of_finite_differences(name: str) -> None:
         by_difference = (ahead - behind) / (2.0 * step[column])
         error = np.abs(by_difference - rows.by[:, :, column]).max() * spread[column]
         assert error < 5e-6, (column, error)  # of 5e-3
+
+
+class _Cubic:
+    """Tips whose x is the cube of one parameter."""
+
+    parameters = Parameters((group("p", ("p",), 1.0, 10.0),))
+
+    def rows(self, vector: Array, pull_m: Array) -> Prediction:
+        tips, by = np.zeros((len(pull_m), 3)), np.zeros((len(pull_m), 3, 1))
+        tips[:, 0], by[:, 0, 0] = vector[0] ** 3, 3.0 * vector[0] ** 2
+        return Prediction(tips, by, tips)
+
+
+@pytest.mark.parametrize(("evaluations", "converged"), [(100, True), (3, False)])
+def test_a_fit_that_is_given_up_states_it(
+    evaluations: int, converged: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tips = np.tile((8.0, 0.0, 0.0), (6, 1))
+    data = TendonRecording("cubes", ("a", "a", "b", "b", "c", "c"), ("s",), np.zeros((6, 1)), tips)
+    monkeypatch.setattr(fit, "_EVALUATIONS", evaluations)
+    found = fit.fit_model(_Cubic(), data)
+    assert found.converged is converged
+    assert bool(abs(found.vector[0] - 2.0) < 1e-3) is converged

@@ -16,7 +16,7 @@ TIME: Final = "t_s"
 
 @dataclass(frozen=True, slots=True)
 class NodeRows:
-    """The part of a node: columns as its daemon has them, ``t_s`` first, and rows."""
+    """The part of a node: columns as its daemon has them, ``t_s`` first, and rows of as many numbers."""
 
     columns: tuple[str, ...]
     rows: Sequence[Sequence[float]]

@@ -4,29 +4,25 @@ A request is sent as a query of Zenoh, and its answer is delivered as a line suc
 gives no free lease to an order that comes by network. Therefore the wire, in the program of the operator,
 acquires it first, except after a stop by another client.
 
-Set-points of `servo` are pipelined: several are under way at a time, so that their rate is not bound by the
-round trip; one that a full link drops is superseded by the next. Rows of `stream` are pipelined by the
+Set-points of `servo` go through `contid_fleet.links.row_pipeline`. Rows of `stream` are pipelined by the
 client, up to the number that the daemon has granted, and none is dropped.
 """
 
 from __future__ import annotations
 
 import threading
-from collections import deque
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any, Final
 
 from contid.remote.client.client_protocol import Request
 from contid.remote.protocol.wire import Code, Fields, decode, encode
+from contid_fleet.links.operator_link import LEASE_S, NO_LEASE
+from contid_fleet.links.row_pipeline import RowPipeline
 from contid_fleet.operator import FleetOperator, response_of
-from contid_fleet.operator_link import LEASE_S, NO_LEASE
 from contid_fleet.rights import LEASED, STOPS
 
-#: Longest wait for an answer; the bridge answers by itself when the daemon does not.
+#: Longest wait for an answer; the bridge answers by itself when the daemon does not [s].
 ANSWER_TIMEOUT_S: Final = 5.0
-#: Set-points that are not yet answered; a further one waits for an answer.
-MAX_UNANSWERED: Final = 16
 #: First bytes of the notice that a move ended.
 MOVE_ENDED: Final = b'{"event":"move"'
 #: The only order that keeps the lease which it acquired; others release it.
@@ -57,7 +53,7 @@ class FleetWire:
         self._client: int | None = None
         self._ended = self._closed = False
         self._lock = threading.Lock()
-        self._stream: _Pipeline | None = None
+        self._stream: RowPipeline | None = None
         self._ended_moves: set[int] = set()
         key = operator.keys.notices(node, operator.origin.operator, operator.origin.session)
         self._notices = operator.net.subscribe(key, lambda _, line: self._notice(line))
@@ -68,7 +64,7 @@ class FleetWire:
         move = request.fields.get("move") or 0
         if request.newest and move not in self._ended_moves:
             if self._stream is None or self._stream.move != move:
-                self._stream = _Pipeline(move, self._ask, self._respond)
+                self._stream = RowPipeline(move, self._ask, self._respond)
             self._stream.follow(request)
             return
         if request.verb == "end" and self._stream is not None and self._stream.move == move:
@@ -124,19 +120,26 @@ class FleetWire:
     ) -> None:
         """Send a query to the node; ``answered`` is called exactly once, or the connection ends.
 
-        A lost request with ``newest`` does not end it: the next request takes its place.
+        Args:
+            verb: of the request.
+            fields: of the request.
+            timeout_s: without an answer for this time the connection ends; at most `ANSWER_TIMEOUT_S`, but
+                for ``end``.
+            answered: gets the response, in a thread of Zenoh.
+            newest: a lost request does not end the connection, because the next one takes its place.
         """
-        answers: list[None] = []
+        is_answered = False
 
         def take(_: str, payload: bytes) -> None:
-            if not answers:
-                answers.append(None)
+            nonlocal is_answered
+            if not is_answered:
+                is_answered = True
                 response = response_of(payload)
                 if self._is_same(response.pop("client", None)):
                     answered(response)
 
         def done() -> None:
-            if answers or self._ended:
+            if is_answered or self._ended:
                 return
             if newest:  # dropped where a link is full
                 answered({"ok": False, "error": {"code": Code.SUPERSEDED, "message": "lost on the way"}})
@@ -146,7 +149,8 @@ class FleetWire:
                     "nothing that its file does not allow this operator)"
                 )
 
-        timeout_s = max(min(timeout_s, ANSWER_TIMEOUT_S), timeout_s if verb == "end" else 0.0)
+        if verb != "end":  # the bridge answers it after the last row, which may wait for the daemon
+            timeout_s = min(timeout_s, ANSWER_TIMEOUT_S)
         self._operator.net.ask(
             self._operator.key(self._node, verb),
             encode(fields)[:-1],
@@ -185,78 +189,3 @@ class FleetWire:
             self._ended = True
         self._deliver(encode({"event": "bye", "message": message}))
         self._deliver(b"")
-
-
-class _Pipeline:
-    """The set-points of one stream; requests come from one thread, answers from those of Zenoh.
-
-    A row is responded to at once while less than `MAX_UNANSWERED` are under way. A refusal in its answer
-    comes with the response to a later row, or to the end of the stream.
-
-    Args:
-        move: number of the stream.
-        ask: sends a request.
-        respond: gives the client the response to one.
-    """
-
-    def __init__(
-        self,
-        move: int,
-        ask: Callable[[str, Mapping[str, Any], float, Callable[[Fields], None], bool], None],
-        respond: Callable[[Request, Fields], None],
-    ) -> None:
-        self.move = move
-        self._ask = ask
-        self._respond = respond
-        self._lock = threading.Lock()
-        self._unanswered = 0
-        self._refused: deque[list[str]] = deque()
-        self._error: Fields | None = None
-        self._waiting: Request | None = None
-
-    def follow(self, request: Request) -> None:
-        """Send a row."""
-        with self._lock:
-            self._unanswered += 1
-        self._ask("rows", request.fields, request.timeout_s, self._answered, True)
-        self._settle(request)
-
-    def end(self, request: Request) -> None:
-        """Send the end of the stream, once every row is answered."""
-        self._settle(request)
-
-    def _answered(self, response: Fields) -> None:
-        with self._lock:
-            self._unanswered -= 1
-            if response.get("ok"):
-                if refused := response["result"].get("refused"):
-                    self._refused.append(refused)
-            elif response["error"]["code"] != Code.SUPERSEDED:
-                self._error = self._error or response
-            waiting, self._waiting = self._waiting, None
-        if waiting is not None:
-            self._settle(waiting)
-
-    def _settle(self, request: Request) -> None:
-        """Respond to a row, or send the end, if it need not wait for an answer."""
-        ends = request.verb == "end"
-        with self._lock:
-            if self._error is None and self._unanswered >= (1 if ends else MAX_UNANSWERED):
-                self._waiting = request
-                return
-            error, self._error = self._error, None
-            refused = self._refused.popleft() if self._refused and not ends else []
-            if ends:
-                refused = [message for each in self._refused for message in each]
-        if error is not None:
-            self._respond(request, error)
-        elif not ends:
-            self._respond(request, {"ok": True, "result": {"refused": refused}})
-        else:
-            ended = partial(self._ended, request, refused)
-            self._ask("end", request.fields, request.timeout_s, ended, False)
-
-    def _ended(self, request: Request, refused: list[str], response: Fields) -> None:
-        if response.get("ok"):
-            response = {**response, "result": {**response["result"], "refused": refused}}
-        self._respond(request, response)

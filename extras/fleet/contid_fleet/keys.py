@@ -106,6 +106,13 @@ class Keys:
             return None
         return (chunks[2], chunks[4]) if is_node_name(chunks[2]) else None
 
+    def answer(self, key: str, node: str) -> str:
+        """The key of a node's answer to a question: other wildcards of its key are filled in."""
+        chunks = [chunk if "*" not in chunk else "any" for chunk in key.split("/")]
+        if len(chunks) > 2:
+            chunks[2] = node
+        return "/".join(chunks)
+
     def node(self, key: str) -> str:
         """The node of any key below one."""
         return key.split("/")[2]

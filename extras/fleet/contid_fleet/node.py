@@ -14,13 +14,13 @@ from typing import Final
 from contid.errors import ContidError
 from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, encode
 from contid_fleet.clocks import NotedOffset, clock_fields
-from contid_fleet.daemon_link import DaemonLink, refusal
 from contid_fleet.feed_watch import FeedWatch
 from contid_fleet.fleet_file import MachineFile
 from contid_fleet.gate import FORBIDDEN, checked
 from contid_fleet.keys import Keys, Order, Origin
+from contid_fleet.links.daemon_link import DaemonLink, refusal
+from contid_fleet.links.operator_links import MAX_SESSIONS, OperatorLinks
 from contid_fleet.net import Declared, NetSession, Question, in_loop
-from contid_fleet.operator_link import OperatorLink
 from contid_fleet.rights import CLOCK, FEED, NOTE, READS, STOPS
 from contid_fleet.sessions import Sessions
 
@@ -28,19 +28,15 @@ log = logging.getLogger(__name__)
 
 #: Code of the bridge: two nodes have one name.
 DUPLICATE: Final = "duplicate"
-#: Pause before a daemon that ended is looked for again.
+#: Pause before a daemon that ended is looked for again [s].
 RETRY_S: Final = 1.0
-#: Longest wait for the daemon's own report.
+#: Longest wait for one response of the daemon to `status` or `hold` [s].
 STATUS_TIMEOUT_S: Final = 0.5
-#: A hold without a feed is repeated so often, with this pause.
+#: A hold after the end of a feed is tried at most this number of times, with this pause [s].
 HOLD_ATTEMPTS: Final = 50
 HOLD_PERIOD_S: Final = 0.1
-#: The end of a line of telemetry of a client that reads too slowly.
+#: End of a line of telemetry: frames that the daemon dropped, because this process read too slowly.
 DROPPED: Final = re.compile(rb'"dropped":(\d+)}$')
-#: Sessions with a connection of their own; stops of others use that of the bridge.
-MAX_SESSIONS: Final = 16
-#: A connection of a session without a token is closed after this time without a request.
-IDLE_S: Final = 10.0
 
 
 class Node:
@@ -86,7 +82,7 @@ class Node:
         self._keys = keys
         self._sessions = sessions
         self._feed = feed
-        self._links: dict[Origin, OperatorLink] = {}
+        self._links = OperatorLinks(path, sessions, self._notice)
         self._watch: DaemonLink | None = None
         self._ended = asyncio.Event()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -106,14 +102,11 @@ class Node:
                     log.debug("%s: %s", self.name, error)
                 await asyncio.sleep(RETRY_S)
         finally:
-            for link in self._links.values():
-                link.close()
+            self._links.end_all()
 
     def session_ended(self, origin: Origin) -> None:
         """The token of a session is gone: if it held the lease, the robots hold."""
-        link = self._links.pop(origin, None)
-        if link is not None:
-            link.close()
+        self._links.end(origin)
 
     def rival(self, bridge: str, alive: bool) -> None:
         """Another bridge has, or no longer has, a node of this name."""
@@ -122,8 +115,7 @@ class Node:
             return
         self.rivals.add(bridge)
         log.error("node %s: another bridge has this name too; both only stop until one is gone", self.name)
-        for origin in tuple(self._links):
-            self.session_ended(origin)
+        self._links.end_all()
 
     async def hold(self) -> None:
         """Hold every robot, as a feed has stopped; repeated until the daemon confirms or has ended."""
@@ -165,7 +157,7 @@ class Node:
             subscription = {"rate_hz": self._machine.telemetry_hz, "events": True}
             await link.request("subscribe", subscription)  # refused while the robot is homed
             while not self._ended.is_set():
-                self._close_idle()
+                self._links.end_idle()
                 try:
                     async with asyncio.timeout(RETRY_S):
                         await self._ended.wait()
@@ -179,6 +171,7 @@ class Node:
                 token.end()
 
     def _publish(self, line: bytes, fields: Fields | None) -> None:
+        """Publish telemetry (without fields) and events; other notices are of this connection alone."""
         if fields is None:
             self.published += 1
             if (found := DROPPED.search(line)) is not None:
@@ -187,11 +180,9 @@ class Node:
         elif fields["event"] == "event":
             self._net.put(self._keys.event(self.name), line, urgent=True)
 
-    def _close_idle(self) -> None:
-        before_s = time.monotonic() - IDLE_S
-        for origin, link in tuple(self._links.items()):
-            if link.used_s < before_s and not self._sessions.present(origin):
-                self.session_ended(origin)
+    def _notice(self, origin: Origin, line: bytes, urgent: bool) -> None:
+        """Publish a line of the daemon for a session."""
+        self._net.put(self._keys.notices(self.name, origin.operator, origin.session), line, urgent)
 
     # -- requests ----------------------------------------------------------------------------------------
 
@@ -206,7 +197,7 @@ class Node:
             response: Fields = {"ok": True, "result": result}
         except RemoteError as error:
             response = {"ok": False, "error": error.as_fields()}
-        question.answer(self._answer_key(question), encode(response)[:-1])
+        question.answer(self._keys.answer(question.key, self.name), encode(response)[:-1])
 
     def _fed(self, operator: str) -> Fields:
         """Take a feed.
@@ -240,14 +231,7 @@ class Node:
             response = refusal(Code.NO_ANSWER, str(error))
         result = "ok" if response.get("ok") else str(response.get("error", {}).get("code", ""))
         self.counts[verb, result] += 1
-        question.answer(self._answer_key(question), encode(response)[:-1])
-
-    def _answer_key(self, question: Question) -> str:
-        """The key of the answer names the node; other wildcards of the question are filled in."""
-        chunks = [chunk if "*" not in chunk else "any" for chunk in question.key.split("/")]
-        if len(chunks) > 2:
-            chunks[2] = self.name
-        return "/".join(chunks)
+        question.answer(self._keys.answer(question.key, self.name), encode(response)[:-1])
 
     async def _carry_out(self, order: Order, fields: Fields) -> Fields:
         verb, origin = order.verb, order.origin
@@ -261,29 +245,19 @@ class Node:
                 return refusal(Code.PROTOCOL, f"the daemon has protocol {theirs}: it only stops by network")
             if not await self._sessions.appears(origin):
                 return refusal(Code.REFUSED, "this session has no token; it may only stop and read")
-        link = self._link(origin)
+        link = self._links.link(origin)
         if link is None:
             return refusal(Code.REFUSED, f"{MAX_SESSIONS} sessions are connected to this node")
         return await link.request(verb, fields)
 
     async def _stop(self, origin: Origin, verb: str, fields: Fields) -> Fields:
         """Stop on the connection of the session, so that the daemon names its operator; else on any."""
-        link = self._link(origin)
+        link = self._links.link(origin)
         if link is not None:
             response = await link.request(verb, fields)
             if response.get("error", {}).get("code") != Code.NO_ANSWER:
                 return response
-            self.session_ended(origin)
+            self._links.end(origin)
         if self._watch is None:
             return refusal(Code.NO_ANSWER, f"no daemon listens at {self._path}")
         return await self._watch.request(verb, fields)
-
-    def _link(self, origin: Origin) -> OperatorLink | None:
-        if origin not in self._links:
-            if len(self._links) >= MAX_SESSIONS:
-                return None
-            key = self._keys.notices(self.name, origin.operator, origin.session)
-            self._links[origin] = OperatorLink(
-                self._path, origin, lambda line, urgent: self._net.put(key, line, urgent)
-            )
-        return self._links[origin]

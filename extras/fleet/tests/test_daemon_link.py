@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from contid.remote.protocol.wire import PROTOCOL, ConnectionLostError, encode
-from contid_fleet.daemon_link import DaemonLink
+from contid_fleet.links.daemon_link import DaemonLink
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,8 @@
 The network runs in a thread of its own. An answer that is not there within its share of the period is
 stale: it is never used, the row of that period asks for what was asked last, and so the robots hold. The
 next observation is given once the late answer has come. Numbers that are not finite, and rows that are
-refused, hold in the same way (`contid_learn.views`).
+refused, hold in the same way (`contid_learn.views`). Over a network a refusal comes with a later row; it
+takes back what was asked last, not what was refused.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class LoopCounts:
     """What became of the actions.
 
     Attributes:
-        used: actions that moved a target.
+        used: actions of finite numbers, which moved a target.
         stale: periods whose answer came too late.
         not_finite: answers with a number that is not finite.
         refused: rows that were refused.
@@ -49,7 +50,11 @@ class LoopCounts:
 
 
 class Inference:
-    """A network in a thread: one observation under way, and no answer is used late."""
+    """A network in a thread: one observation under way, and no answer is used late.
+
+    Args:
+        network: from an observation to an action.
+    """
 
     def __init__(self, network: Callable[[Observation], Array]) -> None:
         self._network = network
@@ -61,6 +66,10 @@ class Inference:
 
     def ask(self, observed: Observation, timeout_s: float) -> Array | None:
         """The action to an observation; None when it is not there in time, or an older one is still due.
+
+        Args:
+            observed: for the network.
+            timeout_s: longest wait for its answer.
 
         Raises:
             Exception: the network raised it.
@@ -102,7 +111,7 @@ class PolicyLoop:
     Args:
         views: the robots of the file, at the rate of the policy.
         network: from an observation to an action.
-        goals: by robot, where the tip is to be.
+        goals: by robot, where the tip is to be and stays, shape ``(d,)``, in the unit of the robot file.
         period_s: of the policy.
         duration_s: after which it ends; None: never.
 
@@ -167,7 +176,7 @@ class PolicyLoop:
 
 
 def seen_of(view: RobotView, telemetry: Mapping[str, Any]) -> Seen:
-    """What telemetry has of a robot.
+    """What telemetry has of a robot: its measured axes, and its tip by a tracker, else by the model.
 
     Raises:
         ContidError: its axes have no sample yet.

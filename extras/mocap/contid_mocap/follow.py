@@ -26,12 +26,12 @@ class FollowReport:
 
     Attributes:
         looked: poses of the tracked robots in the frames that arrived.
-        measured: tips among them.
+        measured: tips among them that were handed on.
         overtaken: tips that a newer one replaced before they could be handed on.
-        missing: frames that did not arrive, over all robots.
-        refusals: of the others.
-        latency_s: from the capture until a tip is handed on, of the newest tips.
-        facts: of the stream.
+        missing: frames that did not arrive, summed over the robots.
+        refusals: why the other poses gave no tip.
+        latency_s: from the capture until a tip is handed on, of the newest 100 000 tips.
+        facts: of the stream, one line each.
     """
 
     looked: int = 0
@@ -77,7 +77,7 @@ def follow(
     report: FollowReport,
     seconds: float | None = None,
 ) -> None:
-    """Measure until the time is over, or until an interrupt.
+    """Measure until the time is over; an interrupt ends it as an exception.
 
     Args:
         stream: frames of the room.
@@ -87,7 +87,7 @@ def follow(
         seconds: None for no end.
     """
     begun_s = fresh_s = time.monotonic()
-    newest, frames = "", 0
+    refusal, frames = "", 0  # since the newest tip, or the newest notice
     try:
         while seconds is None or time.monotonic() - begun_s < seconds:
             tips = []
@@ -98,7 +98,7 @@ def follow(
                     report.looked += 1
                     report.missing += look.missing
                     if look.tip is None:
-                        newest = look.refusal
+                        refusal = look.refusal
                         report.refusals.add(look.refusal)
                     else:
                         tips.append(look.tip)
@@ -111,11 +111,11 @@ def follow(
             if tips:
                 report.latency_s.extend(now_s - tip.time_s for tip in tips)
                 follower.taken(tips)
-                fresh_s, newest, frames = time.monotonic(), "", 0
+                fresh_s, refusal, frames = time.monotonic(), "", 0
                 report.measured += len(tips)
             elif now_s - fresh_s >= SILENT_S:
-                follower.notify(f"no tip for {SILENT_S:g} s: {newest or _unseen(stream, tracker, frames)}")
-                fresh_s, newest, frames = now_s, "", 0
+                follower.notify(f"no tip for {SILENT_S:g} s: {refusal or _unseen(stream, tracker, frames)}")
+                fresh_s, refusal, frames = now_s, "", 0
     finally:
         report.facts = stream.facts()
 

@@ -183,6 +183,8 @@ def test_what_cannot_work_is_refused_with_its_remedy(tmp_path):
     ("arguments", "expected"),
     [
         (("natnet", "tip=1"), "'1' is not 3 numbers"),
+        (("natnet", "tip=0,0,0", "base", "tip=1,1,1"), "'tip' is given twice"),
+        (("natnet", "=1,2,3"), "'=1,2,3' has no name"),
         (("natnet", "--version", "5"), "'--version': '5' is not one of '3.0'"),
         (("natnet", "--rate-hz", "0"), "--rate-hz"),
         (("natnet", "--address", "203.0.113.7"), "--address is one of this machine"),

@@ -26,7 +26,12 @@ class PanelOption:
     )
 
     def prepare(self, values: Mapping[str, Any], virtual: bool) -> Watch | None:
-        """Refuse a panel that cannot be, before the run starts."""
+        """Refuse a panel that cannot be, before the run starts; None without a panel.
+
+        Raises:
+            click.UsageError: the run is in virtual time.
+            ContidError: a package of the extra is missing.
+        """
         if not (values.get("panel") or values.get("panel_open")):
             return None
         if virtual:

@@ -63,6 +63,21 @@ def test_directions_turn_along_the_great_circle(share: float) -> None:
         assert turned(vec(begin), vec(begin), share) == pytest.approx(begin, abs=1e-12)
 
 
+@pytest.mark.parametrize("flat", [False, True])
+def test_opposite_directions_turn_along_some_great_circle(flat: bool) -> None:
+    """In a plane it stays in it, as robots in a plane have no other directions."""
+    rng = np.random.default_rng(6)
+    ends = [unit(rng) for _ in range(30)] + [np.array([0.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.0])]
+    for end in ends:
+        if flat:
+            end = np.array([math.cos(end[0]), math.sin(end[0]), 0.0])
+        middle, whole = (np.array(turned(vec(-end), vec(end), share)) for share in (0.5, 1.0))
+        assert np.linalg.norm(middle) == pytest.approx(1.0, abs=1e-12)
+        assert middle @ end == pytest.approx(0.0, abs=1e-12)
+        assert whole == pytest.approx(end, abs=1e-12)
+        assert not flat or middle[2] == 0.0
+
+
 def test_points_between_and_shifted() -> None:
     rng = np.random.default_rng(4)
     a, b, c = (rng.normal(size=3) for _ in range(3))

@@ -69,6 +69,12 @@ def test_another_source_is_another_build(tmp_path: Path, monkeypatch: pytest.Mon
     assert build_id() != before
 
 
+def test_a_named_folder_without_sources_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CONTID_FIRMWARE", str(tmp_path))
+    with pytest.raises(DeviceError, match=rf"no sources in {tmp_path} \(CONTID_FIRMWARE: "):
+        firmware_dir()
+
+
 @pytest.mark.campaign
 @pytest.mark.process
 def test_a_core_that_does_not_compile_for_the_board_is_an_error(

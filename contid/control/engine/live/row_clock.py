@@ -14,7 +14,8 @@ import math
 from typing import Final
 
 from contid.trajectory.approach import optimal
-from contid.trajectory.pursuit import AxisRates, MovingAxes, pursued
+from contid.trajectory.planned_motion import AxisRates, MovingAxes
+from contid.trajectory.pursuit import pursued
 
 #: Rows further apart are targets of their own; they have no clock [s].
 SPARSE_S: Final = 0.25

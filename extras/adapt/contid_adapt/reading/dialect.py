@@ -14,10 +14,12 @@ from typing import Final
 from contid.errors import BadInputError, Located
 from contid_adapt.reading.cells import is_lost, is_number, split
 
-#: Lines that are looked at to decide.
-SAMPLE: Final = 120
+#: Lines that are looked at to decide, but for one more.
+_SAMPLE: Final = 120
 _SEPARATORS: Final = (",", ";", "\t", "|", " ")
 _COMMENT: Final = ("#", "%", "//")
+#: The first line of a file may name its separator, as Excel has it.
+_NAMED_SEPARATOR: Final = re.compile(r'^"?sep=(.)"?')
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +30,7 @@ class Dialect:
         separator: of cells; " " for any run of blanks.
         decimal: sign, "." or ",".
         fields: cells of a row.
-        numeric: for each field, whether its cells are numbers.
+        numeric: for each field, whether its cells are numbers, but for lost samples.
         start: index of the first line with numbers.
     """
 
@@ -39,7 +41,7 @@ class Dialect:
     start: int
 
 
-#: A line that begins with one of these is no comment, no header and not empty.
+#: A line that begins with one of these is no comment and not empty; few headers do.
 DIGITS: Final = frozenset("0123456789-")
 
 
@@ -48,28 +50,33 @@ def is_comment(line: str) -> bool:
     return line.lstrip().startswith(_COMMENT)
 
 
+def names_separator(line: str) -> re.Match[str] | None:
+    """The separator, as group 1, of a line such as ``sep=;``; None for any other."""
+    return _NAMED_SEPARATOR.match(line)
+
+
 def find_dialect(lines: Sequence[str], file: str) -> Dialect:
     """Find the dialect of a text.
 
     Raises:
         BadInputError: no rows of numbers.
     """
-    first = re.match(r'^"?sep=(.)"?', lines[0])
+    named = names_separator(lines[0])
     rows = [
         index
         for index, line in enumerate(lines)
         if line[:1] in DIGITS or (line.strip() and not is_comment(line))
     ]
-    if first:
+    if named:
         rows = rows[1:]
     if not rows:
         raise BadInputError([Located(file, 1, 1, "no rows: every line is a comment or empty")])
-    # From the second half, where headers are behind, and some of the first for short files.
+    # Of long files from the second half, which has no header.
     behind = rows[len(rows) // 2 :] if len(rows) > 8 else rows
-    step = max(len(behind) // SAMPLE, 1)
-    sample = [lines[index] for index in behind[::step]][: SAMPLE + 1]
+    step = max(len(behind) // _SAMPLE, 1)
+    sample = [lines[index] for index in behind[::step]][: _SAMPLE + 1]
     best: tuple[float, str, str] | None = None
-    for separator in (first[1],) if first else _SEPARATORS:
+    for separator in (named[1],) if named else _SEPARATORS:
         for decimal in (".",) if separator == "," else (".", ","):
             score = _score(sample, separator, decimal)
             if best is None or score > best[0]:
@@ -78,9 +85,7 @@ def find_dialect(lines: Sequence[str], file: str) -> Dialect:
     score, separator, decimal = best
     if score <= 0.0:
         raise BadInputError([Located(file, rows[0] + 1, 1, "no rows of numbers were found")])
-    split_lines = [split(line, separator) for line in sample]
-    rows_only = [cells for cells in split_lines if _mostly_numbers(cells, decimal)] or split_lines
-    fields = _usual_count(rows_only, decimal)
+    rows_only, fields = _rows_only([split(line, separator) for line in sample], decimal)
     typical = [cells for cells in rows_only if len(cells) == fields]
     numeric = tuple(_is_numeric([cells[place] for cells in typical], decimal) for place in range(fields))
     for place, index in enumerate(rows):
@@ -97,13 +102,23 @@ def find_dialect(lines: Sequence[str], file: str) -> Dialect:
 
 
 def is_row(cells: Sequence[str], fields: int, numeric: Sequence[bool], decimal: str) -> bool:
-    """True for a line of numbers: half of the cells that should be numbers are, and no name is among them."""
+    """True for a line of numbers, by its cells that should be numbers.
+
+    One of them is a number, more than half of them are numbers or lost samples, and half of those that are
+    not lost are numbers.
+    """
     if len(cells) != fields:
         return False
     own = [cell for cell, is_own in zip(cells, numeric, strict=True) if is_own]
     right = sum(is_number(cell, decimal) for cell in own)
     lost = sum(is_lost(cell) for cell in own)
     return right > 0 and 2 * (right + lost) > len(own) and 2 * right >= len(own) - lost
+
+
+def _rows_only(lines: Sequence[list[str]], decimal: str) -> tuple[Sequence[list[str]], int]:
+    """The lines of numbers, or all where there is none; and the count of cells that they have."""
+    rows = [cells for cells in lines if _mostly_numbers(cells, decimal)] or lines
+    return rows, _usual_count(rows, decimal)
 
 
 def _usual_count(rows: Sequence[Sequence[str]], decimal: str) -> int:
@@ -122,8 +137,7 @@ def _mostly_numbers(cells: Sequence[str], decimal: str) -> bool:
 
 def _score(sample: Sequence[str], separator: str, decimal: str) -> float:
     rows = [split(line, separator) for line in sample]
-    rows_only = [cells for cells in rows if _mostly_numbers(cells, decimal)] or rows
-    fields = _usual_count(rows_only, decimal)
+    _, fields = _rows_only(rows, decimal)
     total = 0.0
     for cells in rows:
         if len(cells) == fields:

@@ -5,19 +5,24 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, TypeAlias
 
 from contid.errors import BadInputError, Located
 from contid_adapt.meaning.units import UNITS, name_and_unit, unit_of_name, unit_word
 from contid_adapt.reading.cells import is_number, split
-from contid_adapt.reading.dialect import Dialect, is_comment
+from contid_adapt.reading.dialect import Dialect, is_comment, names_separator
 
 #: Rows of Motive and others that name kinds or numbers of things, never columns.
 _KINDS: Final = frozenset({
     *("type", "id", "parent", "marker", "bone", "skeleton", "solved", "rigid body", "rigid body marker"),
     *("marker set", "force plate", "unlabeled", "trajectories"),
 })  # fmt: skip
+_COMMENT_SIGNS: Final = re.compile("^(?:[#% ]|//)+")
 _NUMBERED: Final = re.compile(r"^[0-9A-Fa-f:]{6,}$|^\d+$|^ROOT$|^id\d+$", re.IGNORECASE)
+
+
+#: Index of a line and its cells.
+_Line: TypeAlias = tuple[int, list[str]]
 
 
 @dataclass(slots=True)
@@ -29,7 +34,7 @@ class TableHeader:
         units: one for each field, "" for none.
         line: of the names, from 1; 0 where there are none.
         facts: of lines with a key and a value.
-        lines: as written, which would begin another session where they come again.
+        lines: the line of the names as written, which begins another session where it comes again.
     """
 
     names: list[str] = field(default_factory=list)
@@ -46,26 +51,7 @@ def read_header(lines: Sequence[str], dialect: Dialect, file: str) -> TableHeade
         BadInputError: a line of numbers with another count of cells stands between names and rows.
     """
     header = TableHeader(facts=_facts(lines[: dialect.start], dialect.separator))
-    above: list[tuple[int, list[str]]] = []
-    odd: Located | None = None
-    for index in range(dialect.start):
-        line = lines[index]
-        if not line.strip() or line.startswith("sep="):
-            continue
-        bare = re.sub(r"^\s*(#|%|//)+\s?", "", line)
-        cells = [cell.strip() for cell in split(bare, dialect.separator)]
-        if len(cells) == 1 and is_comment(line) and dialect.separator != " ":
-            cells = [cell.strip() for cell in split(bare, ",")]
-        if not any(cells):
-            continue
-        right = sum(is_number(cell, dialect.decimal) for cell in cells)
-        if not is_comment(line) and len(cells) > 2 and 2 * right > sum(map(bool, cells)):
-            message = (
-                f"a line of {len(cells)} numbers above rows of {dialect.fields}; is its separator right?"
-            )
-            odd = odd or Located(file, index + 1, 1, message)
-            continue
-        above.append((index, cells))
+    above, odd = _lines_above(lines, dialect, file)
     fields, place = dialect.fields, len(above) - 1
     first = split(lines[dialect.start], dialect.separator)
     if odd and (place < 0 or odd.line > above[place][0] or not _fits(above[place][1], fields, header.facts)):
@@ -75,22 +61,9 @@ def read_header(lines: Sequence[str], dialect: Dialect, file: str) -> TableHeade
         units = _filled([unit_word(cell) for cell in above[place][1]], fields)
         place -= 1
     if place >= 0 and _fits(above[place][1], fields, header.facts, first):
-        index, cells = above[place]
+        index = above[place][0]
         header.line, header.lines = index + 1, frozenset({lines[index]})
-        names = _filled(cells, fields)
-        if len(cells) == fields - 1 and len(_trimmed(cells)) == len(cells) and cells[0] and first[-1].strip():
-            names = ["?", *cells]  # One name fewer: the first column counts rows.
-        repeated = len({*filter(None, names)}) < len([*filter(None, names)])
-        if place > 0 and len(up := above[place - 1][1]) > 2:  # Half of the names stand one line above.
-            repeated = repeated or not up[0] or (not names[0] and bool(up[1]))
-        levels: list[list[str]] = []
-        while repeated and place > 0 and index - above[place - 1][0] == 1:
-            place -= 1
-            index, cells = above[place]
-            if not _is_level(cells, fields):
-                break
-            levels.insert(0, cells)
-        header.names = _joined(names, [each for each in levels if not _is_kind(each)], fields)
+        header.names = _names(above[: place + 1], first, fields)
     else:
         header.names = _of_markers(header.facts, fields)
         if place >= 0 and not any(header.names) and above[place][0] == dialect.start - 1:
@@ -103,6 +76,54 @@ def read_header(lines: Sequence[str], dialect: Dialect, file: str) -> TableHeade
         for own, (name, unit) in zip(units, found, strict=True)
     ]
     return header
+
+
+def _lines_above(lines: Sequence[str], dialect: Dialect, file: str) -> tuple[list[_Line], Located | None]:
+    """The lines above the first row that may have names or units, and the first one of numbers."""
+    above: list[_Line] = []
+    odd: Located | None = None
+    for index, line in enumerate(lines[: dialect.start]):
+        if not line.strip() or names_separator(line):
+            continue
+        bare = re.sub(r"^\s*(#|%|//)+\s?", "", line)
+        cells = [cell.strip() for cell in split(bare, dialect.separator)]
+        if len(cells) == 1 and is_comment(line) and dialect.separator != " ":
+            cells = [cell.strip() for cell in split(bare, ",")]
+        if not any(cells):
+            continue
+        right = sum(is_number(cell, dialect.decimal) for cell in cells)
+        if is_comment(line) or len(cells) < 3 or 2 * right <= sum(map(bool, cells)):
+            above.append((index, cells))
+        elif odd is None:
+            what = f"a line of {len(cells)} numbers above rows of {dialect.fields}; is its separator right?"
+            odd = Located(file, index + 1, 1, what)
+    return above, odd
+
+
+def _names(above: Sequence[_Line], first: Sequence[str], fields: int) -> list[str]:
+    """One name for each field.
+
+    Args:
+        above: lines above the rows down to that of the names. Those above it are names of groups of columns
+            where the names repeat, or where half of them stand one line above.
+        first: cells of the first row.
+        fields: cells of a row.
+    """
+    index, cells = above[-1]
+    names = _filled(cells, fields)
+    if len(cells) == fields - 1 and len(_trimmed(cells)) == len(cells) and cells[0] and first[-1].strip():
+        names = ["?", *cells]  # One name fewer: the first column counts rows.
+    given = [name for name in names if name]
+    grouped = len({*given}) < len(given)
+    if len(above) > 1 and len(up := above[-2][1]) > 2:
+        grouped = grouped or not up[0] or (not names[0] and bool(up[1]))
+    levels: list[list[str]] = []
+    for at, level in reversed(above[:-1] if grouped else ()):
+        if index - at != 1 or not _is_level(level, fields):
+            break
+        index = at
+        levels.insert(0, level)
+    return _joined(names, [each for each in levels if not _is_kind(each)], fields)
 
 
 def _check_count(cells: Sequence[str], index: int, fields: int, facts: dict[str, str], file: str) -> None:
@@ -126,10 +147,12 @@ def _stated_unit(name: str, facts: dict[str, str]) -> str:
 
 
 def _facts(lines: Sequence[str], separator: str) -> dict[str, str]:
+    """What lines above the rows state, by its key, in the forms that programs write."""
     facts: dict[str, str] = {}
     before = ""
     for number, line in enumerate(lines):
-        cells = [cell.strip() for cell in split(line.lstrip("#% "), separator)] or [""]
+        bare = _COMMENT_SIGNS.sub("", line)
+        cells = [cell.strip() for cell in split(bare, separator)] or [""]
         if cells[0].isupper() and len(cells) > 1:  # QTM: MARKER_NAMES<tab>A<tab>B
             facts[cells[0]] = "\t".join(cells[1:]).strip()
         elif cells[0] == "Format Version":  # Motive: key, value, key, value
@@ -137,7 +160,7 @@ def _facts(lines: Sequence[str], separator: str) -> dict[str, str]:
         elif cells[0] == "DataRate" and number + 1 < len(lines):  # TRC: keys, and their values below
             facts |= dict(zip(cells, split(lines[number + 1], separator), strict=False))
         elif ":" in line and len(cells) < 3:
-            key, _, value = line.lstrip("#% ").partition(":")
+            key, _, value = bare.partition(":")
             facts[key.strip()] = value.strip().strip(separator)
         elif len(cells) == 2:
             facts[cells[0]] = cells[1]
@@ -148,6 +171,7 @@ def _facts(lines: Sequence[str], separator: str) -> dict[str, str]:
 
 
 def _are_units(cells: Sequence[str], fields: int) -> bool:
+    """True for a line of units: six of ten cells are units or signs for none."""
     given = [cell for cell in cells if cell]
     names = sum(unit_word(cell) in UNITS or cell in "[]-()" for cell in given)
     return bool(given) and len(cells) <= fields + 1 and 10 * names >= 6 * len(given)
@@ -177,6 +201,7 @@ def _filled(cells: Sequence[str], fields: int) -> list[str]:
 
 
 def _is_level(cells: Sequence[str], fields: int) -> bool:
+    """True for a line that may name groups of columns."""
     return len(cells) > 2 and len(_trimmed(cells)) <= fields and "Format Version" not in cells
 
 

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from contid.errors import BadInputError, Located
+from contid_adapt.reading.cells import EXACT
 from contid_adapt.reading.table import Table, TableColumn
 
 _MAX_DEPTH: Final = 8
@@ -38,6 +39,8 @@ def flat(value: Any, name: str = "", depth: int = 0) -> Iterator[tuple[str, Any]
 def read_objects(lines: Sequence[str], file: str) -> Table | None:
     """A table of JSON, or None where the text is none.
 
+    The line of a row is that of its object where each has a line, else the number of the row.
+
     Raises:
         BadInputError: a line is no object, or has other keys than the first.
     """
@@ -56,7 +59,7 @@ def read_objects(lines: Sequence[str], file: str) -> Table | None:
                     raise BadInputError([Located(file, index + 1, 1, "not JSON: one object per line")])
                 rows.append((index + 1, dict(flat(value))))
         if whole is not None and any(isinstance(each, list) for each in whole.values()):
-            return _of_lists(whole, file) or _of_rows(rows, file, lines)
+            return _of_lists(whole, file) or _of_rows(rows, file)
     elif isinstance(whole, list):
         rows = [(place + 1, dict(flat(each))) for place, each in enumerate(whole)]
     else:
@@ -67,13 +70,16 @@ def read_objects(lines: Sequence[str], file: str) -> Table | None:
         if len(inner) != 1 or not isinstance(inner[0][0], dict):
             raise BadInputError([Located(file, 1, 1, "JSON, but no table: no list of objects or of numbers")])
         rows = [(place + 1, dict(flat(each))) for place, each in enumerate(inner[0])]
-    return _of_rows(rows, file, lines)
+    return _of_rows(rows, file)
 
 
 def _of_lists(whole: dict[str, Any], file: str) -> Table | None:
-    """An object of lists, or of objects with the same keys (pandas)."""
+    """An object of lists, or of objects with the same keys, which are the rows (pandas)."""
+    objects = [each for each in whole.values() if isinstance(each, dict)]
+    if any(each.keys() != objects[0].keys() for each in objects):
+        return None
     columns = {
-        name: list(each.values()) if isinstance(each, dict) else each
+        name: [each[key] for key in objects[0]] if isinstance(each, dict) else each
         for name, each in whole.items()
         if isinstance(each, list | dict)
     }
@@ -83,10 +89,10 @@ def _of_lists(whole: dict[str, Any], file: str) -> Table | None:
     rows = [
         (row + 1, dict(flat({name: each[row] for name, each in columns.items()}))) for row in range(count)
     ]
-    return _of_rows(rows, file, ())
+    return _of_rows(rows, file)
 
 
-def _of_rows(rows: Sequence[tuple[int, dict[str, Any]]], file: str, lines: Sequence[str]) -> Table:
+def _of_rows(rows: Sequence[tuple[int, dict[str, Any]]], file: str) -> Table:
     if not rows:
         raise BadInputError([Located(file, 1, 1, "no rows")])
     names = list(rows[0][1])
@@ -97,12 +103,18 @@ def _of_rows(rows: Sequence[tuple[int, dict[str, Any]]], file: str, lines: Seque
     columns = []
     for place, name in enumerate(names):
         columns.append(column_of(name, place + 1, [row[name] for _, row in rows]))
-    count = np.array([line for line, _ in rows], dtype=np.int64)
-    return Table(file, tuple(columns), count, np.ones(len(rows), np.int64), (), names_line=rows[0][0])
+    at = np.array([line for line, _ in rows], dtype=np.int64)
+    return Table(file, tuple(columns), at, np.ones(len(rows), np.int64), (), names_line=rows[0][0])
 
 
 def column_of(name: str, position: int, values: Sequence[Any]) -> TableColumn:
-    """A column of JSON values."""
+    """A column of JSON values: of texts where these are more than half, else of numbers.
+
+    Args:
+        name: of the column.
+        position: of the column, from 1.
+        values: of the rows; None where a sample was lost.
+    """
     from contid_adapt.meaning.units import unit_of_name
 
     texts = sum(isinstance(each, str) for each in values)
@@ -111,10 +123,17 @@ def column_of(name: str, position: int, values: Sequence[Any]) -> TableColumn:
     bad, found = [], np.empty(len(values))
     for row, each in enumerate(values):
         right = isinstance(each, int | float) or each is None
-        found[row] = math.nan if each is None or not right else float(each)
+        found[row] = _double(each) if right and each is not None else math.nan
         if not right or math.isinf(found[row]):
             bad.append((row, str(each)))
     whole = all(isinstance(each, int) and abs(each) < 2**62 for each in values)
-    if whole and len(values) and np.abs(found).max() > 2**53:
+    if whole and len(values) and np.abs(found).max() > EXACT:
         return TableColumn(name, position, np.array(values, dtype=np.int64), unit_of_name(name))
     return TableColumn(name, position, found, unit_of_name(name), tuple(bad))
+
+
+def _double(value: float) -> float:
+    try:
+        return float(value)
+    except OverflowError:  # JSON bounds no integer
+        return math.inf

@@ -53,7 +53,7 @@ class Table:
     Attributes:
         file: name for messages.
         columns: in the order of the file.
-        lines: line of every row, from 1, shape ``(rows,)``.
+        lines: line of every row, from 1, shape ``(rows,)``; its number where rows have no lines of their own.
         sessions: number of the session of every row, from 1; a header that comes again begins the next.
         text: lines of the file, to locate cells in; empty for files that are no text.
         separator: of the cells, " " for blanks.

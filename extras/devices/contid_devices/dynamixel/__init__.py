@@ -54,13 +54,13 @@ class DynamixelTools:
         return scan(ports, bauds, report)
 
     def set_id(self, port: str, baud: int, device: int, new: int) -> None:
-        """Change the id of a device (`contid.hal.Commissions`)."""
+        """Change the id of the device with id ``device`` to ``new`` (`contid.hal.Commissions`)."""
         from contid_devices.dynamixel import commission
 
         commission.set_id(port, baud, device, new)
 
     def set_baud(self, port: str, baud: int, device: int, new: int) -> None:
-        """Change the baud rate of a device (`contid.hal.Commissions`)."""
+        """Change the baud rate of the device with id ``device`` to ``new`` (`contid.hal.Commissions`)."""
         from contid_devices.dynamixel import commission
 
         commission.set_baud(port, baud, device, new)

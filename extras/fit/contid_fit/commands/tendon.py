@@ -113,6 +113,8 @@ def _print(geometry: FoundGeometry | None, both: TendonRecording, stages: tuple[
             low, high = stage.held_out.rmse_95_m
             line += f"   kept out {1e3 * stage.held_out.rmse_m:6.2f} ({1e3 * low:.1f} to {1e3 * high:.1f})"
             line += f" {1e3 * stage.held_out.mean_m:6.2f}"
+        if not stage.fit.converged:
+            line += "   not converged"
         click.echo(line)
     last = stages[-1]
     if last.residual is not None and last.residual.penalty == float("inf"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from ipaddress import IPv4Address
 
 import click
@@ -67,10 +68,10 @@ def command(
 ) -> None:
     """Emulate a room of an OptiTrack (natnet) or a Vicon (vicon) system until a signal.
 
-    BODIES are given as NAME=x,y,z in metres and move on circles of 20 mm. With --poses they stand where
-    lines on stdin have them: {"NAME": [x, y, z, qx, qy, qz, qw]}, null hides one.
+    BODIES are given as NAME=x,y,z in metres, or NAME at the origin, and move on circles of 20 mm. With
+    --poses they stand where lines on stdin have them: {"NAME": [x, y, z, qx, qy, qz, qw]}, null hides one.
     """
-    scene = EmulatedScene(dict(map(_pose, bodies)))
+    scene = EmulatedScene(_poses(bodies))
     faults = Faults(loss, delay_ms / 1e3, not no_echo)
     server: EmulatedNatNet | EmulatedVicon
     try:
@@ -88,7 +89,19 @@ def command(
     serve(server, scene, rate_hz, faults, poses)
 
 
-def _pose(text: str) -> tuple[str, EmulatedPose]:
-    name, _, numbers = text.partition("=")
-    x, y, z = _PLACE.convert(numbers or "0,0,0", None, None)
-    return name, (x, y, z, 0.0, 0.0, 0.0, 1.0)
+def _poses(bodies: Sequence[str]) -> dict[str, EmulatedPose | None]:
+    """Poses by name, position [m] and quaternion, of bodies ``NAME`` or ``NAME=x,y,z``.
+
+    Raises:
+        click.BadParameter: a body has no name, no three numbers, or the name of another.
+    """
+    poses: dict[str, EmulatedPose | None] = {}
+    for text in bodies:
+        name, _, numbers = text.partition("=")
+        if not name:
+            raise click.BadParameter(f"{text!r} has no name; NAME=x,y,z is expected", param_hint="BODIES")
+        if name in poses:
+            raise click.BadParameter(f"{name!r} is given twice", param_hint="BODIES")
+        x, y, z = _PLACE.convert(numbers or "0,0,0", None, None)
+        poses[name] = (x, y, z, 0.0, 0.0, 0.0, 1.0)
+    return poses

@@ -23,7 +23,9 @@ from contid_fit.calibrate.tendon.recording import TendonRecording
 #: Scale of tip errors against expectations [m]: what friction leaves, far above the noise of the tracker.
 NOISE_M: Final = 4e-3
 CONFIDENCE: Final = 0.95
+#: Evaluations of a model after which a fit is given up.
 _EVALUATIONS: Final = 100
+#: A fit has converged when a step changes the sum of squares by less than this share.
 _TOLERANCE: Final = 1e-4
 
 
@@ -33,15 +35,17 @@ class TendonFit:
 
     Attributes:
         model: what was fitted.
-        vector: its parameters.
-        half_width: half widths of their 95 % intervals.
+        vector: its parameters, in the units of `Parameters`, shape ``(parameters,)``.
+        half_width: half widths of their 95 % intervals, the same shape.
         evaluations: number of evaluations of the model.
+        converged: False when the fit was given up; the vector is then the best one found.
     """
 
     model: RecordingModel
     vector: Array
     half_width: Array
     evaluations: int
+    converged: bool
 
     def rows(self, pull_m: Array) -> Prediction:
         """Tips of pulls ``(rows, tendons)`` in the order of time."""
@@ -49,7 +53,15 @@ class TendonFit:
 
 
 class _Cached:
-    """Residuals and their Jacobian of one model and recording; one evaluation gives both."""
+    """Residuals and their Jacobian of one model and recording; one evaluation gives both.
+
+    Functions of ``z = (vector - expected) / spread``, shape ``(parameters,)``.
+
+    Attributes:
+        error: tip errors of the rows in use at the newest z [NOISE_M], ``(rows, 3)``.
+        by: their derivatives by z, ``(rows, 3, parameters)``.
+        evaluations: number of evaluations of the model.
+    """
 
     def __init__(self, model: RecordingModel, recording: TendonRecording, use: Array) -> None:
         self.model, self.recording, self.use = model, recording, use
@@ -85,7 +97,7 @@ def fit_model(
     Args:
         model: what to fit.
         recording: all rows drive the model, because the robot remembers them.
-        use: which rows have tips that count; None: all.
+        use: which rows have tips that count, shape ``(rows,)``; None: all.
         start: first vector; None: the expected one.
     """
     from scipy.optimize import least_squares
@@ -105,10 +117,12 @@ def fit_model(
     z = np.asarray(found.x)
     covariance, patterns = _sandwich(cached, z, recording.runs[use])
     width = float(t.ppf(0.5 + 0.5 * CONFIDENCE, max(patterns - 1, 1))) * np.sqrt(np.diag(covariance))
-    return TendonFit(model, cached.expected + cached.spread * z, width * cached.spread, cached.evaluations)
+    vector = cached.expected + cached.spread * z
+    return TendonFit(model, vector, width * cached.spread, cached.evaluations, found.status > 0)
 
 
 def _sandwich(cached: _Cached, z: Array, runs: Array) -> tuple[Array, int]:
+    """Covariance of z, and the number of patterns; ``runs`` has the number of the pattern of each row."""
     cached.residuals(z)
     size = len(z)
     flat = cached.by.reshape(-1, size)

@@ -15,8 +15,8 @@ from typing import Final
 from contid.errors import ContidError
 from contid.remote.client.client_protocol import RESPONSE_TIMEOUT_S, VERB_TIMEOUT_S
 from contid.remote.protocol.wire import PROTOCOL, Code, ConnectionLostError, Fields, RemoteError
-from contid_fleet.daemon_link import DaemonLink, refusal
 from contid_fleet.keys import Origin
+from contid_fleet.links.daemon_link import DaemonLink, refusal
 from contid_fleet.rights import GREETING, LEASED, STOPS
 
 #: Code of this bridge, beside those of the socket.
