@@ -9,7 +9,9 @@ from the future, are faults at once.
 An axis that measures its own command within the tolerance is in its range, whatever that is: so the range is
 computed only while some axis of the robot is farther off, and half a second after that.
 
-A device that yields to what it pushes on, and a robot whose tip closes on an object, are not compared.
+A device that yields to what it pushes on may be anywhere while its effort is towards its command and at least
+`contid.control.tick.follow.responses.PUSHING` of its limit. A robot whose tip closes on an object is not
+compared.
 Everything is a function of commands and recorded samples, so a replay decides the same.
 """
 
@@ -64,6 +66,7 @@ class BodyWatch(TickStage):
                     continue
             except TypeError:  # an axis has no value
                 pass
+            body.effort_share = self._exchange.effort_shares.get(body.config.name, 1.0)
             fault, message = body.compare(self._exchange.samples_of(body.config), latest_s, gap)
             self.behind = max(self.behind, body.behind)
             if fault is not Fault.NONE:
