@@ -111,6 +111,48 @@ def test_a_sample_from_the_future_is_implausible(monkeypatch: pytest.MonkeyPatch
     assert "in the future" in report.robots["f0"]["message"]
 
 
+@pytest.mark.parametrize("kind", ["every other sample", "two of three", "30 ms old", "80 ms old"])
+def test_an_encoder_that_is_frozen_is_found_whatever_its_adapter_does(
+    monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    """The left encoder stands still from 1.5 s on, in some samples or with an age in all of them."""
+    exchange, age_s = SimBus.exchange, {"30 ms old": 0.03, "80 ms old": 0.08}.get(kind, 0.0)
+    often = {"every other sample": 2, "two of three": 3}.get(kind, 1)
+    frozen: list[Sample] = []
+    past: list[Mapping[str, Sample]] = []
+
+    def damaged(self: SimBus, commands: Mapping[str, float]) -> Mapping[str, Sample]:
+        past.append(exchange(self, commands))
+        old = past[max(len(past) - 1 - round(age_s * RATE), 0)]
+        seen = {axis: replace(sample, age_s=sample.age_s + age_s) for axis, sample in old.items()}
+        if self._clock.now() > 1.5:
+            frozen.append(seen["f0.left"])
+            if often == 1 or len(past) % often:
+                seen["f0.left"] = replace(seen["f0.left"], value=frozen[0].value)
+        return seen
+
+    monkeypatch.setattr(SimBus, "exchange", damaged)
+    slow = "t_s,f0.left_mm,f0.right_mm\n0,50,50\n2,50,50\n3,53,50\n4,50,50\n6,50,50\n"
+    report = follow(load(1), slow)
+    assert report.exit_code == 3
+    assert report.robots["f0"]["fault"] in (Fault.DOES_NOT_FOLLOW, Fault.MOVES_UNASKED)
+    assert "f0.left" in report.robots["f0"]["message"]
+
+
+@pytest.mark.parametrize("age_s", [0.03, 0.08])
+def test_a_sound_robot_whose_samples_are_old_is_none(monkeypatch: pytest.MonkeyPatch, age_s: float) -> None:
+    exchange = SimBus.exchange
+    past: list[Mapping[str, Sample]] = []
+
+    def late(self: SimBus, commands: Mapping[str, float]) -> Mapping[str, Sample]:
+        past.append(exchange(self, commands))
+        old = past[max(len(past) - 1 - round(age_s * RATE), 0)]
+        return {axis: replace(sample, age_s=sample.age_s + age_s) for axis, sample in old.items()}
+
+    monkeypatch.setattr(SimBus, "exchange", late)
+    assert follow(load(1), "t_s,f0.left_mm,f0.right_mm\n0,50,50\n1,90,10\n2,50,50\n3,90,10\n").exit_code == 0
+
+
 def goto(loaded: LoadedFile) -> tuple[RunReport, dict[str, Any]]:
     """A move of the finger by 10 mm at its start, and its end."""
     seen = Collector(loaded)

@@ -9,7 +9,7 @@ from typing import Final
 
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
-from contid.control.tick.follow.expected_range import ExpectedRange
+from contid.control.tick.follow.expected_range import OLDEST_S, ExpectedRange
 from contid.hal import Sample
 from contid.robot_file.base import Quantity
 
@@ -17,10 +17,10 @@ from contid.robot_file.base import Quantity
 CONFIRM_S: Final = 0.02
 #: The same for one that yields to what it pushes on: its current follows its error.
 YIELDING_S: Final = 0.1
+#: Share of a tick outside that one inside takes back: a reading that is wrong every other time is confirmed.
+FORGIVEN: Final = 0.125
 #: A measurement dated farther ahead than this is from the future.
 FUTURE_S: Final = 0.1
-#: Measurements that are older are not compared: they show where the axis was.
-OLD_S: Final = 0.02
 #: How long a range is kept up after the last axis was off its command.
 AWAKE_S: Final = 0.5
 #: Least time that the axes have to arrive after the last command, and the same in their longest lag.
@@ -106,7 +106,7 @@ class WatchedBody:
             for each in config.responses
         ]
         self._stay = math.ceil(AWAKE_S / config.period_s)
-        self._outside = [0] * len(config.axes)
+        self._outside = [0.0] * len(config.axes)
         #: Axes that were on their way when the devices took no more commands, and need not arrive.
         self._on_way: list[bool] = []
         self._asked = [False] * len(config.axes)
@@ -118,7 +118,7 @@ class WatchedBody:
         if device and not self.device:
             values = [sample.value for sample in samples if sample.value is not None]
             self._range.begin(device, values if len(values) == len(device) else device)
-            self._outside = [0] * len(device)
+            self._outside = [0.0] * len(device)
             self._values = (None,) * len(device)
             self.awake = self._stay
         elif device and self.awake:
@@ -151,13 +151,15 @@ class WatchedBody:
             if last is not None and abs(value - last) > response.jump:
                 shown = f"{axis} jumped from {self._edge(i, last)} to {self._edge(i, value)} in one tick"
                 return Fault.IMPLAUSIBLE_SAMPLE, shown
-            excess = self._range.excess(i, value)
-            if excess and response.holds(self.device[i] - value, sample.effort, self.effort_share):
+            excess = self._range.excess(i, value, sample.age_s)
+            if sample.age_s > OLDEST_S or (
+                excess and response.holds(self.device[i] - value, sample.effort, self.effort_share)
+            ):
                 excess = 0.0
-            if excess > self.behind * response.tolerance and sample.age_s <= OLD_S:
+            if excess > self.behind * response.tolerance:
                 self.behind, self._farthest = excess / response.tolerance, i
-            if excess <= response.tolerance or sample.age_s > OLD_S:
-                self._outside[i] = max(self._outside[i] - 1, 0)
+            if excess <= response.tolerance:
+                self._outside[i] = max(self._outside[i] - FORGIVEN, 0.0)
                 continue
             if not self._outside[i]:
                 self._asked[i] = not self._range.still(i, STILL_SHARE * response.tolerance)
@@ -216,7 +218,9 @@ class WatchedBody:
         self.behind = 0.0
         self.awake -= 1
         self._outside = (
-            [max(count - 1, 0) for count in self._outside] if self.awake else [0] * len(self.checks)
+            [max(count - FORGIVEN, 0.0) for count in self._outside]
+            if self.awake
+            else [0.0] * len(self.checks)
         )
 
     def places(self, samples: Sequence[Sample]) -> list[AxisPlace]:

@@ -27,6 +27,10 @@ from typing import Final
 
 #: Lags that a range looks back at when it begins in the midst of a motion; the rest is 5 %.
 _LOOK_BACK: Final = 3.0
+#: Measurements that are older than the first are compared with all commands of their time, up to the second,
+#: from which on they are another fault (`contid.control.tick.faults.Fault.AXIS_STALE`) [s].
+OLD_S: Final = 0.02
+OLDEST_S: Final = 0.1
 #: Rounding of a time that is whole periods.
 _EXACT: Final = 1e-9
 
@@ -83,8 +87,9 @@ class ExpectedRange:
     def __init__(self, responses: Sequence[AxisResponse], period_s: float) -> None:
         delays = [max(math.ceil(each.delay_s / period_s - _EXACT), 1) for each in responses]
         lag_s = max(each.lag_s for each in responses)
-        look_back = max(delays) + math.ceil(_LOOK_BACK * lag_s / period_s)
-        self.past: deque[tuple[float, ...]] = deque(maxlen=look_back + 1)
+        self._period_s = period_s
+        self._look_back = max(delays) + math.ceil(_LOOK_BACK * lag_s / period_s) + 1
+        self.past: deque[tuple[float, ...]] = deque(maxlen=self._look_back + math.ceil(OLDEST_S / period_s))
         self._rates = [
             (
                 delay,
@@ -108,7 +113,7 @@ class ExpectedRange:
 
     def catch_up(self) -> None:
         """Bounds from the commands noted so far; wider than those of `advance`, and as wide soon."""
-        columns = list(zip(*self.past, strict=True))
+        columns = list(zip(*list(self.past)[-self._look_back :], strict=True))
         ahead = [
             [b + (b - a) * lead for a, b in pairwise(column)]
             for column, (*_, lead) in zip(columns, self._rates, strict=True)
@@ -131,9 +136,20 @@ class ExpectedRange:
             highs[i] = max(up + (high - up) * keep, high - most, above + min(high - above, 0.0) * keep_quick)
             lows[i] = min(down + (low - down) * keep, low + most, below + max(low - below, 0.0) * keep_quick)
 
-    def excess(self, axis: int, value: float) -> float:
-        """Distance of a measurement from the range of its axis, 0 inside."""
-        return max(value - self.highs[axis], self.lows[axis] - value, 0.0)
+    def excess(self, axis: int, value: float, age_s: float = 0.0) -> float:
+        """Distance of a measurement from the range of its axis, 0 inside.
+
+        Args:
+            axis: its number.
+            value: what was measured.
+            age_s: before now; an old one is compared with all commands that it may show.
+        """
+        high, low = self.highs[axis], self.lows[axis]
+        if age_s > OLD_S:
+            back = self._look_back + math.ceil(age_s / self._period_s)
+            column = [each[axis] for each in list(self.past)[-back:]]
+            high, low = max(high, *column), min(low, *column)
+        return max(value - high, low - value, 0.0)
 
     def still(self, axis: int, width: float) -> bool:
         """True when the axis had time to follow its last motion up to ``width``."""
