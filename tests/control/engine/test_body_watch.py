@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import random
 from collections.abc import Mapping
 from dataclasses import replace
@@ -15,7 +16,7 @@ from contid.control.engine.report import RunReport
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.faults import Fault
-from contid.control.tick.follow.expected_range import AxisResponse
+from contid.control.tick.follow.expected_range import AxisResponse, ExpectedRange
 from contid.control.tick.follow.tip_path import TipPath
 from contid.hal import Sample
 from contid.robot_file.load import LoadedFile, find_robot_file, load_robot_file, parse_robot_file
@@ -198,6 +199,40 @@ def test_the_response_of_an_axis_is_its_own_else_that_of_the_robot() -> None:
     left, right = config.responses
     assert (left.lag_s, left.delay_s) == pytest.approx((0.03, 0.005))
     assert (right.lag_s, right.delay_s) == pytest.approx((0.07, 0.02))
+
+
+@pytest.mark.parametrize(("least_ms", "exit_code"), [(0.0, 0), (30.0, 3)])
+def test_a_device_that_returns_its_commands_is_quicker_than_any(least_ms: float, exit_code: int) -> None:
+    """Only a lag that was identified shows it: the measurement is the command of the tick before."""
+    text = fingers(1).replace("mm_per_rev", "response_ms: 0, mm_per_rev")
+    text = text.replace("mm_per_rev", f"follow_least_lag_ms: {least_ms}, mm_per_rev")
+    text = text.replace("rest_mm:", "follow_mm: 0.4\n    rest_mm:")
+    report = follow(
+        parse_robot_file(text, "echo.yaml"), "t_s,f0.left_mm,f0.right_mm\n0,50,50\n0.4,75,50\n1,75,50\n"
+    )
+    assert report.exit_code == exit_code
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_axis_that_is_no_quicker_and_no_slower_stays_inside(seed: int) -> None:
+    """First-order axes with random dead times and lags, solved exactly between the ticks."""
+    draw, period_s = random.Random(seed), 0.005
+    response = AxisResponse(1.0, 0.02, 0.04, math.inf, 1.0, least_delay_s=0.01, least_lag_s=0.015)
+    expected = ExpectedRange([response], period_s)
+    axes = [(draw.choice([0.01, 0.015, 0.02]), draw.uniform(0.015, 0.04)) for _ in range(20)]
+    at, command, commands = [0.0] * len(axes), 0.0, [0.0] * 5
+    expected.begin((0.0,), (0.0,))
+    narrow = 0
+    for tick in range(2000):
+        command += draw.uniform(-1.0, 1.0) if tick // 100 % 2 else 0.0
+        commands.append(command)
+        expected.advance((command,))
+        for k, (delay_s, lag_s) in enumerate(axes):
+            goal = commands[-1 - round(delay_s / period_s)]
+            at[k] = goal + (at[k] - goal) * math.exp(-period_s / lag_s)
+            assert expected.excess(0, at[k]) < 1e-9
+        narrow += expected.excess(0, command) > 0.1
+    assert narrow > 200
 
 
 def test_less_than_the_tolerance_is_no_fault() -> None:

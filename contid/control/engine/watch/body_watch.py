@@ -6,8 +6,9 @@ with it. One that stays outside by more than its tolerance for 20 ms is a fault:
 the command stood still, "does not follow" otherwise. A jump that no body is capable of, and a measurement
 from the future, are faults at once.
 
-An axis that measures its own command within the tolerance is in its range, whatever that is: so the range is
-computed only while some axis of the robot is farther off, and half a second after that.
+An axis that measures its own command within the tolerance is in its range, whatever that is, unless a least
+lag is known: so the range is computed only while some axis of the robot is farther off, and half a second
+after that.
 
 A device that yields to what it pushes on may be anywhere while its effort is towards its command and at least
 `contid.control.tick.follow.responses.PUSHING` of its limit. A robot whose tip closes on an object is not
@@ -54,7 +55,7 @@ class BodyWatch(TickStage):
             if not body.device:
                 continue
             try:
-                for (axis, tolerance), goal in zip(body.checks, body.device, strict=True):
+                for (axis, tolerance), goal in zip(body.near, body.device, strict=True):
                     sample = samples[axis]
                     # None is a TypeError, which costs nothing while there are values.
                     off = sample.value - goal  # type: ignore[operator]

@@ -69,6 +69,8 @@ class WatchedBody:
     Attributes:
         config: of the robot.
         checks: name and tolerance of every axis.
+        near: name of every axis, and how far from its command it is in its range, whatever that is; negative
+            for one that may be too near to it.
         goal: newest command [rad or Pa]; empty before the first.
         device: the same while it is compared, else empty.
         behind: greatest distance of an axis from its range, as a share of its tolerance.
@@ -85,6 +87,10 @@ class WatchedBody:
         self.config = config
         self.checks = tuple(
             (axis, response.tolerance) for axis, response in zip(config.axes, config.responses, strict=True)
+        )
+        self.near = tuple(
+            (axis, -1.0 if each.least_lag_s else each.tolerance)
+            for axis, each in zip(config.axes, config.responses, strict=True)
         )
         slowest_s = max(each.delay_s + SETTLE_LAGS * each.lag_s for each in config.responses)
         self.settle_s = max(slowest_s, SETTLE_S)

@@ -55,6 +55,8 @@ def axis_responses(
                 jump=device.fastest * period_s + _JUMP_SLACK[pressure],
                 overshoot_s=device.overshoot_s,
                 unit=unit,
+                least_delay_s=robot.axes[name].follow_least_delay_ms / 1e3,
+                least_lag_s=robot.axes[name].follow_least_lag_ms / 1e3,
                 pushing_a=math.inf if device.effort_limit_a is None else PUSHING * device.effort_limit_a,
             )
         )
