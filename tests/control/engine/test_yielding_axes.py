@@ -17,7 +17,7 @@ from contid.control.tick.follow.expected_range import AxisResponse
 from contid.hal import DeviceResponse
 from contid.robot_file.load import parse_robot_file
 from contid.trajectory.read import read_trajectory
-from contid_drivers.dynamixel import DRIVER
+from contid_drivers.dynamixel.driver import DynamixelDriver
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_drivers.sim import SimDriver
 from tests.support.fingers import fingers
@@ -104,4 +104,4 @@ def test_a_dynamixel_servo_yields_with_the_current_of_the_file(
 ) -> None:
     axis = DynamixelAxisOptions.model_validate({"id": 1, "mode": mode, **keys})
     bus = DynamixelBusOptions.model_validate({"port": "/dev/ttyUSB0"})
-    assert DRIVER.device_response(bus, axis).effort_limit_a == limit_a
+    assert DynamixelDriver().device_response(bus, axis).effort_limit_a == limit_a
