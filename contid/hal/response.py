@@ -24,7 +24,8 @@ class DeviceResponse:
         top: its own limit of speed where faster commands are no mistake, because it ramps them itself
             [rad/s or Pa/s].
         overshoot_s: how far it may run ahead of its command, as a time at the speed of the command.
-        yields: it gives way to what it pushes on, so that being away from its command is no fault.
+        effort_limit_a: greatest effort of a device that gives way to what it pushes on [A]; 0 where its limit
+            is its own and not in the robot file, None for one that does not give way.
     """
 
     delay_s: float
@@ -32,7 +33,7 @@ class DeviceResponse:
     fastest: float
     top: float = math.inf
     overshoot_s: float = 0.0
-    yields: bool = False
+    effort_limit_a: float | None = None
 
 
 #: No geared servo or motor turns faster (Dynamixel XL330-M077: 383 rpm at 5 V).

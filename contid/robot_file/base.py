@@ -237,6 +237,9 @@ class AxisDescription(BaseModel):
             interpolated by a monotone cubic.
         follow_delay_ms: its longest dead time when it is healthy; that of the robot if left out.
         follow_lag_ms: longest time constant of its answer behind that; likewise.
+        follow_least_delay_ms: its shortest dead time, 0 if left out.
+        follow_least_lag_ms: shortest time constant behind that, 0 if left out; an axis ahead of it is a
+            fault, as when its device returns commands as measurements.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
@@ -248,3 +251,5 @@ class AxisDescription(BaseModel):
     mm_to_bar: tuple[tuple[float, float], ...] | None = None
     follow_delay_ms: NonNegative | None = None
     follow_lag_ms: Positive | None = None
+    follow_least_delay_ms: NonNegative = 0.0
+    follow_least_lag_ms: NonNegative = 0.0

@@ -35,6 +35,7 @@ class Exchange:
     Attributes:
         samples: newest by axis.
         bus_of: by axis, the name of its bus.
+        effort_shares: to which the effort of robots was limited last, by name.
     """
 
     def __init__(
@@ -47,6 +48,7 @@ class Exchange:
     ) -> None:
         """Prepare; arguments as in `contid.control.engine.engine.Engine`, and where times are written."""
         self.samples: dict[str, Sample] = {}
+        self.effort_shares: dict[str, float] = {}
         self.bus_of = {axis: name for name, port in ports.items() for axis in port.bus.axes}
         self._robots = robots
         self._ports = dict(ports)
@@ -114,6 +116,7 @@ class Exchange:
             if who is not None and config.name not in who:
                 continue
             limited[config.name] = False
+            self.effort_shares[config.name] = share
             for name, axes in self._axes_on[index].items():
                 bus = self._ports[name].bus
                 if isinstance(bus, LimitsEffort):

@@ -106,7 +106,8 @@ class RunReport:
 def _places(axes: Mapping[str, Mapping[str, float]]) -> str:
     """Commanded, measured and their difference at the end, of every axis."""
     return "axes " + ", ".join(
-        f"{axis} {at['commanded']:.4g} measured {at['measured']:.4g} ({at['difference']:+.2g})"
+        f"{axis} {at['commanded']:.4g} measured {at['measured']:.4g} ({at['difference']:+.2g}"
+        + (", pushes on something)" if "holds" in at else ")")
         for axis, at in axes.items()
     )
 
@@ -150,6 +151,7 @@ def robot_reports(engine: Engine) -> dict[str, dict[str, Any]]:
                     "commanded": place.commanded,
                     "measured": place.measured,
                     "difference": place.measured - place.commanded,
+                    **({"holds": True} if place.holds else {}),
                 }
                 for place in places
             },

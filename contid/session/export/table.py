@@ -1,7 +1,8 @@
 """The ticks of a session as one table in the units of robot files.
 
 Columns are the times, those of all channels with the channel in front (``command.left.left_mm``), then the
-measured axes and tips (``measured.left.x_mm``); what is absent is NaN.
+measured axes and tips (``measured.left.x_mm``), and how far axes are from their commands
+(``difference.left.left_mm``, measured less commanded); what is absent is NaN.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 #: Ticks that are converted at once; a tick of a hand has 150 numbers.
 _BLOCK: Final = 4096
+_COMMAND: Final = "command"
+_DIFFERENCE: Final = "difference"
 
 
 class TickTable:
@@ -34,7 +37,7 @@ class TickTable:
     Attributes:
         names: names of the columns: `TIMES`, those of the channels, those of the measured axes and tips.
         is_integer: for every column, True when its values are integers.
-        channels: for every column, its channel, ``measured``, or "" for a time.
+        channels: for every column, its channel, ``measured``, ``difference`` or "" for a time.
     """
 
     def __init__(self, session: RecordedTicks) -> None:
@@ -53,6 +56,15 @@ class TickTable:
             names.append(f"{MEASURED}.{name}")
             is_integer.append(False)
             channels.append(MEASURED)
+        #: Columns of command and measurement of every axis, for their difference.
+        self._pairs = [
+            (names.index(command), place)
+            for place, (channel, name) in enumerate(zip(channels, names, strict=True))
+            if channel == MEASURED and (command := name.replace(MEASURED, _COMMAND, 1)) in names
+        ]
+        names += [names[place].replace(MEASURED, _DIFFERENCE, 1) for _, place in self._pairs]
+        is_integer += [False] * len(self._pairs)
+        channels += [_DIFFERENCE] * len(self._pairs)
         self.names, self.is_integer, self.channels = tuple(names), tuple(is_integer), tuple(channels)
 
     def blocks(self, event: Callable[[float, int, RunEvent], None] | None = None) -> Iterator[Array]:
@@ -93,7 +105,10 @@ class TickTable:
         for place, column in enumerate(self._columns, len(TIMES)):
             recorded = values[:, column.slot]
             out[:, place] = recorded if column.quantity is None else column.quantity.from_si(recorded)
-        out[:, len(TIMES) + len(self._columns) :] = measured_block(self._robots, records)
+        measured, end = len(TIMES) + len(self._columns), len(self.names) - len(self._pairs)
+        out[:, measured:end] = measured_block(self._robots, records)
+        for place, (command, at) in enumerate(self._pairs, end):
+            out[:, place] = out[:, at] - out[:, command]
         return out
 
     def series(self, block: Array) -> dict[str, Any]:

@@ -44,11 +44,16 @@ class DynamixelDriver:
         return f"id {axis.id}"
 
     def device_response(self, bus: BaseModel, axis: BaseModel) -> DeviceResponse:
-        """Of a servo; with limited current it yields to what it pushes on (`contid.hal.Responds`)."""
+        """Of a servo; with limited current it yields to what it pushes on (`contid.hal.Responds`).
+
+        The limit that a servo keeps itself is read from it later, and may be less than that of its model.
+        """
         assert isinstance(bus, DynamixelBusOptions)
         assert isinstance(axis, DynamixelAxisOptions)
-        yields = (axis.mode or bus.mode) == "current_based_position"
-        return replace(RESPONSES[DeviceKind.SERVO], yields=yields)
+        if (axis.mode or bus.mode) != "current_based_position":
+            return RESPONSES[DeviceKind.SERVO]
+        limits_ma = [each for each in (axis.current_limit_ma, axis.goal_current_ma) if each]
+        return replace(RESPONSES[DeviceKind.SERVO], effort_limit_a=min(limits_ma, default=0.0) / 1e3)
 
     def device_rate(self, axis: BaseModel) -> DeviceRate:
         """Its own speed without load, or the profile that is written into it (`contid.hal.LimitsRate`)."""

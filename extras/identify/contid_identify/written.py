@@ -1,9 +1,11 @@
 """Changes of the robot file that an identification gives.
 
 ``follow_delay_ms`` and ``follow_lag_ms`` of every axis, the longest that still count as healthy, are the
-upper ends of its intervals and a quarter. ``dynamics.delay_ms`` and ``lag_ms`` reach from the command to
-the body: those of the tip where it was measured, else of every axis. Masses and damping are those of the
-stage *body*, ``rates.shape`` has the strongest mode about the pose with the most ring-downs.
+upper ends of its intervals and a quarter; ``follow_least_delay_ms`` and ``follow_least_lag_ms``, the
+shortest, are the lower ends less a fifth, where both are known apart. ``dynamics.delay_ms`` and ``lag_ms``
+reach from the command to the body: those of the tip where it was measured, else of every axis. Masses and
+damping are those of the stage *body*, ``rates.shape`` has the strongest mode about the pose with the most
+ring-downs.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from contid_identify.estimate import Interval
 from contid_identify.ring_down import RingDown
 from contid_identify.stages import IdentifiedMotion
 
-#: What the watch of the axes allows above the upper end of an interval.
+#: What the watch of the axes allows above the upper end of an interval, and below the lower one.
 _MARGIN = 1.25
 #: An interval of a delay or lag wider than this is not written [s].
 _WIDEST_S = 0.05
@@ -49,6 +51,12 @@ def changes(found: IdentifiedMotion, robot: RobotDescription, note: str) -> list
             Change(f"{own}.follow_delay_ms", _ms(_MARGIN * delay_s), healthy),
             Change(f"{own}.follow_lag_ms", max(_ms(_MARGIN * lag_s), 1.0), healthy),
         ]
+        if _is_known(answer.delay_s) and _is_known(answer.lag_s):
+            shortest = f"{note}: shortest when healthy"
+            out += [
+                Change(f"{own}.follow_least_{key}_ms", _ms(max(of.low, 0.0) / _MARGIN), shortest)
+                for key, of in (("delay", answer.delay_s), ("lag", answer.lag_s))
+            ]
     if getattr(robot, "dynamics", None) is not None:
         out += _dynamics(found, len(robot.axis_names), note)
         out += _body(found, robot, note)

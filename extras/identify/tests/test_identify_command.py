@@ -64,6 +64,7 @@ def test_from_a_session_to_the_file(recorded: tuple[Path, Path], tmp_path: Path)
         lag_ms = robot.axes[name].follow_lag_ms
         assert lag_ms is not None
         assert 1.2 * 50.0 <= lag_ms <= 1.25 * 75.0  # the upper end of its interval and a quarter
+        assert 0.0 < robot.axes[name].follow_least_lag_ms <= 50.0 / 1.2  # the lower end less a fifth
     assert "identified" in own.read_text()
     assert "<svg" in page.read_text()
 

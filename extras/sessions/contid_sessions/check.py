@@ -25,7 +25,7 @@ from typing import Final
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.buses import RecorderOverrun
 from contid.control.engine.events.robots import FaultLatched, OrderGiven
-from contid.control.engine.messages import ClearFault, Measured, Recover
+from contid.control.engine.messages import ClearFault, Grip, Measured, Recover
 from contid.control.engine.tick_layout import RobotRecord, TickRecord
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
@@ -136,6 +136,8 @@ class _RobotCheck:
         """Rules broken in a tick, with messages."""
         orders = [each.order for each in events if isinstance(each, OrderGiven) and self._meant(each)]
         for order in orders:
+            if order["order"] == Grip.NAME:
+                self._follow.effort_share = float(order["share"])
             if order["order"] != Measured.NAME and order.get("robot", self.name) == self.name:
                 self._yields = "until_force_n" in order
         before = self._before

@@ -31,6 +31,8 @@ class FollowCheck:
             for each in config.responses
         ]
         self._most = max(math.ceil(_AWAY_S / config.period_s), 2)
+        #: To which the effort of its devices is limited.
+        self.effort_share = 1.0
         self.forget()
 
     def forget(self) -> None:
@@ -57,7 +59,9 @@ class FollowCheck:
             far = max(axis.value - max(past), min(past) - axis.value, 0.0)
             nearer = self._before[k] - far > 0.5 * response.top * self._config.period_s
             self._before[k] = far
-            if far <= response.tolerance or nearer:
+            effort = None if math.isnan(axis.effort) else axis.effort
+            held = response.holds(axis.device - axis.value, effort, self.effort_share)
+            if far <= response.tolerance or nearer or held:
                 self._away[k] = 0
                 continue
             self._away[k] += 1

@@ -63,6 +63,8 @@ def test_measured_tips_are_the_forward_kinematics_of_the_measured_axes(table: pd
     poses = Robot("hand")["left"].fk(racks[known])
     tips = table.loc[known, ["measured.left.x_mm", "measured.left.y_mm"]].to_numpy()
     np.testing.assert_allclose(tips, poses.tip[:, :2], atol=1e-9)
+    off = table["measured.left.left_mm"] - table["command.left.left_mm"]
+    np.testing.assert_allclose(table["difference.left.left_mm"], off, atol=1e-9)
     # A simulated servo arrives within a step of its encoder.
     np.testing.assert_allclose(tips[-1], TIP_MM, atol=0.05)
     # mm_per_rev and the angles of the devices, by the robot file.

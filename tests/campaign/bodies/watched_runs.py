@@ -37,6 +37,7 @@ class Watched:
         robots: Any = SimpleNamespace(configs=(axes.config,), fail=self._fail)
         exchange: Any = SimpleNamespace(
             samples=self._samples,
+            effort_shares={},
             samples_of=lambda config: tuple(self._samples[axis] for axis in config.axes),
         )
         self._watch = BodyWatch(robots, exchange)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import random
 from collections.abc import Mapping
 from dataclasses import replace
@@ -15,7 +16,7 @@ from contid.control.engine.report import RunReport
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.faults import Fault
-from contid.control.tick.follow.expected_range import AxisResponse
+from contid.control.tick.follow.expected_range import AxisResponse, ExpectedRange
 from contid.control.tick.follow.tip_path import TipPath
 from contid.hal import Sample
 from contid.robot_file.load import LoadedFile, find_robot_file, load_robot_file, parse_robot_file
@@ -111,6 +112,48 @@ def test_a_sample_from_the_future_is_implausible(monkeypatch: pytest.MonkeyPatch
     assert "in the future" in report.robots["f0"]["message"]
 
 
+@pytest.mark.parametrize("kind", ["every other sample", "two of three", "30 ms old", "80 ms old"])
+def test_an_encoder_that_is_frozen_is_found_whatever_its_adapter_does(
+    monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    """The left encoder stands still from 1.5 s on, in some samples or with an age in all of them."""
+    exchange, age_s = SimBus.exchange, {"30 ms old": 0.03, "80 ms old": 0.08}.get(kind, 0.0)
+    often = {"every other sample": 2, "two of three": 3}.get(kind, 1)
+    frozen: list[Sample] = []
+    past: list[Mapping[str, Sample]] = []
+
+    def damaged(self: SimBus, commands: Mapping[str, float]) -> Mapping[str, Sample]:
+        past.append(exchange(self, commands))
+        old = past[max(len(past) - 1 - round(age_s * RATE), 0)]
+        seen = {axis: replace(sample, age_s=sample.age_s + age_s) for axis, sample in old.items()}
+        if self._clock.now() > 1.5:
+            frozen.append(seen["f0.left"])
+            if often == 1 or len(past) % often:
+                seen["f0.left"] = replace(seen["f0.left"], value=frozen[0].value)
+        return seen
+
+    monkeypatch.setattr(SimBus, "exchange", damaged)
+    slow = "t_s,f0.left_mm,f0.right_mm\n0,50,50\n2,50,50\n3,53,50\n4,50,50\n6,50,50\n"
+    report = follow(load(1), slow)
+    assert report.exit_code == 3
+    assert report.robots["f0"]["fault"] in (Fault.DOES_NOT_FOLLOW, Fault.MOVES_UNASKED)
+    assert "f0.left" in report.robots["f0"]["message"]
+
+
+@pytest.mark.parametrize("age_s", [0.03, 0.08])
+def test_a_sound_robot_whose_samples_are_old_is_none(monkeypatch: pytest.MonkeyPatch, age_s: float) -> None:
+    exchange = SimBus.exchange
+    past: list[Mapping[str, Sample]] = []
+
+    def late(self: SimBus, commands: Mapping[str, float]) -> Mapping[str, Sample]:
+        past.append(exchange(self, commands))
+        old = past[max(len(past) - 1 - round(age_s * RATE), 0)]
+        return {axis: replace(sample, age_s=sample.age_s + age_s) for axis, sample in old.items()}
+
+    monkeypatch.setattr(SimBus, "exchange", late)
+    assert follow(load(1), "t_s,f0.left_mm,f0.right_mm\n0,50,50\n1,90,10\n2,50,50\n3,90,10\n").exit_code == 0
+
+
 def goto(loaded: LoadedFile) -> tuple[RunReport, dict[str, Any]]:
     """A move of the finger by 10 mm at its start, and its end."""
     seen = Collector(loaded)
@@ -156,6 +199,40 @@ def test_the_response_of_an_axis_is_its_own_else_that_of_the_robot() -> None:
     left, right = config.responses
     assert (left.lag_s, left.delay_s) == pytest.approx((0.03, 0.005))
     assert (right.lag_s, right.delay_s) == pytest.approx((0.07, 0.02))
+
+
+@pytest.mark.parametrize(("least_ms", "exit_code"), [(0.0, 0), (30.0, 3)])
+def test_a_device_that_returns_its_commands_is_quicker_than_any(least_ms: float, exit_code: int) -> None:
+    """Only a lag that was identified shows it: the measurement is the command of the tick before."""
+    text = fingers(1).replace("mm_per_rev", "response_ms: 0, mm_per_rev")
+    text = text.replace("mm_per_rev", f"follow_least_lag_ms: {least_ms}, mm_per_rev")
+    text = text.replace("rest_mm:", "follow_mm: 0.4\n    rest_mm:")
+    report = follow(
+        parse_robot_file(text, "echo.yaml"), "t_s,f0.left_mm,f0.right_mm\n0,50,50\n0.4,75,50\n1,75,50\n"
+    )
+    assert report.exit_code == exit_code
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_axis_that_is_no_quicker_and_no_slower_stays_inside(seed: int) -> None:
+    """First-order axes with random dead times and lags, solved exactly between the ticks."""
+    draw, period_s = random.Random(seed), 0.005
+    response = AxisResponse(1.0, 0.02, 0.04, math.inf, 1.0, least_delay_s=0.01, least_lag_s=0.015)
+    expected = ExpectedRange([response], period_s)
+    axes = [(draw.choice([0.01, 0.015, 0.02]), draw.uniform(0.015, 0.04)) for _ in range(20)]
+    at, command, commands = [0.0] * len(axes), 0.0, [0.0] * 5
+    expected.begin((0.0,), (0.0,))
+    narrow = 0
+    for tick in range(2000):
+        command += draw.uniform(-1.0, 1.0) if tick // 100 % 2 else 0.0
+        commands.append(command)
+        expected.advance((command,))
+        for k, (delay_s, lag_s) in enumerate(axes):
+            goal = commands[-1 - round(delay_s / period_s)]
+            at[k] = goal + (at[k] - goal) * math.exp(-period_s / lag_s)
+            assert expected.excess(0, at[k]) < 1e-9
+        narrow += expected.excess(0, command) > 0.1
+    assert narrow > 200
 
 
 def test_less_than_the_tolerance_is_no_fault() -> None:

@@ -6,10 +6,13 @@ with it. One that stays outside by more than its tolerance for 20 ms is a fault:
 the command stood still, "does not follow" otherwise. A jump that no body is capable of, and a measurement
 from the future, are faults at once.
 
-An axis that measures its own command within the tolerance is in its range, whatever that is: so the range is
-computed only while some axis of the robot is farther off, and half a second after that.
+An axis that measures its own command within the tolerance is in its range, whatever that is, unless a least
+lag is known: so the range is computed only while some axis of the robot is farther off, and half a second
+after that.
 
-A device that yields to what it pushes on, and a robot whose tip closes on an object, are not compared.
+A device that yields to what it pushes on may be anywhere while its effort is towards its command and at least
+`contid.control.tick.follow.responses.PUSHING` of its limit. A robot whose tip closes on an object is not
+compared.
 Everything is a function of commands and recorded samples, so a replay decides the same.
 """
 
@@ -52,7 +55,7 @@ class BodyWatch(TickStage):
             if not body.device:
                 continue
             try:
-                for (axis, tolerance), goal in zip(body.checks, body.device, strict=True):
+                for (axis, tolerance), goal in zip(body.near, body.device, strict=True):
                     sample = samples[axis]
                     # None is a TypeError, which costs nothing while there are values.
                     off = sample.value - goal  # type: ignore[operator]
@@ -64,6 +67,7 @@ class BodyWatch(TickStage):
                     continue
             except TypeError:  # an axis has no value
                 pass
+            body.effort_share = self._exchange.effort_shares.get(body.config.name, 1.0)
             fault, message = body.compare(self._exchange.samples_of(body.config), latest_s, gap)
             self.behind = max(self.behind, body.behind)
             if fault is not Fault.NONE:

@@ -14,9 +14,10 @@ from contid.control.engine.exchange import Exchange
 from contid.control.engine.measured_tip import tip_in_world
 from contid.control.engine.robots import Robots
 from contid.control.engine.stages import Targets, TickStage
-from contid.control.engine.watch.watched_body import CONFIRM_S, OLD_S
+from contid.control.engine.watch.watched_body import CONFIRM_S
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
+from contid.control.tick.follow.expected_range import OLD_S
 from contid.control.tick.follow.tip_path import TipPath
 from contid.control.tick.robot_tick import TickResult
 from contid.targets import Actuation, Vec3

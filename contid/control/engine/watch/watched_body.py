@@ -9,16 +9,18 @@ from typing import Final
 
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
-from contid.control.tick.follow.expected_range import ExpectedRange
+from contid.control.tick.follow.expected_range import OLDEST_S, ExpectedRange
 from contid.hal import Sample
 from contid.robot_file.base import Quantity
 
 #: Time that an axis may be outside its range.
 CONFIRM_S: Final = 0.02
+#: The same for one that yields to what it pushes on: its current follows its error.
+YIELDING_S: Final = 0.1
+#: Share of a tick outside that one inside takes back: a reading that is wrong every other time is confirmed.
+FORGIVEN: Final = 0.125
 #: A measurement dated farther ahead than this is from the future.
 FUTURE_S: Final = 0.1
-#: Measurements that are older are not compared: they show where the axis was.
-OLD_S: Final = 0.02
 #: How long a range is kept up after the last axis was off its command.
 AWAKE_S: Final = 0.5
 #: Least time that the axes have to arrive after the last command, and the same in their longest lag.
@@ -37,18 +39,23 @@ class AxisPlace:
     Attributes:
         axis: its column, such as ``left_mm``.
         commanded, measured: the values.
-        arrived: the measurement is within the tolerance of the command.
+        arrived: the measurement is within the tolerance of the command, or the axis holds.
+        holds: it is not, but pushes on something that it may yield to.
     """
 
     axis: str
     commanded: float
     measured: float
     arrived: bool
+    holds: bool = False
 
     def __str__(self) -> str:
         """For a person."""
         off = self.measured - self.commanded
-        return f"{self.axis} commanded {self.commanded:.4g}, measured {self.measured:.4g}, off {off:+.3g}"
+        held = ", pushes on something" if self.holds else ""
+        return (
+            f"{self.axis} commanded {self.commanded:.4g}, measured {self.measured:.4g}, off {off:+.3g}{held}"
+        )
 
 
 def has_arrived(places: Sequence[AxisPlace]) -> bool:
@@ -62,10 +69,13 @@ class WatchedBody:
     Attributes:
         config: of the robot.
         checks: name and tolerance of every axis.
+        near: name of every axis, and how far from its command it is in its range, whatever that is; negative
+            for one that may be too near to it.
         goal: newest command [rad or Pa]; empty before the first.
         device: the same while it is compared, else empty.
         behind: greatest distance of an axis from its range, as a share of its tolerance.
         grace: ticks for which an axis that goes along may be outside for longer, as its path is slowed.
+        effort_share: to which the effort of its devices is limited.
         awake: ticks for which the range is kept up.
         note: takes a command of a tick in which it is not.
         settle_s: how long the axes may take to arrive after the last command [s].
@@ -78,6 +88,10 @@ class WatchedBody:
         self.checks = tuple(
             (axis, response.tolerance) for axis, response in zip(config.axes, config.responses, strict=True)
         )
+        self.near = tuple(
+            (axis, -1.0 if each.least_lag_s else each.tolerance)
+            for axis, each in zip(config.axes, config.responses, strict=True)
+        )
         slowest_s = max(each.delay_s + SETTLE_LAGS * each.lag_s for each in config.responses)
         self.settle_s = max(slowest_s, SETTLE_S)
         self.goal: tuple[float, ...] = ()
@@ -85,6 +99,7 @@ class WatchedBody:
         self.awake = 0
         self.behind = 0.0
         self.grace = 0
+        self.effort_share = 1.0
         self._farthest = 0
         #: Where an axis was when it was first outside.
         self._left_at = [0.0] * len(config.axes)
@@ -92,9 +107,12 @@ class WatchedBody:
         self.settles_s: float | None = None
         self._range = ExpectedRange(config.responses, config.period_s)
         self.note = self._range.past.append
-        self._confirm = max(math.ceil(CONFIRM_S / config.period_s), 2)
+        self._confirm = [
+            max(math.ceil((YIELDING_S if each.pushing_a < math.inf else CONFIRM_S) / config.period_s), 2)
+            for each in config.responses
+        ]
         self._stay = math.ceil(AWAKE_S / config.period_s)
-        self._outside = [0] * len(config.axes)
+        self._outside = [0.0] * len(config.axes)
         #: Axes that were on their way when the devices took no more commands, and need not arrive.
         self._on_way: list[bool] = []
         self._asked = [False] * len(config.axes)
@@ -106,7 +124,7 @@ class WatchedBody:
         if device and not self.device:
             values = [sample.value for sample in samples if sample.value is not None]
             self._range.begin(device, values if len(values) == len(device) else device)
-            self._outside = [0] * len(device)
+            self._outside = [0.0] * len(device)
             self._values = (None,) * len(device)
             self.awake = self._stay
         elif device and self.awake:
@@ -139,18 +157,22 @@ class WatchedBody:
             if last is not None and abs(value - last) > response.jump:
                 shown = f"{axis} jumped from {self._edge(i, last)} to {self._edge(i, value)} in one tick"
                 return Fault.IMPLAUSIBLE_SAMPLE, shown
-            excess = self._range.excess(i, value)
-            if excess > self.behind * response.tolerance and sample.age_s <= OLD_S:
+            excess = self._range.excess(i, value, sample.age_s)
+            if sample.age_s > OLDEST_S or (
+                excess and response.holds(self.device[i] - value, sample.effort, self.effort_share)
+            ):
+                excess = 0.0
+            if excess > self.behind * response.tolerance:
                 self.behind, self._farthest = excess / response.tolerance, i
-            if excess <= response.tolerance or sample.age_s > OLD_S:
-                self._outside[i] = max(self._outside[i] - 1, 0)
+            if excess <= response.tolerance:
+                self._outside[i] = max(self._outside[i] - FORGIVEN, 0.0)
                 continue
             if not self._outside[i]:
                 self._asked[i] = not self._range.still(i, STILL_SHARE * response.tolerance)
                 self._left_at[i] = value
             self._outside[i] += 1
             wait = self.grace if excess <= LAGGING * response.tolerance and self._goes_along(i, value) else 0
-            if self._outside[i] >= self._confirm + wait:
+            if self._outside[i] >= self._confirm[i] + wait:
                 fault = Fault.DOES_NOT_FOLLOW if self._asked[i] else Fault.MOVES_UNASKED
                 return fault, self._off(i, value)
         return Fault.NONE, ""
@@ -170,15 +192,14 @@ class WatchedBody:
         """The devices take no commands from now on.
 
         Devices that hold their goal may still arrive at it; others had to be on their way: those that relax,
-        and regulators, which close their valves where the pressure is.
+        and regulators, which close their valves where the pressure is. A robot that closes on an object was
+        not compared.
         """
-        self._on_way = [
-            (not holds or quantity is Quantity.PRESSURE)
-            and (sample.value is None or not self.awake or self._range.excess(i, sample.value) <= tolerance)
-            for i, (quantity, sample, (_, tolerance)) in enumerate(
-                zip(self.config.quantities, samples, self.checks, strict=True)
-            )
-        ]
+        self._on_way = [not self.device] * len(self.checks)
+        for i, (quantity, sample) in enumerate(zip(self.config.quantities, samples, strict=True)):
+            if not holds or quantity is Quantity.PRESSURE:
+                at, tolerance = sample.value, self.checks[i][1]
+                self._on_way[i] |= at is None or not self.awake or self._range.excess(i, at) <= tolerance
         self.last = self._left(samples)
         if holds and not has_arrived(self.last):
             self.settles_s = now_s + self.settle_s
@@ -203,7 +224,9 @@ class WatchedBody:
         self.behind = 0.0
         self.awake -= 1
         self._outside = (
-            [max(count - 1, 0) for count in self._outside] if self.awake else [0] * len(self.checks)
+            [max(count - FORGIVEN, 0.0) for count in self._outside]
+            if self.awake
+            else [0.0] * len(self.checks)
         )
 
     def places(self, samples: Sequence[Sample]) -> list[AxisPlace]:
@@ -212,19 +235,17 @@ class WatchedBody:
         measured = config.measured_actuation(samples)
         if not device or measured is None:
             return []
-        values = [sample.value for sample in samples]
         commanded = config.transmission.to_actuation(device)
+        out = []
         columns = zip(config.axis_names, config.quantities, strict=True)
-        axes = zip(columns, commanded, measured, device, values, self.checks, strict=True)
-        return [
-            AxisPlace(
-                f"{name}_{quantity.unit}",
-                quantity.from_si(goal),
-                quantity.from_si(at),
-                value is None or abs(value - want) <= tolerance,
-            )
-            for (name, quantity), goal, at, want, value, (_, tolerance) in axes
-        ]
+        axes = zip(columns, commanded, measured, device, samples, config.responses, strict=True)
+        for (name, quantity), goal, at, want, sample, response in axes:
+            off = 0.0 if sample.value is None else want - sample.value
+            near = abs(off) <= response.tolerance
+            holds = not near and response.holds(off, sample.effort, self.effort_share)
+            column = f"{name}_{quantity.unit}"
+            out.append(AxisPlace(column, quantity.from_si(goal), quantity.from_si(at), near or holds, holds))
+        return out
 
     def _off(self, axis: int, value: float) -> str:
         """Where an axis is measured, and commanded."""

@@ -13,6 +13,8 @@ from contid.robot_file.base import Quantity
 from contid.robot_file.robot import RobotDescription
 from contid.units import BAR
 
+#: Share of its greatest effort with which a device that yields pushes on something.
+PUSHING: Final = 0.3
 #: Change of a reading that noise, wear or a late adapter may add to the fastest motion [rad or Pa].
 _JUMP_SLACK: Final = {False: 0.5, True: 0.3 * BAR}
 
@@ -46,13 +48,16 @@ def axis_responses(
         )
         out.append(
             AxisResponse(
-                tolerance=math.inf if device.yields else robot.follow_tolerance(quantity) / unit,
+                tolerance=robot.follow_tolerance(quantity) / unit,
                 delay_s=device.delay_s if delay_ms is None else delay_ms / 1e3,
                 lag_s=device.lag_s if lag_ms is None else lag_ms / 1e3,
                 top=device.top,
                 jump=device.fastest * period_s + _JUMP_SLACK[pressure],
                 overshoot_s=device.overshoot_s,
                 unit=unit,
+                least_delay_s=robot.axes[name].follow_least_delay_ms / 1e3,
+                least_lag_s=robot.axes[name].follow_least_lag_ms / 1e3,
+                pushing_a=math.inf if device.effort_limit_a is None else PUSHING * device.effort_limit_a,
             )
         )
     return tuple(out)
