@@ -1,0 +1,370 @@
+"""Predictive control of a real trunk's twin: a program in every tick, beside the shaped and the led path.
+
+    python -m studies.moving.trunk_predictive
+
+Packages apart from contid's: ``piqp`` and, for a comparison of times, ``osqp``. Twins and motions are those of
+`studies.moving.trunk_control`. A tick of the predictive control:
+
+1. states of the model (lag, place, velocity in two directions), for its frequency and 20 % below and above
+   it, are carried over the dead time by the commands that are on their way;
+2. a quadratic program finds the places at rest, linear between knots over the next 0.55 s, that bring the
+   three models to the path: position, speed and acceleration of every motor are constraints, linear about now;
+3. the tick's part of the first knot goes to the motors, whose limits hold in any case.
+
+Bounded work: at most `ITERATIONS` of an interior point method. A program that is not solved by them, or not
+finite, gives the led path in the same tick. The path is changed by what was learnt from the measured tips
+(`studies.moving.trunk_control.Feedback`).
+
+The ARX baseline is what a lab without a model does: linear ARX of order 6 at 50 ms, fitted to the recording
+with 0 g, the last tips measured, the same solver, box constraints on the angles and their steps.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from contid.kinematics.array import Array
+from studies.moving.recordings import PERIOD_S, columns, smooth, table
+from studies.moving.trunk_control import LAPS, NOISE_MM, Feedback, eight
+from studies.moving.trunk_twin import (
+    ACCELERATION,
+    DELAY,
+    LIMIT_DEG,
+    PLANE,
+    SPEED,
+    Motors,
+    MovingTrunk,
+    TrunkMode,
+    fitted,
+    violations,
+)
+
+#: Ticks of the knots, and of the horizon.
+KNOTS: Final = (3, 6, 10, 15, 21, 28, 36, 45, 55)
+HORIZON: Final = 55
+#: Frequencies of the models, as shares.
+SHARES: Final = (0.8, 1.0, 1.2)
+#: Weight of a change of slope between knots [s^2], beside 1 of an error.
+SMOOTH: Final = 2e-4
+#: The last errors of the horizon count more: there the tip is to be at rest.
+LAST: Final = 4.0
+ITERATIONS: Final = 15
+ARX_ORDER: Final = 6
+ARX_PAST: Final = 12
+ARX_TICKS: Final = 5
+ARX_HORIZON: Final = 16
+
+
+class Program:
+    """A quadratic program of one shape, solved again and again: min z'Pz/2 + c'z with low <= Gz <= high."""
+
+    def __init__(self, quadratic: Array) -> None:
+        import piqp
+
+        self._quadratic = np.asfortranarray(quadratic)
+        self._solver = piqp.DenseSolver()
+        self._solver.settings.verbose = False
+        self._solver.settings.max_iter = ITERATIONS
+        self._solver.settings.eps_abs = self._solver.settings.eps_rel = 1e-4
+        self._solved = piqp.Status.PIQP_SOLVED
+        self._ready = False
+
+    def solved(self, linear: Array, rows: Array, low: Array, high: Array) -> Array | None:
+        """The solution, None where it was not reached."""
+        rows = np.asfortranarray(rows)
+        if self._ready:
+            self._solver.update(c=linear, G=rows, h_l=low, h_u=high)
+        else:
+            self._solver.setup(self._quadratic, linear, None, None, rows, low, high)
+            self._ready = True
+        if self._solver.solve() != self._solved:
+            return None
+        found = np.array(self._solver.result.x)
+        return found if np.isfinite(found).all() else None
+
+
+class Predictive:
+    """Commands for a path known ahead; see the module."""
+
+    def __init__(self, model: MovingTrunk, motors: Motors) -> None:
+        self._model, self.motors = model, motors
+        modes = [replace(model.mode, hz=share * model.mode.hz) for share in SHARES]
+        self._steps = [mode.step() for mode in modes]
+        count = len(KNOTS)
+        self._knots = np.array((0, *KNOTS))
+        spread = np.array([np.interp(np.arange(1.0, HORIZON + 1.0), self._knots, row)
+                           for row in np.eye(count + 1)]).T  # fmt: skip
+        self._first, self._rest = spread[:, 0], spread[:, 1:]
+        # Tips of the horizon by the state at its begin and by the places at its ticks.
+        self._free, self._forced = [], []
+        for a, b in self._steps:
+            power, free, answer = np.eye(3), [], []
+            for _ in range(HORIZON):
+                answer.append((power @ b)[1])
+                power = a @ power
+                free.append(power[1])
+            forced = np.array([[answer[i - j] if j <= i else 0.0 for j in range(HORIZON)]
+                               for i in range(HORIZON)])  # fmt: skip
+            self._free.append(np.array(free))
+            self._forced.append(forced)
+        self._weight = np.where(np.arange(HORIZON) >= KNOTS[-2], LAST, 1.0) / len(SHARES)
+        gaps = np.diff(self._knots) * PERIOD_S
+        slopes = (np.eye(count + 1)[1:] - np.eye(count + 1)[:-1]) / gaps[:, None]
+        self._turns = np.vstack((slopes[0], np.diff(slopes, axis=0)))[:, 1:]
+        self._slopes, self._gaps = slopes[:, 1:], gaps
+        quadratic = HORIZON * SMOOTH * self._turns.T @ self._turns
+        for forced in self._forced:
+            x = forced @ self._rest
+            quadratic = quadratic + x.T @ (self._weight[:, None] * x)
+        self._program = Program(np.kron(quadratic, np.eye(2)) + 1e-6 * np.eye(2 * count))
+        rest = model.still(motors.angles[None, :])[0]
+        self.states = [np.vstack((rest, rest, np.zeros(2))) for _ in SHARES]
+        self._last = rest
+        self._way = np.zeros(2)
+        self.fallbacks = 0
+
+    def arrived(self, place: Array) -> None:
+        """A place at rest that acts from now on: the states of one tick later, the dead time aside."""
+        self.states = [
+            a @ x + np.outer(b, place) for (a, b), x in zip(self._steps, self.states, strict=True)
+        ]
+
+    def command(self, wished: Array, led: Array) -> Array:
+        """Angles of this tick.
+
+        Args:
+            wished: tips ``(HORIZON, 2)`` [mm] from the end of the dead time on.
+            led: place of the led path, for a program that is not solved.
+        """
+        angles = self.motors.angles
+        linear = np.zeros((len(KNOTS), 2))
+        # Slope of the motors' way in the last tick: the first turn begins there.
+        linear -= HORIZON * SMOOTH * np.outer(self._turns[0], self._last / self._gaps[0] + self._way)
+        for free, forced, x in zip(self._free, self._forced, self.states, strict=True):
+            left = free @ x + np.outer(forced @ self._first, self._last) - wished
+            linear += (forced @ self._rest).T @ (self._weight[:, None] * left)
+        rows, low, high = self._limits(angles)
+        found = self._program.solved(linear.ravel(), rows, low, high)
+        if found is None:
+            self.fallbacks += 1
+            place = led
+        else:
+            place = self._last + (found[:2] - self._last) / KNOTS[0]
+        sent = self.motors.towards(place)
+        now = self._model.still(sent[None, :])[0]
+        self._way, self._last = (now - self._last) / PERIOD_S, now
+        self.arrived(now)
+        return sent
+
+    def _limits(self, angles: Array) -> tuple[Array, Array, Array]:
+        """Rows of position, speed and acceleration of every motor over the knots."""
+        rows = np.vstack((angles, angles + np.eye(6)))
+        tips = self._model.still(rows)
+        slope = (tips[1:] - tips[0]).T * LIMIT_DEG
+        per_mm = LIMIT_DEG[:, None] * np.linalg.solve(slope @ slope.T + 1e-6 * np.eye(2), slope).T
+        base = per_mm @ self._last
+        ones = np.ones(len(KNOTS))
+        place = np.kron(np.eye(len(KNOTS)), per_mm)
+        low, high = (np.kron(ones, side * LIMIT_DEG - angles + base) for side in (-1.0, 1.0))
+        speed = np.kron(self._slopes, per_mm)
+        from_s = np.zeros(len(speed))
+        from_s[:6] = base / self._gaps[0]
+        turn = np.kron(self._turns, per_mm)
+        from_t = np.zeros(len(turn))
+        from_t[:6] = base / self._gaps[0] + per_mm @ self._way
+        if len(KNOTS) > 1:
+            from_t[6:12] = -base / self._gaps[0]
+        most = np.kron(np.append(self._gaps[0], self._gaps[:-1]), np.full(6, ACCELERATION))
+        return (
+            np.vstack((place, speed, turn)),
+            np.concatenate((low, from_s - SPEED, from_t - most)),
+            np.concatenate((high, from_s + SPEED, from_t + most)),
+        )
+
+
+class ArxPredictive:
+    """Predictive control by a linear ARX model of commands and measured tips."""
+
+    def __init__(self, motors: Motors) -> None:
+        of = table("trunk-dynamic/random_a_0g.csv.gz")
+        sent = columns(of, [f"u{k}_deg" for k in range(1, 7)])[::ARX_TICKS]
+        tip = smooth(columns(of, ["x3_mm", "y3_mm", "z3_mm"]))[::ARX_TICKS, PLANE]
+        # Dead time of the runs in place of that of the recording, see DELAY of the twins.
+        self._middle = tip.mean(axis=0)
+        y, first = tip - self._middle, ARX_PAST
+        x = np.array([self._row(y[:k], sent[:k]) for k in range(first, len(y))])
+        normal = x.T @ x + 1e-3 * len(x) * np.eye(x.shape[1])
+        self._weights = np.linalg.solve(normal, x.T @ y[first:])
+        self.motors = motors
+        change = np.zeros((ARX_HORIZON, 2, ARX_HORIZON // 2, 6))
+        zero_y, zero_u = np.zeros((ARX_PAST, 2)), np.zeros((ARX_PAST, 6))
+        for knot in range(ARX_HORIZON // 2):
+            for motor in range(6):
+                later = np.zeros((ARX_HORIZON, 6))
+                later[2 * knot : 2 * knot + 2, motor] = 1.0
+                change[:, :, knot, motor] = self._rolled(zero_y, zero_u, later)
+        self._answers = change.reshape(2 * ARX_HORIZON, -1)
+        count = ARX_HORIZON // 2
+        steps = np.kron(np.eye(count) - np.eye(count, k=-1), np.eye(6))
+        self._rows = np.vstack((np.eye(6 * count), steps))
+        self._program = Program(
+            self._answers.T @ self._answers + 0.02 * steps.T @ steps + 1e-3 * np.eye(6 * count)
+        )
+        self._count, self._steps = count, steps
+        self.past_y, self.past_u = zero_y, zero_u
+        self.wished = np.zeros(6)
+
+    @staticmethod
+    def _row(y: Array, u: Array) -> Array:
+        return np.concatenate((y[: -ARX_ORDER - 1 : -1].ravel(), u[: -ARX_PAST - 1 : -1].ravel()))
+
+    def _rolled(self, past_y: Array, past_u: Array, later: Array) -> Array:
+        y, u = list(past_y), list(past_u)
+        for row in later:
+            u.append(row)
+            y.append(self._row(np.array(y[-ARX_PAST:]), np.array(u[-ARX_PAST:])) @ self._weights)
+        return np.array(y[len(past_y) :])
+
+    def command(self, tip: Array, wished: Array) -> None:
+        """Plan anew from a measured tip; ``wished`` ``(ARX_HORIZON, 2)`` from one step later on [mm]."""
+        self.past_y = np.vstack((self.past_y[1:], tip))
+        free = self._rolled(self.past_y, self.past_u, np.zeros((ARX_HORIZON, 6)))
+        now = np.zeros(6 * self._count)
+        now[:6] = self.past_u[-1]
+        most = np.full(len(now), 2.0 * SPEED * ARX_TICKS * PERIOD_S)
+        linear = self._answers.T @ (free - wished).ravel() - 0.02 * self._steps.T @ now
+        box = np.tile(LIMIT_DEG, self._count)
+        found = self._program.solved(
+            linear, self._rows, np.concatenate((-box, now - most)), np.concatenate((box, now + most))
+        )
+        self.wished = self.past_u[-1] if found is None else found[:6]
+        self.past_u = np.vstack((self.past_u[1:], self.wished))
+
+
+@dataclass(frozen=True)
+class PredictiveRun:
+    """Tips ``(ticks, 2)`` [mm], angles, processor time of every tick [s], ticks that fell back."""
+
+    tips: Array
+    angles: Array
+    costs: Array
+    fallbacks: int
+
+
+def steered(
+    twin: MovingTrunk, model: MovingTrunk, path: Array, moves: bool, learns: bool, begin: Array
+) -> PredictiveRun:
+    """Drive a twin along a path ``(ticks, 2)`` [mm], ``moves``: with velocities; ``learns``: with feedback."""
+    rng = np.random.default_rng(1)
+    motors, found = Motors(model, begin), Feedback()
+    control = Predictive(model, motors)
+    a, b = twin.mode.step()
+    am, bm = model.mode.step()
+    x = np.vstack((twin.still(begin[None, :]),) * 2 + (np.zeros((1, 2)),))
+    xm = np.vstack((model.still(begin[None, :]),) * 2 + (np.zeros((1, 2)),))
+    ahead = np.vstack((path, np.repeat(path[-1:], HORIZON + DELAY + 1, axis=0)))
+    velocity = np.gradient(ahead, PERIOD_S, axis=0) if moves else np.zeros_like(ahead)
+    queue = [begin] * DELAY
+    tips, angles, costs = [], [], []
+    for k in range(len(path)):
+        begun = time.process_time()
+        if learns:
+            found.measured(x[1] + rng.normal(0.0, NOISE_MM, 2), xm[1], xm[2])
+        own = slice(k + DELAY + 1, k + DELAY + 1 + HORIZON)
+        wished = found.asked(ahead[own], velocity[own]) if learns else ahead[own]
+        sent = control.command(wished, wished[0])
+        costs.append(time.process_time() - begun)
+        queue.append(sent)
+        late = queue.pop(0)[None, :]
+        xm = am @ xm + np.outer(bm, model.still(late)[0])
+        x = a @ x + np.outer(b, twin.still(late)[0])
+        tips.append(x[1])
+        angles.append(sent)
+    return PredictiveRun(np.array(tips), np.array(angles), np.array(costs), control.fallbacks)
+
+
+def steered_by_arx(twin: MovingTrunk, model: MovingTrunk, path: Array, begin: Array) -> PredictiveRun:
+    """The same by linear ARX; the dead time of the twin is that of the recording, which it was fitted to."""
+    rng = np.random.default_rng(1)
+    motors = Motors(model, begin)
+    control = ArxPredictive(motors)
+    a, b = twin.mode.step()
+    x = np.vstack((twin.still(begin[None, :]),) * 2 + (np.zeros((1, 2)),))
+    control.past_u = np.tile(begin, (ARX_PAST, 1))
+    control.past_y = np.tile(x[1], (ARX_PAST, 1))
+    ahead = np.vstack((path, np.repeat(path[-1:], ARX_TICKS * (ARX_HORIZON + 1), axis=0)))
+    queue = [begin] * model.delay
+    tips, angles, costs = [], [], []
+    for k in range(len(path)):
+        begun = time.process_time()
+        if k % ARX_TICKS == 0:
+            own = ahead[k + ARX_TICKS :: ARX_TICKS][:ARX_HORIZON]
+            control.command(x[1] + rng.normal(0.0, NOISE_MM, 2), own)
+        sent = motors.move(np.clip(control.wished, -LIMIT_DEG, LIMIT_DEG))
+        costs.append(time.process_time() - begun)
+        queue.append(sent)
+        x = a @ x + np.outer(b, twin.still(queue.pop(0)[None, :])[0])
+        tips.append(x[1])
+        angles.append(sent)
+    return PredictiveRun(np.array(tips), np.array(angles), np.array(costs), 0)
+
+
+def of_jump(run: PredictiveRun, twin: MovingTrunk) -> str:
+    """Arrival within 5 mm of the place of rest since the tip began to move, and overshoot."""
+    tip, rest, begin = run.tips, twin.still(run.angles[-1:])[0], run.tips[0]
+    way = float(np.linalg.norm(rest - begin))
+    outside = np.flatnonzero(np.linalg.norm(tip - rest, axis=1) > 5.0)
+    moved = int(np.argmax(np.linalg.norm(tip - begin, axis=1) > 1.0))
+    over = float(((tip - begin) @ (rest - begin) / way).max() / way - 1.0)
+    arrival = "never" if outside[-1] + 1 == len(tip) else f"{(outside[-1] + 1 - moved) * PERIOD_S:.2f} s"
+    return f"within 5 mm after {arrival}, overshoot {100 * max(over, 0.0):.1f} %"
+
+
+def cost(run: PredictiveRun) -> str:
+    """Violations, ticks that fell back, times of a tick."""
+    return (
+        f"{violations(run.angles)} violations, {run.fallbacks} fallbacks; tick "
+        f"{1e3 * np.median(run.costs):.2f} ms, p99 {1e3 * np.percentile(run.costs, 99):.2f} ms of processor"
+    )
+
+
+def report() -> Iterator[str]:
+    """All tables."""
+    model = fitted(0)
+    loads = {0: model, **{grams: fitted(grams, (model.delay,), (model.mode,)) for grams in (100, 300)}}
+    twins = {
+        (grams, share): replace(load, mode=TrunkMode(load.mode.lag_s, share * load.mode.hz))
+        for grams, load in loads.items()
+        for share in SHARES
+    }
+    begin = Motors(model, np.zeros(6)).wished(np.array([-50.0, 0.0]), 12)
+    goal = np.tile(np.array([50.0, 0.0]), (250, 1))
+    goal[:40] = model.still(begin[None, :])[0]
+    path = eight(LAPS)
+    for (grams, share), twin in twins.items():
+        of = f"{grams} g, {share:g} f"
+        run = steered(twin, model, goal, moves=False, learns=False, begin=begin)
+        yield f"jump, predictive, {of}: {of_jump(run, twin)}; {cost(run)}"
+        run = steered_by_arx(twin, model, goal, begin)
+        yield f"jump, ARX, {of}: {of_jump(run, twin)}; {cost(run)}"
+    for (grams, share), twin in twins.items():
+        of = f"{grams} g, {share:g} f"
+        for name, run in (
+            ("predictive", steered(twin, model, path, moves=True, learns=False, begin=np.zeros(6))),
+            ("predictive, learning", steered(twin, model, path, moves=True, learns=True, begin=np.zeros(6))),
+            ("ARX", steered_by_arx(twin, model, path, np.zeros(6))),
+        ):
+            off = np.sqrt(np.mean(np.sum((run.tips - path) ** 2, axis=1).reshape(LAPS, -1), axis=1))
+            yield (
+                f"eight, {name}, {of}: rms by lap {', '.join(f'{each:.1f}' for each in off)} mm; {cost(run)}"
+            )
+
+
+if __name__ == "__main__":
+    for line in report():
+        print(line, flush=True)  # noqa: T201
