@@ -5,10 +5,10 @@
 Packages apart from contid's: ``piqp`` and, for a comparison of times, ``osqp``. Twins and motions are those of
 `studies.moving.trunk_control`. A tick of the predictive control:
 
-1. states of the model (lag, place, velocity in two directions), for its frequency and 20 % below and above
-   it, are carried over the dead time by the commands that are on their way;
+1. states of the models (lag, place, velocity in two directions) are carried over the dead time by the
+   commands that are on their way;
 2. a quadratic program finds the places at rest, linear between knots over the next 0.55 s, that bring the
-   three models to the path: position, speed and acceleration of every motor are constraints, linear about now;
+   models to the path: position, speed and acceleration of every motor are constraints, linear about now;
 3. the tick's part of the first knot goes to the motors, whose limits hold in any case.
 
 Bounded work: at most `ITERATIONS` of an interior point method. A program that is not solved by them, or not
@@ -47,12 +47,28 @@ from studies.moving.trunk_twin import (
 #: Ticks of the knots, and of the horizon.
 KNOTS: Final = (3, 6, 10, 15, 21, 28, 36, 45, 55)
 HORIZON: Final = 55
-#: Frequencies of the models, as shares.
-SHARES: Final = (0.8, 1.0, 1.2)
-#: Weight of a change of slope between knots [s^2], beside 1 of an error.
-SMOOTH: Final = 2e-4
-#: The last errors of the horizon count more: there the tip is to be at rest.
-LAST: Final = 4.0
+@dataclass(frozen=True)
+class Wish:
+    """What a program is to reach.
+
+    Attributes:
+        shares: frequencies of its models. For a path that of the model; for a jump also lower ones, because
+            too low a frequency leaves less swing than too high a one.
+        smooth: weight of a change of slope between knots [s^2], beside 1 of an error.
+        early, first: the first errors of the horizon count this much: rest behind a jump is worth more than
+            its first half.
+    """
+
+    shares: tuple[float, ...]
+    smooth: float
+    early: int
+    first: float
+
+
+PATH: Final = Wish((1.0,), 1e-7, 0, 1.0)
+JUMP: Final = Wish((0.8, 0.9, 1.0), 2e-5, 38, 0.01)
+#: Frequencies of the twins, as shares.
+TWINS: Final = (0.8, 1.0, 1.2)
 ITERATIONS: Final = 15
 ARX_ORDER: Final = 6
 ARX_PAST: Final = 12
@@ -73,16 +89,20 @@ class Program:
         self._solver.settings.eps_abs = self._solver.settings.eps_rel = 1e-4
         self._solved = piqp.Status.PIQP_SOLVED
         self._ready = False
+        self.costs: list[float] = []
 
     def solved(self, linear: Array, rows: Array, low: Array, high: Array) -> Array | None:
         """The solution, None where it was not reached."""
+        begun = time.process_time()
         rows = np.asfortranarray(rows)
         if self._ready:
             self._solver.update(c=linear, G=rows, h_l=low, h_u=high)
         else:
             self._solver.setup(self._quadratic, linear, None, None, rows, low, high)
             self._ready = True
-        if self._solver.solve() != self._solved:
+        status = self._solver.solve()
+        self.costs.append(time.process_time() - begun)
+        if status != self._solved:
             return None
         found = np.array(self._solver.result.x)
         return found if np.isfinite(found).all() else None
@@ -91,9 +111,9 @@ class Program:
 class Predictive:
     """Commands for a path known ahead; see the module."""
 
-    def __init__(self, model: MovingTrunk, motors: Motors) -> None:
-        self._model, self.motors = model, motors
-        modes = [replace(model.mode, hz=share * model.mode.hz) for share in SHARES]
+    def __init__(self, model: MovingTrunk, motors: Motors, wish: Wish) -> None:
+        self._model, self.motors, self._wish = model, motors, wish
+        modes = [replace(model.mode, hz=share * model.mode.hz) for share in wish.shares]
         self._steps = [mode.step() for mode in modes]
         count = len(KNOTS)
         self._knots = np.array((0, *KNOTS))
@@ -112,18 +132,18 @@ class Predictive:
                                for i in range(HORIZON)])  # fmt: skip
             self._free.append(np.array(free))
             self._forced.append(forced)
-        self._weight = np.where(np.arange(HORIZON) >= KNOTS[-2], LAST, 1.0) / len(SHARES)
+        self._weight = np.where(np.arange(HORIZON) < wish.early, wish.first, 1.0) / len(wish.shares)
         gaps = np.diff(self._knots) * PERIOD_S
         slopes = (np.eye(count + 1)[1:] - np.eye(count + 1)[:-1]) / gaps[:, None]
         self._turns = np.vstack((slopes[0], np.diff(slopes, axis=0)))[:, 1:]
         self._slopes, self._gaps = slopes[:, 1:], gaps
-        quadratic = HORIZON * SMOOTH * self._turns.T @ self._turns
+        quadratic = HORIZON * wish.smooth * self._turns.T @ self._turns
         for forced in self._forced:
             x = forced @ self._rest
             quadratic = quadratic + x.T @ (self._weight[:, None] * x)
-        self._program = Program(np.kron(quadratic, np.eye(2)) + 1e-6 * np.eye(2 * count))
+        self.program = Program(np.kron(quadratic, np.eye(2)) + 1e-6 * np.eye(2 * count))
         rest = model.still(motors.angles[None, :])[0]
-        self.states = [np.vstack((rest, rest, np.zeros(2))) for _ in SHARES]
+        self.states = [np.vstack((rest, rest, np.zeros(2))) for _ in wish.shares]
         self._last = rest
         self._way = np.zeros(2)
         self.fallbacks = 0
@@ -144,18 +164,18 @@ class Predictive:
         angles = self.motors.angles
         linear = np.zeros((len(KNOTS), 2))
         # Slope of the motors' way in the last tick: the first turn begins there.
-        linear -= HORIZON * SMOOTH * np.outer(self._turns[0], self._last / self._gaps[0] + self._way)
+        linear -= HORIZON * self._wish.smooth * np.outer(self._turns[0], self._last / self._gaps[0] + self._way)
         for free, forced, x in zip(self._free, self._forced, self.states, strict=True):
             left = free @ x + np.outer(forced @ self._first, self._last) - wished
             linear += (forced @ self._rest).T @ (self._weight[:, None] * left)
         rows, low, high = self._limits(angles)
-        found = self._program.solved(linear.ravel(), rows, low, high)
+        found = self.program.solved(linear.ravel(), rows, low, high)
         if found is None:
             self.fallbacks += 1
             place = led
         else:
             place = self._last + (found[:2] - self._last) / KNOTS[0]
-        sent = self.motors.towards(place)
+        sent = self.motors.follow(self.motors.wished(place))
         now = self._model.still(sent[None, :])[0]
         self._way, self._last = (now - self._last) / PERIOD_S, now
         self.arrived(now)
@@ -194,7 +214,6 @@ class ArxPredictive:
         of = table("trunk-dynamic/random_a_0g.csv.gz")
         sent = columns(of, [f"u{k}_deg" for k in range(1, 7)])[::ARX_TICKS]
         tip = smooth(columns(of, ["x3_mm", "y3_mm", "z3_mm"]))[::ARX_TICKS, PLANE]
-        # Dead time of the runs in place of that of the recording, see DELAY of the twins.
         self._middle = tip.mean(axis=0)
         y, first = tip - self._middle, ARX_PAST
         x = np.array([self._row(y[:k], sent[:k]) for k in range(first, len(y))])
@@ -212,12 +231,11 @@ class ArxPredictive:
         count = ARX_HORIZON // 2
         steps = np.kron(np.eye(count) - np.eye(count, k=-1), np.eye(6))
         self._rows = np.vstack((np.eye(6 * count), steps))
-        self._program = Program(
+        self.program = Program(
             self._answers.T @ self._answers + 0.02 * steps.T @ steps + 1e-3 * np.eye(6 * count)
         )
         self._count, self._steps = count, steps
         self.past_y, self.past_u = zero_y, zero_u
-        self.wished = np.zeros(6)
 
     @staticmethod
     def _row(y: Array, u: Array) -> Array:
@@ -236,24 +254,24 @@ class ArxPredictive:
         free = self._rolled(self.past_y, self.past_u, np.zeros((ARX_HORIZON, 6)))
         now = np.zeros(6 * self._count)
         now[:6] = self.past_u[-1]
-        most = np.full(len(now), 2.0 * SPEED * ARX_TICKS * PERIOD_S)
+        most = np.full(len(now), SPEED * ARX_TICKS * PERIOD_S)
         linear = self._answers.T @ (free - wished).ravel() - 0.02 * self._steps.T @ now
         box = np.tile(LIMIT_DEG, self._count)
-        found = self._program.solved(
+        found = self.program.solved(
             linear, self._rows, np.concatenate((-box, now - most)), np.concatenate((box, now + most))
         )
-        self.wished = self.past_u[-1] if found is None else found[:6]
-        self.past_u = np.vstack((self.past_u[1:], self.wished))
+        self.past_u = np.vstack((self.past_u[1:], self.past_u[-1] if found is None else found[:6]))
 
 
 @dataclass(frozen=True)
 class PredictiveRun:
-    """Tips ``(ticks, 2)`` [mm], angles, processor time of every tick [s], ticks that fell back."""
+    """Tips ``(ticks, 2)`` [mm], angles, processor time of ticks and solves [s], ticks that fell back."""
 
     tips: Array
     angles: Array
     costs: Array
     fallbacks: int
+    solves: Array
 
 
 def steered(
@@ -262,7 +280,7 @@ def steered(
     """Drive a twin along a path ``(ticks, 2)`` [mm], ``moves``: with velocities; ``learns``: with feedback."""
     rng = np.random.default_rng(1)
     motors, found = Motors(model, begin), Feedback()
-    control = Predictive(model, motors)
+    control = Predictive(model, motors, PATH if moves else JUMP)
     a, b = twin.mode.step()
     am, bm = model.mode.step()
     x = np.vstack((twin.still(begin[None, :]),) * 2 + (np.zeros((1, 2)),))
@@ -275,7 +293,8 @@ def steered(
         begun = time.process_time()
         if learns:
             found.measured(x[1] + rng.normal(0.0, NOISE_MM, 2), xm[1], xm[2])
-        own = slice(k + DELAY + 1, k + DELAY + 1 + HORIZON)
+        # A path is known ahead, a jump is not.
+        own = k + DELAY + np.arange(1, HORIZON + 1) if moves else np.full(HORIZON, k)
         wished = found.asked(ahead[own], velocity[own]) if learns else ahead[own]
         sent = control.command(wished, wished[0])
         costs.append(time.process_time() - begun)
@@ -285,7 +304,9 @@ def steered(
         x = a @ x + np.outer(b, twin.still(late)[0])
         tips.append(x[1])
         angles.append(sent)
-    return PredictiveRun(np.array(tips), np.array(angles), np.array(costs), control.fallbacks)
+    return PredictiveRun(
+        np.array(tips), np.array(angles), np.array(costs), control.fallbacks, np.array(control.program.costs)
+    )
 
 
 def steered_by_arx(twin: MovingTrunk, model: MovingTrunk, path: Array, begin: Array) -> PredictiveRun:
@@ -305,13 +326,15 @@ def steered_by_arx(twin: MovingTrunk, model: MovingTrunk, path: Array, begin: Ar
         if k % ARX_TICKS == 0:
             own = ahead[k + ARX_TICKS :: ARX_TICKS][:ARX_HORIZON]
             control.command(x[1] + rng.normal(0.0, NOISE_MM, 2), own)
-        sent = motors.move(np.clip(control.wished, -LIMIT_DEG, LIMIT_DEG))
+        share = (k % ARX_TICKS + 1) / ARX_TICKS
+        before, after = control.past_u[-2:]
+        sent = motors.follow(before + share * (after - before))
         costs.append(time.process_time() - begun)
         queue.append(sent)
         x = a @ x + np.outer(b, twin.still(queue.pop(0)[None, :])[0])
         tips.append(x[1])
         angles.append(sent)
-    return PredictiveRun(np.array(tips), np.array(angles), np.array(costs), 0)
+    return PredictiveRun(np.array(tips), np.array(angles), np.array(costs), 0, np.array(control.program.costs))
 
 
 def of_jump(run: PredictiveRun, twin: MovingTrunk) -> str:
@@ -329,7 +352,8 @@ def cost(run: PredictiveRun) -> str:
     """Violations, ticks that fell back, times of a tick."""
     return (
         f"{violations(run.angles)} violations, {run.fallbacks} fallbacks; tick "
-        f"{1e3 * np.median(run.costs):.2f} ms, p99 {1e3 * np.percentile(run.costs, 99):.2f} ms of processor"
+        f"{1e3 * np.median(run.costs):.2f} ms, solve {1e3 * np.median(run.solves):.2f}, "
+        f"p99 {1e3 * np.percentile(run.solves, 99):.2f} ms of processor"
     )
 
 
@@ -340,7 +364,7 @@ def report() -> Iterator[str]:
     twins = {
         (grams, share): replace(load, mode=TrunkMode(load.mode.lag_s, share * load.mode.hz))
         for grams, load in loads.items()
-        for share in SHARES
+        for share in TWINS
     }
     begin = Motors(model, np.zeros(6)).wished(np.array([-50.0, 0.0]), 12)
     goal = np.tile(np.array([50.0, 0.0]), (250, 1))
