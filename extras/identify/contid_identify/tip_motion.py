@@ -10,6 +10,7 @@ they were fitted to: outside the map stands still and nothing grows with a power
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -39,6 +40,23 @@ class AheadError:
     radius_m: float
 
 
+@dataclass(frozen=True, slots=True)
+class SwingHalves:
+    """Half of the 95 % intervals of what axes have in common; infinite where the data do not fix it.
+
+    Attributes:
+        delay_s: of all dead times together.
+        frequency, ratio: of all frequencies and damping ratios together, as shares of them.
+    """
+
+    delay_s: float
+    frequency: float
+    ratio: float
+
+
+_NOT_FIXED: Final = SwingHalves(math.inf, math.inf, math.inf)
+
+
 @dataclass(frozen=True, eq=False)
 class TipMotion:
     """The tip of one robot in motion.
@@ -59,6 +77,7 @@ class TipMotion:
         memory: weights by which the last errors, `STEP_S` apart, go on; shape ``(order,)``.
         errors: of predictions on blocks kept out, the longest time last.
         source: recordings and date.
+        halves: how sure dead times, frequencies and ratios are.
     """
 
     robot: str
@@ -79,6 +98,7 @@ class TipMotion:
     memory: Array
     errors: tuple[AheadError, ...]
     source: str
+    halves: SwingHalves = _NOT_FIXED
 
     def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:
         """Tips ``(samples, 3)`` [m] in the base frame, from commands alone; the robot rests before.

@@ -19,9 +19,10 @@ from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid_identify.ahead import STEP_S, PredictedTips, judged_ahead, memory_of, predicted_tips
 from contid_identify.answer import CommandedTrace
+from contid_identify.estimate import estimate
 from contid_identify.split import Mask, split_time
 from contid_identify.tip_answer import LEAST_TIPS
-from contid_identify.tip_motion import TipMotion, features, swung
+from contid_identify.tip_motion import SwingHalves, TipMotion, features, swung
 
 #: Tips ``(rows, 3)`` [m] of commands ``(rows, axes)`` at rest, by a model; None where it has none.
 Statics: TypeAlias = Callable[[Array], Array]
@@ -85,7 +86,7 @@ def fit_tip_motion(
     found = TipMotion(
         robot, tuple(axes), delay_s, np.exp(log_hz), np.exp(log_ratio), fit.softer(own), fit.less(own),
         fit.centre, fit.turns, low, high, degree, weights, load_weights, (min(loads), max(loads)),
-        np.zeros(1), (), source,
+        np.zeros(1), (), source, fit.halves(own),
     )  # fmt: skip
     left = fit.left_out(own, degree, penalty)
     found = replace(found, memory=memory_of(left))
@@ -258,6 +259,23 @@ class _Fit:
             bounds=ends, x_scale=apart, max_nfev=6, diff_step=1e-3,
         )  # fmt: skip
         return np.asarray(found.x)
+
+    def halves(self, parameters: Array) -> SwingHalves:
+        """How sure dead times, frequencies and ratios are, each moved for all axes together."""
+        axes = np.zeros((3, len(parameters)))
+        for k in range(3):
+            axes[k, k : 3 * self.axes : 3] = 1.0
+        blocks = np.concatenate(
+            [
+                1000 * k + split.blocks[own]
+                for k, (split, own) in enumerate(zip(self.splits, self.search, strict=True))
+            ]
+        )
+        found = estimate(
+            lambda three: self.left(parameters + three @ axes),
+            np.zeros(3), np.array([-0.05, -0.2, -0.3]), np.array([0.05, 0.2, 0.3]), blocks,
+        )  # fmt: skip
+        return SwingHalves(*(found.interval(*row).half for row in np.eye(3)))
 
     def _fold(self) -> Array:
         """The fold of each row of the map: blocks in turn."""
