@@ -2,19 +2,21 @@
 
 ``CONTID_SHARED_DATA=.. python -m studies.moving.pneumatic_tip`` prints the table.
 
-Recordings: ASU-RISE-Lab/4-chamber-softarm-control (MIT, (c) 2023 ASU-RISE-Lab), repacked. Split, set beforehand:
+Recordings: ASU-RISE-Lab/4-chamber-softarm-control (MIT, (c) 2023 ASU-RISE-Lab), repacked. The split, set
+beforehand:
 
 * unseen patterns: each of the seven ``step_15_*`` by a fit to the six others;
 * same pattern: ``steps_mar_1``, which has the pattern of ``step_15_1`` on another day, by a fit to the seven;
-* another day, other patterns: ``long_a`` by a fit to the seven; and what follows after its first 40 s by a
-  fit to these 40 s and the seven: 10 s of a pattern that they do not have, then 20 s of one that they have.
+* another day, other patterns: ``long_a`` by a fit to the seven; and what follows its first 40 s by a fit to
+  these 40 s and the seven: 10 s of a pattern that they do not have, then 20 s of one that they have.
 
 All of it from set-points alone. Every method is set to zero on the first 0.2 s, before anything moves.
 
-The arcs: the chambers of a section bend and lengthen this section only, but for the bend of the lower section,
-to which the upper one adds (its tubes pass there). A set-point is late by a dead time and behind two stages
-in series, each with a time constant for filling and one for venting; lengths keep what the middle pair did for
-longer. The columns ``set2`` act on the upper section, ``set1`` on the lower one: see the poses of `step_15_5`.
+The arcs: the chambers of a section bend and lengthen this section only, but for the bend of the lower one, to
+which the upper one adds. A set-point is late by a dead time and behind two stages in series, each with a time
+constant for filling and one for venting; lengths keep what the middle pair did for longer. The columns
+``set2`` act on the upper section and ``set1`` on the lower one, as the poses of ``step_15_5`` show; the
+README has them the other way round.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ import numpy as np
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid_identify.answer import between
+from contid_identify.answer import smoothly_between
 from contid_identify.tip_answer import monomials, swing
 
 #: Inputs are clamped this share of their range beyond it.
@@ -163,5 +163,5 @@ def swung(
     out = np.empty((len(at_s), sent.shape[1]))
     for j in range(sent.shape[1]):
         values = swing(sent[:, j : j + 1] - centre[j], period_s, float(hz[j]), float(ratio[j]))
-        out[:, j] = between(values, (at_s - delay_s[j]) / period_s)[:, 0]
+        out[:, j] = smoothly_between(values, (at_s - delay_s[j]) / period_s)[:, 0]
     return out
