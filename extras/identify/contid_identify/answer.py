@@ -97,8 +97,8 @@ def between(values: Array, places: Array) -> Array:
 def smoothly_between(values: Array, places: Array) -> Array:
     """Rows at fractional places of what has no corners, by cubics through neighbours (Catmull and Rom 1974).
 
-    Straight lines between rows would take an eighth of the squared phase of a row off every swing, which a fit
-    takes for another frequency.
+    Straight lines between rows would take an eighth of the squared phase of a row off every swing, and a fit
+    would take that for another frequency.
     """
     places = np.clip(places, 0.0, len(values) - 1.0)
     low = np.minimum(places.astype(int), len(values) - 2)

@@ -86,24 +86,46 @@ def test_delay_swing_and_other_commands(model: TipMotion) -> None:
     assert model.errors[0].rmse_m <= 1.1 * model.open_loop.rmse_m
 
 
+def exact_plant(sent: Array, delay_s: float) -> Array:
+    """`plant` without load, by scipy's discretisation: its steps shift frequencies by less than intervals."""
+    from scipy.signal import cont2discrete, lfilter
+
+    parts, rate = 20, 2.0 * np.pi * HZ
+    above, below, step_s = cont2discrete(
+        ([rate**2], [1.0, 2.0 * RATIO * rate, rate**2]), PERIOD_S / parts, method="zoh"
+    )
+    late = round(delay_s / step_s)
+    fine = np.repeat(sent, parts, axis=0)
+    fine = np.concatenate([np.repeat(fine[:1], late, axis=0), fine])[: len(fine)]
+    swung = fine[0] + lfilter(above.ravel(), below, fine - fine[0], axis=0)
+    bends = 0.6 * swung[::parts]
+    bend = np.maximum(np.linalg.norm(bends, axis=1, keepdims=True), 1e-9)
+    side = (1.0 - np.cos(bend)) / bend**2 * bends
+    return np.asarray(0.2 * np.column_stack([side, np.sin(bend) / bend]))
+
+
 @pytest.mark.campaign
 def test_intervals_hold_the_truth() -> None:
-    """Of 24 plants with 0.3 mm of noise: 95 % intervals hold 90 to 99 % of the 72 truths, within three."""
+    """24 plants with 0.3 mm of noise: delay, frequency and damping, and their 95 % intervals."""
     held, off = [], []
     for seed in range(24):
-        draw = np.random.default_rng(5000 + seed)
-        delay_s = draw.uniform(0.02, 0.2)
-        trace = trace_of(seed, 0.0, 40.0, delay_s=delay_s)
+        delay_s = 1e-3 * round(np.random.default_rng(5000 + seed).uniform(20.0, 200.0))
+        sent = commands(seed, 40.0)
+        tips = exact_plant(sent, delay_s) + np.random.default_rng(seed).normal(0.0, 3e-4, (len(sent), 3))
+        trace = CommandedTrace(PERIOD_S, sent, np.arange(float(len(sent))) * PERIOD_S, tips)
         model = fit_tip_motion("arm", ("a", "b"), [LoadedTrace(trace)], None, "")
-        late = float(model.delay_s.mean()) - round(delay_s / PERIOD_S * 20) * PERIOD_S / 20
-        errors = [late, model.frequency_hz.mean() / HZ - 1.0, model.ratio.mean() / RATIO - 1.0]
-        halves = [model.halves.delay_s, model.halves.frequency, model.halves.ratio]
-        held.append(np.abs(errors) <= halves)
+        errors = [
+            model.delay_s.mean() - delay_s,
+            model.frequency_hz.mean() / HZ - 1.0,
+            model.ratio.mean() / RATIO - 1.0,
+        ]
+        held.append(np.abs(errors) <= [model.halves.delay_s, model.halves.frequency, model.halves.ratio])
         off.append(np.abs(errors))
+        print(seed, np.array(errors), model.halves, np.sum(held, axis=0), flush=True)
     text = f"off at most {np.max(off, axis=0)}, held {np.sum(held, axis=0)} of {len(held)}"
     print(text)
     assert (np.max(off, axis=0) <= [0.002, 0.02, 0.2]).all(), text
-    assert 62 <= np.sum(held) <= 72, text
+    assert np.sum(held) >= 62, text
 
 
 def test_a_payload_from_motion(model: TipMotion) -> None:
