@@ -76,8 +76,9 @@ ARX_ORDER: Final = 6
 ARX_PAST: Final = 12
 ARX_TICKS: Final = 5
 ARX_HORIZON: Final = 16
-#: Weight of a step of the motors [mm^2/deg^2], the best of 1, 10, 30, 100, 1000 (with 1 it does not settle), and iterations at most: it has 50 ms, not a tick.
+#: Weight of a step of the motors [mm^2/deg^2], best of 1, 10, 30, 100 and 1000: with 1 it does not settle.
 ARX_STEP: Final = 30.0
+#: Iterations at most: it has 50 ms, not a tick.
 ARX_ITERATIONS: Final = 60
 
 
