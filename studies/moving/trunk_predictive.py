@@ -29,19 +29,19 @@ from typing import Final
 import numpy as np
 
 from contid.kinematics.array import Array
-from studies.moving.recordings import PERIOD_S, columns, smooth, table
+from studies.moving.recordings import PERIOD_S
+from studies.moving.trunk_arx import steered_by_arx
 from studies.moving.trunk_control import LAPS, NOISE_MM, Feedback, eight
+from studies.moving.trunk_program import ITERATIONS, PredictiveRun, Program, cost, of_jump
 from studies.moving.trunk_twin import (
     ACCELERATION,
     DELAY,
     LIMIT_DEG,
-    PLANE,
     SPEED,
     Motors,
     MovingTrunk,
     TrunkMode,
     fitted,
-    violations,
 )
 
 #: Ticks of the knots, and of the horizon.
@@ -71,51 +71,6 @@ PATH: Final = Wish((1.0,), 1e-7, 0, 1.0)
 JUMP: Final = Wish((0.8, 0.92, 1.04), 1e-5, 36, 0.01)
 #: Frequencies of the twins, as shares.
 TWINS: Final = (0.8, 1.0, 1.2)
-ITERATIONS: Final = 15
-ARX_ORDER: Final = 6
-ARX_PAST: Final = 12
-ARX_TICKS: Final = 5
-ARX_HORIZON: Final = 16
-#: Weight of a step of the motors [mm^2/deg^2], best of 1, 10, 30, 100 and 1000: with 1 it does not settle.
-ARX_STEP: Final = 30.0
-#: Iterations at most: it has 50 ms, not a tick.
-ARX_ITERATIONS: Final = 60
-
-
-class Program:
-    """A quadratic program of one shape, solved again and again: min z'Pz/2 + c'z with low <= Gz <= high."""
-
-    def __init__(self, quadratic: Array) -> None:
-        import piqp
-
-        self.quadratic = np.asfortranarray(quadratic)
-        self._solver = piqp.DenseSolver()
-        self._solver.settings.verbose = False
-        self._solver.settings.max_iter = ITERATIONS
-        self._solver.settings.eps_abs = self._solver.settings.eps_rel = 1e-4
-        self._solved = piqp.Status.PIQP_SOLVED
-        self._ready = False
-        self.costs: list[float] = []
-
-    def limit(self, iterations: int) -> None:
-        """At most this number of iterations."""
-        self._solver.settings.max_iter = iterations
-
-    def solved(self, linear: Array, rows: Array, low: Array, high: Array) -> Array | None:
-        """The solution, None where it was not reached."""
-        begun = time.process_time()
-        rows = np.asfortranarray(rows)
-        if self._ready:
-            self._solver.update(c=linear, G=rows, h_l=low, h_u=high)
-        else:
-            self._solver.setup(self.quadratic, linear, None, None, rows, low, high)
-            self._ready = True
-        status = self._solver.solve()
-        self.costs.append(time.process_time() - begun)
-        if status != self._solved:
-            return None
-        found = np.array(self._solver.result.x)
-        return found if np.isfinite(found).all() else None
 
 
 class Predictive:
@@ -217,74 +172,6 @@ class Predictive:
         )
 
 
-class ArxPredictive:
-    """Predictive control by a linear ARX model of commands and measured tips."""
-
-    def __init__(self, motors: Motors) -> None:
-        of = table("trunk-dynamic/random_a_0g.csv.gz")
-        sent = columns(of, [f"u{k}_deg" for k in range(1, 7)])[::ARX_TICKS]
-        tip = smooth(columns(of, ["x3_mm", "y3_mm", "z3_mm"]))[::ARX_TICKS, PLANE]
-        self._middle = tip.mean(axis=0)
-        y, first = tip - self._middle, ARX_PAST
-        x = np.array([self._row(y[:k], sent[:k]) for k in range(first, len(y))])
-        normal = x.T @ x + 1e-3 * len(x) * np.eye(x.shape[1])
-        self._weights = np.linalg.solve(normal, x.T @ y[first:])
-        self.motors = motors
-        change = np.zeros((ARX_HORIZON, 2, ARX_HORIZON // 2, 6))
-        zero_y, zero_u = np.zeros((ARX_PAST, 2)), np.zeros((ARX_PAST, 6))
-        for knot in range(ARX_HORIZON // 2):
-            for motor in range(6):
-                later = np.zeros((ARX_HORIZON, 6))
-                later[2 * knot : 2 * knot + 2, motor] = 1.0
-                change[:, :, knot, motor] = self._rolled(zero_y, zero_u, later)
-        self._answers = change.reshape(2 * ARX_HORIZON, -1)
-        count = ARX_HORIZON // 2
-        steps = np.kron(np.eye(count) - np.eye(count, k=-1), np.eye(6))
-        self._rows = np.vstack((np.eye(6 * count), steps))
-        self.program = Program(
-            self._answers.T @ self._answers + ARX_STEP * steps.T @ steps + 1e-3 * np.eye(6 * count)
-        )
-        self.program.limit(ARX_ITERATIONS)
-        self._count, self._steps = count, steps
-        self.past_y, self.past_u = zero_y, zero_u
-
-    @staticmethod
-    def _row(y: Array, u: Array) -> Array:
-        return np.concatenate((y[: -ARX_ORDER - 1 : -1].ravel(), u[: -ARX_PAST - 1 : -1].ravel()))
-
-    def _rolled(self, past_y: Array, past_u: Array, later: Array) -> Array:
-        y, u = list(past_y), list(past_u)
-        for row in later:
-            u.append(row)
-            y.append(self._row(np.array(y[-ARX_PAST:]), np.array(u[-ARX_PAST:])) @ self._weights)
-        return np.array(y[len(past_y) :])
-
-    def command(self, tip: Array, wished: Array) -> None:
-        """Plan anew from a measured tip; ``wished`` ``(ARX_HORIZON, 2)`` from one step later on [mm]."""
-        self.past_y = np.vstack((self.past_y[1:], tip))
-        free = self._rolled(self.past_y, self.past_u, np.zeros((ARX_HORIZON, 6)))
-        now = np.zeros(6 * self._count)
-        now[:6] = self.past_u[-1]
-        most = np.full(len(now), SPEED * ARX_TICKS * PERIOD_S)
-        linear = self._answers.T @ (free - wished).ravel() - ARX_STEP * self._steps.T @ now
-        box = np.tile(LIMIT_DEG, self._count)
-        found = self.program.solved(
-            linear, self._rows, np.concatenate((-box, now - most)), np.concatenate((box, now + most))
-        )
-        self.past_u = np.vstack((self.past_u[1:], self.past_u[-1] if found is None else found[:6]))
-
-
-@dataclass(frozen=True)
-class PredictiveRun:
-    """Tips ``(ticks, 2)`` [mm], angles, processor time of ticks and solves [s], ticks that fell back."""
-
-    tips: Array
-    angles: Array
-    costs: Array
-    fallbacks: int
-    solves: Array
-
-
 def steered(
     twin: MovingTrunk,
     model: MovingTrunk,
@@ -337,58 +224,8 @@ def steered(
     )
 
 
-def steered_by_arx(twin: MovingTrunk, model: MovingTrunk, path: Array, begin: Array) -> PredictiveRun:
-    """The same by linear ARX; the dead time of the twin is that of the recording, which it was fitted to."""
-    rng = np.random.default_rng(1)
-    motors = Motors(model, begin)
-    control = ArxPredictive(motors)
-    a, b = twin.mode.step()
-    x = np.vstack((twin.still(begin[None, :]),) * 2 + (np.zeros((1, 2)),))
-    control.past_u = np.tile(begin, (ARX_PAST, 1))
-    control.past_y = np.tile(x[1], (ARX_PAST, 1))
-    ahead = np.vstack((path, np.repeat(path[-1:], ARX_TICKS * (ARX_HORIZON + 1), axis=0)))
-    queue = [begin] * model.delay
-    tips, angles, costs = [], [], []
-    for k in range(len(path)):
-        begun = time.process_time()
-        if k % ARX_TICKS == 0:
-            own = ahead[k + ARX_TICKS :: ARX_TICKS][:ARX_HORIZON]
-            control.command(x[1] + rng.normal(0.0, NOISE_MM, 2), own)
-        share = (k % ARX_TICKS + 1) / ARX_TICKS
-        before, after = control.past_u[-2:]
-        sent = motors.follow(before + share * (after - before))
-        costs.append(time.process_time() - begun)
-        queue.append(sent)
-        x = a @ x + np.outer(b, twin.still(queue.pop(0)[None, :])[0])
-        tips.append(x[1])
-        angles.append(sent)
-    return PredictiveRun(
-        np.array(tips), np.array(angles), np.array(costs), 0, np.array(control.program.costs)
-    )
-
-
-def of_jump(run: PredictiveRun, twin: MovingTrunk) -> str:
-    """Arrival within 5 mm of the place of rest since the tip began to move, and overshoot."""
-    tip, rest, begin = run.tips, twin.still(run.angles[-1:])[0], run.tips[0]
-    way = float(np.linalg.norm(rest - begin))
-    outside = np.flatnonzero(np.linalg.norm(tip - rest, axis=1) > 5.0)
-    moved = int(np.argmax(np.linalg.norm(tip - begin, axis=1) > 1.0))
-    over = float(((tip - begin) @ (rest - begin) / way).max() / way - 1.0)
-    arrival = "never" if outside[-1] + 1 == len(tip) else f"{(outside[-1] + 1 - moved) * PERIOD_S:.2f} s"
-    return f"within 5 mm after {arrival}, overshoot {100 * max(over, 0.0):.1f} %"
-
-
-def cost(run: PredictiveRun) -> str:
-    """Violations, ticks that fell back, times of a tick."""
-    return (
-        f"{violations(run.angles)} violations, {run.fallbacks} fallbacks; tick "
-        f"{1e3 * np.median(run.costs):.2f} ms, solve {1e3 * np.median(run.solves):.2f}, "
-        f"p99 {1e3 * np.percentile(run.solves, 99):.2f} ms of processor"
-    )
-
-
-class Recorded:
-    """Stands in for a solver: programs as they come, unsolved."""
+class RecordedPrograms:
+    """Stands in for a solver and keeps its programs."""
 
     def __init__(self, program: Program) -> None:
         self.programs: list[tuple[Array, Array, Array, Array]] = []
@@ -409,7 +246,7 @@ def solvers(model: MovingTrunk, begin: Array) -> Iterator[str]:
     from scipy import sparse
 
     control = Predictive(model, Motors(model, begin), JUMP)
-    kept = Recorded(control.program)
+    kept = RecordedPrograms(control.program)
     control.program = kept  # type: ignore[assignment]
     ours = []
     for _ in range(100):

@@ -9,7 +9,8 @@ import pytest
 
 from contid.kinematics.array import Array
 from studies.moving.pneumatic_tip import PERIOD_S, arc_to, filled, tips_of
-from studies.moving.trunk_predictive import PredictiveRun, of_jump, steered
+from studies.moving.trunk_predictive import steered
+from studies.moving.trunk_program import PredictiveRun, of_jump
 from studies.moving.trunk_twin import LIMIT_DEG, Motors, MovingTrunk, TrunkMode, terms, violations
 
 
