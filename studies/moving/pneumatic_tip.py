@@ -7,8 +7,8 @@ beforehand:
 
 * unseen patterns: each of the seven ``step_15_*`` by a fit to the six others;
 * same pattern: ``steps_mar_1``, which has the pattern of ``step_15_1`` on another day, by a fit to the seven;
-* another day, other patterns: ``long_a`` by a fit to the seven; and what follows its first 40 s by a fit to
-  these 40 s and the seven: 10 s of a pattern that they do not have, then 20 s of one that they have.
+* a sequence: ``long_a``, five of the seven patterns one after another in another session, by a fit to the
+  seven; and what follows its first 40 s by a fit to these 40 s and the seven.
 
 All of it from set-points alone. Every method is set to zero on the first 0.2 s, before anything moves.
 
@@ -241,7 +241,7 @@ def report() -> Iterator[str]:
         (name, {k: every for k in STEPS if k != name}, {f"unseen {name}": every}) for name in STEPS
     ]
     cases += [("steps_mar_1", seven, {"same pattern, another day": every})]
-    cases += [("long_a", seven, {"long_a, other patterns and day": every}), ("long_a", part, after)]
+    cases += [("long_a", seven, {"long_a, a sequence in another session": every}), ("long_a", part, after)]
     for name, rows, judged in cases:
         run = runs[name]
         arcs = ArcMotion(runs, rows)
