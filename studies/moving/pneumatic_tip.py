@@ -198,7 +198,7 @@ def tip_motion(runs: Mapping[str, PneumaticRun], rows: Mapping[str, slice], judg
         for name, own in rows.items()
     ]
     model = fit_tip_motion("arm", tuple("abcdef"), [LoadedTrace(each) for each in traces], None, "")
-    return 1e3 * model.predict(judged.sent, PERIOD_S, at_s(judged))
+    return np.asarray(1e3 * model.predict(judged.sent, PERIOD_S, at_s(judged)))
 
 
 def n4sid(runs: Mapping[str, PneumaticRun], rows: Mapping[str, slice], judged: PneumaticRun) -> Array | None:
@@ -245,8 +245,8 @@ def report() -> Iterator[str]:
     for name, rows, judged in cases:
         run = runs[name]
         arcs = ArcMotion(runs, rows)
-        x, y = (np.concatenate([f(k)[own] for k, own in rows.items()]) for f in
-                (lambda k: window(runs[k]), lambda k: runs[k].tip))  # fmt: skip
+        x = np.concatenate([window(runs[k])[own] for k, own in rows.items()])
+        y = np.concatenate([runs[k].tip[own] for k, own in rows.items()])
         found = {
             "arcs": arcs.tips(run),
             "TipMotion": tip_motion(runs, rows, run),

@@ -82,7 +82,7 @@ def fit_tip_motion(
     shared = fit.searched()
     own = fit.refined(shared)
     degree, penalty = fit.chosen(own)
-    own, halves = fit.settled(own, penalty)
+    own, halves = fit.settled(own, degree, penalty)
     delay_s, log_hz, log_ratio = fit.of_axes(own)
     low, high = fit.range_of(own)
     weights, load_weights = fit.map_of(own, degree, penalty)
@@ -271,10 +271,11 @@ class _Fit:
         )  # fmt: skip
         return np.asarray(found.x)
 
-    def settled(self, parameters: Array, penalty: float) -> _Settled:
+    def settled(self, parameters: Array, degree: int, penalty: float) -> _Settled:
         """Dead times, frequencies and ratios, each moved for all axes together, by the penalty of the map.
 
-        The search has a penalty that suits noisy data; it takes some of the swing of others.
+        The search has a penalty that suits noisy data; it takes some of the swing of others. Where left-out
+        folds are not predicted better by the move it is not made, and counts as not known.
         """
         axes = np.zeros((3, len(parameters)))
         for k in range(3):
@@ -290,10 +291,15 @@ class _Fit:
             lambda three: self.left(parameters + three @ axes, penalty),
             np.zeros(3), np.array([least - 1e-6, -0.2, -0.3]), np.array([0.05, 0.2, 0.3]), blocks,
         )  # fmt: skip
-        halves = SwingHalves(*(_MAP_TOO * found.interval(*row).half for row in np.eye(3)))
+        half = np.array([_MAP_TOO * found.interval(*row).half for row in np.eye(3)])
         moved = parameters + found.values @ axes
         moved[: 3 * self.axes : 3] = np.maximum(moved[: 3 * self.axes : 3], 0.0)
-        return _Settled(moved, halves)
+        before, after = (
+            float((self._left_out(each, degree, [penalty])[0] ** 2).sum()) for each in (parameters, moved)
+        )
+        if after >= before:
+            moved, half = parameters, half + np.abs(found.values)
+        return _Settled(moved, SwingHalves(*half.tolist()))
 
     def _fold(self) -> Array:
         """The fold of each row of the map: blocks in turn."""
