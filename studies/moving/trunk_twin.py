@@ -143,17 +143,29 @@ class Motors:
 
     def move(self, wished: Array) -> Array:
         """Angles of the next tick: as near as speed and acceleration let, never beyond a stop's way."""
-        left = wished - self.angles
-        # The greatest speed from which whole ticks of braking end at what is wished for, or before.
+        return self._at(_braking(wished - self.angles))
+
+    def follow(self, wished: Array) -> Array:
+        """The same without a stop at what is wished for: only the ends of travel are braked for."""
+        speed = (wished - self.angles) / PERIOD_S
+        ends = (_braking(side * LIMIT_DEG - self.angles) for side in (-1.0, 1.0))
+        return self._at(np.clip(speed, *ends))
+
+    def _at(self, speed: Array) -> Array:
         brake = ACCELERATION * PERIOD_S
-        ways = np.abs(left) / (brake * PERIOD_S)
-        ticks = np.floor(0.5 * (np.sqrt(1.0 + 8.0 * ways) - 1.0))
-        speed = np.sign(left) * brake * (ways / (ticks + 1.0) + 0.5 * ticks)
         speed = np.clip(np.clip(speed, self._speed - brake, self._speed + brake), -SPEED, SPEED)
         bounded = np.clip(self.angles + speed * PERIOD_S, -LIMIT_DEG, LIMIT_DEG)
         self._speed = (bounded - self.angles) / PERIOD_S
         self.angles = bounded
         return bounded
+
+
+def _braking(left: Array) -> Array:
+    """The greatest speeds from which whole ticks of braking end at a way that is left, or before."""
+    brake = ACCELERATION * PERIOD_S
+    ways = np.abs(left) / (brake * PERIOD_S)
+    ticks = np.floor(0.5 * (np.sqrt(1.0 + 8.0 * ways) - 1.0))
+    return np.asarray(np.sign(left) * brake * (ways / (ticks + 1.0) + 0.5 * ticks))
 
 
 def violations(angles: Array) -> int:

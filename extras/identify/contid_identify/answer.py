@@ -92,3 +92,19 @@ def between(values: Array, places: Array) -> Array:
     low = np.minimum(places.astype(int), len(values) - 2)
     share = (places - low)[:, None]
     return np.asarray(values[low] * (1.0 - share) + values[low + 1] * share)
+
+
+def smoothly_between(values: Array, places: Array) -> Array:
+    """Rows at fractional places of what has no corners, by cubics through neighbours (Catmull and Rom 1974).
+
+    Straight lines between rows would take an eighth of the squared phase of a row off every swing, and a fit
+    would take that for another frequency.
+    """
+    places = np.clip(places, 0.0, len(values) - 1.0)
+    low = np.minimum(places.astype(int), len(values) - 2)
+    s = (places - low)[:, None]
+    before, here, after, then = (values[np.clip(low + k, 0, len(values) - 1)] for k in (-1, 0, 1, 2))
+    slope = after - before
+    bend = 2.0 * before - 5.0 * here + 4.0 * after - then
+    turn = 3.0 * (here - after) + then - before
+    return np.asarray(here + 0.5 * s * (slope + s * (bend + s * turn)))

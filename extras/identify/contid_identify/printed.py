@@ -83,6 +83,14 @@ def motion_lines(model: TipMotion) -> Iterator[str]:
         model.axes, model.delay_s, model.frequency_hz, model.ratio, strict=True
     ):
         yield f"  {axis:10} delay {_MS * delay_s:.0f} ms, {hz:.3g} Hz, damping ratio {ratio:.2g}"
+    halves = model.halves
+    if math.isfinite(halves.delay_s):
+        yield (
+            f"  all together: delay +- {_MS * halves.delay_s:.1f} ms, frequency +- "
+            f"{100.0 * halves.frequency:.1f} %, damping ratio +- {100.0 * halves.ratio:.0f} %"
+        )
+    else:
+        yield "  all together: these recordings do not fix delay, frequency and damping ratio"
     for each in model.errors:
         name = f"{_MS * each.ahead_s:.0f} ms ahead" if math.isfinite(each.ahead_s) else "commands alone"
         yield (f"  {name:18} kept out {_MM * each.rmse_m:9.4g} mm; 95 % within {_MM * each.radius_m:.4g} mm")

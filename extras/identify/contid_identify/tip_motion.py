@@ -10,6 +10,7 @@ they were fitted to: outside the map stands still and nothing grows with a power
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,7 +18,7 @@ import numpy as np
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid_identify.answer import between
+from contid_identify.answer import smoothly_between
 from contid_identify.tip_answer import monomials, swing
 
 #: Inputs are clamped this share of their range beyond it.
@@ -37,6 +38,23 @@ class AheadError:
     ahead_s: float
     rmse_m: float
     radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class SwingHalves:
+    """Half of the 95 % intervals of what axes have in common; infinite where the data do not fix it.
+
+    Attributes:
+        delay_s: of all dead times together.
+        frequency, ratio: of all frequencies and damping ratios together, as shares of them.
+    """
+
+    delay_s: float
+    frequency: float
+    ratio: float
+
+
+_NOT_FIXED: Final = SwingHalves(math.inf, math.inf, math.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +77,7 @@ class TipMotion:
         memory: weights by which the last errors, `STEP_S` apart, go on; shape ``(order,)``.
         errors: of predictions on blocks kept out, the longest time last.
         source: recordings and date.
+        halves: how sure dead times, frequencies and ratios are.
     """
 
     robot: str
@@ -79,6 +98,7 @@ class TipMotion:
     memory: Array
     errors: tuple[AheadError, ...]
     source: str
+    halves: SwingHalves = _NOT_FIXED
 
     def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:
         """Tips ``(samples, 3)`` [m] in the base frame, from commands alone; the robot rests before.
@@ -143,5 +163,5 @@ def swung(
     out = np.empty((len(at_s), sent.shape[1]))
     for j in range(sent.shape[1]):
         values = swing(sent[:, j : j + 1] - centre[j], period_s, float(hz[j]), float(ratio[j]))
-        out[:, j] = between(values, (at_s - delay_s[j]) / period_s)[:, 0]
+        out[:, j] = smoothly_between(values, (at_s - delay_s[j]) / period_s)[:, 0]
     return out

@@ -12,10 +12,11 @@ import numpy as np
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.whole_file import replacing
-from contid_identify.tip_motion import AheadError, TipMotion, features
+from contid_identify.tip_motion import AheadError, SwingHalves, TipMotion, features
 
 _FORMAT: Final = "contid tip motion 1"
 _VECTORS: Final = ("delay_s", "frequency_hz", "ratio", "centre", "low", "high", "memory")
+_HALVES: Final = ("delay_s", "frequency", "ratio")
 _MATRICES: Final = ("turns", "weights", "load_weights")
 
 
@@ -30,6 +31,9 @@ def write_tip_motion(model: TipMotion, path: Path) -> None:
         "softer_per_kg": model.softer_per_kg,
         "less_per_kg": model.less_per_kg,
         "loads_kg": list(model.loads_kg),
+        "halves": {
+            name: half if math.isfinite(half := getattr(model.halves, name)) else None for name in _HALVES
+        },
         "errors": [
             # Infinity is no number of JSON.
             {"ahead_s": each.ahead_s if math.isfinite(each.ahead_s) else None,
@@ -62,6 +66,9 @@ def read_tip_motion(path: str | Path) -> TipMotion:
         matrices = {name: np.array(data[name], dtype=float) for name in _MATRICES}
         degree = int(data["degree"])
         low_kg, high_kg = map(float, data["loads_kg"])
+        # Files of before have no intervals.
+        given = data.get("halves", {})
+        halves = SwingHalves(*(math.inf if (v := given.get(k)) is None else float(v) for k in _HALVES))
         errors = tuple(
             AheadError(
                 float("inf") if each["ahead_s"] is None else float(each["ahead_s"]),
@@ -72,7 +79,8 @@ def read_tip_motion(path: str | Path) -> TipMotion:
         model = TipMotion(
             str(data["robot"]), axes, softer_per_kg=float(data["softer_per_kg"]), degree=degree,
             less_per_kg=float(data["less_per_kg"]),
-            loads_kg=(low_kg, high_kg), errors=errors, source=str(data["source"]), **vectors, **matrices,
+            loads_kg=(low_kg, high_kg), errors=errors, source=str(data["source"]), halves=halves,
+            **vectors, **matrices,
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
         raise ContidError(f"{path}: {error!r} where a number or a key should be; {remedy}") from None
