@@ -20,8 +20,8 @@ class CellWatch {
     for (uint8_t& strike : strikes_) strike = 0;
   }
 
-  // One tick; the channel whose cell is that of another tendon, or NO_CHANNEL. Two motions in a row that only another
-  // cell answers, each of one motor alone, are needed.
+  // One tick; the channel whose cell is that of another tendon, or NO_CHANNEL. Four motions in a row that only another
+  // cell answers, each of one motor alone, are needed: a body that is moved may move any tension.
   uint8_t tick(const Pulled (&now)[CHANNELS]) {
     if (!started_ || ++age_ms_ > WINDOW_MS) return start(now);
     for (uint8_t i = 0; i < CHANNELS; ++i) {
@@ -35,7 +35,7 @@ class CellWatch {
 
  private:
   static const int32_t WINDOW_MS = 500;
-  static const uint8_t STRIKES = 2;
+  static const uint8_t STRIKES = 4;
 
   uint8_t start(const Pulled (&now)[CHANNELS]) {
     for (uint8_t i = 0; i < CHANNELS; ++i) from_[i] = now[i];
@@ -44,7 +44,7 @@ class CellWatch {
     return NO_CHANNEL;
   }
 
-  // Channel i went its way: true after the second one that another cell answered at twice its own.
+  // Channel i went its way: true after the fourth that another cell answered at four times its own.
   bool judge(uint8_t i, const Pulled (&now)[CHANNELS]) {
     const int32_t along = sign(minus(now[i].position, from_[i].position)) * now[i].pull;
     const int32_t own = along * minus(now[i].tension, from_[i].tension);
@@ -52,11 +52,11 @@ class CellWatch {
     for (uint8_t j = 0; j < CHANNELS; ++j) {
       if (j == i || !now[j].cell) continue;
       if (magnitude(minus(now[j].position, from_[j].position)) > now[j].way / 8 + 1) return false;  // not alone
-      const int32_t answer = magnitude(minus(now[j].tension, from_[j].tension));
+      const int32_t answer = along * minus(now[j].tension, from_[j].tension);
       if (answer > other) other = answer;
     }
     if (other < now[i].floor / 2) return false;
-    strikes_[i] = own < other / 2 ? static_cast<uint8_t>(strikes_[i] + 1) : static_cast<uint8_t>(0);
+    strikes_[i] = own < other / 4 ? static_cast<uint8_t>(strikes_[i] + 1) : static_cast<uint8_t>(0);
     return strikes_[i] >= STRIKES;
   }
 

@@ -6,7 +6,7 @@
 namespace contid {
 
 namespace {
-const int32_t LAG_MS = 8;
+const int32_t LAG_MS = 16;
 const int32_t SPENT_MS = 20;
 const int32_t OVER_MS = 20;
 const int32_t SNAP_MS = 2;     // ticks that show it
