@@ -75,7 +75,8 @@ def configure(tightens: int, hz: int, stiffness_n_per_mm: float) -> str:
     keys = keys | {"tightens": tightens, "stiffness_n_per_deg": stiffness_n_per_mm * MM_PER_DEG}
     axes = [
         AxisOnBus(name, DueAxisOptions.model_validate(
-            {"channel": name, "start_state": "brake", "follow_deg": 90.0, "tension": keys}
+            {"channel": name, "start_state": "brake", "follow_deg": 90.0, "acceleration_deg_s2": 4600.0,
+             "tension": keys}
         ), None)
         for name in ("m0", "m1")
     ]  # fmt: skip

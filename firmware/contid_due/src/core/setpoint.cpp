@@ -76,8 +76,8 @@ int64_t SetPoint::keep_inside(const Fence& fence, int64_t target) {
   const int64_t furthest = reference_ + fence.side * fence.reach;
   const bool beyond = fence.side * (fence.at - furthest) > 0;
   const int64_t off = (beyond ? furthest : fence.at) - position_;
-  // Before the fence it slows down with a quarter of the limit: the shaft lags behind.
-  const int64_t way = fence.side * off < 0 ? magnitude64(off) / 4 : magnitude64(off);
+  // Before the fence it slows down with an eighth of the limit: the shaft lags behind.
+  const int64_t way = fence.side * off < 0 ? magnitude64(off) / 8 : magnitude64(off);
   const int64_t least = (beyond ? 0 : fence.rate) + sign(off) * stopping_speed(way);
   fenced_ = fence.stands && fence.side * (least - target) > 0;
   spent_ = fenced_ && beyond;

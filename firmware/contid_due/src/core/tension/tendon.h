@@ -39,7 +39,7 @@ class Tendon {
 
  private:
   static const uint32_t HISTORY = 16;
-  static const int32_t AIM = 80;  // above the floor [mN]
+  static const int32_t AIM = 100;  // above the floor [mN]
 
   bool snapped(int32_t position);
   void follow(int32_t position);
