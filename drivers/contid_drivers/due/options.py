@@ -99,7 +99,7 @@ class EndStop(Strict):
     timeout_s: Annotated[float, Field(gt=0, le=60)] = 30.0
 
 
-class Tension(Strict):
+class LoadCell(Strict):
     """A load cell in the tendon of a motor: the board holds a floor of tension.
 
     Attributes:
@@ -130,7 +130,7 @@ class Tension(Strict):
     rate_hz: Annotated[float, Field(ge=10, le=1000)] = 80.0
 
     @model_validator(mode="after")
-    def _is_measured(self) -> Tension:
+    def _is_measured(self) -> LoadCell:
         (low, low_n), (high, high_n) = self.readings
         most = 8_388_607.0 if self.cell == "converter" else 3300.0
         if not low < high or low_n == high_n or max(abs(low), abs(high)) > most:
@@ -197,7 +197,7 @@ class MotorOptions(Strict):
     motor_reversed: bool = False
     power_up_deg: float = 0.0
     homing: EndStop | None = None
-    tension: Tension | None = None
+    tension: LoadCell | None = None
 
 
 class ValvePair(Strict):

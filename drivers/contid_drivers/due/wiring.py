@@ -14,7 +14,7 @@ from contid.hal.homing import BACKOFF_MIN_DEG, REPEAT_RAD
 from contid.units import BAR, DEG
 from contid_drivers.due.codes import ADC_MV, ADC_STEPS, DUTY_FULL
 from contid_drivers.due.frames import crc16
-from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role, Tension
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, LoadCell, Role
 
 #: Readings of a converter (24 bit) further out are saturated, and of a pin this near to the top [mV].
 CONVERTER_MOST: Final = 8_300_000
@@ -147,7 +147,7 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions, adc: Adc) -> bytes:
     return _pack(MOTOR_FIELDS, values) + (b"" if o.tension is None else _tension(o.tension, per_deg, adc))
 
 
-def _tension(t: Tension, counts_per_deg: float, adc: Adc) -> bytes:
+def _tension(t: LoadCell, counts_per_deg: float, adc: Adc) -> bytes:
     (low, low_n), (high, high_n) = t.readings
     converter = t.cell == "converter"
 

@@ -20,7 +20,7 @@ from contid.robot_file.base import Strict
 from contid.units import BAR
 from contid_drivers.due.codes import CHANNELS
 from contid_drivers.due.firmware import build_host
-from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState, Tension
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, LoadCell, SafeState
 from contid_drivers.due.wiring import DUE_ADC, Adc, axis_options
 
 ChannelFault: TypeAlias = Literal[
@@ -100,7 +100,7 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions, adc: Adc) -> dict[str, float]:
     return numbers | ({} if o.tension is None else _tendon(o.tension, o, adc))
 
 
-def _tendon(t: Tension, o: DueAxisOptions, adc: Adc) -> dict[str, float]:
+def _tendon(t: LoadCell, o: DueAxisOptions, adc: Adc) -> dict[str, float]:
     """A body that stands; where the shaft powers up the tendon has three times its floor."""
     (low, low_n), (high, high_n) = t.readings
     per_deg = o.counts_per_rev / 360.0
