@@ -50,7 +50,8 @@ def test_every_name_has_one_number(in_sketch: str, in_driver: type[enum.IntEnum 
     "name",
     [
         "PROTOCOL_VERSION", "CHANNELS", "DUTY_FULL", "CHANNEL_HOMED", "CHANNEL_LIMITED", "CHANNEL_SENSOR_OK",
-        "CELL_ANALOG", "CELL_CONVERTER", "PULSE_MS", "TRACE_MS", "CURRENT_EVERY_MS", "NO_CHANNEL", "HARDWARE_DECODER",
+        "PULSE_MS", "TRACE_MS", "CURRENT_EVERY_MS", "NO_CHANNEL", "HARDWARE_DECODER",
+        "CELL_ANALOG", "CELL_CONVERTER",
         "BOARD_CONFIGURED", "BOARD_DEMAND_STALE", "BOARD_POSITION_LOST", "CHANNEL_POSITION_LOST",
     ],
 )  # fmt: skip

@@ -109,8 +109,8 @@ class LoadCell(Strict):
         floor_n: least tension. The board follows the demand only as far as the tension stays above it, and
             pulls where it is below. It is held while the axis is armed, stopped or without a host.
         ceiling_n: tension above it for 20 ms is a fault.
-        stiffness_n_per_deg: change of the tension per degree of the shaft at the stiffest pose; rather too large
-            than too small: half of the true value makes the loop overshoot.
+        stiffness_n_per_deg: change of the tension per degree of the shaft at the stiffest pose; rather too
+            large than too small.
         tightens: sense of rotation of the shaft that tightens.
         take_up_deg: how far the floor may pull the shaft away from its demand.
         slack_ms: a tension below half of the floor for this time is a fault.
@@ -135,7 +135,9 @@ class LoadCell(Strict):
         most = 8_388_607.0 if self.cell == "converter" else 3300.0
         if not low < high or low_n == high_n or max(abs(low), abs(high)) > most:
             unit = "a converter's reading" if self.cell == "converter" else "mV"
-            raise ValueError(f"readings: {unit} must rise within {most:g}, and N must differ between the rows")
+            raise ValueError(
+                f"readings: {unit} must rise within {most:g}, and N must differ between the rows"
+            )
         if self.cell == "amplifier" and low <= self.wire_break_mv:
             raise ValueError(f"readings must lie above wire_break_mv {self.wire_break_mv:g}")
         if self.ceiling_n < 2.0 * self.floor_n:
@@ -266,7 +268,8 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
     Attributes:
         channel: ``m0`` .. ``m5`` on a motor board, ``p0`` .. ``p5`` on a pressure board.
         on_watchdog: safe state, taken when the watchdog trips: ``brake`` (default), ``coast`` or ``hold`` for
-            motors, ``hold`` (default) with ``tension``, which goes on above its floor; ``vent`` (default) or ``close`` for regulators.
+            motors; with ``tension``, ``hold`` by default, which goes on above its floor; ``vent`` (default)
+            or ``close`` for regulators.
         start_state: what the wiring makes the motor do while the board does not drive its lines (in reset, in
             the boot loader, before the first host): ``brake`` (default; inputs pulled up, or the PWM line of
             ``dir_pwm`` pulled down) or ``coast`` (inputs pulled down). ``on_watchdog`` must be the same; for

@@ -13,7 +13,14 @@ from contid.kit.remembered import memory_of
 from contid.kit.serial_ports import find_port
 from contid_drivers.due import identity, messages
 from contid_drivers.due.codes import (
-    CELL_ANALOG, CELL_CONVERTER, CURRENT_SENSE, PORTS, PROTOCOL_VERSION, VALVE_PAIR, Refusal, Type,
+    CELL_ANALOG,
+    CELL_CONVERTER,
+    CURRENT_SENSE,
+    PORTS,
+    PROTOCOL_VERSION,
+    VALVE_PAIR,
+    Refusal,
+    Type,
 )  # fmt: skip
 from contid_drivers.due.frames import DuePort, crc16
 from contid_drivers.due.messages import Answer, Configured, Hello, PulseTrace, Refused, Telemetry

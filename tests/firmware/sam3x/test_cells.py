@@ -32,8 +32,8 @@ class Tendons(Motors):
         super().fire()
         self.ticks += 1
         noise = self.ticks * 7919 % 5 - 2
-        wanted = self.tension() * (3100.0 - 200.0) / 50.0 + 200.0
-        self._board.adc.analog[A6] = int(wanted / ADC_MV * 4095) + noise
+        millivolt = self.tension() * (3100.0 - 200.0) / 50.0 + 200.0
+        self._board.adc.analog[A6] = int(millivolt / ADC_MV * 4095) + noise
 
     def tension(self) -> float:
         return 0.0 if self.cut else max(0.0, 3.0 + self.shaft[0] / DEGREE * N_PER_DEG)
@@ -50,14 +50,15 @@ def test_the_floor_and_a_snap_on_the_whole_sketch() -> None:
     plant, host = Tendons(board), Host(board.ask_usb)
     keys = {"channel": "m0", "start_state": "brake", "tension": TENSION}
     axes = [AxisOnBus("m0", DueAxisOptions.model_validate(keys), (-60.0, 60.0))]
-    host._configure(axes, DueBusOptions(port="x", role=Role.MOTOR))
+    host.configure_axes(axes, DueBusOptions(port="x", role=Role.MOTOR))
     board.run_ms(10)
     host.arm(1)
     least = 3.0
-    for _ in range(60):
+    for _ in range(50):
         host.demand({0: round(-20 * DEGREE)})
         board.run_ms(10)
         least = min(least, plant.tension())
+    host.demand({})
     assert host.telemetry is not None
     assert plant.tension() == pytest.approx(1.1, abs=0.15)
     assert least > 0.9

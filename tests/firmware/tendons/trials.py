@@ -1,8 +1,9 @@
 """Random moves of tendons with load cells: ``python -m tests.firmware.tendons.trials [MOVES]``.
 
-A trial is two channels of the linked core, their host, and two tendons (cable.h): 0.7 to 2.5 N/mm on either side of
-a capstan whose friction holds up to 2.2 times the tension, bodies that move at up to 40 mm/s while the host demands
-something else, cells with noise of 3 to 15 mN.
+A trial is two channels of the linked core, their host, and two tendons (cable.h): 0.7 to 2.5 N/mm on either
+side of a capstan whose friction holds up to 2.2 times the tension, bodies that move at up to 40 mm/s while
+the host demands something else, cells with noise of 3 to 15 mN. At a cell behind a converter bodies move at
+4 mm/s at most.
 """
 
 from __future__ import annotations

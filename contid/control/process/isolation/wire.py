@@ -24,7 +24,16 @@ LONGEST: Final = 1 << 17
 LONGEST_TEXT: Final = 1000
 
 #: Parts of a sample, in the order of their values; ``value`` and those after ``age_s`` may be absent.
-_NUMBERS: Final = ("time_s", "age_s", "value", "velocity", "effort", "temperature_c", "voltage_v", "tension_n")
+_NUMBERS: Final = (
+    "time_s",
+    "age_s",
+    "value",
+    "velocity",
+    "effort",
+    "temperature_c",
+    "voltage_v",
+    "tension_n",
+)
 _PRESENT, _VALID = 1 << 8, 1 << 9
 _SAMPLE: Final = Struct("=H8d")
 
