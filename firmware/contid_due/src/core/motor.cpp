@@ -192,7 +192,10 @@ Output Motor::follow() {
     set_.tick();
     return law(DUTY_FULL);
   }
-  Fence fence = tendon_.fence(set_.speed_q16());
+  // The faster of both that pays out: the shaft may run on behind its set-point.
+  const int64_t shaft = static_cast<int64_t>(velocity()) * 65536 / static_cast<int32_t>(TICK_HZ);
+  const bool runs_on = config_->tension.pull * (shaft - set_.speed_q16()) < 0;
+  Fence fence = tendon_.fence(runs_on ? shaft : set_.speed_q16());
   fence.at = clamp64(fence.at, static_cast<int64_t>(config_->low) * 65536, static_cast<int64_t>(config_->high) * 65536);
   set_.tick(&fence);
   const Output out = law(DUTY_FULL);

@@ -29,7 +29,8 @@ class Tendon {
   // [mN]
   int32_t tension() const { return cell_.tension(); }
   bool below() const { return cell_.tension() < config_->floor + AIM; }
-  // Where the set-point must stay on the tight side of; `speed` is its own, in counts times 65536 per tick.
+  // Where the set-point must stay on the tight side of; `speed` is that of the shaft, in counts times 65536 per
+  // tick.
   Fence fence(int64_t speed) const;
   // Part of a duty that may be driven: none that slackens on a cell that shows no tension.
   int32_t allowed(int32_t duty) const { return !ok() && duty * config_->pull < 0 ? 0 : duty; }
