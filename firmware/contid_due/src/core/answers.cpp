@@ -193,7 +193,7 @@ size_t Board::write_telemetry(uint8_t* out, size_t capacity) {
   return to.size();
 }
 
-// Behind the channels, of a configuration with load cells only: a host that knows none never reads it.
+// Behind the channels, of a configuration with load cells only: a host without them never reads it.
 void Board::write_tensions(Writer& to, uint8_t reported) const {
   uint8_t cells = 0;
   for (uint8_t i = 0; i < CHANNELS; ++i) {

@@ -6,7 +6,7 @@
 namespace contid {
 
 namespace {
-const int32_t LAG_MS = 16;
+const int32_t LAG_MS = 22;
 const int32_t SPENT_MS = 20;
 const int32_t OVER_MS = 20;
 const int32_t SNAP_MS = 2;     // ticks that show it
@@ -46,7 +46,7 @@ void Tendon::sense(const CellReading& reading, int32_t position) {
 void Tendon::follow(int32_t position) {
   at_ += rate_;
   if (!cell_.fresh() || !cell_.ok()) return;
-  const int64_t missing = static_cast<int64_t>(config_->floor) + AIM - cell_.tension();
+  const int64_t missing = static_cast<int64_t>(config_->floor) + MARGIN - cell_.tension();
   const int64_t seen =
       static_cast<int64_t>(position) * 65536 + config_->pull * clamp64(missing * give_q16_, -FAR_Q16, FAR_Q16);
   const int64_t off = seen - at_;

@@ -28,7 +28,7 @@ class Tendon {
   Reason fault() const { return fault_; }
   // [mN]
   int32_t tension() const { return cell_.tension(); }
-  bool below() const { return cell_.tension() < config_->floor + AIM; }
+  bool below() const { return cell_.tension() < config_->floor + MARGIN; }
   // Where the set-point must stay on the tight side of; `speed` is that of the shaft, in counts times 65536 per
   // tick.
   Fence fence(int64_t speed) const;
@@ -40,7 +40,7 @@ class Tendon {
 
  private:
   static const uint32_t HISTORY = 16;
-  static const int32_t AIM = 100;  // above the floor [mN]
+  static const int32_t MARGIN = 100;  // above the floor [mN]
 
   bool snapped(int32_t position);
   void follow(int32_t position);

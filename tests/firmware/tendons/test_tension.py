@@ -147,7 +147,7 @@ def test_a_fault_ends_the_motion_and_stays_until_its_cause_is_gone(board, switch
         assert refused.refusal == Refusal.PERSISTS
 
 
-def test_swapped_cells_are_told(board):
+def test_swapped_cells_are_a_fault(board):
     motors = armed(board)
     motors.command("set 0 cell_of 1")
     motors.command("set 1 cell_of 0")
@@ -158,7 +158,7 @@ def test_swapped_cells_are_told(board):
     assert channels[0].reason is Reason.CELL_OTHER
 
 
-def test_slack_that_the_loop_cannot_take_up_is_told(board):
+def test_slack_that_the_loop_cannot_take_up_is_a_fault(board):
     motors = board("motor")
     motors.configure({"m0": AXIS})
     motors.command(f"set 0 tendon_slack_at {40 * DEGREE}")
@@ -169,7 +169,7 @@ def test_slack_that_the_loop_cannot_take_up_is_told(board):
     assert channels[0].position <= 21 * DEGREE
 
 
-def test_too_much_tension_is_told(board):
+def test_too_much_tension_is_a_fault(board):
     motors = armed(board, ceiling_n=6.0)
     assert follow(motors, 1500, m0=15.0)[0].reason is Reason.OVER_TENSION
 
