@@ -90,6 +90,7 @@ class Sample:
         temperature_c: [deg C] when reported.
         voltage_v: supply [V] when reported.
         fault: the device's own fault as text, "" without one.
+        tension_n: of the tendon at a load cell [N], when measured.
     """
 
     value: float | None
@@ -101,6 +102,7 @@ class Sample:
     temperature_c: float | None = None
     voltage_v: float | None = None
     fault: str = ""
+    tension_n: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,7 +71,7 @@ class RecordedPort:
             out[axis] = Sample(
                 _number(read.value), read.time_s, bool(read.valid), read.age_s, _number(read.velocity),
                 _number(read.effort), _number(read.temperature_c), _number(read.voltage_v),
-                faults.get(axis, ""),
+                faults.get(axis, ""), _number(read.tension_n),
             )  # fmt: skip
         return out
 

@@ -13,7 +13,7 @@ namespace contid {
 const uint32_t FIRST_BOOT_ID = 0xB0071D00;
 
 inline uint8_t emulated_capability(Role role) {
-  return role == Role::MOTOR ? CURRENT_SENSE | BRIDGE_FAULT : READ_BACK | VALVE_PAIR;
+  return role == Role::MOTOR ? CURRENT_SENSE | BRIDGE_FAULT | CELL_ANALOG | CELL_CONVERTER : READ_BACK | VALVE_PAIR;
 }
 
 inline Identity emulated_identity(Role role) {

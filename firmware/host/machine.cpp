@@ -19,7 +19,8 @@ const char* const STATES[] = {"off", "ready", "armed", "homing", "stopped", "saf
 const char* const REASONS[] = {"none",       "watchdog",        "stalled",     "encoder_silent", "encoder_reversed",
                                "following",  "home_failed",     "sensor_wire", "leak",           "over_pressure",
                                "bridge",     "above_set_point", "not_venting", "encoder_edges",  "home_twice",
-                               "home_moved", "encoder_track",   "read_back"};
+                               "home_moved", "encoder_track",   "read_back",   "cell",           "cell_frozen",
+                               "cell_other", "slack",           "snap",        "over_tension"};
 const char* const CAUSES[] = {"power_up", "backup", "watchdog", "software", "pin", "brown_out"};
 
 }  // namespace

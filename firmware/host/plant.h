@@ -93,6 +93,33 @@ struct MotorPlant {
   void lose_count() { encoder = 0.0; }
 };
 
+// A tendon from a motor to a body that stands, with a load cell: T = stiffness times the way past `slack_at`.
+struct TendonPlant {
+  double mn_per_count = 0.0;  // 0: no cell
+  double slack_at = 0.0;      // [counts]
+  double pull = 1.0;          // sense that tightens
+  double zero = 0.0, steps_per_mn = 1.0, period_ms = 1.0;
+  double noise = 2.0;  // of the reading, in steps to either side
+  bool cut = false, open = false, saturated = false, frozen = false;
+
+  double tension_mn(double shaft) const {
+    const double stretched = pull * (shaft - slack_at);
+    return cut || stretched < 0.0 ? 0.0 : stretched * mn_per_count;
+  }
+  // A reading, of a converter of 24 bit or of an analogue input of this many steps.
+  int32_t reading(double shaft, double least, double most) {
+    dither = dither * 1664525u + 1013904223u;
+    const double off = noise * (static_cast<double>(dither >> 8) / (1 << 23) - 1.0);
+    if (open) return static_cast<int32_t>(least);
+    if (saturated) return static_cast<int32_t>(most);
+    const double raw = zero + steps_per_mn * tension_mn(shaft) + off;
+    if (!frozen) last = static_cast<int32_t>(std::fmin(std::fmax(raw, least), most));
+    return last;
+  }
+  uint32_t dither = 1, age_ms = 0;
+  int32_t last = 0;
+};
+
 // The regulator follows its command with a lag that grows with the chamber it fills, no faster than its valve.
 struct RegulatorPlant {
   double full_pa = 300000.0;  // at full duty
@@ -148,6 +175,8 @@ struct RegulatorPlant {
 struct Plant {
   MotorPlant motor[CHANNELS];
   RegulatorPlant regulator[CHANNELS];
+  TendonPlant tendon[CHANNELS];
+  int cell_of[CHANNELS] = {0, 1, 2, 3, 4, 5};  // the tendon at whose cell a channel is wired
   // The channel that drives a motor, and the motor whose encoder a channel reads: other ones where cables are swapped.
   int motor_of[CHANNELS] = {0, 1, 2, 3, 4, 5}, encoder_of[CHANNELS] = {0, 1, 2, 3, 4, 5};
   bool off = false;  // inputs are set by hand
@@ -160,6 +189,7 @@ struct Plant {
   void step(const Outputs& out, bool motors);
   // What the board reads of it now.
   void read(bool motors);
+  void read_cells();
 };
 
 }  // namespace contid

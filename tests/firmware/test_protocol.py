@@ -10,7 +10,7 @@ import pytest
 from contid_drivers.due import codes
 from contid_drivers.due.firmware import firmware_dir
 from contid_drivers.due.options import Bridge, Role, SafeState
-from contid_drivers.due.wiring import MOTOR_FIELDS, REGULATOR_FIELDS
+from contid_drivers.due.wiring import MOTOR_FIELDS, REGULATOR_FIELDS, TENSION_FIELDS
 
 CORE = firmware_dir() / "contid_due" / "src" / "core"
 HEADER = (CORE / "protocol.h").read_text(encoding="utf-8")
@@ -51,6 +51,7 @@ def test_every_name_has_one_number(in_sketch: str, in_driver: type[enum.IntEnum 
     [
         "PROTOCOL_VERSION", "CHANNELS", "DUTY_FULL", "CHANNEL_HOMED", "CHANNEL_LIMITED", "CHANNEL_SENSOR_OK",
         "PULSE_MS", "TRACE_MS", "CURRENT_EVERY_MS", "NO_CHANNEL", "HARDWARE_DECODER",
+        "CELL_ANALOG", "CELL_CONVERTER",
         "BOARD_CONFIGURED", "BOARD_DEMAND_STALE", "BOARD_POSITION_LOST", "CHANNEL_POSITION_LOST",
     ],
 )  # fmt: skip
@@ -114,3 +115,13 @@ def test_configuration_fields_have_one_order(
     listed = re.findall(r"`(\w+) ([ui]\d+)`", text)
     assert head | {name: STRUCT_CODES[kind] for name, kind in listed} == fields
     assert [*head, *(name for name, _ in listed)] == [*head, *(name for name, _ in read)] == list(fields)
+
+
+def test_fields_of_a_load_cell_have_one_order() -> None:
+    source = (CORE / "config.cpp").read_text(encoding="utf-8")
+    (body,) = re.findall(r"void read_tension\(.*?\n}", source, re.DOTALL)
+    read = re.findall(r"t\.(\w+) = (?:check\.within\()?in\.(\w+)\(\)", body)
+    assert {name: STRUCT_CODES[kind] for name, kind in read} == TENSION_FIELDS
+    text = PAGE[PAGE.index("* motors with flag 16") : PAGE.index("* regulators:")]
+    listed = re.findall(r"`(\w+) ([ui]\d+)`", text)
+    assert listed == read == list(zip(TENSION_FIELDS, (kind for _, kind in read), strict=True))

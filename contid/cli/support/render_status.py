@@ -118,6 +118,8 @@ def _axes(robot: Fields) -> Table:
             notes.append(f"{axis['voltage_v']:.1f} V")
         if axis["effort"] is not None:
             notes.append(f"effort {axis['effort']:.3g}")
+        if axis.get("tension_n") is not None:
+            notes.append(f"{axis['tension_n']:.2f} N")
         table.add_row(
             name,
             bar(measured, low, high),

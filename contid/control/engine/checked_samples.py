@@ -17,7 +17,16 @@ from contid.targets import are_numbers
 
 #: The parts of a sample; the numbers from the third one on may be absent.
 _PARTS: Final = attrgetter(
-    "fault", "valid", "time_s", "age_s", "value", "velocity", "effort", "temperature_c", "voltage_v"
+    "fault",
+    "valid",
+    "time_s",
+    "age_s",
+    "value",
+    "velocity",
+    "effort",
+    "temperature_c",
+    "voltage_v",
+    "tension_n",
 )
 #: Types of the parts of samples that were examined.
 _KNOWN: Final[set[tuple[type, ...]]] = set()

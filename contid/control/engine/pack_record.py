@@ -49,8 +49,8 @@ _TARGET, _SOLUTION, _COMMAND, _DEVICE, _LIMITS, _VALUE, _TIME, _VALID, _AGE = ma
     AXIS.place,
     ("target", "solution", "command", "device", "limits", "value", "time_s", "valid", "age_s"),
 )
-_VELOCITY, _EFFORT, _TEMPERATURE, _VOLTAGE = map(
-    AXIS.place, ("velocity", "effort", "temperature_c", "voltage_v")
+_VELOCITY, _EFFORT, _TEMPERATURE, _VOLTAGE, _TENSION = map(
+    AXIS.place, ("velocity", "effort", "temperature_c", "voltage_v", "tension_n")
 )
 #: Bits that a float64 of the record keeps exactly.
 _MAX_NAMES: Final = 52
@@ -184,6 +184,8 @@ def _add_axes(
                 row[_TEMPERATURE] = sample.temperature_c
             if sample.voltage_v is not None:
                 row[_VOLTAGE] = sample.voltage_v
+            if sample.tension_n is not None:
+                row[_TENSION] = sample.tension_n
         values += row
 
 

@@ -79,6 +79,7 @@ class AxisRecord(NamedTuple):
     ]
     temperature_c: Annotated[float, About("sample", "temperature of the device", "{axis}/temperature_c")]
     voltage_v: Annotated[float, About("sample", "supply of the device", "{axis}/voltage_v")]
+    tension_n: Annotated[float, About("sample", "tension at the load cell", "{axis}/tension_n")]
 
 
 class RobotRecord(NamedTuple):

@@ -25,11 +25,11 @@ from contid.units import m_to_mm
 #: The fields of telemetry, and those sent by default.
 FIELDS: Final = (
     "state", "fault", "tip_mm", "command_tip_mm", "target_mm", "error_mm", "command", "measured", "limits",
-    "age_ms", "effort", "temperature_c", "voltage_v", "measured_tip_mm", "measured_direction",
+    "age_ms", "effort", "temperature_c", "voltage_v", "tension_n", "measured_tip_mm", "measured_direction",
     "estimated_load_n", "estimated_sigma_n", "bends",
 )  # fmt: skip
 DEFAULT_FIELDS: Final = ("state", "fault", "tip_mm", "command", "measured")
-PER_AXIS: Final = ("effort", "temperature_c", "voltage_v")
+PER_AXIS: Final = ("effort", "temperature_c", "voltage_v", "tension_n")
 
 
 def bends_of(config: RobotConfig, robot: RobotDescription, record: RobotRecord) -> list[float] | None:

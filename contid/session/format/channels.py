@@ -21,8 +21,8 @@ EVENT: Final = "event"
 MEASURED: Final = "measured"
 #: Revision of the messages; readers accept every one. 1 adds the measured tip; 2 omits absent values
 #: (before: ``null``) and lists infinite ones (before: ``1e999``); 3 renames keys of events
-#: (`RENAMED_EVENT_KEYS`).
-REVISION: Final = 3
+#: (`RENAMED_EVENT_KEYS`); 4 adds the tension at a load cell.
+REVISION: Final = 4
 CHANNELS: Final = (*TICK_CHANNELS, EVENT)
 #: Key of the paths of infinite numbers, which JSON lacks; a minus precedes negative ones.
 INFINITE: Final = "infinite"

@@ -113,5 +113,6 @@ class BoardAxis:
             age_s=now - self.time_s,
             velocity=report.velocity / self.units_per_si,
             effort=effort,
+            tension_n=None if report.tension_mn is None else report.tension_mn / 1000.0,
             fault=self.fault,
         )

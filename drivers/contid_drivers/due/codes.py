@@ -29,6 +29,10 @@ CHANNEL_POSITION_LOST: Final = 0x80
 HARDWARE_DECODER: Final = 1
 CURRENT_SENSE: Final = 4
 VALVE_PAIR: Final = 32
+CELL_ANALOG: Final = 64
+CELL_CONVERTER: Final = 128
+#: Tension of a cell that shows none [mN].
+NO_TENSION: Final = -(2**31)
 #: Ports of a board by number; one at a time commands it.
 PORTS: Final = ("native", "programming")
 #: Flags of the board.
@@ -102,6 +106,12 @@ class Reason(enum.IntEnum):
         17,
         "pressure reading stands still while the set-point moves: read-back frozen, or valve stuck",
     )
+    CELL = 18, "load cell without a reading, or out of its range: open wire, no supply, saturated or reversed"
+    CELL_FROZEN = 19, "readings of its load cell are alike to the last bit while the shaft moves"
+    CELL_OTHER = 20, "its tendon moves the tension at another axis's load cell, not at its own: swapped cells"
+    SLACK = 21, "slack: the tension stays below half of floor_n"
+    SNAP = 22, "the tension fell to nothing within milliseconds: the tendon snapped or slipped off"
+    OVER_TENSION = 23, "tension above ceiling_n"
 
 
 class Refusal(enum.IntEnum):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
 from contid.errors import ContidError
@@ -21,6 +21,7 @@ from contid_drivers.due.codes import (
     CHANNELS,
     CURRENT_EVERY_MS,
     NO_CHANNEL,
+    NO_TENSION,
     NO_VELOCITY,
     PROTOCOL_VERSION,
     TRACE_MS,
@@ -75,7 +76,7 @@ class Hello:
 
 @dataclass(frozen=True, slots=True)
 class BoardReport:
-    """One channel of a telemetry: counts and counts/s, or Pa and Pa/s."""
+    """One channel of a telemetry: counts and counts/s, or Pa and Pa/s; ``tension_mn`` of a load cell."""
 
     state: BoardState
     reason: Reason
@@ -88,6 +89,7 @@ class BoardReport:
     duty: int
     aux: int
     missed_edges: int
+    tension_mn: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,7 +260,7 @@ def read_answer(payload: bytes) -> NumberedAnswer:
         if version != PROTOCOL_VERSION:
             raise BadAnswerError(f"the board has protocol version {version}, this contid {PROTOCOL_VERSION}")
         return NumberedAnswer(sequence, _read_body(kind, payload[_HEADER.size :]))
-    except (struct.error, ValueError) as error:
+    except (struct.error, ValueError, KeyError) as error:
         raise BadAnswerError(f"unreadable answer {payload.hex()}: {error}") from error
 
 
@@ -343,6 +345,13 @@ def _read_telemetry(body: bytes) -> Telemetry:
             aux,
             missed,
         )
+    # Behind the channels: the tensions of those with a load cell.
+    cells = body[at] if at < len(body) else 0
+    at += at < len(body)
+    for channel in (each for each in range(CHANNELS) if cells & (1 << each)):
+        (tension,) = struct.unpack_from("<i", body, at)
+        at += 4
+        channels[channel] = replace(channels[channel], tension_mn=None if tension == NO_TENSION else tension)
     if at != len(body):
         raise BadAnswerError(f"telemetry of {len(body)} bytes, expected {at}")
     return Telemetry(

@@ -99,6 +99,52 @@ class EndStop(Strict):
     timeout_s: Annotated[float, Field(gt=0, le=60)] = 30.0
 
 
+class LoadCell(Strict):
+    """A load cell in the tendon of a motor: the board holds a floor of tension.
+
+    Attributes:
+        cell: ``amplifier`` at the tension pin, or ``converter`` (HX711, HX717, ADS1232) at its two lines.
+        readings: two rows, the first with the lower reading: ``[mV at the pin, N]``, or of a converter
+            ``[reading, N]``; measured with two weights.
+        floor_n: least tension. The board follows the demand only as far as the tension stays above it, and
+            pulls where it is below. It is held while the axis is armed, stopped or without a host.
+        ceiling_n: tension above it for 20 ms is a fault.
+        stiffness_n_per_deg: change of the tension per degree of the shaft at the stiffest pose; rather too
+            large than too small.
+        tightens: sense of rotation of the shaft that tightens.
+        take_up_deg: how far the floor may pull the shaft away from its demand.
+        slack_ms: a tension below half of the floor for this time is a fault.
+        wire_break_mv: a lower signal at the pin means an open wire.
+        rate_hz: readings per second of a converter.
+    """
+
+    cell: Literal["amplifier", "converter"] = "amplifier"
+    readings: tuple[tuple[float, float], tuple[float, float]]
+    floor_n: Annotated[float, Field(ge=0.02, le=2500)]
+    ceiling_n: Annotated[float, Field(gt=0, le=10_000)]
+    stiffness_n_per_deg: Annotated[float, Field(ge=0.0001, le=1000)]
+    tightens: Literal[1, -1] = 1
+    take_up_deg: Positive = 20.0
+    slack_ms: int = Field(default=300, ge=10, le=10_000)
+    wire_break_mv: PinMillivolt = 50.0
+    rate_hz: Annotated[float, Field(ge=10, le=1000)] = 80.0
+
+    @model_validator(mode="after")
+    def _is_measured(self) -> LoadCell:
+        (low, low_n), (high, high_n) = self.readings
+        most = 8_388_607.0 if self.cell == "converter" else 3300.0
+        if not low < high or low_n == high_n or max(abs(low), abs(high)) > most:
+            unit = "a converter's reading" if self.cell == "converter" else "mV"
+            raise ValueError(
+                f"readings: {unit} must rise within {most:g}, and N must differ between the rows"
+            )
+        if self.cell == "amplifier" and low <= self.wire_break_mv:
+            raise ValueError(f"readings must lie above wire_break_mv {self.wire_break_mv:g}")
+        if self.ceiling_n < 2.0 * self.floor_n:
+            raise ValueError(f"ceiling_n {self.ceiling_n:g} must be at least twice floor_n {self.floor_n:g}")
+        return self
+
+
 class MotorOptions(Strict):
     """Keys of an axis on a channel ``m0`` .. ``m5``.
 
@@ -130,6 +176,7 @@ class MotorOptions(Strict):
         motor_reversed: inverts the duty; positive duty must count up.
         power_up_deg: angle of the shaft at power-up (the parked pose).
         homing: search of the zero; without it ``power_up_deg`` is used unchecked.
+        tension: load cell in its tendon, and the floor of tension that the board holds.
     """
 
     counts_per_rev: Annotated[float, Field(ge=4, le=1_000_000)] = 4776.0
@@ -152,6 +199,7 @@ class MotorOptions(Strict):
     motor_reversed: bool = False
     power_up_deg: float = 0.0
     homing: EndStop | None = None
+    tension: LoadCell | None = None
 
 
 class ValvePair(Strict):
@@ -220,7 +268,8 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
     Attributes:
         channel: ``m0`` .. ``m5`` on a motor board, ``p0`` .. ``p5`` on a pressure board.
         on_watchdog: safe state, taken when the watchdog trips: ``brake`` (default), ``coast`` or ``hold`` for
-            motors; ``vent`` (default) or ``close`` for regulators.
+            motors; with ``tension``, ``hold`` by default, which goes on above its floor; ``vent`` (default)
+            or ``close`` for regulators.
         start_state: what the wiring makes the motor do while the board does not drive its lines (in reset, in
             the boot loader, before the first host): ``brake`` (default; inputs pulled up, or the PWM line of
             ``dir_pwm`` pulled down) or ``coast`` (inputs pulled down). ``on_watchdog`` must be the same; for
@@ -246,6 +295,8 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
     def safe(self) -> SafeState:
         """The safe state; the default of this kind if not given."""
         default = SafeState.BRAKE if self.kind is DeviceKind.MOTOR else SafeState.VENT
+        if self.tension is not None:
+            default = SafeState.HOLD
         return self.on_watchdog or default
 
     @property

@@ -12,7 +12,16 @@ from contid.hal import AxisOnBus, DeviceKind
 from contid.kit.remembered import memory_of
 from contid.kit.serial_ports import find_port
 from contid_drivers.due import identity, messages
-from contid_drivers.due.codes import CURRENT_SENSE, PORTS, PROTOCOL_VERSION, VALVE_PAIR, Refusal, Type
+from contid_drivers.due.codes import (
+    CELL_ANALOG,
+    CELL_CONVERTER,
+    CURRENT_SENSE,
+    PORTS,
+    PROTOCOL_VERSION,
+    VALVE_PAIR,
+    Refusal,
+    Type,
+)  # fmt: skip
 from contid_drivers.due.frames import DuePort, crc16
 from contid_drivers.due.messages import Answer, Configured, Hello, PulseTrace, Refused, Telemetry
 from contid_drivers.due.options import Bridge, DueBusOptions
@@ -62,7 +71,7 @@ class BoardClock:
 #: Interval of repeated hellos while a board starts.
 _HELLO_EVERY_S = 0.05
 #: Bytes of the longest telemetry frame, for its time on the wire.
-_TELEMETRY_BYTES = 132
+_TELEMETRY_BYTES = 157
 #: The same of the trace of a pulse.
 _TRACE_BYTES: Final = 364
 #: A board whose clock advanced by this much less than the host's was off in between.
@@ -70,7 +79,7 @@ _CLOCK_LAG_S: Final = 2.0
 _REMEDIES: Final[dict[int, str]] = {
     Refusal.LATCHED: "clear the fault first",
     Refusal.NOT_HOMED: "contid home",
-    Refusal.NO_SENSOR: "check the wire of the pressure signal",
+    Refusal.NO_SENSOR: "check the wire of the pressure signal or load cell",
     Refusal.PERSISTS: "remove its cause",
     Refusal.OTHER_PORT: "end the other host, or use its port",
     Refusal.ARMED_NOW: "stop the robot first",
@@ -207,6 +216,13 @@ class DueConnection:
             )
         if o.kind is not DeviceKind.MOTOR:
             return
+        if o.tension is not None:
+            converter = o.tension.cell == "converter"
+            if not parts & (CELL_CONVERTER if converter else CELL_ANALOG):
+                lines = "lines for a converter of a load cell" if converter else "a pin for a load cell"
+                raise DeviceError(
+                    name, f"expected {lines} on {o.channel}, found none", "contid firmware flash (from 1.7.0)"
+                )
         if not self.hello.bridges >> o.bridge.code & 1:
             bridges = ", ".join(one for one in Bridge if self.hello.bridges >> one.code & 1)
             raise DeviceError(name, f"expected a board for {o.bridge} bridges, found one for {bridges}")

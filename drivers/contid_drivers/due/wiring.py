@@ -14,8 +14,11 @@ from contid.hal.homing import BACKOFF_MIN_DEG, REPEAT_RAD
 from contid.units import BAR, DEG
 from contid_drivers.due.codes import ADC_MV, ADC_STEPS, DUTY_FULL
 from contid_drivers.due.frames import crc16
-from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, LoadCell, Role
 
+#: Readings of a converter (24 bit) further out are saturated, and of a pin this near to the top [mV].
+CONVERTER_MOST: Final = 8_300_000
+WIRE_TOP_MV: Final = 20.0
 #: Travel of an axis without limits in the robot file [counts].
 _OPEN: Final = 1_000_000_000
 #: Fields of a motor channel in the order of the wire, with their struct codes; units: firmware/PROTOCOL.md.
@@ -28,6 +31,12 @@ MOTOR_FIELDS: Final = {
     "follow": "i", "power_up": "i",
     "home_velocity": "i", "home_duty": "h", "home_at": "i", "home_backoff": "i",
     "home_timeout_ms": "H", "home_repeat": "i",
+}  # fmt: skip
+#: Of a motor with a load cell, behind those.
+TENSION_FIELDS: Final = {
+    "converter": "B", "pull": "B",
+    "raw_low": "i", "low": "i", "raw_high": "i", "high": "i", "valid_low": "i", "valid_high": "i",
+    "silent_ms": "H", "floor": "i", "ceiling": "i", "give": "i", "take_up": "i", "slack_ms": "H",
 }  # fmt: skip
 #: The same for a regulator channel; its table of ``points`` pairs (duty ``H``, pressure ``i``) follows.
 REGULATOR_FIELDS: Final = {
@@ -98,7 +107,9 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions, adc: Adc) -> bytes:
         # Rounded outwards, so that the ends of the travel can be reached.
         low, high = math.floor(axis.travel[0] * board_units(o)), math.ceil(axis.travel[1] * board_units(o))
     home = o.homing or EndStop(direction=1)
-    flags = (o.encoder_reversed, o.motor_reversed, o.homing is not None, home.direction > 0)
+    flags = (
+        o.encoder_reversed, o.motor_reversed, o.homing is not None, home.direction > 0, o.tension is not None
+    )  # fmt: skip
 
     def gain(percent_per_deg: float) -> int:
         return round(percent_per_deg / 100.0 * DUTY_FULL / per_deg * 256.0)
@@ -133,7 +144,38 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions, adc: Adc) -> bytes:
         "home_timeout_ms": round(home.timeout_s * 1000.0),
         "home_repeat": max(1, int(REPEAT_RAD / DEG * per_deg)),
     }
-    return _pack(MOTOR_FIELDS, values)
+    return _pack(MOTOR_FIELDS, values) + (b"" if o.tension is None else _tension(o.tension, per_deg, adc))
+
+
+def _tension(t: LoadCell, counts_per_deg: float, adc: Adc) -> bytes:
+    (low, low_n), (high, high_n) = t.readings
+    converter = t.cell == "converter"
+
+    def raw(reading: float) -> int:
+        return round(reading) if converter else adc.of(reading)
+
+    # A tendon does not push: below minus its floor the cell is reversed, or has lost its zero.
+    below = low + (-t.floor_n - low_n) * (high - low) / (high_n - low_n)
+    ends = (-CONVERTER_MOST, CONVERTER_MOST) if converter else (t.wire_break_mv, adc.mv - WIRE_TOP_MV)
+    inside = min(max(below, ends[0]), ends[1])
+    valid = (inside, ends[1]) if high_n > low_n else (ends[0], inside)
+    values = {
+        "converter": int(converter),
+        "pull": int(t.tightens > 0),
+        "raw_low": raw(low),
+        "low": round(low_n * 1000.0),
+        "raw_high": raw(high),
+        "high": round(high_n * 1000.0),
+        "valid_low": raw(valid[0]),
+        "valid_high": raw(valid[1]),
+        "silent_ms": round(4000.0 / t.rate_hz) if converter else 0,
+        "floor": round(t.floor_n * 1000.0),
+        "ceiling": round(t.ceiling_n * 1000.0),
+        "give": max(1, round(counts_per_deg / t.stiffness_n_per_deg * 256.0)),
+        "take_up": max(1, round(t.take_up_deg * counts_per_deg)),
+        "slack_ms": t.slack_ms,
+    }
+    return _pack(TENSION_FIELDS, values)
 
 
 def _regulator(o: DueAxisOptions, adc: Adc) -> bytes:

@@ -20,12 +20,13 @@ from contid.robot_file.base import Strict
 from contid.units import BAR
 from contid_drivers.due.codes import CHANNELS
 from contid_drivers.due.firmware import build_host
-from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, LoadCell, SafeState
 from contid_drivers.due.wiring import DUE_ADC, Adc, axis_options
 
 ChannelFault: TypeAlias = Literal[
     "stall", "bridge", "encoder_stuck", "encoder_reversed", "encoder_track_a", "encoder_track_b",
     "leak", "wire", "read_back_frozen", "valve_stuck",
+    "tendon_cut", "cell_open", "cell_saturated", "cell_frozen",
 ]  # fmt: skip
 BodyFault: TypeAlias = Literal["encoder_share", "encoder_jump"]
 LineFault: TypeAlias = Literal["garbage", "mute", "supply_low"]
@@ -96,7 +97,23 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions, adc: Adc) -> dict[str, float]:
         numbers["high"] = axis.travel[1] * per_rad + margin
     if o.homing is not None:
         numbers["high" if o.homing.direction > 0 else "low"] = o.homing.at_deg * per_deg
-    return numbers
+    return numbers | ({} if o.tension is None else _tendon(o.tension, o, adc))
+
+
+def _tendon(t: LoadCell, o: DueAxisOptions, adc: Adc) -> dict[str, float]:
+    """A body that stands; where the shaft powers up the tendon has three times its floor."""
+    (low, low_n), (high, high_n) = t.readings
+    per_deg = o.counts_per_rev / 360.0
+    per_reading = adc.steps / adc.mv if t.cell == "amplifier" else 1.0
+    steps_per_n = (high - low) / (high_n - low_n) * per_reading
+    return {
+        "tendon": t.stiffness_n_per_deg / per_deg * 1000.0,
+        "tendon_slack_at": (o.power_up_deg - t.tightens * 3.0 * t.floor_n / t.stiffness_n_per_deg) * per_deg,
+        "tendon_pull": t.tightens,
+        "cell_zero": low * per_reading - low_n * steps_per_n,
+        "cell_steps": steps_per_n / 1000.0,
+        "cell_period": 1.0 if t.cell == "amplifier" else max(1.0, 1000.0 // t.rate_hz),
+    }
 
 
 def _regulator(o: DueAxisOptions, adc: Adc) -> dict[str, float]:

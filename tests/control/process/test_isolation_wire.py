@@ -23,7 +23,7 @@ NUMBERS = st.floats(width=64)
 PERHAPS = st.none() | NUMBERS
 SAMPLES = st.builds(
     Sample, value=PERHAPS, time_s=NUMBERS, valid=st.booleans(), age_s=NUMBERS, velocity=PERHAPS,
-    effort=PERHAPS, temperature_c=PERHAPS, voltage_v=PERHAPS, fault=st.text(max_size=20),
+    effort=PERHAPS, temperature_c=PERHAPS, voltage_v=PERHAPS, tension_n=PERHAPS, fault=st.text(max_size=20),
 )  # fmt: skip
 
 

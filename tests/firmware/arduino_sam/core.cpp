@@ -14,8 +14,8 @@ extern "C" {
 #define NONE {PIOA, 0}
 extern const PinDescription g_APinDescription[] = {
     NONE,       NONE,       PIN(B, 25), NONE,       PIN(C, 26), PIN(C, 25), PIN(C, 24), PIN(C, 23),  // 0 .. 7
-    PIN(C, 22), PIN(C, 21), NONE,       PIN(D, 7),  NONE,       PIN(B, 27), NONE,       NONE,        // 8 .. 15
-    NONE,       NONE,       NONE,       NONE,       NONE,       NONE,       PIN(B, 26), PIN(A, 14),  // 16 .. 23
+    PIN(C, 22), PIN(C, 21), PIN(C, 29), PIN(D, 7),  PIN(D, 8),  PIN(B, 27), PIN(D, 4),  PIN(D, 5),   // 8 .. 15
+    PIN(A, 13), PIN(A, 12), PIN(A, 11), PIN(A, 10), NONE,       NONE,       PIN(B, 26), PIN(A, 14),  // 16 .. 23
     PIN(A, 15), PIN(D, 0),  PIN(D, 1),  PIN(D, 2),  PIN(D, 3),  PIN(D, 6),  PIN(D, 9),  PIN(A, 7),   // 24 .. 31
     PIN(D, 10), PIN(C, 1),  PIN(C, 2),  PIN(C, 3),  PIN(C, 4),  PIN(C, 5),  PIN(C, 6),  PIN(C, 7),   // 32 .. 39
     PIN(C, 8),  PIN(C, 9),  PIN(A, 19), PIN(A, 20), PIN(C, 19), PIN(C, 18), PIN(C, 17), PIN(C, 16),  // 40 .. 47

@@ -40,7 +40,7 @@ class Host:
             AxisOnBus(f"m{i}", DueAxisOptions.model_validate({"channel": f"m{i}"}), (-10.0, 60.0))
             for i in range(motors)
         ]
-        self._configure(axes, DueBusOptions(port="x", role=Role.MOTOR, watchdog_ms=watchdog_ms))
+        self.configure_axes(axes, DueBusOptions(port="x", role=Role.MOTOR, watchdog_ms=watchdog_ms))
 
     def configure_regulators(self, watchdog_ms: int = 100) -> None:
         """Six regulators as `plant.Regulators` has them."""
@@ -49,7 +49,7 @@ class Host:
             AxisOnBus(f"p{i}", DueAxisOptions.model_validate({"channel": f"p{i}", **wired}), None)
             for i in range(6)
         ]
-        self._configure(axes, DueBusOptions(port="x", role=Role.PRESSURE, watchdog_ms=watchdog_ms))
+        self.configure_axes(axes, DueBusOptions(port="x", role=Role.PRESSURE, watchdog_ms=watchdog_ms))
 
     def configure_valves(self, count: int, watchdog_ms: int = 100) -> None:
         """Pairs of valves as `plant.Chambers` has them."""
@@ -57,9 +57,9 @@ class Host:
             AxisOnBus(f"p{i}", DueAxisOptions.model_validate({"channel": f"p{i}", **VALVES}), None)
             for i in range(count)
         ]
-        self._configure(axes, DueBusOptions(port="x", role=Role.PRESSURE, watchdog_ms=watchdog_ms))
+        self.configure_axes(axes, DueBusOptions(port="x", role=Role.PRESSURE, watchdog_ms=watchdog_ms))
 
-    def _configure(self, axes: Sequence[AxisOnBus], options: DueBusOptions) -> None:
+    def configure_axes(self, axes: Sequence[AxisOnBus], options: DueBusOptions) -> None:
         blob = wiring.board_config("b", options, axes)
         self.crc = frames.crc16(blob)
         answer = self.ask(Type.CONFIGURE, wiring.config_body(blob), timeout_ms=60)

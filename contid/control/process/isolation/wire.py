@@ -24,9 +24,18 @@ LONGEST: Final = 1 << 17
 LONGEST_TEXT: Final = 1000
 
 #: Parts of a sample, in the order of their values; ``value`` and those after ``age_s`` may be absent.
-_NUMBERS: Final = ("time_s", "age_s", "value", "velocity", "effort", "temperature_c", "voltage_v")
-_PRESENT, _VALID = 1 << 7, 1 << 8
-_SAMPLE: Final = Struct("=H7d")
+_NUMBERS: Final = (
+    "time_s",
+    "age_s",
+    "value",
+    "velocity",
+    "effort",
+    "temperature_c",
+    "voltage_v",
+    "tension_n",
+)
+_PRESENT, _VALID = 1 << 8, 1 << 9
+_SAMPLE: Final = Struct("=H8d")
 
 
 class BusRequest(enum.IntEnum):
@@ -127,8 +136,8 @@ class BusWire:
 
 def _sample(bits: int, numbers: Sequence[float], fault: str) -> Sample:
     time_s, age_s, *measured = numbers
-    value, velocity, effort, temperature_c, voltage_v = (
+    value, velocity, effort, temperature_c, voltage_v, tension_n = (
         number if bits & 1 << bit else None for bit, number in enumerate(measured, start=2)
     )
     valid = bool(bits & _VALID)
-    return Sample(value, time_s, valid, age_s, velocity, effort, temperature_c, voltage_v, fault)
+    return Sample(value, time_s, valid, age_s, velocity, effort, temperature_c, voltage_v, fault, tension_n)

@@ -188,8 +188,23 @@ size_t Board::write_telemetry(uint8_t* out, size_t capacity) {
     to.i16(motor ? clamp(m.current_ma(), -32767, 32767) : r.raw());
     to.u8(motor ? at_most(m.missed_edges(), 0xFF) : 0u);
   }
+  write_tensions(to, reported);
   allow_tick();
   return to.size();
+}
+
+// Behind the channels, of a configuration with load cells only: a host without them never reads it.
+void Board::write_tensions(Writer& to, uint8_t reported) const {
+  uint8_t cells = 0;
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    const bool cell = (reported & (1u << i)) != 0 && motor_[i].tendon() != nullptr;
+    if (cell && identity_.role == Role::MOTOR) cells = static_cast<uint8_t>(cells | (1u << i));
+  }
+  if (cells == 0) return;
+  to.u8(cells);
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    if ((cells & (1u << i)) != 0) to.i32(feels(i) ? motor_[i].tendon()->tension() : NO_TENSION);
+  }
 }
 
 }  // namespace contid

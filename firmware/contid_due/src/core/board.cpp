@@ -29,7 +29,8 @@ void Board::tick(const Inputs& in, Outputs& out) {
   const bool motors = identity_.role == Role::MOTOR;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if (motors) {
-      motor_[i].sense(in.count[i], in.analog[i], in.missed[i]);
+      const bool fresh = (in.cell_fresh & (1u << i)) != 0;
+      motor_[i].sense(in.count[i], in.analog[i], in.missed[i], CellReading{in.cell_analog[i], in.cell_steps[i], fresh});
     } else {
       regulator_[i].sense(in.analog[i]);
     }
@@ -43,6 +44,25 @@ void Board::tick(const Inputs& in, Outputs& out) {
     if (commanded && now_ - fed_ >= static_cast<uint32_t>(config_.watchdog_ms)) trip(i, Reason::WATCHDOG);
     out.channel[i] = motors ? drive_motor(i) : drive_regulator(i);
   }
+  if (motors) pair_cells();
+}
+
+// Looks for a cell that answers another tendon.
+void Board::pair_cells() {
+  Pulled pulled[CHANNELS];
+  bool any = false;
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    const Motor& motor = motor_[i];
+    const Tendon* tendon = motor.tendon();
+    pulled[i] = Pulled{false, motor.position(), 0, 0, 0, 0};
+    if (tendon == nullptr || !tendon->ok()) continue;
+    const TensionConfig& config = tendon->config();
+    pulled[i] = Pulled{true, motor.position(), tendon->tension(), config.pull, tendon->way(), config.floor};
+    any = true;
+  }
+  if (!any) return;
+  const uint8_t wrong = cells_.tick(pulled);
+  if (wrong != NO_CHANNEL) motor_[wrong].disown();
 }
 
 bool Board::lost(uint8_t i) const { return identity_.role == Role::MOTOR && motor_[i].lost(); }

@@ -9,6 +9,7 @@
 #include "config.h"
 #include "motor.h"
 #include "pulse.h"
+#include "tension/cell_watch.h"
 
 namespace contid {
 
@@ -59,6 +60,11 @@ class Board {
   // Time since the last demand that fed the watchdog.
   uint32_t silence_ms() const { return now_ - fed_; }
   Bridge bridge(uint8_t channel) const { return config_.motor[channel].bridge; }
+  // Whether a converter of a load cell belongs to the channel.
+  bool converts(uint8_t channel) const {
+    const TensionConfig& tension = config_.motor[channel].tension;
+    return tension.fitted && tension.converter;
+  }
   Role role() const { return identity_.role; }
 
  private:
@@ -100,11 +106,15 @@ class Board {
   uint32_t flags() const;
   size_t write_hello(uint8_t* out, size_t capacity) const;
   size_t write_telemetry(uint8_t* out, size_t capacity);
+  void write_tensions(Writer& to, uint8_t reported) const;
   size_t write_trace(uint8_t* out, size_t capacity);
 
   bool fitted(uint8_t channel) const { return identity_.capabilities[channel] != 0; }
+  // The load cell, if it has one, shows a tension.
+  bool feels(uint8_t channel) const { return identity_.role != Role::MOTOR || motor_[channel].feels(); }
   void trip(uint8_t channel, Reason reason);
   Output drive_motor(uint8_t channel);
+  void pair_cells();
   Output drive_regulator(uint8_t channel);
   Output rest_regulator(uint8_t channel);
   void block_tick() {
@@ -123,6 +133,7 @@ class Board {
   Motor motor_[CHANNELS];
   Regulator regulator_[CHANNELS];
   Pulse pulse_;
+  CellWatch cells_;
   uint32_t pulsed_;  // the newest telemetry that an order of a pulse echoed
   volatile uint32_t now_;
   uint32_t fed_, demanded_;

@@ -11,6 +11,7 @@ const uint8_t ENCODER_REVERSED = 1;
 const uint8_t MOTOR_REVERSED = 2;
 const uint8_t HOMING_GIVEN = 4;
 const uint8_t HOME_UP = 8;
+const uint8_t TENSION_GIVEN = 16;
 
 // Range of count values: the margin to int32 keeps every difference inside it.
 const int32_t COUNT_LIMIT = 1000000000;
@@ -18,6 +19,7 @@ const int32_t RATE_LIMIT = 1000000;
 const int32_t ACCELERATION_MIN = 16;  // one step of the set-point's fixed point arithmetic
 const int32_t GAIN_LIMIT = 1 << 24;
 const int32_t PRESSURE_LIMIT = 2000000;
+const int32_t CONVERTER_STEPS = 8388607;
 const int32_t PRESSURE_STEP = 100;  // neighbouring points of a table at least this far apart [Pa]
 
 // Range checks; keeps the offset of the first value out of range.
@@ -47,9 +49,30 @@ class Checker {
   bool bad_;
 };
 
+void read_tension(Reader& in, Checker& check, int32_t adc_steps, TensionConfig& t) {
+  t.fitted = true;
+  t.converter = check.within(in.u8(), 0, 1) != 0;
+  t.pull = check.within(in.u8(), 0, 1) != 0 ? 1 : -1;
+  const int32_t least = t.converter ? -CONVERTER_STEPS - 1 : 0, most = t.converter ? CONVERTER_STEPS : adc_steps;
+  t.raw_low = check.within(in.i32(), least, most);
+  t.low = check.within(in.i32(), -TENSION_MOST, TENSION_MOST);
+  t.raw_high = check.within(in.i32(), t.raw_low + 64, most);
+  t.high = check.within(in.i32(), -TENSION_MOST, TENSION_MOST);
+  check.require(t.high != t.low);
+  t.valid_low = check.within(in.i32(), least, most);
+  t.valid_high = check.within(in.i32(), t.valid_low + 64, most);
+  t.silent_ms = check.within(in.u16(), t.converter ? 2 : 0, 1000);
+  t.floor = check.within(in.i32(), 20, TENSION_MOST / 4);
+  t.ceiling = check.within(in.i32(), 2 * t.floor, TENSION_MOST);
+  t.give = check.within(in.i32(), 1, GAIN_LIMIT);
+  t.take_up = check.within(in.i32(), 1, COUNT_LIMIT);
+  t.slack_ms = check.within(in.u16(), 10, 10000);
+  if (check.bad()) t.raw_high = t.raw_low + 64;
+}
+
 void read_motor(Reader& in, Checker& check, MotorConfig& m) {
   const uint8_t flags = in.u8();
-  check.within(flags, 0, 15);
+  check.within(flags, 0, 31);
   m.encoder_reversed = (flags & ENCODER_REVERSED) != 0;
   m.motor_reversed = (flags & MOTOR_REVERSED) != 0;
   m.homing = (flags & HOMING_GIVEN) != 0;
@@ -82,6 +105,7 @@ void read_motor(Reader& in, Checker& check, MotorConfig& m) {
   m.home_timeout_ms = check.within(in.u16(), m.homing ? 1 : 0, 60000);
   // A way back shorter than the allowed difference would prove nothing.
   m.home_repeat = check.within(in.i32(), 0, m.homing ? m.home_backoff - 1 : COUNT_LIMIT);
+  if ((flags & TENSION_GIVEN) != 0 && !check.bad()) read_tension(in, check, m.adc_steps, m.tension);
 }
 
 void read_valves(Reader& in, Checker& check, RegulatorConfig& r) {

@@ -7,6 +7,20 @@
 
 namespace contid {
 
+// A load cell in the tendon that a motor pulls.
+struct TensionConfig {
+  bool fitted;
+  bool converter;                        // else an amplifier at an analogue pin
+  int32_t pull;                          // 1: counting up tightens; -1
+  int32_t raw_low, low, raw_high, high;  // two points, steps and mN; the second reads more
+  int32_t valid_low, valid_high;         // outside no reading is a tension
+  int32_t silent_ms;                     // longest time between two readings of a converter
+  int32_t floor, ceiling;                // [mN]
+  int32_t give;                          // counts per N of the stiffest tendon, times 256
+  int32_t take_up;                       // way that the floor may take from a demand [counts]
+  int32_t slack_ms;
+};
+
 struct MotorConfig {
   Safe safe, start;
   Bridge bridge;
@@ -25,6 +39,7 @@ struct MotorConfig {
   int32_t follow;            // greatest following error [counts]
   int32_t power_up;          // position of the parked shaft [counts]
   int32_t home_velocity, home_duty, home_at, home_backoff, home_timeout_ms, home_repeat;
+  TensionConfig tension;
 };
 
 struct RegulatorConfig {

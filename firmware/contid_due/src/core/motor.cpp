@@ -46,9 +46,10 @@ void Motor::configure(const MotorConfig& config) {
   fault_ = Reason::NONE;
   phase_ = Phase::IDLE;
   watch_.start(position_, config.stall_duty);
+  if (config.tension.fitted) tendon_.configure(config.tension);
 }
 
-void Motor::sense(int32_t raw_count, int32_t raw_analog, uint32_t raw_missed) {
+void Motor::sense(int32_t raw_count, int32_t raw_analog, uint32_t raw_missed, const CellReading& cell) {
   raw_ = raw_count;
   raw_missed_ = raw_missed;
   if (config_ == nullptr) return;
@@ -64,6 +65,7 @@ void Motor::sense(int32_t raw_count, int32_t raw_analog, uint32_t raw_missed) {
       static_cast<int64_t>(moved_) * (256 * static_cast<int32_t>(TICK_HZ) / static_cast<int32_t>(WINDOW));
   speed_q8_ += (speed_q8 - speed_q8_) / 4;
   current_ = raw_analog * config_->full_scale_ma / config_->adc_steps;
+  if (config_->tension.fitted) tendon_.sense(cell, position_);
 }
 
 int32_t Motor::velocity() const {
@@ -82,6 +84,8 @@ void Motor::begin() {
   fault_ = Reason::NONE;
   limited_ = false;
   watch_.start(position_, config_->stall_duty);
+  disowned_ = false;
+  if (config_->tension.fitted) tendon_.arm();
 }
 
 void Motor::end_homing() {
@@ -179,13 +183,37 @@ Output Motor::rest(Drive drive) {
 
 Output Motor::pulse(int32_t duty) {
   rest(Drive::RUN);
-  duty_ = duty;
-  return Output{Drive::RUN, config_->motor_reversed ? -duty : duty};
+  feel(false);
+  return driven(duty);
 }
 
 Output Motor::follow() {
-  set_.tick();
-  return law(DUTY_FULL);
+  if (!config_->tension.fitted) {
+    set_.tick();
+    return law(DUTY_FULL);
+  }
+  // The faster of both that pays out: the shaft may run on behind its set-point.
+  const int64_t shaft = static_cast<int64_t>(velocity()) * 65536 / static_cast<int32_t>(TICK_HZ);
+  const bool runs_on = config_->tension.pull * (shaft - set_.speed_q16()) < 0;
+  Fence fence = tendon_.fence(runs_on ? shaft : set_.speed_q16());
+  fence.at = clamp64(fence.at, static_cast<int64_t>(config_->low) * 65536, static_cast<int64_t>(config_->high) * 65536);
+  set_.tick(&fence);
+  const Output out = law(DUTY_FULL);
+  feel(set_.spent());
+  return out;
+}
+
+// What ails the tendon or its cell, unless the motor has a fault already.
+void Motor::feel(bool spent) {
+  if (!config_->tension.fitted) return;
+  tendon_.watch(spent);
+  if (fault_ == Reason::NONE) fault_ = disowned_ ? Reason::CELL_OTHER : tendon_.fault();
+}
+
+// Puts out a duty; none that slackens a tendon whose cell shows no tension.
+Output Motor::driven(int32_t duty) {
+  duty_ = config_->tension.fitted ? tendon_.allowed(duty) : duty;
+  return Output{Drive::RUN, config_->motor_reversed ? -duty_ : duty_};
 }
 
 // Position and speed law, with the set-point's position, velocity v* and acceleration a*:
@@ -199,7 +227,9 @@ Output Motor::law(int32_t max_duty) {
                                    -(static_cast<int64_t>(1) << 30), static_cast<int64_t>(1) << 30);
   const bool near = magnitude64(error_q8) <= static_cast<int64_t>(config_->deadband) * 256;
   // At rest inside the dead band nothing is corrected: the integrator would hunt against the friction.
-  const bool resting = !set_.moving() && near && moved_ == 0;
+  // A tension below its floor is not at rest.
+  const bool tightens = config_->tension.fitted && set_.fenced() && !set_.spent() && tendon_.below();
+  const bool resting = !set_.moving() && near && moved_ == 0 && !tightens;
   const int64_t catching_up = resting ? 0 : (config_->kp * error_q8) >> 16;
   const int32_t target =
       static_cast<int32_t>(clamp64(set_.velocity() + catching_up, -config_->velocity, config_->velocity));
@@ -218,9 +248,9 @@ Output Motor::law(int32_t max_duty) {
     const int64_t full = static_cast<int64_t>(DUTY_FULL) * 65536;
     sum_q16_ = clamp64(sum_q16_ + ((ki_tick_ * e) >> 8), -full, full);
   }
-  duty_ = static_cast<int32_t>(limited);
+  const Output out = driven(static_cast<int32_t>(limited));
   watch(error_q8, resting);
-  return Output{Drive::RUN, config_->motor_reversed ? -duty_ : duty_};
+  return out;
 }
 
 // More duty for a shaft that stands `error` counts beyond the dead band. Half of it stays with the integrator when the
@@ -274,6 +304,10 @@ Reason Motor::unanswered() const {
 }
 
 Output Motor::search() {
+  if (config_->tension.fitted && tendon_.cell_fault() != Reason::NONE) {
+    fault_ = tendon_.cell_fault();
+    return Output{Drive::BRAKE, 0};
+  }
   const int32_t towards = config_->home_up ? 1 : -1;
   ++phase_ticks_;
   if (phase_ == Phase::APPROACH) {

@@ -5,6 +5,7 @@
 #include "config.h"
 #include "encoder_watch.h"
 #include "setpoint.h"
+#include "tension/tendon.h"
 
 namespace contid {
 
@@ -22,7 +23,7 @@ class Motor {
   void configure(const MotorConfig& config);
   // The channel is not part of the configuration any more: counts only.
   void unconfigure() { config_ = nullptr; }
-  void sense(int32_t raw_count, int32_t raw_analog, uint32_t raw_missed);
+  void sense(int32_t raw_count, int32_t raw_analog, uint32_t raw_missed, const CellReading& cell);
 
   // Each of these ends a homing that is under way: its speed, its duty limit and its watches go with it.
   void arm();
@@ -57,7 +58,13 @@ class Motor {
   }
   // The shaft is at `power_up` now.
   void park();
-  bool limited() const { return limited_; }
+  bool limited() const { return limited_ || (tendon() != nullptr && set_.fenced()); }
+  // The tendon that it pulls, of a configuration with a load cell.
+  const Tendon* tendon() const { return config_ != nullptr && config_->tension.fitted ? &tendon_ : nullptr; }
+  // It may be driven: no load cell, or one that shows a tension.
+  bool feels() const { return tendon() == nullptr || (tendon_.ok() && tendon_.cell_fault() == Reason::NONE); }
+  // Another tendon answers at its cell.
+  void disown() { disowned_ = true; }
   const MotorConfig& config() const { return *config_; }
   // What the motor does without power: the state its wiring gives in a reset.
   Drive unpowered() const { return config_->start == Safe::COAST ? Drive::COAST : Drive::BRAKE; }
@@ -79,6 +86,8 @@ class Motor {
   Output law(int32_t max_duty);
   void break_away(int32_t side, int32_t error);
   void watch(int64_t error_q8, bool resting);
+  Output driven(int32_t duty);
+  void feel(bool spent);
   Reason unanswered() const;
 
   int32_t counted() const;
@@ -87,6 +96,7 @@ class Motor {
   bool reversed_;  // sense and scale of the count when it was referenced
   int32_t power_up_, home_at_;
   SetPoint set_;
+  Tendon tendon_;
   EncoderWatch watch_;
   uint32_t raw_missed_, missed_base_;  // the base: when the position was known last
   int32_t raw_, offset_, position_;
@@ -102,6 +112,7 @@ class Motor {
   Phase phase_;
   Reason fault_;
   bool referenced_, homed_, limited_, lost_;
+  bool disowned_;
   bool known_;  // the count agrees with an end stop that was found earlier
   bool again_;  // the stop is searched for the second time
 };

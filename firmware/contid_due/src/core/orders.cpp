@@ -45,6 +45,7 @@ Verdict Board::configure(Reader& in) {
   }
   block_tick();
   config_ = staged_;
+  cells_.reset();
   config_crc_ = crc;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((config_.mask & (1u << i)) == 0) {
@@ -84,6 +85,7 @@ Verdict Board::check_arm(uint8_t i) const {
     if (channel_[i].state == State::HOMING) return Verdict{Refusal::ARMED_NOW, i};
     if (config_.motor[i].homing && !motor_[i].homed()) return Verdict{Refusal::NOT_HOMED, i};
     if (lost(i)) return Verdict{Refusal::POSITION_LOST, i};
+    if (!feels(i)) return Verdict{Refusal::NO_SENSOR, i};
   } else if (!regulator_[i].sensor_ok()) {
     return Verdict{Refusal::NO_SENSOR, i};
   }
@@ -158,9 +160,10 @@ Verdict Board::demand(Reader& in) {
 Verdict Board::check_clear(uint8_t i) const {
   const bool wire = channel_[i].reason == Reason::SENSOR_WIRE && !regulator_[i].sensor_ok();
   const bool bridge = channel_[i].reason == Reason::BRIDGE && (bridge_faults_ & (1u << i)) != 0;
+  const bool cell = channel_[i].reason == Reason::CELL && !feels(i);
   // While a regulator is at rest, every tick updates its fault: here it is that of the newest tick.
   const bool pressure = identity_.role == Role::PRESSURE && regulator_[i].fault() != Reason::NONE;
-  return wire || bridge || pressure ? Verdict{Refusal::PERSISTS, i} : accepted();
+  return wire || bridge || cell || pressure ? Verdict{Refusal::PERSISTS, i} : accepted();
 }
 
 Verdict Board::clear(Reader& in) {
@@ -228,6 +231,7 @@ Verdict Board::check_home(uint8_t i) const {
   if (channel_[i].state == State::ARMED) return Verdict{Refusal::ARMED_NOW, i};
   if (pulse_.active()) return Verdict{Refusal::ARMED_NOW, pulse_.channel()};
   if (!fitted(i) || (bridge_faults_ & (1u << i)) != 0) return Verdict{Refusal::PERSISTS, i};
+  if (!feels(i)) return Verdict{Refusal::NO_SENSOR, i};
   return accepted();
 }
 
@@ -285,6 +289,7 @@ Verdict Board::check_pulse(uint8_t i) const {
   if (channel_[i].state == State::SAFE) return Verdict{Refusal::LATCHED, i};
   if (!fitted(i)) return Verdict{Refusal::BAD_CHANNEL, i};
   if ((bridge_faults_ & (1u << i)) != 0) return Verdict{Refusal::PERSISTS, i};
+  if (!feels(i)) return Verdict{Refusal::NO_SENSOR, i};
   return accepted();
 }
 

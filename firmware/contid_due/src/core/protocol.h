@@ -10,7 +10,7 @@ namespace contid {
 
 const uint8_t PROTOCOL_VERSION = 6;
 const uint8_t FIRMWARE_MAJOR = 1;
-const uint8_t FIRMWARE_MINOR = 6;
+const uint8_t FIRMWARE_MINOR = 7;
 const uint8_t FIRMWARE_PATCH = 0;
 
 const uint8_t CHANNELS = 6;
@@ -19,7 +19,7 @@ const uint8_t TABLE_POINTS = 8;
 // Header (version, type, sequence number) and CRC around a body.
 const size_t HEADER_SIZE = 3;
 const size_t CRC_SIZE = 2;
-const size_t MAX_PAYLOAD = 640;
+const size_t MAX_PAYLOAD = 896;
 const size_t MAX_ANSWER = 400;
 
 enum Message : uint8_t {
@@ -80,6 +80,12 @@ enum class Reason : uint8_t {
   HOME_MOVED = 15,     // the end stop is elsewhere than when the motor was homed before
   ENCODER_TRACK = 16,  // the count goes to and fro under drive: one open track
   READ_BACK = 17,      // the reading stands still while the set-point moves
+  CELL = 18,           // a load cell without a reading, or out of its range
+  CELL_FROZEN = 19,    // its readings are alike to the last bit while the shaft moves
+  CELL_OTHER = 20,     // it answers another tendon
+  SLACK = 21,          // the tension stays below half its floor
+  SNAP = 22,           // the tension fell to nothing within milliseconds
+  OVER_TENSION = 23,
 };
 
 enum class Refusal : uint8_t {
@@ -116,6 +122,8 @@ const uint8_t CURRENT_SENSE = 4;
 const uint8_t BRIDGE_FAULT = 8;
 const uint8_t READ_BACK = 16;
 const uint8_t VALVE_PAIR = 32;
+const uint8_t CELL_ANALOG = 64;      // an amplifier of a load cell at an analogue pin
+const uint8_t CELL_CONVERTER = 128;  // a converter of the kind of the HX711
 
 // Bits beside the state in telemetry.
 const uint8_t CHANNEL_HOMED = 0x10;
@@ -133,6 +141,10 @@ const size_t UNIQUE_ID_SIZE = 16;
 
 // Velocity of a demand whose host does not know it.
 const int32_t NO_VELOCITY = -2147483647 - 1;
+
+// Tension of a cell that shows none, and bound of the others [mN].
+const int32_t NO_TENSION = -2147483647 - 1;
+const int32_t TENSION_MOST = 10000000;
 
 // Duty at full scale, either direction; the hardware layer scales it to its PWM period.
 const int32_t DUTY_FULL = 32767;

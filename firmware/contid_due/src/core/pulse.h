@@ -19,7 +19,10 @@ struct Inputs {
   // Level changes of the tracks since the start: every one of an edge decoder; of a hardware decoder those that
   // samples of 1 ms show, which are fewer.
   uint32_t edges_a[CHANNELS], edges_b[CHANNELS];
-  bool supply_low;  // the 3.3 V were below their threshold since the last tick
+  int32_t cell_analog[CHANNELS];  // of amplifiers of load cells
+  int32_t cell_steps[CHANNELS];   // the newest of converters, 24 bit and signed
+  uint8_t cell_fresh;             // one bit per converter that finished since the last tick
+  bool supply_low;                // the 3.3 V were below their threshold since the last tick
 };
 
 class Pulse {

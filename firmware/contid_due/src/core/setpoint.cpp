@@ -71,7 +71,20 @@ int64_t SetPoint::stopping_speed(int64_t distance) const {
   return speed < d ? speed : d;
 }
 
-void SetPoint::tick() {
+// At least the speed from which the set-point comes to the fence, or along with it, within the acceleration limit.
+int64_t SetPoint::keep_inside(const Fence& fence, int64_t target) {
+  const int64_t furthest = reference_ + fence.side * fence.reach;
+  const bool beyond = fence.side * (fence.at - furthest) > 0;
+  const int64_t off = (beyond ? furthest : fence.at) - position_;
+  // Before the fence it slows down with an eighth of the limit: the shaft lags behind.
+  const int64_t way = fence.side * off < 0 ? magnitude64(off) / 8 : magnitude64(off);
+  const int64_t least = (beyond ? 0 : fence.rate) + sign(off) * stopping_speed(way);
+  fenced_ = fence.stands && fence.side * (least - target) > 0;
+  spent_ = fenced_ && beyond;
+  return fenced_ ? least : target;
+}
+
+void SetPoint::tick(const Fence* fence) {
   int64_t rate = 0;
   if (left_ != 0) {
     rate = rate_;
@@ -81,7 +94,9 @@ void SetPoint::tick() {
   const int64_t error = reference_ - position_;
   // The rate covers the error caused by the reference's motion in this tick.
   const int64_t behind = error - rate;
-  const int64_t target = clamp64(rate + sign(behind) * stopping_speed(magnitude64(behind)), -most_, most_);
+  int64_t target = rate + sign(behind) * stopping_speed(magnitude64(behind));
+  if (fence != nullptr) target = keep_inside(*fence, target);
+  target = clamp64(target, -most_, most_);
   const int32_t change = static_cast<int32_t>(clamp64(target - velocity_, -step_, step_));
   velocity_ += change;
   const int64_t newer = static_cast<int64_t>(change) * SMOOTH - smooth_;

@@ -6,6 +6,14 @@
 
 namespace contid {
 
+// A place that the set-point does not pass: it stays on the side `side`, as if demanded there. It goes at `rate` per
+// tick, and takes no more than `reach` from the demand. Places are counts times 65536.
+struct Fence {
+  int32_t side;
+  int64_t at, rate, reach;
+  bool stands;  // false: there is none
+};
+
 class SetPoint {
  public:
   // Limits in counts/s and counts/s2.
@@ -19,7 +27,7 @@ class SetPoint {
   void demand(int32_t goal, uint32_t since, int32_t velocity);
   // Come to rest as soon as the acceleration limit allows.
   void stop();
-  void tick();
+  void tick(const Fence* fence = nullptr);
 
   int64_t position_q16() const { return position_; }
   int32_t position() const { return static_cast<int32_t>(position_ >> 16); }
@@ -27,10 +35,15 @@ class SetPoint {
   int32_t velocity() const;
   int32_t acceleration() const;
   int32_t goal() const { return goal_; }
+  int64_t speed_q16() const { return velocity_; }  // per tick
   bool moving() const { return velocity_ != 0; }
+  // The fence kept it from its demand in the newest tick, or took all that it may.
+  bool fenced() const { return fenced_; }
+  bool spent() const { return spent_; }
 
  private:
   int64_t stopping_speed(int64_t distance) const;
+  int64_t keep_inside(const Fence& fence, int64_t target);
 
   int64_t position_;   // counts times 65536
   int64_t reference_;  // where the demand is now, on its line
@@ -41,6 +54,7 @@ class SetPoint {
   int32_t step_;       // acceleration limit: greatest change of velocity_ per tick
   uint32_t left_;      // ticks of the line still to go
   int32_t goal_;
+  bool fenced_, spent_;
 };
 
 }  // namespace contid

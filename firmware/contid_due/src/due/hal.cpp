@@ -12,6 +12,7 @@
 
 #include <Arduino.h>
 
+#include "../converter.h"
 #include "../core/board.h"
 #include "../core/bridge.h"
 #include "encoders.h"
@@ -30,6 +31,7 @@ const uint32_t PWM_PERIOD = VARIANT_MCK / 20000;  // 20 kHz: 4200 steps, 12 bit
 const uint32_t WATCHDOG_PERIODS = 8;
 const uint32_t TIMER_PER_US = VARIANT_MCK / 2 / 1000000;  // counts of the tick's timer
 const uint16_t ADC_STEPS = 4095, ADC_MV = 3300;
+const uint32_t PULSE_NOPS = 12;  // with the accesses more than 0.2 us
 
 contid::Board board;
 contid::Role role;
@@ -155,6 +157,43 @@ uint32_t since_tick_us() {
 // The chip measures VDDUTMI, which the board connects to its 3.3 V; the readings of the ADC scale with them.
 void start_supply_monitor() { SUPC->SUPC_SMMR = SUPC_SMMR_SMTH_3_0V | SUPC_SMMR_SMSMPL_CSM; }
 
+// The lines of the converter of a load cell.
+struct CellLines {
+  uint8_t channel;
+
+  bool data() const {
+    const PinDescription& pin = g_APinDescription[contid::CELL_PINS[channel].data];
+    return (pin.pPort->PIO_PDSR & pin.ulPin) != 0;
+  }
+  void clock(bool high) const {
+    set_pin(contid::CELL_PINS[channel].clock, high);
+    for (uint32_t i = 0; i < PULSE_NOPS; ++i) __asm__ volatile("nop");
+  }
+  void start() const {
+    const PinDescription& pin = g_APinDescription[contid::CELL_PINS[channel].clock];
+    set_pin(contid::CELL_PINS[channel].clock, false);
+    pin.pPort->PIO_OER = pin.ulPin;
+    pin.pPort->PIO_PER = pin.ulPin;
+  }
+};
+
+// One converter a tick: 25 pulses take 30 us.
+void read_cells() {
+  static uint8_t next = 0;
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    inputs.cell_analog[i] = static_cast<int32_t>(ADC->ADC_CDR[contid::CELL_PINS[i].adc_channel] & 0xFFFu);
+  }
+  inputs.cell_fresh = 0;
+  for (uint8_t tries = 0; tries < CHANNELS && inputs.cell_fresh == 0; ++tries) {
+    const uint8_t i = next;
+    next = static_cast<uint8_t>((next + 1) % CHANNELS);
+    const CellLines lines = {i};
+    if (!board.converts(i)) continue;
+    lines.start();
+    if (contid::read_converter(lines, inputs.cell_steps[i])) inputs.cell_fresh = static_cast<uint8_t>(1u << i);
+  }
+}
+
 void read_inputs() {
   // Reading it clears the bit.
   inputs.supply_low = (SUPC->SUPC_SR & SUPC_SR_SMS) != 0;
@@ -162,6 +201,7 @@ void read_inputs() {
     // Conversions finished since the last tick; the tick never waits for one.
     inputs.analog[i] = static_cast<int32_t>(ADC->ADC_CDR[PINS[i].adc_channel] & 0xFFFu);
   }
+  if (role == contid::Role::MOTOR) read_cells();
   ADC->ADC_CR = ADC_CR_START;
   if (role != contid::Role::MOTOR) return;
   contid::read_encoders(inputs.count, inputs.missed);
@@ -188,7 +228,8 @@ void unmask_tick() { NVIC_EnableIRQ(TC3_IRQn); }
 uint8_t capabilities(uint8_t channel) {
   if (role == contid::Role::PRESSURE) return contid::READ_BACK | contid::VALVE_PAIR;
   const uint8_t encoder = channel < contid::FIRST_EDGE_CHANNEL ? contid::HARDWARE_DECODER : contid::EDGE_DECODER;
-  return static_cast<uint8_t>(encoder | contid::CURRENT_SENSE | contid::BRIDGE_FAULT);
+  return static_cast<uint8_t>(encoder | contid::CURRENT_SENSE | contid::BRIDGE_FAULT | contid::CELL_ANALOG |
+                              contid::CELL_CONVERTER);
 }
 
 contid::Role read_role() {
@@ -231,8 +272,10 @@ void contid_setup() {
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     adc_channels |= 1u << PINS[i].adc_channel;
     if (role != contid::Role::MOTOR) continue;
+    adc_channels |= 1u << contid::CELL_PINS[i].adc_channel;
     drive_lines(i, false);
     pinMode(PINS[i].fault, INPUT_PULLUP);
+    pinMode(contid::CELL_PINS[i].data, INPUT_PULLUP);
   }
   ADC->ADC_CHER = adc_channels;
   ADC->ADC_CR = ADC_CR_START;

@@ -11,6 +11,7 @@
 #include <Arduino.h>
 #include <IntervalTimer.h>
 
+#include "../converter.h"
 #include "../core/board.h"
 #include "../core/bridge.h"
 #include "../port.h"
@@ -44,7 +45,7 @@ contid::Outputs outputs;
 contid::Port port;
 IntervalTimer timer;
 volatile uint32_t tick_cycles;
-volatile uint16_t readings[CHANNELS];
+volatile uint16_t readings[CHANNELS + MOTORS];  // behind those of the channels, those of their load cells
 volatile uint8_t converting;
 
 // ---- outputs ----
@@ -131,30 +132,69 @@ void put_out(uint8_t i, const contid::Output& out) {
 
 // ---- inputs ----
 
+uint8_t conversions() { return role == contid::Role::MOTOR ? CHANNELS + MOTORS : CHANNELS; }
+
 // Each conversion starts the next one; the tick starts the first, and never waits.
 void convert(uint8_t i) {
   converting = i;
-  ADC1_HC0 = ADC_HC_AIEN | contid::ADC_CHANNELS[i];
+  ADC1_HC0 = ADC_HC_AIEN | (i < CHANNELS ? contid::ADC_CHANNELS[i] : contid::CELL_ADC_CHANNELS[i - CHANNELS]);
 }
 
 void on_conversion() {
   const uint8_t i = converting;
   readings[i] = static_cast<uint16_t>(ADC1_R0);  // reading it ends the request
-  if (i + 1 < CHANNELS) convert(static_cast<uint8_t>(i + 1));
+  if (i + 1 < conversions()) convert(static_cast<uint8_t>(i + 1));
 }
 
 void start_conversions() {
   analogReadRes(12);
   for (uint8_t i = 0; i < CHANNELS; ++i) readings[i] = static_cast<uint16_t>(analogRead(contid::ANALOG_PINS[i]));
-  converting = CHANNELS - 1;
+  for (uint8_t i = 0; i < MOTORS && role == contid::Role::MOTOR; ++i) {
+    readings[CHANNELS + i] = static_cast<uint16_t>(analogRead(contid::CELL_PINS[i]));
+  }
+  converting = static_cast<uint8_t>(conversions() - 1);
   attachInterruptVector(IRQ_ADC1, on_conversion);
   NVIC_SET_PRIORITY(IRQ_ADC1, ADC_PRIORITY);
   NVIC_ENABLE_IRQ(IRQ_ADC1);
 }
 
+// The lines of the converter of a load cell.
+struct CellLines {
+  uint8_t channel;
+
+  bool data() const {
+    const uint8_t pin = contid::CELL_PINS[channel];
+    return (*portInputRegister(pin) & digitalPinToBitMask(pin)) != 0;
+  }
+  void clock(bool high) const {
+    set_pin(contid::CELL_CLOCKS[channel], high);
+    delayNanoseconds(250);
+  }
+};
+
+// One converter a tick: 25 pulses take 15 us.
+void read_cells() {
+  static uint8_t next = 0, driven = 0;
+  for (uint8_t i = 0; i < MOTORS; ++i) inputs.cell_analog[i] = readings[CHANNELS + i];
+  inputs.cell_fresh = 0;
+  for (uint8_t tries = 0; tries < MOTORS && inputs.cell_fresh == 0; ++tries) {
+    const uint8_t i = next;
+    next = static_cast<uint8_t>((next + 1) % MOTORS);
+    if (!board.converts(i)) continue;
+    const CellLines lines = {i};
+    if ((driven >> i & 1) == 0) {
+      driven = static_cast<uint8_t>(driven | 1u << i);
+      set_pin(contid::CELL_CLOCKS[i], false);
+      pinMode(contid::CELL_CLOCKS[i], OUTPUT);
+    }
+    if (contid::read_converter(lines, inputs.cell_steps[i])) inputs.cell_fresh = static_cast<uint8_t>(1u << i);
+  }
+}
+
 void read_inputs() {
   for (uint8_t i = 0; i < CHANNELS; ++i) inputs.analog[i] = readings[i];
-  if (converting == CHANNELS - 1) convert(0);
+  if (role == contid::Role::MOTOR) read_cells();
+  if (converting == conversions() - 1) convert(0);
   if (role != contid::Role::MOTOR) return;
   contid::read_encoders(inputs.count, inputs.missed);
   contid::read_edges(inputs.edges_a, inputs.edges_b);
@@ -191,7 +231,8 @@ uint8_t capabilities(uint8_t channel) {
   if (role == contid::Role::PRESSURE)
     return static_cast<uint8_t>(contid::READ_BACK | (channel < MOTORS ? contid::VALVE_PAIR : 0));
   if (channel >= MOTORS) return 0;
-  return contid::HARDWARE_DECODER | contid::CURRENT_SENSE | contid::BRIDGE_FAULT;
+  return contid::HARDWARE_DECODER | contid::CURRENT_SENSE | contid::BRIDGE_FAULT | contid::CELL_ANALOG |
+         contid::CELL_CONVERTER;
 }
 
 contid::Role read_role() {

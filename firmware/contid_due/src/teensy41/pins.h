@@ -31,6 +31,12 @@ const PwmPin PWM_PINS[6] = {{6, 2, 2, false, 2}, {9, 2, 2, true, 2},   {29, 3, 1
 const uint8_t ANALOG_PINS[6] = {14, 15, 16, 17, 18, 19};
 const uint8_t ADC_CHANNELS[6] = {7, 8, 12, 11, 6, 5};
 
+// Load cells of the motors: an amplifier at A6 to A9, and after the six above the channels of ADC1; or a converter
+// whose data line is the same pin.
+const uint8_t CELL_PINS[4] = {20, 21, 22, 23};
+const uint8_t CELL_ADC_CHANNELS[4] = {15, 0, 13, 14};
+const uint8_t CELL_CLOCKS[4] = {36, 37, 38, 39};
+
 struct BridgePins {
   uint8_t in_a, in_b, fault;
 };
@@ -47,7 +53,7 @@ const TrackPin TRACK_PINS[MOTORS][2] = {
 
 const char MOTOR_PINS[] =
     "m0 pwm6 in10,11 enc0,1 flt5 A0; m1 pwm9 in12,24 enc2,3 flt7 A1; m2 pwm29 in25,32 enc4,33 flt8 A2; "
-    "m3 pwm28 in34,35 enc30,31 flt26 A3";
+    "m3 pwm28 in34,35 enc30,31 flt26 A3; cells A6-A9 or data20-23 clock36-39";
 const char PRESSURE_PINS[] =
     "p0 pwm6 v10,11 A0; p1 pwm9 v12,24 A1; p2 pwm29 v25,32 A2; p3 pwm28 v34,35 A3; p4 pwm36 A4; p5 pwm37 A5; jumper 41";
 
