@@ -143,18 +143,6 @@ def kept_line(
     return pursued(state, end, (0.0,) * len(end), rates, time_s, straight=straight)
 
 
-def stopping(
-    state: MovingAxes, rates: AxisRates, times: int, straight: Lines = Lines.NONE
-) -> list[MovingAxes]:
-    """States at equal times of the shortest stop together, the last at rest; none where ruckig finds none."""
-    found = _stop(state, rates, together=True, straight=straight)
-    if found is None:
-        return []
-    still = (0.0,) * len(state.position)
-    ways = [_at(found, found.duration * (k + 1) / times, state.position, still, rates) for k in range(times)]
-    return [way for way in ways if way is not None]
-
-
 def braked(
     state: MovingAxes, rates: AxisRates, time_s: float, together: bool, straight: Lines = Lines.NONE
 ) -> MovingAxes | None:

@@ -7,7 +7,8 @@
 //
 // which has to be -v. Alone, an axis has no plateau unless p is its greatest acceleration. One that has more time T than
 // it needs has a lower plateau: with t = T - |p - a| / j - |p| / j the change dv grows with p, is linear between 0 and a,
-// and solves p^2 - (j T + a) p + (j dv + a^2 / 2) = 0 above both; below both it is the mirror image of this.
+// and solves p^2 - (j T + a) p + (j dv + a^2 / 2) = 0 above both; below both it is the mirror image of this. An axis that
+// already brakes, and comes to rest in time when its acceleration goes to zero evenly, does that and waits.
 //
 // ruckig (L. Berscheid, T. Kroeger, RSS 2021) finds the same motions; tests/control/test_viability.py compares them.
 #pragma once
@@ -54,6 +55,10 @@ inline AxisStop shortest_stop(double velocity, double acceleration, double great
 // The stop of one axis in a time that is no shorter than its shortest stop.
 inline AxisStop stop_in(double velocity, double acceleration, double jerk, double time_s) {
   const double a = acceleration, dv = -velocity, level = a * std::fabs(a) / (2.0 * jerk);
+  if (velocity * a < 0.0) {
+    const double rest_s = -2.0 * velocity / a, lower = 0.5 * a * a / std::fabs(velocity);
+    if (lower <= jerk && rest_s <= time_s) return {velocity, a, lower, 0.0, rest_s, time_s - rest_s};
+  }
   const double left_s = time_s - std::fabs(a) / jerk;
   const auto outer = [&](double side) {
     const double b = jerk * time_s + side * a, c = jerk * side * dv + 0.5 * a * a;
