@@ -14,13 +14,13 @@ has third differences within ``j h^3`` from its first sample on.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from contid.control.tick.axis_motions import PresentRates
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import ACCELERATION
 from contid.control.tick.state import GuardState, RobotState
+from contid.records import record
 from contid.targets import Actuation
 from contid.trajectory.approach import optimal
 from contid.trajectory.pursuit import AxisRates, Lines, MovingAxes, braked, frame_velocity, kept_line, pursued
@@ -29,7 +29,7 @@ from contid.trajectory.pursuit import AxisRates, Lines, MovingAxes, braked, fram
 _SHARES: Final = (1.0, 0.3, 0.1)
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Guarded:
     """What the axes are to do in a tick.
 
