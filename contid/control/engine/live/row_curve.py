@@ -71,8 +71,11 @@ class RowCurve:
 
     def rests(self, phase: float) -> bool:
         """True where the curve stands on the newest row."""
-        i = math.floor(phase)
-        return all(self._row(i + k) == self._last for k in (-1, 0, 1, 2))
+        i, last = math.floor(phase), self._last
+        for number in (i - 1, i, i + 1, i + 2):
+            if self._row(number) != last:
+                return False
+        return True
 
     def _row(self, number: int) -> Vector:
         row = self._rows.get(number)
