@@ -71,11 +71,8 @@ class RowCurve:
 
     def rests(self, phase: float) -> bool:
         """True where the curve stands on the newest row."""
-        i, last = math.floor(phase), self._last
-        for number in (i - 1, i, i + 1, i + 2):
-            if self._row(number) != last:
-                return False
-        return True
+        i, last, row = math.floor(phase), self._last, self._row
+        return row(i - 1) == last and row(i) == last and row(i + 1) == last and row(i + 2) == last
 
     def _row(self, number: int) -> Vector:
         row = self._rows.get(number)
