@@ -130,8 +130,8 @@ def kept_line(
     None where the axes are not on a line.
     """
     scale = rates.velocity
-    velocity = [_rounded(v / unit) for v, unit in zip(state.velocity, scale, strict=True)]
-    acceleration = [_rounded(a / unit) for a, unit in zip(state.acceleration, scale, strict=True)]
+    velocity = _rounded([v / unit for v, unit in zip(state.velocity, scale, strict=True)])
+    acceleration = _rounded([a / unit for a, unit in zip(state.acceleration, scale, strict=True)])
     most = [a / unit for a, unit in zip(rates.acceleration, scale, strict=True)]
     shares = _shares(velocity, velocity, acceleration, most)
     if not shares:
@@ -174,10 +174,10 @@ def _planned(
     import ruckig
 
     scale = rates.velocity
-    position = [_rounded(gap / unit) for gap, unit in zip(gaps, scale, strict=True)]
+    position = _rounded([gap / unit for gap, unit in zip(gaps, scale, strict=True)])
     speeds = zip(state.velocity, frame, scale, strict=True)
-    velocity = [_rounded((speed - v) / unit) for speed, v, unit in speeds]
-    acceleration = [_rounded(a / b) for a, b in zip(state.acceleration, scale, strict=True)]
+    velocity = _rounded([(speed - v) / unit for speed, v, unit in speeds])
+    acceleration = _rounded([a / b for a, b in zip(state.acceleration, scale, strict=True)])
     if straight is Lines.EXACT:  # a way that is rounded in motion is a step
         moves = zip(gaps, scale, position, velocity, acceleration, strict=True)
         position = [gap / unit if v or a else at for gap, unit, at, v, a in moves]
@@ -267,5 +267,5 @@ def _at(
     )
 
 
-def _rounded(value: float) -> float:
-    return 0.0 if abs(value) < _NONE else value
+def _rounded(values: Sequence[float]) -> list[float]:
+    return [0.0 if abs(value) < _NONE else value for value in values]
