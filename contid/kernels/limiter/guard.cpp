@@ -7,11 +7,12 @@
 
 #include "../python.hpp"
 #include "axis_records.hpp"
+#include "shared_bend.hpp"
 #include "shared_lengths.hpp"
 #include "taut_pulls.hpp"
 
 namespace nb = nanobind;
-using contid::AxisNumbers, contid::Moving, contid::read, contid::SharedLengths, contid::TautPulls;
+using contid::AxisNumbers, contid::Moving, contid::read, contid::SharedBend, contid::SharedLengths, contid::TautPulls;
 
 namespace {
 
@@ -32,19 +33,26 @@ void make_lengths(SharedLengths* self, nb::handle radius_m, nb::handle to_arc, d
                            rows};
 }
 
-nb::tuple excess_of_lengths(const SharedLengths& self, nb::handle lengths) {
+int axes_of(const SharedLengths& shared) { return 3 * shared.sections; }
+int axes_of(const SharedBend&) { return 2; }
+int count_of(const SharedLengths& shared) { return shared.count(); }
+int count_of(const SharedBend&) { return SharedBend::kCount; }
+
+template <class Shared>
+nb::tuple excess_of(const Shared& self, nb::handle axes) {
   AxisNumbers at, over;
-  read(lengths, at, 3 * self.sections, kPerAxis);
+  read(axes, at, axes_of(self), kPerAxis);
   self.excess(at, over);
-  return contid::tuple_of(over, self.count());
+  return contid::tuple_of(over, count_of(self));
 }
 
-nb::tuple gradient_of_lengths(const SharedLengths& self, nb::handle lengths, int number) {
+template <class Shared>
+nb::tuple gradient_of(const Shared& self, nb::handle axes, int number) {
   AxisNumbers at, slopes;
-  read(lengths, at, 3 * self.sections, kPerAxis);
-  if (number < 0 || number >= self.count()) throw nb::index_error("number: of a limit");
+  read(axes, at, axes_of(self), kPerAxis);
+  if (number < 0 || number >= count_of(self)) throw nb::index_error("number: of a limit");
   self.gradient(at, number, slopes);
-  return contid::tuple_of(slopes, 3 * self.sections);
+  return contid::tuple_of(slopes, axes_of(self));
 }
 
 // The guard of one robot, with the limits that its axes share: of lengths, of taut tendons, or of a model in Python.
@@ -63,8 +71,9 @@ class RobotGuard {
       throw nb::value_error(kPerAxis);
     if (!taut.is_none()) pulls_ = nb::cast<const TautPulls*>(taut), lower_ = numbers(lower), upper_ = numbers(upper);
     if (nb::isinstance<SharedLengths>(shared)) lengths_ = nb::cast<const SharedLengths*>(shared);
+    if (nb::isinstance<SharedBend>(shared)) bend_ = nb::cast<const SharedBend*>(shared);
     if ((pulls_ && (pulls_->tendons != guard_.own || lower_.size() != upper_.size())) ||
-        (lengths_ && 3 * lengths_->sections != guard_.own))
+        (lengths_ && axes_of(*lengths_) != guard_.own) || (bend_ && guard_.own != 2))
       throw nb::value_error(kPerAxis);
   }
 
@@ -75,9 +84,9 @@ class RobotGuard {
       pulls_->excess(axes, lower_.data(), upper_.data(), over);
       return *std::max_element(over, over + pulls_->limits());
     }
-    if (lengths_) {
-      lengths_->excess(axes, over);
-      return *std::max_element(over, over + lengths_->count());
+    if (lengths_ || bend_) {
+      lengths_ ? lengths_->excess(axes, over) : bend_->excess(axes, over);
+      return *std::max_element(over, over + (lengths_ ? lengths_->count() : SharedBend::kCount));
     }
     double most = -std::numeric_limits<double>::infinity();
     if (shared_.is_none()) return most;
@@ -86,7 +95,7 @@ class RobotGuard {
     return most;
   }
 
-  double excess_of(nb::handle axes) const {
+  double excess_at(nb::handle axes) const {
     AxisNumbers at;
     read(axes, at, guard_.axes, kPerAxis);
     return excess(at);
@@ -146,6 +155,7 @@ class RobotGuard {
   nb::object shared_, taut_;
   const TautPulls* pulls_ = nullptr;
   const SharedLengths* lengths_ = nullptr;
+  const SharedBend* bend_ = nullptr;
   std::vector<double> lower_, upper_;
 };
 
@@ -157,15 +167,26 @@ void bind_guard(nb::module_& module) {
   nb::class_<SharedLengths>(module, "SharedLengths")
       .def("__init__", &make_lengths, nb::arg("radius_m"), nb::arg("to_arc"), nb::arg("rack_m"),
            nb::arg("curvature_max"))
-      .def("excess", &excess_of_lengths, nb::arg("lengths"))
-      .def("gradient", &gradient_of_lengths, nb::arg("lengths"), nb::arg("number"));
+      .def("excess", &excess_of<SharedLengths>, nb::arg("axes"))
+      .def("gradient", &gradient_of<SharedLengths>, nb::arg("axes"), nb::arg("number"));
+  nb::class_<SharedBend>(module, "SharedBend")
+      .def("__init__",
+           [](SharedBend* self, double spacing_m, double curvature_max, double arc_min_m, double gain_per_m,
+              double gain_offset, double gain_least_m, double gain_greatest_m) {
+             new (self) SharedBend{spacing_m,   curvature_max, arc_min_m,      gain_per_m,
+                                   gain_offset, gain_least_m,  gain_greatest_m};
+           },
+           nb::arg("spacing_m"), nb::arg("curvature_max"), nb::arg("arc_min_m"), nb::arg("gain_per_m"),
+           nb::arg("gain_offset"), nb::arg("gain_least_m"), nb::arg("gain_greatest_m"))
+      .def("excess", &excess_of<SharedBend>, nb::arg("axes"))
+      .def("gradient", &gradient_of<SharedBend>, nb::arg("axes"), nb::arg("number"));
   nb::class_<RobotGuard>(module, "RobotGuard")
       .def(nb::init<nb::handle, nb::handle, nb::handle, nb::handle, double, int, int, nb::object, nb::object,
                     nb::handle, nb::handle>(),
            nb::arg("limits"), nb::arg("velocity"), nb::arg("acceleration"), nb::arg("jerk"), nb::arg("period_s"),
            nb::arg("extra_axes"), nb::arg("motion_rules"), nb::arg("shared").none(), nb::arg("taut").none(),
            nb::arg("lower"), nb::arg("upper"))
-      .def("excess", &RobotGuard::excess_of, nb::arg("axes"))
+      .def("excess", &RobotGuard::excess_at, nb::arg("axes"))
       .def("on", &RobotGuard::on, nb::arg("answer"), nb::arg("last"), nb::arg("steps"), nb::arg("last_steps"),
            nb::arg("reference"), nb::arg("last_paces"))
       .def("stops_inside", &RobotGuard::stops_inside, nb::arg("state"), nb::arg("last"))

@@ -17,10 +17,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
+from contid.kernels import load
 from contid.kinematics.any_target import any_target
 from contid.kinematics.array import Array
 from contid.kinematics.rack.finger_limits import RackFingerEnvelope
@@ -62,7 +63,11 @@ class RackFingerModel:
             arc_length_min_m=robot.limits.arc_length_min_mm / MM_PER_M,
             curvature_gain=self.curvature_gain,
         )
-        self.shared = self.envelope
+        #: The limits that both racks share (``contid/kernels/limiter/shared_bend.hpp``).
+        self.shared: Any = load("limiter").SharedBend(
+            self.rack_spacing_m, self.envelope.curvature_max_per_m, self.envelope.arc_length_min_m,
+            self.gain_per_m, self.gain_offset, *self.gain_range_m,
+        )  # fmt: skip
         self._rest_m = robot.section_lengths[0].rest_m
 
     def curvature_gain(self, arc_length_m: float) -> float:

@@ -230,7 +230,7 @@ class SimDevice:
         pull = self._amperes_per_lag * (motion.reference[0] - motion.value)
         if self._shaft is not None:
             return min(limit, max(-limit, self._borne_a + (pull if motion.blocked else 0.0)))
-        current = pull + self.FRICTION_SHARE * limit * math.tanh(motion.velocity / 0.05)
+        current: float = pull + self.FRICTION_SHARE * limit * math.tanh(motion.velocity / 0.05)
         return min(limit, max(-limit, current))
 
     def bear(self, shaft: float, current_a: float, noise_a: float) -> None:
