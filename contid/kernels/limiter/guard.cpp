@@ -28,8 +28,12 @@ void make_lengths(SharedLengths* self, nb::handle radius_m, nb::handle to_arc, d
   const auto radii = numbers(radius_m), rows = numbers(to_arc);
   const int sections = static_cast<int>(radii.size());
   if (rows.size() != 9 * radii.size() || 3 * sections > contid::kMostAxes) throw nb::value_error("to_arc: (n, 3, 3)");
-  new (self) SharedLengths{sections, std::isfinite(rack_m) ? 3 : 0, std::isfinite(curvature_max) ? sections : 0,
-                           rack_m,   curvature_max,                 radii,
+  new (self) SharedLengths{sections,
+                           std::isfinite(rack_m) ? 3 : 0,
+                           std::isfinite(curvature_max) ? sections : 0,
+                           rack_m,
+                           curvature_max,
+                           radii,
                            rows};
 }
 
@@ -38,16 +42,14 @@ int axes_of(const SharedBend&) { return 2; }
 int count_of(const SharedLengths& shared) { return shared.count(); }
 int count_of(const SharedBend&) { return SharedBend::kCount; }
 
-template <class Shared>
-nb::tuple excess_of(const Shared& self, nb::handle axes) {
+template <class Shared> nb::tuple excess_of(const Shared& self, nb::handle axes) {
   AxisNumbers at, over;
   read(axes, at, axes_of(self), kPerAxis);
   self.excess(at, over);
   return contid::tuple_of(over, count_of(self));
 }
 
-template <class Shared>
-nb::tuple gradient_of(const Shared& self, nb::handle axes, int number) {
+template <class Shared> nb::tuple gradient_of(const Shared& self, nb::handle axes, int number) {
   AxisNumbers at, slopes;
   read(axes, at, axes_of(self), kPerAxis);
   if (number < 0 || number >= count_of(self)) throw nb::index_error("number: of a limit");
@@ -60,8 +62,7 @@ class RobotGuard {
  public:
   RobotGuard(nb::handle limits, nb::handle velocity, nb::handle acceleration, nb::handle jerk, double period_s,
              int extra_axes, int motion_rules, nb::object shared, nb::object taut, nb::handle lower, nb::handle upper)
-      : guard_{0,  0,  period_s, motion_rules, std::vector<contid::Axis>(contid::kMostAxes),
-               {}, {}, {}},
+      : guard_{0, 0, period_s, motion_rules, std::vector<contid::Axis>(contid::kMostAxes), {}, {}, {}},
         shared_(shared),
         taut_(taut) {
     guard_.axes = contid::axes_of(limits, guard_.limits.data()), guard_.own = guard_.axes - extra_axes;
@@ -170,14 +171,15 @@ void bind_guard(nb::module_& module) {
       .def("excess", &excess_of<SharedLengths>, nb::arg("axes"))
       .def("gradient", &gradient_of<SharedLengths>, nb::arg("axes"), nb::arg("number"));
   nb::class_<SharedBend>(module, "SharedBend")
-      .def("__init__",
-           [](SharedBend* self, double spacing_m, double curvature_max, double arc_min_m, double gain_per_m,
-              double gain_offset, double gain_least_m, double gain_greatest_m) {
-             new (self) SharedBend{spacing_m,   curvature_max, arc_min_m,      gain_per_m,
-                                   gain_offset, gain_least_m,  gain_greatest_m};
-           },
-           nb::arg("spacing_m"), nb::arg("curvature_max"), nb::arg("arc_min_m"), nb::arg("gain_per_m"),
-           nb::arg("gain_offset"), nb::arg("gain_least_m"), nb::arg("gain_greatest_m"))
+      .def(
+          "__init__",
+          [](SharedBend* self, double spacing_m, double curvature_max, double arc_min_m, double gain_per_m,
+             double gain_offset, double gain_least_m, double gain_greatest_m) {
+            new (self)
+                SharedBend{spacing_m, curvature_max, arc_min_m, gain_per_m, gain_offset, gain_least_m, gain_greatest_m};
+          },
+          nb::arg("spacing_m"), nb::arg("curvature_max"), nb::arg("arc_min_m"), nb::arg("gain_per_m"),
+          nb::arg("gain_offset"), nb::arg("gain_least_m"), nb::arg("gain_greatest_m"))
       .def("excess", &excess_of<SharedBend>, nb::arg("axes"))
       .def("gradient", &gradient_of<SharedBend>, nb::arg("axes"), nb::arg("number"));
   nb::class_<RobotGuard>(module, "RobotGuard")

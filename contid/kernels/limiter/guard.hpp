@@ -39,8 +39,7 @@ struct Moving {
 // Way of a stop from a speed without acceleration: half the speed times its duration. The deceleration stays at
 // `change` for a while, or returns to zero before it gets there.
 inline double from_cruise(double speed, double change, double jolt) {
-  const double ticks =
-      speed * jolt >= change * change ? speed / change + change / jolt : 2.0 * std::sqrt(speed / jolt);
+  const double ticks = speed * jolt >= change * change ? speed / change + change / jolt : 2.0 * std::sqrt(speed / jolt);
   return 0.5 * speed * ticks;
 }
 
@@ -49,8 +48,7 @@ inline double from_cruise(double speed, double change, double jolt) {
 inline double stop_length(double speed, double acceleration, double change, double jolt) {
   const double top = speed + 0.5 * acceleration * acceleration / jolt;
   if (acceleration >= 0.0) {  // its speed grows to `top` until its acceleration is zero
-    const double until_top =
-        speed * acceleration / jolt + std::pow(acceleration, 3.0) / (3.0 * jolt * jolt);
+    const double until_top = speed * acceleration / jolt + std::pow(acceleration, 3.0) / (3.0 * jolt * jolt);
     return until_top + from_cruise(top, change, jolt);
   }
   // It decelerates as in a stop that began at the speed `top` without acceleration, `ticks` ago.
@@ -117,8 +115,7 @@ struct Guard {
 
   // Whether axes that share limits can stop together inside them; `excess` is of the limit that is exceeded most. Where
   // the last command exceeds it, the axes may go on to do so as much.
-  template <class Excess>
-  bool stops_inside(const Moving& at, const double* last, bool taut, Excess excess) const {
+  template <class Excess> bool stops_inside(const Moving& at, const double* last, bool taut, Excess excess) const {
     const double most = excess(at.position);
     if (!taut && -most > kSteepest * reach(at)) return true;
     const double allowed = std::max(excess(last), 0.0) + (taut ? kToleranceM : kRoundingM);

@@ -2,8 +2,8 @@
 //
 //     e = +-(r - l) - w T / g(S)        and        e = S_min - S        with T = min(kappa_max S, 2 pi)
 //
-// where g is actual over commanded curvature, 1 + a S + b with S clamped to its identified range. The range of each rack
-// is a limit of its axis; contid/kinematics/rack/finger_limits.py has them all.
+// where g is actual over commanded curvature, 1 + a S + b with S clamped to its identified range. The range of each
+// rack is a limit of its axis; contid/kinematics/rack/finger_limits.py has them all.
 #pragma once
 
 #include <algorithm>

@@ -5,10 +5,10 @@
 //
 //     dv = (p^2 - a^2) s / 2j + p t + p |p| / 2j,        s = sign(p - a),   t the time on the plateau,
 //
-// which has to be -v. Alone, an axis has no plateau unless p is its greatest acceleration. One that has more time T than
-// it needs has a lower plateau: with t = T - |p - a| / j - |p| / j the change dv grows with p, is linear between 0 and a,
-// and solves p^2 - (j T + a) p + (j dv + a^2 / 2) = 0 above both; below both it is the mirror image of this. An axis that
-// already brakes, and comes to rest in time when its acceleration goes to zero evenly, does that and waits.
+// which has to be -v. Alone, an axis has no plateau unless p is its greatest acceleration. One that has more time T
+// than it needs has a lower plateau: with t = T - |p - a| / j - |p| / j the change dv grows with p, is linear between 0
+// and a, and solves p^2 - (j T + a) p + (j dv + a^2 / 2) = 0 above both; below both it is the mirror image of this. An
+// axis that already brakes, and comes to rest in time when its acceleration goes to zero evenly, does that and waits.
 //
 // ruckig (L. Berscheid, T. Kroeger, RSS 2021) finds the same motions; tests/control/test_viability.py compares them.
 #pragma once

@@ -23,7 +23,7 @@ nb::list planned(double t_s, double position, double velocity, double goal, doub
 }
 
 nb::list planned_to_moving(double t_s, double position, double velocity, double goal, double rate, double until_s,
-                        double v_max, double a_max) {
+                           double v_max, double a_max) {
   Phases phases;
   contid::plan_to_moving(t_s, {position, velocity}, {goal, rate, until_s}, v_max, a_max, phases);
   return of_phases(phases);
@@ -57,7 +57,8 @@ void bind_profile(nb::module_& module) {
       .def_prop_ro("reference", [](const ProfileMotion& self) { return of_state(self.reference()); })
       .def_prop_ro("velocity", &ProfileMotion::velocity)
       .def("go", &ProfileMotion::go, nb::arg("goal"), nb::arg("v_max"), nb::arg("a_max"))
-      .def("go_with", &go_with, nb::arg("goal"), nb::arg("rate"), nb::arg("until_s"), nb::arg("v_max"), nb::arg("a_max"))
+      .def("go_with", &go_with, nb::arg("goal"), nb::arg("rate"), nb::arg("until_s"), nb::arg("v_max"),
+           nb::arg("a_max"))
       .def("stop", &ProfileMotion::stop)
       .def("freeze", &ProfileMotion::freeze)
       .def("advance", &ProfileMotion::advance, nb::arg("to_s"));

@@ -1,7 +1,7 @@
 // Trapezoidal profile and first-order response of a simulated device, both in closed form.
 //
-// The profile r(t) is the time-optimal motion to rest under |r'| <= v_max and |r''| <= a_max from any start position and
-// velocity: at most four phases of constant acceleration. The device follows it as
+// The profile r(t) is the time-optimal motion to rest under |r'| <= v_max and |r''| <= a_max from any start position
+// and velocity: at most four phases of constant acceleration. The device follows it as
 //
 //     tau x' = r - x
 //
@@ -9,8 +9,8 @@
 //
 //     x(t) = p(t) + (x(0) - p(0)) exp(-t / tau).
 //
-// So a long step equals many short ones up to rounding: simulated devices do not depend on the tick rate. Units are those
-// of the device: rad or Pa, and their derivatives by s.
+// So a long step equals many short ones up to rounding: simulated devices do not depend on the tick rate. Units are
+// those of the device: rad or Pa, and their derivatives by s.
 #pragma once
 
 #include <algorithm>
@@ -41,8 +41,8 @@ struct Phases {
   void drop_first() { std::copy(of.begin() + 1, of.begin() + count--, of.begin()); }
 };
 
-// A goal on a straight line: where it is now, its velocity, and when it stands, where it is now. The set-point of a motor
-// board follows a stream in this way (firmware/contid_due/src/core/setpoint.h).
+// A goal on a straight line: where it is now, its velocity, and when it stands, where it is now. The set-point of a
+// motor board follows a stream in this way (firmware/contid_due/src/core/setpoint.h).
 struct MovingGoal {
   double position, velocity, until_s;
 };
@@ -78,8 +78,8 @@ inline void plan(double t_s, ProfileState from, double goal, double v_max, doubl
   out.add({t_s, goal, 0.0, 0.0});
 }
 
-// Adds the fastest motion that meets a moving goal, goes with it, and comes to rest once it stands. Seen from the goal it
-// is a motion to rest, with what is left of the top speed in its direction.
+// Adds the fastest motion that meets a moving goal, goes with it, and comes to rest once it stands. Seen from the goal
+// it is a motion to rest, with what is left of the top speed in its direction.
 inline void plan_to_moving(double t_s, ProfileState from, const MovingGoal& goal, double v_max, double a_max,
                            Phases& out) {
   const double drift = std::min(std::max(goal.velocity, -kGoalShare * v_max), kGoalShare * v_max);
@@ -157,7 +157,8 @@ struct ProfileMotion {
     if (tau_s <= 0.0) return after.position;
     const double bend = tau_s * tau_s * phase.acceleration;
     const double decay = std::exp(-(end_s - time_s) / tau_s);
-    return after.position - tau_s * after.velocity + bend + (value - (now.position - tau_s * now.velocity + bend)) * decay;
+    return after.position - tau_s * after.velocity + bend +
+           (value - (now.position - tau_s * now.velocity + bend)) * decay;
   }
 };
 
