@@ -91,5 +91,7 @@ def _brought_near(point_m: Vec3) -> Vec3:
 
 def _finite(target: Target) -> bool:
     asked = (target.actuation, target.arcs, target.tip_m, target.direction, target.mid_m, target.rotation)
-    given = (*asked, target.load_n)
-    return all(numbers is None or all(map(math.isfinite, numbers)) for numbers in given)
+    for numbers in (*asked, target.load_n):
+        if numbers is not None and not all(map(math.isfinite, numbers)):
+            return False
+    return True

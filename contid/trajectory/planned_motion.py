@@ -95,10 +95,10 @@ def planned(
     import ruckig
 
     scale = rates.velocity
-    position = [rounded(gap / unit) for gap, unit in zip(gaps, scale, strict=True)]
+    position = rounded([gap / unit for gap, unit in zip(gaps, scale, strict=True)])
     speeds = zip(state.velocity, frame, scale, strict=True)
-    velocity = [rounded((speed - v) / unit) for speed, v, unit in speeds]
-    acceleration = [rounded(a / b) for a, b in zip(state.acceleration, scale, strict=True)]
+    velocity = rounded([(speed - v) / unit for speed, v, unit in speeds])
+    acceleration = rounded([a / b for a, b in zip(state.acceleration, scale, strict=True)])
     if straight is Lines.EXACT:  # a distance that is rounded in motion is a step
         moves = zip(gaps, scale, position, velocity, acceleration, strict=True)
         position = [gap / unit if v or a else at for gap, unit, at, v, a in moves]
@@ -203,6 +203,6 @@ def state_at(
     )
 
 
-def rounded(value: float) -> float:
-    """A value in velocity limits, 0 where it is rounding."""
-    return 0.0 if abs(value) < _NONE else value
+def rounded(values: Sequence[float]) -> list[float]:
+    """Values in velocity limits, 0 where they are rounding."""
+    return [0.0 if abs(value) < _NONE else value for value in values]

@@ -84,8 +84,8 @@ def kept_line(
     None where the axes are not on a line.
     """
     scale = rates.velocity
-    velocity = [rounded(v / unit) for v, unit in zip(state.velocity, scale, strict=True)]
-    acceleration = [rounded(a / unit) for a, unit in zip(state.acceleration, scale, strict=True)]
+    velocity = rounded([v / unit for v, unit in zip(state.velocity, scale, strict=True)])
+    acceleration = rounded([a / unit for a, unit in zip(state.acceleration, scale, strict=True)])
     most = [a / unit for a, unit in zip(rates.acceleration, scale, strict=True)]
     shares = shares_of_line(velocity, velocity, acceleration, most)
     if not shares:
@@ -95,20 +95,6 @@ def kept_line(
     ends = zip(state.position, shares, scale, strict=True)
     end = tuple([at + way * share * unit for at, share, unit in ends])
     return pursued(state, end, (0.0,) * len(end), rates, time_s, straight=straight)
-
-
-def stopping(
-    state: MovingAxes, rates: AxisRates, times: int, straight: Lines = Lines.NONE
-) -> list[MovingAxes]:
-    """States at equal times of the shortest stop together, the last at rest; none where ruckig finds none."""
-    found = _stop(state, rates, together=True, straight=straight)
-    if found is None:
-        return []
-    still = (0.0,) * len(state.position)
-    ways = [
-        state_at(found, found.duration * (k + 1) / times, state.position, still, rates) for k in range(times)
-    ]
-    return [way for way in ways if way is not None]
 
 
 def braked(

@@ -10,7 +10,7 @@ import ruckig
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits
-from contid.control.tick.viability import excess, stops_inside, viable
+from contid.kinematics.array import Array
 from contid.robot_file.load import load_named
 from contid.trajectory.planned_motion import MovingAxes
 
@@ -46,8 +46,8 @@ def test_an_axis_goes_on_where_its_stop_ends_inside_and_only_there() -> None:
         least, most = limits.upper - way - 1e-6, limits.upper - way + 1e-6
         fast = velocity + 0.5 * acceleration * abs(acceleration) / jerk > top
         turns_back = acceleration < 0.0 and acceleration**2 > 2.0 * velocity * jerk  # judged with a margin
-        assert turns_back or viable(config, 0, least, velocity * h, acceleration * h * h) is not fast
-        assert not viable(config, 0, most, velocity * h, acceleration * h * h)
+        assert turns_back or config.guard.viable(0, least, velocity * h, acceleration * h * h) is not fast
+        assert not config.guard.viable(0, most, velocity * h, acceleration * h * h)
 
 
 def test_a_deceleration_above_its_greatest_by_rounding_does_not_shorten_the_stop() -> None:
@@ -58,9 +58,9 @@ def test_a_deceleration_above_its_greatest_by_rounding_does_not_shorten_the_stop
     config = replace(given, limits=(limits,), velocity=(1.0,), acceleration=(greatest,), jerk=(jerk,))
     at = 1.0 - 0.9 * stop_length(0.9, -greatest, greatest, jerk)
     for share in (1.0, 1.0 + 1e-12, 1.0 + 1e-6):
-        assert not viable(config, 0, at, 0.9 * h, -greatest * share * h * h)
+        assert not config.guard.viable(0, at, 0.9 * h, -greatest * share * h * h)
     before = replace(config, motion_rules=2)  # recordings by these rules replay by them
-    assert viable(before, 0, at, 0.9 * h, -greatest * (1.0 + 1e-6) * h * h)
+    assert before.guard.viable(0, at, 0.9 * h, -greatest * (1.0 + 1e-6) * h * h)
 
 
 def test_axes_that_are_slow_and_accelerate_stop_inside_the_limit_they_share() -> None:
@@ -76,7 +76,7 @@ def test_axes_that_are_slow_and_accelerate_stop_inside_the_limit_they_share() ->
         acceleration = draw.uniform(-1.0, 1.0, count) * greatest
         state = MovingAxes(*(tuple(each.tolist()) for each in (position, velocity, acceleration)))
         last = tuple(position.tolist())
-        if excess(config, last) > 0.0 or not stops_inside(config, state, last):
+        if config.guard.excess(last) > 0.0 or not config.guard.stops_inside(state, last):
             continue
         given = ruckig.InputParameter(count)
         given.control_interface = ruckig.ControlInterface.Velocity
@@ -87,7 +87,60 @@ def test_axes_that_are_slow_and_accelerate_stop_inside_the_limit_they_share() ->
         way = ruckig.Trajectory(count)
         ruckig.Ruckig(count).calculate(given, way)
         most = max(
-            excess(config, tuple(way.at_time(share * way.duration)[0])) for share in np.linspace(0, 1, 65)
+            config.guard.excess(tuple(way.at_time(share * way.duration)[0]))
+            for share in np.linspace(0, 1, 65)
         )
         exceeded += most > 1e-5
     assert exceeded == 0
+
+
+class Watched:
+    """A shared limit that every state keeps, close enough to be looked at closely; it notes the states."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[float, ...]] = []
+
+    def excess(self, axes: tuple[float, ...]) -> tuple[float]:
+        self.asked.append(axes)
+        return (-1e-3 if len(self.asked) == 3 else -1e-9,)
+
+    def gradient(self, axes: tuple[float, ...], number: int) -> tuple[float, ...]:
+        return (0.0,) * len(axes)
+
+
+def ways_of_stop(velocity: Array, acceleration: Array, greatest: Array, jerk: Array) -> Array:
+    """Ways at equal times of the stop of axes that end it together, by ruckig, shape ``(32, axes)``."""
+    count = len(velocity)
+    asked = ruckig.InputParameter(count)
+    asked.control_interface = ruckig.ControlInterface.Velocity
+    asked.current_position, asked.current_velocity = [0.0] * count, velocity.tolist()
+    asked.current_acceleration = acceleration.tolist()
+    asked.target_velocity = asked.target_acceleration = [0.0] * count
+    asked.max_acceleration, asked.max_jerk = greatest.tolist(), (jerk * (1.0 - 1e-6)).tolist()
+    way = ruckig.Trajectory(count)
+    ruckig.Ruckig(count).calculate(asked, way)
+    return np.array([way.at_time(way.duration * (k + 1) / 32)[0] for k in range(32)])
+
+
+def test_states_of_a_stop_are_those_of_ruckig() -> None:
+    """Of three axes that end it together, some of which could sooner; or on a line, by shares of one."""
+    given, draw = config_of("trirack"), np.random.default_rng(5)
+    top, greatest, jerk = (np.array(each) for each in (given.velocity, given.acceleration, given.jerk))
+    position = tuple(0.5 * (each.lower + each.upper) for each in given.limits)
+    wide = tuple(AxisLimits(-1e3, 1e3, each.step, each.change) for each in given.limits)
+    for number in range(300):
+        velocity = draw.uniform(-1.0, 1.0, 3) * top * draw.choice([0.1, 1.0])
+        acceleration = draw.uniform(-1.0, 1.0, 3) * greatest * draw.choice([0.0, 0.1, 1.0])
+        if number % 5 == 0:
+            acceleration = velocity * draw.uniform(-5.0, 5.0)
+        if number % 5 == 0 or not acceleration.any():
+            shares = velocity / velocity[0]
+            limits = ((each / np.abs(shares)).min(keepdims=True) for each in (greatest, jerk))
+            ways = ways_of_stop(velocity[:1], acceleration[:1], *limits) * shares
+        else:
+            ways = ways_of_stop(velocity, acceleration, greatest, jerk)
+        state = MovingAxes(position, tuple(velocity.tolist()), tuple(acceleration.tolist()))
+        watched = Watched()
+        assert replace(given, shared=watched, limits=wide).guard.stops_inside(state, position)
+        states = np.array(watched.asked[-32:]) - position
+        assert np.abs(states - ways).max() < 1e-9, (number, velocity, acceleration)

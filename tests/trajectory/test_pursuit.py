@@ -9,7 +9,7 @@ import pytest
 
 from contid.targets import Actuation
 from contid.trajectory.planned_motion import AxisRates, Lines, MovingAxes
-from contid.trajectory.pursuit import braked, frame_velocity, pursued, stopping
+from contid.trajectory.pursuit import braked, frame_velocity, pursued
 
 H_S = 0.005
 RATES = AxisRates((0.06, 0.1, 0.06), (1.0, 0.9, 1.0), (20.0, 18.0, 25.0))
@@ -74,9 +74,6 @@ def test_a_goal_beyond_the_velocity_is_one_that_jumped() -> None:
 
 def test_a_stop_together_and_one_by_one() -> None:
     state = MovingAxes(STILL, (0.05, 0.01, 0.0), (0.2, 0.0, -0.1))
-    ends = stopping(state, RATES, 4)
-    assert len(ends) == 4
-    assert ends[-1].velocity == pytest.approx(STILL, abs=1e-9)
     for together in (True, False):
         after: MovingAxes | None = state
         for _ in range(200):

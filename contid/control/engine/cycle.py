@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import enum
 import time
-from dataclasses import dataclass
 from typing import Protocol
 
 from contid.control.engine.events import RunEvent
+from contid.records import record
 
 
 class RealClock:
@@ -67,7 +67,7 @@ class Sink(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Timing:
     """The timing of one cycle.
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from contid.control.tick.follow.expected_range import AxisResponse
 from contid.control.tick.follow.responses import axis_responses
@@ -15,6 +15,7 @@ from contid.control.tick.shared_limits import SharedLimits
 from contid.control.tick.taut import lift_n
 from contid.control.tick.transmission import RobotTransmission
 from contid.hal import DeviceResponse, Sample
+from contid.kernels import load
 from contid.kinematics.extra_axes import build_whole_model
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model
@@ -98,6 +99,7 @@ class RobotConfig:
         follow_tip_m: how far the tip of the measured axes may be off the way of the commands; None unwatched.
         shaping: of what goes to the devices, None without.
         motion_rules: `MOTION_RULES`, or those of the recording that is replayed.
+        guard: the stop checks of a live stream, compiled (``contid/kernels/limiter/guard.hpp``).
     """
 
     name: str
@@ -138,6 +140,17 @@ class RobotConfig:
     follow_tip_m: float | None = None
     shaping: ShaperChoice | None = None
     motion_rules: int = MOTION_RULES
+    guard: Any = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Build what the kernel needs of the above."""
+        kernel, taut = load("limiter"), self.taut
+        pulls = (None, (), ()) if taut is None else (taut.kernel, taut.lower, taut.upper)
+        rates = self.velocity, self.acceleration, self.jerk
+        guard = kernel.RobotGuard(
+            self.limits, *rates, self.period_s, self.extra_axes, self.motion_rules, self.shared, *pulls
+        )
+        object.__setattr__(self, "guard", guard)
 
     @property
     def measurements_move_targets(self) -> bool:

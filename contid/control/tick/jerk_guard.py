@@ -14,14 +14,13 @@ has third differences within ``j h^3`` from its first sample on.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from contid.control.tick.axis_motions import PresentRates
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import ACCELERATION
 from contid.control.tick.state import GuardState, RobotState
-from contid.control.tick.viability import SLACK, stays_viable, stops_inside, viable
+from contid.records import record
 from contid.targets import Actuation
 from contid.trajectory.approach import optimal
 from contid.trajectory.planned_motion import AxisRates, Lines, MovingAxes
@@ -31,7 +30,7 @@ from contid.trajectory.pursuit import braked, frame_velocity, kept_line, pursued
 _SHARES: Final = (1.0, 0.3, 0.1)
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Guarded:
     """What the axes are to do in a tick.
 
@@ -67,13 +66,14 @@ def guarded(config: RobotConfig, state: RobotState, answer: Actuation) -> Guarde
         before = GuardState(state.since_s, (0.0,) * len(answer), None)
     # Motion rules 0 take the acceleration of the tick in which a robot begins to follow for zero.
     last_steps = state.increments if joins and config.motion_rules == 0 else state.before or state.increments
-    paces = tuple([new - old for new, old in zip(answer, state.reference, strict=True)])
-    changes = tuple([s - was for s, was in zip(state.increments, last_steps, strict=True)])
-    after = GuardState(state.since_s, paces, None)
+    # Every axis may be on its answer in this tick, and on it if it goes on in the two next.
+    on, paces = config.guard.on(
+        answer, state.command, state.increments, last_steps, state.reference, before.paces
+    )
     # By motion rules 0 the limiter of tendons alone keeps their limits, without that of jerk.
-    unguarded = not optimal() or (config.taut is not None and config.motion_rules == 0)
-    if unguarded or _on(config, state, changes, answer, before.paces):
-        return Guarded(answer, after)
+    if on or not optimal() or (config.taut is not None and config.motion_rules == 0):
+        return Guarded(answer, GuardState(state.since_s, paces, None))
+    changes = tuple([s - was for s, was in zip(state.increments, last_steps, strict=True)])
     motion, brakes = _pursuing(config, state, before, changes, answer)
     if config.motion_rules > 1:
         motion = _inside(config, motion, state.command)
@@ -94,42 +94,6 @@ def _inside(config: RobotConfig, motion: MovingAxes, last: Actuation) -> MovingA
     return motion if inside == motion.position else motion._replace(position=inside)
 
 
-def _on(
-    config: RobotConfig, state: RobotState, changes: Actuation, answer: Actuation, paces: Actuation
-) -> bool:
-    """True when every axis may be on its answer in this tick, and on it if it goes on in the two next."""
-    h = config.period_s
-    for index, there in enumerate(answer):
-        limits = config.limits[index]
-        top, change, jolt = (
-            limits.step * SLACK,
-            limits.change * SLACK,
-            config.jerk[index] * h * h * h * SLACK,
-        )
-        last = state.command[index]
-        step = there - last
-        c1 = step - state.increments[index]
-        pace = there - state.reference[index]
-        bend = pace - paces[index]
-        c2 = pace + bend - step
-        if (
-            abs(step) > top
-            or abs(c1) > change
-            or abs(c1 - changes[index]) > jolt
-            or abs(c2) > change
-            or abs(c2 - c1) > jolt
-            or abs(bend - c2) > jolt
-            or not viable(config, index, there, step + 0.5 * c1, c1)
-        ):
-            return False
-    if config.shared is None and config.taut is None:
-        return True
-    steps = tuple([there - last for there, last in zip(answer, state.command, strict=True)])
-    bends = [new - old for new, old in zip(steps, state.increments, strict=True)]
-    on_it = MovingAxes(answer, *PresentRates.at_end(steps, bends, h))
-    return stops_inside(config, on_it, state.command)
-
-
 def _pursuing(
     config: RobotConfig, state: RobotState, before: GuardState, changes: Actuation, answer: Actuation
 ) -> _Pursuit:
@@ -146,7 +110,7 @@ def _pursuing(
     frame = frame_velocity(pace, rates)
     after: MovingAxes | None = None
     for after in _ways(now, answer, frame, rates, h, Lines.of(config.motion_rules)):
-        if after is not None and stays_viable(config, after, state.command):
+        if after is not None and config.guard.stays_viable(after, state.command):
             return _Pursuit(after)
     return _Pursuit(after or _coasting(config, now))
 
@@ -182,7 +146,7 @@ def _tendons_pursuing(
     for share in shares:
         slower = rates._replace(velocity=[share * each for each in rates.velocity])
         after = pursued(now, answer, frame_velocity(pace, slower), slower, h, straight=straight)
-        if after is not None and stays_viable(config, after, last):
+        if after is not None and config.guard.stays_viable(after, last):
             return _Pursuit(after)
     stop = braked(now, rates, h, together=True, straight=straight)
     return _Pursuit(stop or _coasting(config, now), brakes=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 from contid.control.tick.arming import approach, next_arming
@@ -31,6 +31,7 @@ from contid.control.tick.taut import lifted
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
 from contid.control.tick.transitions import fail, moved, stay, stopped
 from contid.hal import Sample
+from contid.records import record
 from contid.targets import ZERO3, Actuation, Solution, Target, Vec3, are_numbers
 from contid.trajectory.approach import Approach
 
@@ -38,7 +39,7 @@ _WATCHED: Final = frozenset(Mode) - {Mode.OFF, Mode.CONNECTING, Mode.FAULT}
 _DRIVEN: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING, Mode.FAULT})
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class TickResult:
     """Result of a tick of one robot.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from contid.control.tick.contact.squeeze_way import Squeeze
@@ -14,6 +13,7 @@ from contid.control.tick.supervisor import Mode
 from contid.control.tick.tip_feedback import Correction
 from contid.errors import ContidError
 from contid.hal import Rest
+from contid.records import record
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
 from contid.trajectory.approach import Approach
@@ -38,7 +38,7 @@ class Effect(enum.Enum):
     VENT = Rest.VENT
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class GuardState:
     """What `contid.control.tick.jerk_guard` keeps of the ticks before.
 
@@ -59,7 +59,7 @@ class OrderRefusedError(ContidError):
     """The state of the robot does not allow an order; the message lists what is allowed."""
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class RobotState:
     """Everything that changes about one robot.
 

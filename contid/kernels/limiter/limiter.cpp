@@ -3,43 +3,22 @@
 #include <nanobind/ndarray.h>
 
 #include "../python.hpp"
+#include "axis_records.hpp"
 #include "chord.hpp"
 #include "taut.hpp"
 
 namespace nb = nanobind;
-using contid::Axis, contid::AxisCommand, contid::kMostColumns, contid::read;
+using contid::Axis, contid::axes_of, contid::axis_of, contid::AxisCommand, contid::kMostAxes, contid::kMostColumns,
+    contid::read;
 
 namespace {
 
-constexpr int kTension = 16, kMostAxes = 256;
+constexpr int kTension = 16;
 
 using Grid = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Row = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Written = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
 using Bounds = nb::ndarray<signed char, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
-// A record of `contid.control.tick.limits.AxisLimits`.
-Axis axis_of(nb::handle limits) {
-  static PyObject* const names[4] = {PyUnicode_InternFromString("lower"), PyUnicode_InternFromString("upper"),
-                                     PyUnicode_InternFromString("step"), PyUnicode_InternFromString("change")};
-  double values[4];
-  for (int k = 0; k < 4; ++k) {
-    const nb::object value = nb::steal(PyObject_GetAttr(limits.ptr(), names[k]));
-    if (!value.is_valid()) throw nb::python_error();
-    values[k] = PyFloat_AsDouble(value.ptr());
-  }
-  if (PyErr_Occurred()) throw nb::python_error();
-  return {values[0], values[1], values[2], values[3]};
-}
-
-int axes_of(nb::handle limits, Axis* axes) {
-  const nb::object fast = nb::steal(PySequence_Fast(limits.ptr(), "limits: a sequence"));
-  if (!fast.is_valid()) throw nb::python_error();
-  const Py_ssize_t count = PySequence_Fast_GET_SIZE(fast.ptr());
-  if (count > kMostAxes) throw nb::value_error("limits: too many axes");
-  for (Py_ssize_t k = 0; k < count; ++k) axes[k] = axis_of(PySequence_Fast_GET_ITEM(fast.ptr(), k));
-  return static_cast<int>(count);
-}
 
 nb::tuple numbers_of(const int* values, int count) {
   nb::tuple result = nb::steal<nb::tuple>(PyTuple_New(count));
@@ -196,6 +175,10 @@ void nearest_step(Grid slopes, Row along, double size, Row asked, double pace, R
 
 }  // namespace
 
+namespace contid {
+void bind_guard(nb::module_& module);
+}
+
 NB_MODULE(KERNEL_MODULE, module) {
   module.doc() = "The limits of a tick: of axes, of taut tendons, and along a chord.";
   module.def("brake_step", &contid::brake_step, nb::arg("room"), nb::arg("change"));
@@ -217,4 +200,5 @@ NB_MODULE(KERNEL_MODULE, module) {
            nb::arg("answer_steps"), nb::arg("command"), nb::arg("flags"))
       .def("lifted", &lifted, nb::arg("pulls"), nb::arg("upper"), nb::arg("width"))
       .def("greatest_excess", &greatest_excess, nb::arg("pulls"), nb::arg("lower"), nb::arg("upper"));
+  contid::bind_guard(module);
 }

@@ -182,8 +182,13 @@ struct Arm {
 
 }  // namespace
 
+namespace contid {
+void bind_profile(nb::module_& module);
+}
+
 NB_MODULE(KERNEL_MODULE, module) {
-  module.doc() = "The simulated pneumatic arm by the literal equations and RK4.";
+  module.doc() = "The simulated pneumatic arm by the literal equations and RK4, and the motions of simulated devices.";
+  contid::bind_profile(module);
   nb::class_<Arm>(module, "Arm")
       .def(nb::init<nb::handle, int>(), nb::arg("sections"), nb::arg("steps"))
       .def("solve", &Arm::solve, nb::arg("pressures"), nb::arg("force"), nb::arg("guess"), nb::arg("held"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -16,55 +17,6 @@ from contid.kinematics.array import Array
 from contid.robot_file.sections import SectionRobot
 from contid.targets import REACH, ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import LIMIT_TOLERANCE_M, m_to_mm
-
-
-class SharedLengths:
-    """Limits that lengths of a chain share: three racks where they have a budget, then a bend per section.
-
-    The same limits as in `contid.kinematics.arc.feasible`, one posture at a time and without arrays: the
-    control loop asks in every tick.
-    """
-
-    def __init__(self, feasible: Feasible) -> None:
-        self._sections = feasible.sections.count
-        self._rack_m = feasible.rack_m
-        self._racks = 3 if feasible.rack_m < math.inf else 0
-        self._curvature_max = feasible.curvature_max
-        self._to_arc = [
-            tuple(tuple(row) for row in matrix)
-            for matrix in feasible.sections.to_arc.tolist()
-            if feasible.curvature_max < math.inf
-        ]
-        self._radius_m = feasible.sections.radius_m
-
-    def excess(self, lengths: Actuation, /) -> list[float]:
-        """By how much every limit is exceeded [m], negative inside; convex."""
-        found = [sum(lengths[j::3]) - self._rack_m for j in range(self._racks)]
-        for number, radius_m in enumerate(self._radius_m[: len(self._to_arc)]):
-            u, v, length_m = self._arc(lengths, number)
-            found.append(radius_m * (math.hypot(u, v) - self._curvature_max * length_m))
-        return found
-
-    def gradient(self, lengths: Actuation, number: int, /) -> list[float]:
-        """Derivative of one excess by the lengths."""
-        found = [0.0] * (3 * self._sections)
-        if number < self._racks:
-            found[number::3] = [1.0] * self._sections
-            return found
-        section = number - self._racks
-        u, v, _ = self._arc(lengths, section)
-        theta = math.hypot(u, v) or 1.0
-        by_u, by_v, by_length = self._to_arc[section]
-        found[3 * section : 3 * section + 3] = [
-            self._radius_m[section] * (u / theta * a + v / theta * b - self._curvature_max * c)
-            for a, b, c in zip(by_u, by_v, by_length, strict=True)
-        ]
-        return found
-
-    def _arc(self, lengths: Actuation, section: int) -> tuple[float, float, float]:
-        first, second, third = lengths[3 * section : 3 * section + 3]
-        u, v, length_m = (a * first + b * second + c * third for a, b, c in self._to_arc[section])
-        return u, v, length_m
 
 
 def feasible_of(robot: SectionRobot) -> Feasible:
@@ -96,6 +48,14 @@ def build_solver(feasible: Feasible, tuning: Tuning | None = None) -> Solver:
     return solver
 
 
+def shared_lengths(feasible: Feasible) -> Any:
+    """The compiled limits that lengths of a chain share: three racks where they have a budget, then bends."""
+    sections = feasible.sections
+    return load("limiter").SharedLengths(
+        sections.radius_m, sections.to_arc.ravel().tolist(), feasible.rack_m, feasible.curvature_max
+    )
+
+
 class SectionModel:
     """Forward and inverse kinematics of a chain of constant-curvature sections."""
 
@@ -116,7 +76,7 @@ class SectionModel:
         budget = self.sections.count > 1 and self.feasible.rack_m < math.inf
         self._rest_lengths = [length.rest_m for length in robot.section_lengths]
         self.straight_approach = budget or self.feasible.curvature_max < math.inf
-        self.shared = SharedLengths(self.feasible) if self.straight_approach else None
+        self.shared = shared_lengths(self.feasible) if self.straight_approach else None
 
     def avoid(
         self, obstacles: Sequence[Sequence[float]], radius_m: float, margin_m: float, from_m: float

@@ -17,10 +17,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
+from contid.kernels import load
 from contid.kinematics.any_target import any_target
 from contid.kinematics.array import Array
 from contid.kinematics.rack.finger_limits import RackFingerEnvelope
@@ -62,7 +63,11 @@ class RackFingerModel:
             arc_length_min_m=robot.limits.arc_length_min_mm / MM_PER_M,
             curvature_gain=self.curvature_gain,
         )
-        self.shared = self.envelope
+        #: The limits that both racks share (``contid/kernels/limiter/shared_bend.hpp``).
+        self.shared: Any = load("limiter").SharedBend(
+            self.rack_spacing_m, self.envelope.curvature_max_per_m, self.envelope.arc_length_min_m,
+            self.gain_per_m, self.gain_offset, *self.gain_range_m,
+        )  # fmt: skip
         self._rest_m = robot.section_lengths[0].rest_m
 
     def curvature_gain(self, arc_length_m: float) -> float:
@@ -80,12 +85,14 @@ class RackFingerModel:
         """Tip of the finger for rack lengths [m] (Eq. 4); a load does not bend racks in this model."""
         arc_length_m, theta = self.arc(actuation)
         sin, cos = math.sin(theta), math.cos(theta)
-        tip = (
-            arc_length_m * cosc(theta) + self.tip_length_m * sin,
-            arc_length_m * sinc(theta) + self.tip_length_m * cos,
-            0.0,
-        )
+        tip = (*self._tip(arc_length_m, theta), 0.0)
         return Pose(tip, (cos, sin, 0.0, -sin, cos, 0.0, 0.0, 0.0, 1.0), (sin, cos, 0.0), tip)
+
+    def _tip(self, arc_length_m: float, theta: float) -> tuple[float, float]:
+        return (
+            arc_length_m * cosc(theta) + self.tip_length_m * math.sin(theta),
+            arc_length_m * sinc(theta) + self.tip_length_m * math.cos(theta),
+        )
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Derivative of the tip by the racks, shape (3, 2); regular on the straight line, unlike Eq. 6."""
@@ -188,8 +195,8 @@ class RackFingerModel:
         return Solution(actuation, self._distance(actuation, target.tip_m), converged=True)
 
     def _distance(self, actuation: Actuation, tip_m: Vec3) -> float:
-        reached = self.forward(actuation).tip_m
-        return math.hypot(reached[0] - tip_m[0], reached[1] - tip_m[1])
+        x, y = self._tip(*self.arc(actuation))
+        return math.hypot(x - tip_m[0], y - tip_m[1])
 
     def _nearest(self, tip_m: Vec3, limits: tuple[str, ...], note: str) -> Solution:
         """The reachable point closest to a target out of reach: on the boundary of the limits."""

@@ -25,8 +25,6 @@ from contid.units import m_to_mm
 
 # Rounding of the closed form, relative: a target exactly on a limit is inside it.
 _ROUNDING: Final = 1e-12
-# Half a difference of arc lengths [m], for derivatives.
-_DIFFERENCE_M: Final = 1e-6
 # Intervals of the even samples along a side of the boundary.
 _COARSE: Final = 96
 # Between two samples the tip turns by less [rad]: a slender finger turns by 2 pi where its racks begin to
@@ -166,27 +164,6 @@ class RackFingerEnvelope:
         bound = self.curvature_bound(arc_length_m)
         commanded = (right - left) / (self.rack_spacing_m * arc_length_m)
         return self.snap(self.racks(arc_length_m, min(max(commanded, -bound), bound)))
-
-    def excess(self, racks: Actuation, /) -> tuple[float, float, float]:
-        """By how much racks exceed the limits that both share [m]: bend to +x, bend to -x, arc length."""
-        left, right = racks
-        arc_length_m = 0.5 * (left + right)
-        bend, most = right - left, self._bend_bound(arc_length_m)
-        return bend - most, -bend - most, self.arc_length_min_m - arc_length_m
-
-    def gradient(self, racks: Actuation, number: int, /) -> tuple[float, float]:
-        """Derivative by the racks of the excess with this number in `excess`."""
-        if number == 2:
-            return -0.5, -0.5
-        arc_length_m, sign = 0.5 * sum(racks), 1.0 if number == 0 else -1.0
-        ends = [self._bend_bound(arc_length_m + side) for side in (-_DIFFERENCE_M, _DIFFERENCE_M)]
-        shrink = -0.25 * (ends[1] - ends[0]) / _DIFFERENCE_M
-        return shrink - sign, shrink + sign
-
-    def _bend_bound(self, arc_length_m: float) -> float:
-        """Greatest difference of the racks at an arc length, without their range: ``w S K(S)`` [m]."""
-        turn_m = min(self.curvature_max_per_m * arc_length_m, 2.0 * math.pi)
-        return self.rack_spacing_m * turn_m / self.curvature_gain(arc_length_m)
 
     def binding(self, racks: Actuation) -> tuple[str, ...]:
         """Names of the limits that bind at a feasible pair of racks."""

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from contid.hal import RESPONSES, DeviceKind, DeviceResponse, Rest, Sample
+from contid.kernels import load
 from contid.units import BAR
 from contid_drivers.sim.options import SimAxisOptions
-from contid_drivers.sim.profile import MovingGoal, ProfileMotion
 
 RPM: Final = 2.0 * math.pi / 60.0
 AMBIENT_C: Final = 25.0
@@ -180,7 +180,8 @@ class SimDevice:
     def __init__(self, options: SimAxisOptions, start: float, time_s: float, seed: str) -> None:
         self.kind = options.device
         self.character = character_of(options)
-        self.motion = ProfileMotion(time_s, start, self.character.tau_s)
+        #: Its profile and its own position (``contid/kernels/plant/profile.hpp``).
+        self.motion: Any = load("plant").ProfileMotion(time_s, start, self.character.tau_s)
         self.goal = start
         self._top = self.character.velocity
         #: Newest command of a stream and its time [s].
@@ -226,10 +227,10 @@ class SimDevice:
         if not self.on and self.rest is not Rest.HOLD:
             return 0.0
         motion, limit = self.motion, self.character.current_limit_a
-        pull = self._amperes_per_lag * (motion.reference.position - motion.value)
+        pull = self._amperes_per_lag * (motion.reference[0] - motion.value)
         if self._shaft is not None:
             return min(limit, max(-limit, self._borne_a + (pull if motion.blocked else 0.0)))
-        current = pull + self.FRICTION_SHARE * limit * math.tanh(motion.velocity / 0.05)
+        current: float = pull + self.FRICTION_SHARE * limit * math.tanh(motion.velocity / 0.05)
         return min(limit, max(-limit, current))
 
     def bear(self, shaft: float, current_a: float, noise_a: float) -> None:
@@ -256,8 +257,8 @@ class SimDevice:
         if self.kind is DeviceKind.MOTOR and 0.0 < gap_s <= STREAM_GAP_S:
             rate = (value - last) / gap_s
             if abs(rate) <= STREAM_EXCESS * self._top:
-                line = MovingGoal(self.goal, rate, self.motion.time_s + STREAM_INTERVALS * gap_s)
-                self.motion.go_with(line, self._top, character.acceleration)
+                until_s = self.motion.time_s + STREAM_INTERVALS * gap_s
+                self.motion.go_with(self.goal, rate, until_s, self._top, character.acceleration)
                 return
         self.motion.go(self.goal, self._top, character.acceleration)
 
@@ -300,7 +301,7 @@ class SimDevice:
         if character.velocity_quantum > 0.0:
             velocity = round(velocity / character.velocity_quantum) * character.velocity_quantum
         if self.kind is DeviceKind.REGULATOR:
-            duty = motion.reference.position / character.highest
+            duty = motion.reference[0] / character.highest
             return Sample(max(0.0, value), now_s, True, 0.0, velocity, duty, None, None, self.fault)
         current = self.current_a
         if self._shaft is not None and current != 0.0:

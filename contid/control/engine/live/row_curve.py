@@ -71,8 +71,8 @@ class RowCurve:
 
     def rests(self, phase: float) -> bool:
         """True where the curve stands on the newest row."""
-        i = math.floor(phase)
-        return all(self._row(i + k) == self._last for k in (-1, 0, 1, 2))
+        i, last, row = math.floor(phase), self._last, self._row
+        return row(i - 1) == last and row(i) == last and row(i + 1) == last and row(i + 2) == last
 
     def _row(self, number: int) -> Vector:
         row = self._rows.get(number)

@@ -7,6 +7,7 @@ not to the curve; they are left out.
 from __future__ import annotations
 
 import math
+from itertools import islice
 from typing import TypeAlias
 
 from contid.control.engine.live.row_curve import Vector
@@ -48,7 +49,7 @@ def target_of(vector: Vector, like: Target) -> Target:
     parts = iter(vector)
 
     def take(count: int) -> Vector:
-        return tuple([next(parts) for _ in range(count)])
+        return tuple(islice(parts, count))
 
     tip_m = None if like.tip_m is None else vec3(take(3))
     direction = None if like.direction is None else unit_vector(vec3(take(3))) or like.direction

@@ -1,0 +1,199 @@
+// The stop checks of a live stream for Python, and the limits that lengths share. Short calls, under the GIL.
+#include "guard.hpp"
+
+#include <nanobind/nanobind.h>
+
+#include <limits>
+
+#include "../python.hpp"
+#include "axis_records.hpp"
+#include "shared_bend.hpp"
+#include "shared_lengths.hpp"
+#include "taut_pulls.hpp"
+
+namespace nb = nanobind;
+using contid::AxisNumbers, contid::Moving, contid::read, contid::SharedBend, contid::SharedLengths, contid::TautPulls;
+
+namespace {
+
+constexpr char kPerAxis[] = "guard: one number per axis";
+
+std::vector<double> numbers(nb::handle sequence) {
+  std::vector<double> found(PyObject_Length(sequence.ptr()) < 0 ? 0 : PyObject_Length(sequence.ptr()));
+  read(sequence, found.data(), static_cast<Py_ssize_t>(found.size()), kPerAxis);
+  return found;
+}
+
+void make_lengths(SharedLengths* self, nb::handle radius_m, nb::handle to_arc, double rack_m, double curvature_max) {
+  const auto radii = numbers(radius_m), rows = numbers(to_arc);
+  const int sections = static_cast<int>(radii.size());
+  if (rows.size() != 9 * radii.size() || 3 * sections > contid::kMostAxes) throw nb::value_error("to_arc: (n, 3, 3)");
+  new (self) SharedLengths{sections,
+                           std::isfinite(rack_m) ? 3 : 0,
+                           std::isfinite(curvature_max) ? sections : 0,
+                           rack_m,
+                           curvature_max,
+                           radii,
+                           rows};
+}
+
+int axes_of(const SharedLengths& shared) { return 3 * shared.sections; }
+int axes_of(const SharedBend&) { return 2; }
+int count_of(const SharedLengths& shared) { return shared.count(); }
+int count_of(const SharedBend&) { return SharedBend::kCount; }
+
+template <class Shared> nb::tuple excess_of(const Shared& self, nb::handle axes) {
+  AxisNumbers at, over;
+  read(axes, at, axes_of(self), kPerAxis);
+  self.excess(at, over);
+  return contid::tuple_of(over, count_of(self));
+}
+
+template <class Shared> nb::tuple gradient_of(const Shared& self, nb::handle axes, int number) {
+  AxisNumbers at, slopes;
+  read(axes, at, axes_of(self), kPerAxis);
+  if (number < 0 || number >= count_of(self)) throw nb::index_error("number: of a limit");
+  self.gradient(at, number, slopes);
+  return contid::tuple_of(slopes, axes_of(self));
+}
+
+// The guard of one robot, with the limits that its axes share: of lengths, of taut tendons, or of a model in Python.
+class RobotGuard {
+ public:
+  RobotGuard(nb::handle limits, nb::handle velocity, nb::handle acceleration, nb::handle jerk, double period_s,
+             int extra_axes, int motion_rules, nb::object shared, nb::object taut, nb::handle lower, nb::handle upper)
+      : guard_{0, 0, period_s, motion_rules, std::vector<contid::Axis>(contid::kMostAxes), {}, {}, {}},
+        shared_(shared),
+        taut_(taut) {
+    guard_.axes = contid::axes_of(limits, guard_.limits.data()), guard_.own = guard_.axes - extra_axes;
+    guard_.velocity = numbers(velocity), guard_.acceleration = numbers(acceleration), guard_.jerk = numbers(jerk);
+    const std::size_t axes = guard_.axes;
+    if (guard_.velocity.size() != axes || guard_.acceleration.size() != axes || guard_.jerk.size() != axes)
+      throw nb::value_error(kPerAxis);
+    if (!taut.is_none()) pulls_ = nb::cast<const TautPulls*>(taut), lower_ = numbers(lower), upper_ = numbers(upper);
+    if (nb::isinstance<SharedLengths>(shared)) lengths_ = nb::cast<const SharedLengths*>(shared);
+    if (nb::isinstance<SharedBend>(shared)) bend_ = nb::cast<const SharedBend*>(shared);
+    if ((pulls_ && (pulls_->tendons != guard_.own || lower_.size() != upper_.size())) ||
+        (lengths_ && axes_of(*lengths_) != guard_.own) || (bend_ && guard_.own != 2))
+      throw nb::value_error(kPerAxis);
+  }
+
+  // By how much the shared limit that is exceeded most is exceeded [m], negative inside; convex.
+  double excess(const double* axes) const {
+    double over[5 * contid::kMostAxes];
+    if (pulls_) {
+      pulls_->excess(axes, lower_.data(), upper_.data(), over);
+      return *std::max_element(over, over + pulls_->limits());
+    }
+    if (lengths_ || bend_) {
+      lengths_ ? lengths_->excess(axes, over) : bend_->excess(axes, over);
+      return *std::max_element(over, over + (lengths_ ? lengths_->count() : SharedBend::kCount));
+    }
+    double most = -std::numeric_limits<double>::infinity();
+    if (shared_.is_none()) return most;
+    for (nb::handle each : shared_.attr("excess")(contid::tuple_of(axes, guard_.own)))
+      most = std::max(most, nb::cast<double>(each));
+    return most;
+  }
+
+  double excess_at(nb::handle axes) const {
+    AxisNumbers at;
+    read(axes, at, guard_.axes, kPerAxis);
+    return excess(at);
+  }
+
+  // See `contid.control.tick.jerk_guard.guarded`: whether the axes may be on their answer, and its pace.
+  nb::tuple on(nb::handle answer, nb::handle last, nb::handle steps, nb::handle last_steps, nb::handle reference,
+               nb::handle last_paces) const {
+    const int n = guard_.axes;
+    Moving to;
+    AxisNumbers at, step, before, from, paces, paces_before;
+    read(answer, to.position, n, kPerAxis), read(last, at, n, kPerAxis), read(steps, step, n, kPerAxis);
+    read(last_steps, before, n, kPerAxis), read(reference, from, n, kPerAxis);
+    read(last_paces, paces_before, n, kPerAxis);
+    const double h = guard_.period_s;
+    for (int k = 0; k < n; ++k) {
+      paces[k] = to.position[k] - from[k];
+      const double next = to.position[k] - at[k], change = next - step[k];
+      to.velocity[k] = (next + 0.5 * change) / h, to.acceleration[k] = change / (h * h);
+    }
+    const bool is_on = guard_.on_answer(to.position, at, step, before, paces, paces_before) && inside(to, at);
+    return nb::make_tuple(is_on, contid::tuple_of(paces, n));
+  }
+
+  bool stops_inside(nb::handle state, nb::handle last) const {
+    Moving at;
+    AxisNumbers before;
+    moving(state, at), read(last, before, guard_.axes, kPerAxis);
+    return inside(at, before);
+  }
+
+  bool stays_viable(nb::handle state, nb::handle last) const {
+    Moving at;
+    AxisNumbers before;
+    moving(state, at), read(last, before, guard_.axes, kPerAxis);
+    return guard_.all_viable(at) && inside(at, before);
+  }
+
+  bool viable(int axis, double at, double speed, double acceleration) const {
+    if (axis < 0 || axis >= guard_.axes) throw nb::index_error("axis");
+    return guard_.viable(axis, at, speed, acceleration);
+  }
+
+ private:
+  bool inside(const Moving& at, const double* last) const {
+    if (!pulls_ && shared_.is_none()) return true;
+    return guard_.stops_inside(at, last, pulls_ != nullptr, [this](const double* axes) { return excess(axes); });
+  }
+
+  // A `contid.trajectory.pursuit.MovingAxes`.
+  void moving(nb::handle state, Moving& out) const {
+    read(state[0], out.position, guard_.axes, kPerAxis), read(state[1], out.velocity, guard_.axes, kPerAxis);
+    read(state[2], out.acceleration, guard_.axes, kPerAxis);
+  }
+
+  contid::Guard guard_;
+  nb::object shared_, taut_;
+  const TautPulls* pulls_ = nullptr;
+  const SharedLengths* lengths_ = nullptr;
+  const SharedBend* bend_ = nullptr;
+  std::vector<double> lower_, upper_;
+};
+
+}  // namespace
+
+namespace contid {
+
+void bind_guard(nb::module_& module) {
+  nb::class_<SharedLengths>(module, "SharedLengths")
+      .def("__init__", &make_lengths, nb::arg("radius_m"), nb::arg("to_arc"), nb::arg("rack_m"),
+           nb::arg("curvature_max"))
+      .def("excess", &excess_of<SharedLengths>, nb::arg("axes"))
+      .def("gradient", &gradient_of<SharedLengths>, nb::arg("axes"), nb::arg("number"));
+  nb::class_<SharedBend>(module, "SharedBend")
+      .def(
+          "__init__",
+          [](SharedBend* self, double spacing_m, double curvature_max, double arc_min_m, double gain_per_m,
+             double gain_offset, double gain_least_m, double gain_greatest_m) {
+            new (self)
+                SharedBend{spacing_m, curvature_max, arc_min_m, gain_per_m, gain_offset, gain_least_m, gain_greatest_m};
+          },
+          nb::arg("spacing_m"), nb::arg("curvature_max"), nb::arg("arc_min_m"), nb::arg("gain_per_m"),
+          nb::arg("gain_offset"), nb::arg("gain_least_m"), nb::arg("gain_greatest_m"))
+      .def("excess", &excess_of<SharedBend>, nb::arg("axes"))
+      .def("gradient", &gradient_of<SharedBend>, nb::arg("axes"), nb::arg("number"));
+  nb::class_<RobotGuard>(module, "RobotGuard")
+      .def(nb::init<nb::handle, nb::handle, nb::handle, nb::handle, double, int, int, nb::object, nb::object,
+                    nb::handle, nb::handle>(),
+           nb::arg("limits"), nb::arg("velocity"), nb::arg("acceleration"), nb::arg("jerk"), nb::arg("period_s"),
+           nb::arg("extra_axes"), nb::arg("motion_rules"), nb::arg("shared").none(), nb::arg("taut").none(),
+           nb::arg("lower"), nb::arg("upper"))
+      .def("excess", &RobotGuard::excess_at, nb::arg("axes"))
+      .def("on", &RobotGuard::on, nb::arg("answer"), nb::arg("last"), nb::arg("steps"), nb::arg("last_steps"),
+           nb::arg("reference"), nb::arg("last_paces"))
+      .def("stops_inside", &RobotGuard::stops_inside, nb::arg("state"), nb::arg("last"))
+      .def("stays_viable", &RobotGuard::stays_viable, nb::arg("state"), nb::arg("last"))
+      .def("viable", &RobotGuard::viable, nb::arg("axis"), nb::arg("at"), nb::arg("speed"), nb::arg("acceleration"));
+}
+
+}  // namespace contid
