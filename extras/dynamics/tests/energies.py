@@ -1,4 +1,4 @@
-"""Frequencies of a rod from its energies alone: exponentials of rigid motions, and differences of the energies.
+"""Frequencies of a rod from its energies alone: exponentials of rigid motions, differences of energies.
 
 Written apart from the kernel, in numpy: it shares the masses and stiffness of the elements with it, and no
 derivation of twists, mass matrices or balances.
@@ -53,9 +53,7 @@ def energy_frequencies(arm: MovingArm, actuation: Sequence[float]) -> Array:
     steps = _STRAIN * np.eye(size)
     moved = (bodies(steps) - bodies(-steps)) / (2.0 * _STRAIN)
     first, second = np.triu_indices(size)
-    pairs = [
-        energy(a * steps[first] + b * steps[second]) for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1))
-    ]
+    pairs = [energy(a * steps[first] + b * steps[second]) for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
     hessian = np.zeros((size, size))
     hessian[first, second] = (pairs[0] - pairs[1] - pairs[2] + pairs[3]) / (4.0 * _STRAIN**2)
     hessian = np.where(hessian == 0.0, hessian.T, hessian)
@@ -107,7 +105,7 @@ def _moved(turn: Array, shift: Array) -> tuple[Array, Array]:
 def _shortened(strain: Array, elements: MovingElements) -> Array:
     """How much shorter the ways of tendons are than in the straight rod [m], ``(rows, tendons)``.
 
-    In an element a tendon keeps its place in the cross-section, so that its speed along the backbone is constant.
+    In an element a tendon keeps its place in the cross-section: its speed along the backbone is constant.
     """
     h = elements.lengths[:, None]
     u, v, t, stretch, a, b = np.moveaxis(strain[..., None, :], -1, 0)

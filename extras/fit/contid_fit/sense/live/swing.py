@@ -67,7 +67,7 @@ class Swing:
             moved = by_pressure @ (pressures_bar - before)
             half = np.exp(-(self._decay + 1j * self._turning) * 0.5 * (time_s - before_s))[:, None]
             state = self._state * half
-            # The tip stays at first: d falls by the motion, and the damping turns its rate by twice the decay.
+            # The tip stays at first: d falls by the motion, and the damping gives it twice the decay as rate.
             state = state - moved * (1.0 - 1j * (self._decay / self._turning)[:, None])
             self._state = state * half
         self._last = (time_s, pressures_bar)
@@ -88,7 +88,7 @@ class NoSwing(Swing):
 
 
 def swing_of(robot: Cosserat) -> Swing:
-    """The swing of an arm with ``sense``: frequencies over its workspace, without a load and with a usual one.
+    """The swing of an arm with ``sense``: frequencies over its workspace, without and with a load.
 
     Raises:
         ContidError: no equilibrium was found.
