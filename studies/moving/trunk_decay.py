@@ -42,21 +42,21 @@ TIP_M, HZ_SHARE, RATIO_SHARE = 0.01, 0.05, 0.1
 GRAVITY: Final = (0.0, 0.0, 9.81)
 
 
-class Release(NamedTuple):
+class TrunkRelease(NamedTuple):
     """One release, in a frame with z down from the base; discs ``(frames, 3, 3)`` [m]."""
 
     discs: Array
     payload_kg: float
 
 
-class Swing(NamedTuple):
+class DampedSinusoid(NamedTuple):
     """One damped sinusoid."""
 
     frequency_hz: float
     ratio: float
 
 
-def releases(name: str, payload_kg: float) -> list[Release]:
+def releases(name: str, payload_kg: float) -> list[TrunkRelease]:
     """Releases of a file that are long enough, from the frame on in which the tip sets out."""
     of = table(f"trunk-dynamic/{name}.csv.gz")
     discs = np.stack([columns(of, [f"{axis}{k}_mm" for axis in "xzy"]) for k in (1, 2, 3)], axis=1) * 1e-3
@@ -69,7 +69,7 @@ def releases(name: str, payload_kg: float) -> list[Release]:
         gone = np.linalg.norm(one[:, 2] - one[0, 2], axis=1)
         if gone.max() > LEAST_M:
             start = max(0, int(np.argmax(gone > 1e-3)) - 1)
-            out.append(Release(one[start : start + round(SECONDS / PERIOD_S)], payload_kg))
+            out.append(TrunkRelease(one[start : start + round(SECONDS / PERIOD_S)], payload_kg))
     return out
 
 
@@ -116,7 +116,7 @@ def holding(rod: MovingRod, strains: Array) -> Array:
     return moments
 
 
-def tips(numbers: Array, release: Release) -> Array:
+def tips(numbers: Array, release: TrunkRelease) -> Array:
     """Tip of the twin ``(frames, 3)`` [m]."""
     rod = rod_of(numbers, release.payload_kg)
     delay_s, fading_s = numbers[3:5].tolist()
@@ -133,7 +133,7 @@ def tips(numbers: Array, release: Release) -> Array:
     return out
 
 
-def swing(tip: Array) -> Swing | None:
+def swing(tip: Array) -> DampedSinusoid | None:
     """The swing of a tip that ends at rest; None where it does not pass its end."""
     about = tip - tip[-10:].mean(axis=0)
     along = about @ (about[0] / np.linalg.norm(about[0]))
@@ -150,7 +150,7 @@ def swing(tip: Array) -> Swing | None:
         )
 
     found = least_squares(left, [2.5, 0.3, float(seen.min()) * 2.0, 0.0], x_scale=[1.0, 0.1, 0.02, 0.3])
-    return Swing(float(found.x[0]), float(found.x[1]))
+    return DampedSinusoid(float(found.x[0]), float(found.x[1]))
 
 
 def report() -> Iterator[str]:
@@ -167,7 +167,7 @@ def report() -> Iterator[str]:
                 twin = tips(numbers, each)
             except ArithmeticError:
                 twin = 2.0 * each.discs[:, 2]
-            real, found = swing(each.discs[:, 2]), swing(twin) or Swing(9.0, 0.9)
+            real, found = swing(each.discs[:, 2]), swing(twin) or DampedSinusoid(9.0, 0.9)
             assert real is not None
             rows = len(twin) ** 0.5
             out.append((twin - each.discs[:, 2]).ravel() / TIP_M / rows)

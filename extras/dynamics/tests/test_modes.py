@@ -22,7 +22,7 @@ from contid.units import STANDARD_GRAVITY
 from contid_dynamics.arm import MovingArm
 from contid_dynamics.command import command
 from contid_dynamics.report import pose_modes
-from extras.dynamics.tests.energies import energy_frequencies
+from tests.oracles.rod_energies import energy_frequencies
 
 SHIPPED = ("stiffflop1", "stiffflop2", "chambers3", "bend1", "tendon3", "ftdcr_v4")
 
@@ -95,7 +95,7 @@ def test_the_first_frequency_is_that_of_many_elements(name: str) -> None:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_first_frequency_is_that_of_the_second_derivatives_of_the_energies(name: str) -> None:
-    """At a bent pose; `tests.energies` computes it without the kernel."""
+    """At a bent pose; `tests.oracles.rod_energies` computes it without the kernel."""
     robot = robot_of(name, elements=3)
     arm, actuation = MovingArm(robot), actuation_of(robot, 1)
     arm.settle(actuation)

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from contid_fit.sense.live.innovation_test import NEWEST, REFERENCE, InnovationTest, TipResidual
-from contid_fit.sense.live.swing import _FACTOR, Swing, swing_of
+from contid_fit.sense.live.swing import _FACTOR, BodySwing, swing_of
 from tests.sense.plant import shipped_robot
 
 BY_PRESSURE = np.array([[50.0, 0.0], [0.0, 20.0], [0.0, 0.0]])  # mm/bar
@@ -27,7 +27,7 @@ def test_it_is_the_envelope_of_a_swing_about_an_equilibrium_that_moves() -> None
 
     times = np.arange(0.02, 3.0, 0.02)
     tip = solve_ivp(rates, (0.0, 3.0), [0.0, 0.0], t_eval=times, max_step=0.005, rtol=1e-9).y[0]
-    swing = Swing((2.0, 2.0001), damping_s, 0.0)
+    swing = BodySwing((2.0, 2.0001), damping_s, 0.0)
     swing.to(0.0, np.zeros(2), BY_PRESSURE)
     found = [swing.to(t, np.array([min(t, 0.4), 0.0]), BY_PRESSURE) / _FACTOR for t in times]
     about = np.abs(tip - 50.0 * np.minimum(times, 0.4))

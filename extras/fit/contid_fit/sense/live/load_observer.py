@@ -27,7 +27,7 @@ from contid.units import MM_PER_M, STANDARD_GRAVITY
 from contid_fit.sense.creep import decades_of
 from contid_fit.sense.live.load_filter import LoadFilter
 from contid_fit.sense.live.pressure_trace import PressurePose, PressureTrace
-from contid_fit.sense.live.swing import NoSwing, Swing, swing_of
+from contid_fit.sense.live.swing import BodySwing, NoSwing, swing_of
 
 #: Forces that are tried per measurement.
 TRIALS: Final = 4
@@ -118,7 +118,7 @@ class LoadObserver:
 class _Estimation:
     """The work between two measurements, in parts of about the same time between its yields."""
 
-    def __init__(self, robot: Cosserat, sensing: LoadSensing, period_s: float, swing: Swing) -> None:
+    def __init__(self, robot: Cosserat, sensing: LoadSensing, period_s: float, swing: BodySwing) -> None:
         self._swing = swing
         self.arm = IdentifiedArm(robot)
         self._frame = BaseFrame.of(robot.base)

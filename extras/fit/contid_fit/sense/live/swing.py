@@ -30,7 +30,7 @@ _POSES: Final = 12
 _FACTOR: Final = 1.5
 
 
-class Swing:
+class BodySwing:
     """The amplitude of one arm's swing.
 
     Args:
@@ -76,7 +76,7 @@ class Swing:
         return self.amplitude_mm
 
 
-class NoSwing(Swing):
+class NoSwing(BodySwing):
     """Of an arm whose file has no ``dynamics``: it is at rest at every instant."""
 
     def __init__(self) -> None:
@@ -87,7 +87,7 @@ class NoSwing(Swing):
         return 0.0
 
 
-def swing_of(robot: Cosserat) -> Swing:
+def swing_of(robot: Cosserat) -> BodySwing:
     """The swing of an arm with ``sense``: frequencies over its workspace, without and with a load.
 
     Raises:
@@ -103,4 +103,4 @@ def swing_of(robot: Cosserat) -> Swing:
         found += [each for pair in ranges for each in pair if math.isfinite(each)]
     if not found:
         raise ContidError("dynamics: no pose of the arm has an equilibrium; `contid modes` shows one")
-    return Swing((min(found), max(found)), 1e-3 * robot.dynamics.damping_ms, robot.sense.load.noise_mm)
+    return BodySwing((min(found), max(found)), 1e-3 * robot.dynamics.damping_ms, robot.sense.load.noise_mm)
