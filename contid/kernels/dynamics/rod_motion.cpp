@@ -16,6 +16,7 @@ namespace {
 constexpr int kNewton = 12;           // iterations of a step
 constexpr double kExact = 1e-9;       // last change of a strain in a step [rad]
 constexpr int kHalvings = 6;          // of a step
+constexpr int kRenewals = 3;          // of a step's matrix, where tendons become taut or slack within it
 constexpr int kSettling = 200;        // iterations for an equilibrium
 constexpr double kLargestTurn = 0.3;  // of an element in one of them [rad]
 constexpr double kBalanced = 1e-12;   // moments left over that end the search, as a share of the greatest stiffness
@@ -32,7 +33,7 @@ RodMotion::RodMotion(MotionSetup setup)
   momentum.assign(size_, 0.0), tensions.assign(s_.tendons, 0.0);
   loads.nodes.resize(n), loads.strains.assign(kMaxStrains * n, 0.0), loads.pulls.assign(s_.tendons, 0.0);
   last_.assign(size_, 0.0), trial_ = middle_ = strain;
-  right_.resize(size_), force_.resize(size_), matrix_.resize(size_ * size_), base_.resize(size_);
+  right_.resize(size_), force_.resize(size_), matrix_.resize(size_ * size_), mass_ = matrix_, base_.resize(size_);
   dl_.resize(size_ * std::max(1, s_.tendons));
   beyond_.resize(n + 1), sums_.resize(n + 1);
   for (Placed* p : {&now_, &next_}) p->frames[0] = identity(), p->points[0] = {0.0, 0.0, s_.base};
@@ -66,22 +67,30 @@ bool RodMotion::solve(double h) {
   external(now_, force_.data());
   for (int i = 0; i < size_; ++i) base_[i] = momentum[i] + 0.5 * h * force_[i];
   spread(last_.data(), 1.0, trial_.data());
-  std::fill(matrix_.begin(), matrix_.end(), 0.0);
-  mass(now_, 1.0 / h, matrix_.data());
+  std::fill(mass_.begin(), mass_.end(), 0.0);
+  mass(now_, 1.0 / h, mass_.data());
+  std::uint64_t taut = 0;  // the tendons that pull in the matrix
+  const auto renew = [&] {
+    matrix_ = mass_;
+    add_curvature(middle_.data(), 0.25 * h, 0.25 * h + 0.5 * damping_s, matrix_.data());
+    for (int e = 0; e < n; ++e)
+      for (int k = 0; k < per_; ++k) {
+        const int i = index(e, k);
+        matrix_[i * size_ + i] += 0.5 * damping_s * stiffness[kMaxStrains * e + k] + slow(e, k, h);
+      }
+    taut = pulling();
+    return factor(matrix_.data(), size_, size_);
+  };
   spread(last_.data(), 0.5, middle_.data());
-  add_curvature(middle_.data(), 0.25 * h, 0.25 * h + 0.5 * damping_s, matrix_.data());
-  for (int e = 0; e < n; ++e)
-    for (int k = 0; k < per_; ++k) {
-      const int i = index(e, k);
-      matrix_[i * size_ + i] += 0.5 * damping_s * stiffness[kMaxStrains * e + k] + slow(e, k, h);
-    }
-  if (!factor(matrix_.data(), size_, size_)) return false;
+  if (!renew()) return false;
+  int renewals = 0;
   double change = 0.0;
   for (int round = 0; round < kNewton; ++round) {
     place(trial_.data(), s_.lengths, s_.rigid, per_, next_);
     moved(now_, now_, next_, 1.0 / h, right_.data());
     for (std::size_t i = 0; i < strain.size(); ++i) middle_[i] = 0.5 * (strain[i] + trial_[i]);
     gradient(middle_.data(), force_.data());
+    if (pulling() != taut && renewals++ < kRenewals && !renew()) return false;
     damp_tendons(h);
     for (int e = 0; e < n; ++e)
       for (int k = 0; k < per_; ++k) {
@@ -260,6 +269,12 @@ void RodMotion::gradient(const double* x, double* out) {
   for (int j = 0; j < m; ++j) tensions[j] = std::max(0.0, s_.rest[j] + s_.tendon[j] * (loads.pulls[j] - tensions[j]));
   for (int i = 0; i < size_; ++i)
     for (int j = 0; j < m; ++j) out[i] += tensions[j] * dl_[i * m + j];
+}
+
+std::uint64_t RodMotion::pulling() const {
+  std::uint64_t taut = 0;
+  for (int j = 0; j < s_.tendons; ++j) taut |= static_cast<std::uint64_t>(tensions[j] > 0.0) << j;
+  return taut;
 }
 
 // Tendons that pull are damped as the backbone is: a tension of the damping time and stiffness times the rate of

@@ -14,7 +14,8 @@
 //
 // It is symplectic, of second order, stable for stiff strains, and rests where U' = J^T f: in the equilibrium of the
 // statics. U has the stiffness of the backbone, the moments of chambers (tau) and tendons as springs that only pull.
-// The first equation is solved by Newton's method with the matrix M(q) / h + h/4 U'' + D/2 of the step's beginning.
+// The first equation is solved by Newton's method with the matrix M(q) / h + h/4 U'' + D/2 of the step's beginning, whose
+// U'' is renewed where another set of tendons pulls.
 //
 // Loads act for half a step at its beginning and at its end, so that the momentum is that of the time of q.
 // Twist and stretch of thin rods ring at 10^4 Hz, far above what a step resolves, and with almost no inertia their
@@ -23,6 +24,7 @@
 // kept.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "chain.hpp"
@@ -83,7 +85,7 @@ class RodMotion {
   const MotionSetup s_;
   const int per_, size_;
   Placed now_, next_;
-  std::vector<double> last_, trial_, middle_, right_, force_, matrix_, base_;
+  std::vector<double> last_, trial_, middle_, right_, force_, matrix_, mass_, base_;
   std::vector<double> dl_;
   std::vector<Together> beyond_;
   std::vector<Wrench6> sums_;
@@ -104,6 +106,7 @@ class RodMotion {
   void external(const Placed& at, double* out);
   void gradient(const double* strains, double* out);
   void damp_tendons(double h);
+  std::uint64_t pulling() const;  // one bit for each tendon with a tension
   void add_curvature(const double* strains, double scale, double tendons, double* matrix);
   void mass(const Placed& at, double scale, double* matrix);
   void spread(const double* free, double share, double* strains) const;

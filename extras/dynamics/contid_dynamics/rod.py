@@ -235,10 +235,11 @@ class MovingRod:
         With damping D = c K a mode of unit mass and rate w has the ratio ``c shape^T K shape / 2 w``, where K
         is the stiffness of strains and tendons alone: weight stiffens or softens a mode and does not damp it.
         """
-        from scipy.linalg import eigh
-
         mass, stiffness = self._linearised()
-        squares, shapes = eigh(stiffness, mass)
+        root = np.linalg.cholesky(mass)
+        whitened = np.linalg.solve(root, np.linalg.solve(root, stiffness).T)
+        squares, turned = np.linalg.eigh(whitened)
+        shapes = np.linalg.solve(root.T, turned)
         rates = np.sqrt(np.maximum(squares, 0.0))
         self._kernel.load([0.0, 0.0, 0.0], np.zeros_like(self._nodes), self._strains, self._pulls)
         own = self._linearised()[1]

@@ -77,6 +77,7 @@ class TipResidual:
         shared: covariance of the error that this pose adds to all newest residuals, ``(3, 3)`` [mm^2].
         by_force: derivative of the tip by the force on it [mm/N], shape ``(3, 3)``.
         load_covariance: covariance of the known load, shape ``(3, 3)`` [N^2].
+        swing_mm: amplitude by which the body may swing, `contid_fit.sense.live.swing`.
     """
 
     residual_mm: Array
@@ -85,6 +86,7 @@ class TipResidual:
     shared: Array
     by_force: Array
     load_covariance: Array
+    swing_mm: float = 0.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -127,6 +129,7 @@ class InnovationTest:
         self._velocity: Array = np.zeros((0, 3))
         self._by_force: Array = np.zeros((0, 3, 3))
         self.lag_s = 0.0
+        self._swing_mm = 0.0
         self._lag_information = 1.0 / _LAG_SIGMA_S**2
         self._pressure_bar2 = _PRESSURE_BAR**2
         #: Derivatives by the pressures of the newest residuals, the newest first.
@@ -146,6 +149,7 @@ class InnovationTest:
         """Covariance of one residual by all but the load, shape ``(3, 3)`` [mm^2]."""
         by_pressure, velocity = residual.by_pressure, residual.velocity
         noise: Array = self._noise + self._pressure_bar2 * by_pressure @ by_pressure.T + residual.shared
+        noise = noise + residual.swing_mm**2 * np.eye(3)
         late: Array = max(1.0 / self._lag_information, _MIN_LAG_SIGMA_S**2) * np.outer(velocity, velocity)
         return noise + late
 
@@ -167,6 +171,7 @@ class InnovationTest:
         row, by_pressure = NEWEST - 1, self._by_pressure[-1]
         residual_mm = self._residual_mm[row] - self.lag_s * self._velocity[row - 1]
         noise: Array = self._noise + self._pressure_bar2 * by_pressure @ by_pressure.T
+        noise = noise + self._swing_mm**2 * np.eye(3)
         return residual_mm, self._by_force[row], noise
 
     def add(self, new: TipResidual) -> Departure | None:
@@ -175,6 +180,7 @@ class InnovationTest:
         self._residual_mm = np.vstack([new.residual_mm, self._residual_mm[:kept]])
         self._velocity = np.vstack([new.velocity, self._velocity[:kept]])
         self._by_force = np.concatenate([new.by_force[None], self._by_force[:kept]])
+        self._swing_mm = new.swing_mm
         self._by_pressure = [new.by_pressure, *self._by_pressure[: NEWEST - 1]]
         if not self.armed:
             return None
@@ -189,8 +195,7 @@ class InnovationTest:
         softer = new.by_force - self._by_force[NEWEST:].mean(axis=0)
         shared = noise / REFERENCE + new.shared + lag_2 * np.outer(faster[0], faster[0])
         shared = shared + softer @ new.load_covariance @ softer.T
-        if new.velocity.any():
-            shared = shared + _PATTERN_MM**2 * np.eye(3)
+        shared = shared + (new.swing_mm**2 + (_PATTERN_MM**2 if new.velocity.any() else 0.0)) * np.eye(3)
         sums = _SHAPES @ apart
         covariances = _SQUARES * noise + _SUMS * shared
         distances = (sums * np.linalg.solve(covariances, sums[:, :, None])[:, :, 0]).sum(axis=1)
@@ -200,7 +205,8 @@ class InnovationTest:
             # Amplitude by least squares; the newest residual has the largest weight of its shape.
             scale = float(_SHAPES[worst, 0] / _SQUARES[worst, 0, 0])
             return Departure(scale * sums[worst], scale**2 * covariances[worst], float(distances[worst]))
-        self._learn(apart[-1], faster[-1], self._by_pressure[-1], shared)
+        if new.swing_mm == 0.0:
+            self._learn(apart[-1], faster[-1], self._by_pressure[-1], shared)
         return None
 
     def _learn(self, apart: Array, faster: Array, by_pressure: Array, shared: Array) -> None:

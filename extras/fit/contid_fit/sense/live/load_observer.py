@@ -27,6 +27,7 @@ from contid.units import MM_PER_M, STANDARD_GRAVITY
 from contid_fit.sense.creep import decades_of
 from contid_fit.sense.live.load_filter import LoadFilter
 from contid_fit.sense.live.pressure_trace import PressurePose, PressureTrace
+from contid_fit.sense.live.swing import BodySwing, NoSwing, swing_of
 
 #: Forces that are tried per measurement.
 TRIALS: Final = 4
@@ -80,8 +81,8 @@ class LoadObserver:
 
     def __init__(self, robot: Cosserat, period_s: float) -> None:
         assert robot.sense is not None
-        _rehearse(_Estimation(robot, robot.sense.load, period_s), len(robot.axis_names))
-        self._estimation = _Estimation(robot, robot.sense.load, period_s)
+        _rehearse(_Estimation(robot, robot.sense.load, period_s, NoSwing()), len(robot.axis_names))
+        self._estimation = _Estimation(robot, robot.sense.load, period_s, swing_of(robot))
         self.arm, self.trace = self._estimation.arm, self._estimation.trace
         # The estimation must not hold its own generator: such a ring outlives the process's clean-up.
         self._work = self._estimation.forever()
@@ -117,7 +118,8 @@ class LoadObserver:
 class _Estimation:
     """The work between two measurements, in parts of about the same time between its yields."""
 
-    def __init__(self, robot: Cosserat, sensing: LoadSensing, period_s: float) -> None:
+    def __init__(self, robot: Cosserat, sensing: LoadSensing, period_s: float, swing: BodySwing) -> None:
+        self._swing = swing
         self.arm = IdentifiedArm(robot)
         self._frame = BaseFrame.of(robot.base)
         self._filter = LoadFilter(
@@ -178,8 +180,10 @@ class _Estimation:
             age_s = min(measurement.time_s - self._since_s, LONGEST_S)
             crept_mm, spread_mm2 = self.arm.creep_mm(decades_of(age_s), self._by_scale)
             model = model + spread_mm2
+        by_pressure = np.array(equilibrium.by_pressure_mm_bar).reshape(3, -1)
+        swing_mm = self._swing.to(measurement.time_s, np.array(pose.pressures), by_pressure)
+        model = model + swing_mm**2 * np.eye(3)
         if any(pose.late) or any(pose.side_open):
-            by_pressure = np.array(equilibrium.by_pressure_mm_bar).reshape(3, -1)
             late = by_pressure @ np.array(pose.late)
             model = model + late[:, None] * late
             if any(pose.side_open):

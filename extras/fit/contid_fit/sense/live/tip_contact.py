@@ -34,6 +34,7 @@ from contid_fit.sense.live.innovation_test import (
 from contid_fit.sense.live.known_load import KnownLoad
 from contid_fit.sense.live.load_observer import LoadFound
 from contid_fit.sense.live.pressure_trace import PressurePose, PressureTrace
+from contid_fit.sense.live.swing import swing_of
 
 #: This long after a contact the present load becomes the known one [s].
 REARM_S: Final = 1.0
@@ -84,6 +85,7 @@ class TipContact:
         self._loop = np.array(sensing.calibration.loop_bar)
         self._axis_sigma = sensing.calibration.axis_sigma_bar
         self._test = InnovationTest(sensing.noise_mm)
+        self._swing = swing_of(robot)
         self._known: KnownLoad | None = None
         #: The known load before the newest contact.
         self._before: KnownLoad | None = None
@@ -168,6 +170,7 @@ class TipContact:
             shared=self._of_pose(pose, by_pressure),
             by_force=by_force,
             load_covariance=load.covariance,
+            swing_mm=self._swing.to(measurement.time_s, np.array(pose.pressures), by_pressure),
         )
         found = self._test.add(residual)
         if found is None:
