@@ -202,7 +202,7 @@ class DynamixelBus:
         return sample
 
     def _rest(self, client: ServoClient, axis: Axis, reading: ServoReading) -> None:
-        """Bring a faulty servo to rest, now that it answers; not one of another robot, which may carry its arm."""
+        """Bring a faulty servo to rest, now that it answers; not the servo of another robot."""
         try:
             if not identity.is_same(client, axis):
                 log.debug("%s: another servo answers, which is not brought to rest", axis.name)

@@ -1,11 +1,11 @@
 """The page in a real browser: STOP in random states of the page is carried out or alarmed within 1.5 s.
 
-A trial puts the page into a state (a question open, a number half typed, a slider under a finger, a hidden tab
-that comes back, a robot on its way), disturbs what is between it and the robots (panel or daemon that stands
+A trial puts the page into a state (a question open, a number half typed, a slider under a finger, a hidden
+tab that comes back, a robot on its way), disturbs what is between it and the robots (panel or daemon that stands
 still, a socket or requests that lead nowhere, a page that is busy) and presses STOP, by mouse, touch or the
 space bar. The page's own clock measures from the press, by the time of its event, to the first of both: all
-robots shown as off, or the alarm. What is shown as off is then asked of the devices. `CONTID_STOPS=1000` gives
-the length of the campaign.
+robots shown as off, or the alarm. What is shown as off is then asked of the devices. `CONTID_STOPS=1000`
+gives the length of the campaign.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ STOPS: Final = int(os.environ.get("CONTID_STOPS", "30"))
 WITHIN_MS, LATE_MS = 1500.0, 150.0
 PHONE: Final[dict[str, Any]] = {"viewport": {"width": 390, "height": 800}, "has_touch": True}
 DESKTOP: Final[dict[str, Any]] = {}
-#: Measures from the press to what the page shows of it; it listens before the page does, whose STOP ends the event.
+#: Measures from the press to what the page shows of it; listens first, as STOP of the page ends the event.
 WATCH: Final = """(() => {
     const seen = (window.watched = { pressed: null, off: null, alarm: null });
     const press = (event) => {
@@ -192,7 +192,7 @@ class Trial:
             self.it.page.keyboard.press("Space")
             return
         x, y, width, height = self.it.page.locator("#stop").evaluate(
-            "(e) => { const { x, y, width, height } = e.getBoundingClientRect(); return [x, y, width, height]; }"
+            "(e) => { const r = e.getBoundingClientRect(); return [r.x, r.y, r.width, r.height]; }"
         )
         there = (x + width / 2, y + height / 2)
         (self.it.page.touchscreen.tap if self.touches else self.it.page.mouse.click)(*there)

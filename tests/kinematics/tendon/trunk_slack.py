@@ -62,16 +62,15 @@ def statics(text: str) -> Statics:
         for motor, drive in enumerate(arm["drives"].values()):
             pulls[row, motor] = drive["pulls"].get(name, 0.0)
     series = 1.0 / (1.0 / tension["tendon_n_per_mm"][0] + 1.0 / tension["spring_n_per_mm"][0])
-    bending = [
-        b / each["length_mm"] for b, each in zip(tension["bending_n_mm2"], sections, strict=True) for _ in "xy"
-    ]
+    each_n_mm = zip(tension["bending_n_mm2"], sections, strict=True)
+    bending = [stiff / section["length_mm"] for stiff, section in each_n_mm for _ in "xy"]
     limits = (tension["pretension_n"], tension["floor_n"], tension["max_n"])
     return Statics(pulls, shortenings, np.full(len(names), series), np.array(bending), *limits)
 
 
 @dataclass
 class Found:
-    """Of all targets: the least and the greatest tension [N], the share that was met, tendons out of limits."""
+    """Of all targets: least and greatest tension [N], how many were met, and how many left the limits."""
 
     targets: int = 0
     least_n: float = np.inf
@@ -89,7 +88,8 @@ def search(targets: int, seed: int) -> Found:
         count = min(ROWS, targets - found.targets)
         tips = robot.fk(rng.uniform(low, high, (count, len(low)))).tip
         anywhere = rng.random(count) < 1.0 / ANYWHERE
-        tips[anywhere] = [0.0, 0.0, 320.0] + rng.uniform(-320.0, 320.0, (int(anywhere.sum()), 3))
+        middle = np.array([0.0, 0.0, 320.0])
+        tips[anywhere] = middle + rng.uniform(-320.0, 320.0, (int(anywhere.sum()), 3))
         answer = robot.ik(tips, seed=np.zeros(len(low)))
         tensions = by_hand.tensions_n(answer.actuation)
         found.targets += count

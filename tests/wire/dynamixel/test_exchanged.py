@@ -199,7 +199,7 @@ def moved(before: tuple[int, int, float], after: tuple[int, int, float]) -> bool
     "count", [pytest.param(4, marks=pytest.mark.slow), pytest.param(200, marks=pytest.mark.campaign)]
 )
 def test_random_exchanges_in_any_state_never_move_the_other_robot(robots: Robots, count: int) -> None:
-    """Cables are out for long enough that a daemon faults; then each bus goes on, is cleared and armed again."""
+    """Cables are out until a daemon faults; then each bus goes on, is cleared and armed again."""
     chance = random.Random(464 + count)
     for which in range(2):
         assert robots.drive(which)
