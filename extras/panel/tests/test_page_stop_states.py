@@ -1,9 +1,9 @@
 """The page in a real browser: STOP in random states of the page is carried out or alarmed within 1.5 s.
 
 A trial puts the page into a state (a question open, a number half typed, a slider under a finger, a hidden
-tab that comes back, a robot on its way), disturbs what is between it and the robots (panel or daemon that stands
-still, a socket or requests that lead nowhere, a page that is busy) and presses STOP, by mouse, touch or the
-space bar. The page's own clock measures from the press, by the time of its event, to the first of both: all
+tab that comes back, a robot on its way), disturbs what is between it and the robots (panel or daemon that
+stands still, a socket or requests that lead nowhere, a page that is busy) and presses STOP, by mouse, touch
+or the space bar. The page's own clock measures from the press, by the time of its event, to the first of both: all
 robots shown as off, or the alarm. What is shown as off is then asked of the devices. `CONTID_STOPS=1000`
 gives the length of the campaign.
 """
@@ -55,16 +55,16 @@ WATCH: Final = """(() => {
     new MutationObserver(look).observe(document,
         { subtree: true, attributes: true, attributeFilter: ['data-state', 'hidden'] });
 })()"""
-#: Ways of the page that lead nowhere; `window.mend` undoes it.
+#: Ways of the page that lead nowhere; `window.repair` undoes it.
 MUTE_SOCKET: Final = """() => {
     const send = WebSocket.prototype.send;
     WebSocket.prototype.send = () => {};
-    window.mend = () => { WebSocket.prototype.send = send; };
+    window.repair = () => { WebSocket.prototype.send = send; };
 }"""
 MUTE_REQUESTS: Final = """() => {
     const fetch = window.fetch;
     window.fetch = () => new Promise(() => {});
-    window.mend = () => { window.fetch = fetch; };
+    window.repair = () => { window.fetch = fetch; };
 }"""
 BUSY: Final = "() => setTimeout(() => { const end = Date.now() + 400; while (Date.now() < end); }, 0)"
 HIDDEN: Final = """(state) => {
@@ -175,12 +175,12 @@ class Trial:
     def mute_socket(self) -> Iterator[None]:
         self.it.page.evaluate(MUTE_SOCKET)
         yield
-        self.it.page.evaluate("() => window.mend()")
+        self.it.page.evaluate("() => window.repair()")
 
     def mute_requests(self) -> Iterator[None]:
         self.it.page.evaluate(MUTE_REQUESTS)
         yield
-        self.it.page.evaluate("() => window.mend()")
+        self.it.page.evaluate("() => window.repair()")
 
     def busy(self) -> Iterator[None]:
         self.it.page.evaluate(BUSY)
