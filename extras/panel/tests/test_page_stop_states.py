@@ -3,9 +3,9 @@
 A trial puts the page into a state (a question open, a number half typed, a slider under a finger, a hidden
 tab that comes back, a robot on its way), disturbs what is between it and the robots (panel or daemon that
 stands still, a socket or requests that lead nowhere, a page that is busy) and presses STOP, by mouse, touch
-or the space bar. The page's own clock measures from the press, by the time of its event, to the first of both: all
-robots shown as off, or the alarm. What is shown as off is then asked of the devices. `CONTID_STOPS=1000`
-gives the length of the campaign.
+or the space bar. The page's own clock measures from the press, by the time of its event, to the first of
+both: all robots shown as off, or the alarm. What is shown as off is then asked of the devices.
+`CONTID_STOPS=1000` gives the length of the campaign.
 """
 
 from __future__ import annotations
