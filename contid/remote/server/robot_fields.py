@@ -18,7 +18,7 @@ from contid.control.tick.limits import FLAG_NAMES
 from contid.control.tick.supervisor import Mode
 from contid.kinematics.model import Bending
 from contid.robot_file.robot import RobotDescription
-from contid.targets import Vec3
+from contid.targets import Vec3, load_or_zero
 from contid.trajectory.arc_columns import arc_values
 from contid.units import m_to_mm
 
@@ -33,11 +33,12 @@ PER_AXIS: Final = ("effort", "temperature_c", "voltage_v", "tension_n")
 
 
 def bends_of(config: RobotConfig, robot: RobotDescription, record: RobotRecord) -> list[float] | None:
-    """Values of `contid.trajectory.arc_columns.arc_names` at the commanded actuation."""
+    """Values of `contid.trajectory.arc_columns.arc_names` at the commanded actuation, with the known load."""
     command = commanded(record)
     if command is None or not isinstance(config.model, Bending):
         return None
-    return arc_values(robot, config.model.arcs(command, record.load_n).tolist())
+    load_in_base = config.frame.vector_in_base(load_or_zero(record.load_n))
+    return arc_values(robot, config.model.arcs(command, load_in_base).tolist())
 
 
 def field_of(config: RobotConfig, record: RobotRecord, field: str) -> Any:

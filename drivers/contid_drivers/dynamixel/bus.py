@@ -14,6 +14,7 @@ from contid.hal import AxisOnBus, Clock, Rest, Sample
 from contid_drivers.dynamixel import arming, torque, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.exchange.block import ServoReading
 from contid_drivers.dynamixel.exchange.cyclic import Cyclic
@@ -201,8 +202,11 @@ class DynamixelBus:
         return sample
 
     def _rest(self, client: ServoClient, axis: Axis, reading: ServoReading) -> None:
-        """Bring a faulty servo to rest, now that it answers."""
+        """Bring a faulty servo to rest, now that it answers; not the servo of another robot."""
         try:
+            if not identity.is_same(client, axis):
+                log.debug("%s: another servo answers, which is not brought to rest", axis.name)
+                return
             arming.rest(client, axis, None if axis.reset else reading.position)
         except NoAnswerError:
             log.debug("%s: silent again before it was brought to rest", axis.name)

@@ -16,6 +16,7 @@ from contid.kinematics.tendon.driven import DrivenTendonModel
 from contid.robot_file.load import load_named, parse_robot_file
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
+from tests.kinematics.tendon.trunk_slack import search
 
 PRESETS = ("catheter", "planar2", "trunk")
 
@@ -216,3 +217,9 @@ def test_drives_that_bend_alike_are_refused(configs):
     arm["drives"]["m2"]["pulls"] |= {"s1.t2": -0.5, "s1.t4": 0.5}
     with pytest.raises(BadInputError, match="in the same way"):
         parse_robot_file(yaml.safe_dump(raw), "robot.yaml")
+
+
+def test_no_tendon_of_the_trunk_goes_slack():
+    found = search(400, seed=1)
+    assert found.wrong == 0
+    assert found.met > 350

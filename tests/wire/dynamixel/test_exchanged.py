@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -154,6 +154,103 @@ def test_without_rights_a_robot_runs_and_it_is_logged(
     monkeypatch.setenv("XDG_STATE_HOME", "/proc/none")
     assert robots.drive(0)
     assert "not remembered" in caplog.text
+
+
+#: What a robot did when the cables were pulled.
+STATES = ("off", "open", "hold", "run", "relaxed")
+#: Exchanges without an answer until the daemon has faulted and rests its robots.
+SILENT = 7
+#: What a reading is rounded by [ticks].
+STANDS = 2
+
+
+def into(bus: DynamixelBus, state: str) -> None:
+    """Bring a robot into a state."""
+    if state == "off":
+        return
+    bus.open()
+    samples = bus.exchange({})
+    if state == "open":
+        return
+    bus.enable(bus.axes)
+    if state == "run":
+        for step in range(1, 4):
+            bus.exchange({axis: (sample.value or 0.0) + 0.1 * step for axis, sample in samples.items()})
+    if state == "relaxed":
+        bus.disable(bus.axes, Rest.RELAX)
+
+
+def pulled(bus: DynamixelBus, state: str, rest: Rest) -> None:
+    """What a daemon does with a robot whose servos are silent: it faults, and rests it."""
+    if state == "off":
+        return
+    for _ in range(SILENT):
+        bus.exchange({})
+    bus.disable(bus.axes, rest)
+
+
+def moved(before: tuple[int, int, float], after: tuple[int, int, float]) -> bool:
+    """Whether torque was switched, or a goal written that is not where the servo stands."""
+    torque, goal, shaft = after
+    return torque != before[0] or (goal != before[1] and abs(goal - shaft) > STANDS)
+
+
+@pytest.mark.parametrize(
+    "count", [pytest.param(4, marks=pytest.mark.slow), pytest.param(200, marks=pytest.mark.campaign)]
+)
+def test_random_exchanges_in_any_state_never_move_the_other_robot(robots: Robots, count: int) -> None:
+    """Cables are out until a daemon faults; then each bus goes on, is cleared and armed again."""
+    chance = random.Random(464 + count)
+    for which in range(2):
+        assert robots.drive(which)
+    wrong = []
+    for number in range(count):
+        states, buses = [chance.choice(STATES) for _ in range(2)], [robots.bus(which) for which in range(2)]
+        rests = [chance.choice([Rest.HOLD, Rest.RELAX]) for _ in range(2)]
+        for bus, state in zip(buses, states, strict=True):
+            into(bus, state)
+        for emulator in robots.emulators:
+            emulator.servos = ()
+        for bus, state, rest in zip(buses, states, rests, strict=True):
+            pulled(bus, state, rest)
+        chosen = [list(servos) for servos in robots.own]
+        exchanged = chance.choice([(0,), (1,), (0, 1)])
+        for i in exchanged:
+            chosen[0][i], chosen[1][i] = chosen[1][i], chosen[0][i]
+        for servo in (*robots.own[0], *robots.own[1]):
+            if chance.random() < 0.3:
+                servo.reboot()
+                servo.booted_at = servo.now
+        for emulator, servos in zip(robots.emulators, chosen, strict=True):
+            emulator.servos = tuple(servos)
+        before = [robots.state(which) for which in range(2)]
+        for which in chance.sample(range(2), 2):
+            bus = buses[which]
+            with suppress(DeviceError):
+                bus.open()
+            for order in (None, bus.clear_fault, bus.enable):
+                with suppress(DeviceError):
+                    if order is not None:
+                        order(bus.axes)
+                with suppress(DeviceError):
+                    for _ in range(2):
+                        found = bus.exchange({})
+                        bus.exchange({axis: (each.value or 0.0) + 0.3 for axis, each in found.items()})
+        after = [robots.state(which) for which in range(2)]
+        for i in exchanged:
+            if any(moved(old[i], new[i]) for old, new in zip(before, after, strict=True)):
+                wrong.append(f"{number}: {states} {rests}, servo {i}: {before} {after}")
+        for bus in buses:
+            bus.close()
+        for emulator, own in zip(robots.emulators, robots.own, strict=True):
+            emulator.servos = own
+        for which in range(2):
+            bus = robots.bus(which)
+            bus.open()
+            bus.exchange({})
+            bus.clear_fault(bus.axes)
+            bus.close()
+    assert wrong == []
 
 
 @pytest.mark.slow

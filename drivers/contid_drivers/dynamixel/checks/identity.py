@@ -18,7 +18,7 @@ from contid.errors import DeviceError, DeviceNotFoundError
 from contid.kit.remembered import BusMemory, Remembered, accept_remedy
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
-from contid_drivers.dynamixel.client import ServoClient
+from contid_drivers.dynamixel.client import TRIES, ServoClient
 
 log = logging.getLogger(__name__)
 
@@ -28,13 +28,13 @@ _ALL: Final = range(1, 1 << 2 * _BITS)
 _SIZE: Final = reg.MAX_POSITION.size + reg.MIN_POSITION.size
 
 
-def read_mark(client: ServoClient, device: int) -> str:
+def read_mark(client: ServoClient, device: int, tries: int = TRIES) -> str:
     """The mark of a servo, three hexadecimal digits; "" without one.
 
     Raises:
         NoAnswerError: it is silent.
     """
-    block = client.read_block(device, reg.MAX_POSITION.address, _SIZE)
+    block = client.read_block(device, reg.MAX_POSITION.address, _SIZE, tries)
     high = reg.MAX_POSITION.high - reg.MAX_POSITION.decode(block[:4])
     low = reg.MIN_POSITION.decode(block[4:])
     if not (0 <= high <= _PART and 0 <= low <= _PART and (high or low)):
@@ -108,6 +108,15 @@ def _marked(
         axis.mark = mark
         log.info("%s: marked %s, in registers 48 and 52", client.name(axis.device), mark)
     return {str(axis.device): axis.mark for axis in axes if axis.mark}
+
+
+def is_same(client: ServoClient, axis: Axis) -> bool:
+    """Whether the servo of when the bus was opened answers; for a tick, so with one try.
+
+    Raises:
+        NoAnswerError: it is silent.
+    """
+    return not axis.mark or read_mark(client, axis.device, tries=1) == axis.mark
 
 
 def require_same(client: ServoClient, axis: Axis) -> None:

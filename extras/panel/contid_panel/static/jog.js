@@ -18,9 +18,10 @@ export class Jog {
     link.ordered = (verb) => { if (!verb.startsWith("jog")) this.forget(); };
   }
 
-  /** Another way begins. */
+  /** Another way begins: the jog has ended, and its end is not ordered. */
   forget() {
-    this.newest = this.taken = null;
+    this.newest = this.taken = this.row = this.active = null;
+    this.ending = false;
     this.refusals.clear();
   }
 

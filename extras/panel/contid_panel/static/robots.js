@@ -9,6 +9,7 @@ import { Slider } from "./slider.js";
 const ARMED = new Set(["HOLD", "RUN", "APPROACH"]);
 const HOME = "Go to the rest pose of the robot file";
 const MOVING = new Set(["RUN", "APPROACH"]);
+const STRAIGHT_DEG = 0.05; // of a bend below which its azimuth is only rounding
 
 export class RobotCard {
   constructor(name, description, drawing, { link, jog, speed }, selected) {
@@ -62,6 +63,8 @@ export class RobotCard {
   hand(columns, i) {
     const to = (value, row) => {
       if (row === null || row.some((each) => each === null)) return null;
+      const bend = columns.indexOf(columns[i].replace("azimuth", "bend"));
+      if (bend !== i && Math.abs(row[bend]) < STRAIGHT_DEG) return this.refuse(`${columns[i]} turns nothing where the robot is straight: bend it first`);
       this.jog.to(this.name, columns, row.map((each, k) => (k === i ? value : each)));
       return value;
     };
@@ -69,7 +72,9 @@ export class RobotCard {
       moved: (value) => to(value, this.ordered(columns)),
       stepped: (step, minimum, maximum) => {
         const row = this.ordered(columns);
-        return row === null ? null : to(Math.min(Math.max(row[i] + step, minimum), maximum), row);
+        if (row === null) return null;
+        const value = Math.min(Math.max(row[i] + step, minimum), maximum);
+        return value === row[i] ? this.refuse(`${columns[i]} is at the end of its range`) : to(value, row);
       },
       ended: () => this.jog.end(),
       typed: (value) => attempt(async () => {
@@ -78,6 +83,12 @@ export class RobotCard {
         await this.link.order("goto", { target: Object.fromEntries(columns.map((each, k) => [each, k === i ? value : row[k]])), share: this.speed.share });
       }),
     };
+  }
+
+  /** The reason on the card why a number is not ordered. */
+  refuse(why) {
+    this.jog.refusals.set(this.name, why);
+    return null;
   }
 
   /** The numbers of columns that were ordered last: of the jog that goes on, else where the robot was commanded to. */
