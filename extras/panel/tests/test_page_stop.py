@@ -98,6 +98,7 @@ def test_stop_when_the_socket_of_the_page_is_lost(it: OpenPage, running: Running
     until(running.off, "the devices are without torque")
 
 
+@pytest.mark.usefixtures("alone")
 def test_a_stop_that_nothing_confirms_is_reported(it: OpenPage, served: PanelProcess) -> None:
     served.process.kill()
     it.page.locator("#stop").click()
@@ -118,6 +119,7 @@ def test_a_stop_that_a_hanging_panel_does_not_confirm_is_reported(it: OpenPage, 
     it.state("f0", "OFF")
 
 
+@pytest.mark.usefixtures("alone")
 def test_the_alarm_is_seen_on_a_phone(browser: Browser, served: PanelProcess) -> None:
     with opened(browser, served, viewport={"width": 390, "height": 800}) as it:
         it.state("f0", "HOLD")
@@ -159,6 +161,7 @@ def test_resume_after_a_stop_of_another_client_asks_first(it: OpenPage, running:
         it.page.keyboard.press("Escape")
 
 
+@pytest.mark.usefixtures("alone")
 def test_the_daemon_is_killed_and_restarted(drawn: OpenPage, running: Running) -> None:
     drawn.take_control()
     running.process.kill()
@@ -176,6 +179,7 @@ def test_the_daemon_is_killed_and_restarted(drawn: OpenPage, running: Running) -
         drawn.state("f0", "OFF")
 
 
+@pytest.mark.usefixtures("alone")
 def test_a_robot_file_that_changed_is_reported_until_a_restart(drawn: OpenPage, running: Running) -> None:
     file = running.folder / "fingers.yaml"
     file.write_text(file.read_text().replace("length_mm: [0, 100]", "length_mm: [0, 90]"))
@@ -188,6 +192,7 @@ def test_a_robot_file_that_changed_is_reported_until_a_restart(drawn: OpenPage, 
         drawn.page.wait_for_selector("#view-note", state="hidden")
 
 
+@pytest.mark.usefixtures("alone")
 def test_events_have_their_reasons(it: OpenPage, running: Running) -> None:
     it.page.locator("#stop").click()
     it.state("f0", "OFF")
