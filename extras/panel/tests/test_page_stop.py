@@ -15,7 +15,7 @@ pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 from playwright.sync_api import Browser
 
 from tests.support.browser import OpenPage, opened
-from tests.support.daemons import Running, command, daemon, states
+from tests.support.daemons import Running, as_started, command, daemon, states
 from tests.support.panels import PanelProcess, panel
 from tests.support.waiting import until
 
@@ -50,16 +50,19 @@ def test_stop_by_click_without_the_lease(it: OpenPage, running: Running) -> None
     until(running.off, "the devices are without torque")
 
 
-@pytest.mark.parametrize("focus", ["body", "#stop", ".robot input", ".robot .orders button:nth-child(2)"])
-def test_stop_by_the_space_bar_wherever_the_focus_is(it: OpenPage, running: Running, focus: str) -> None:
-    it.take_control()
-    it.page.locator(focus).first.focus()
-    it.page.keyboard.press("Space")
-    it.state("f0", "OFF")
-    it.page.wait_for_timeout(500)  # a button under the focus must not be pressed by the same key
-    until(running.off, "the devices are without torque")
-    with running.client() as client:
-        assert states(client) == {"OFF"}
+def test_stop_by_the_space_bar_wherever_the_focus_is(it: OpenPage, running: Running) -> None:
+    for focus in ("body", "#stop", ".robot input", ".robot .orders button:nth-child(2)"):
+        as_started(running)
+        it.state("f0", "HOLD")
+        it.page.wait_for_selector("#lease[data-mine=false]")
+        it.take_control()
+        it.page.locator(focus).first.focus()
+        it.page.keyboard.press("Space")
+        it.state("f0", "OFF")
+        it.page.wait_for_timeout(500)  # a button under the focus must not be pressed by the same key
+        until(running.off, "the devices are without torque")
+        with running.client() as client:
+            assert states(client) == {"OFF"}, focus
 
 
 def test_after_a_stop_no_message_has_that_the_robots_hold(it: OpenPage) -> None:
