@@ -33,7 +33,7 @@ WATCHDOG = "watchdog_ms: 2000"
 #: Ticks of a robot that stands still are most of what a test of the socket costs: 0.17 s of a processor each
 #: second at 200 Hz with two fingers.
 RATE_HZ = 100
-#: What a daemon of a whole module prints, and nobody reads before its end.
+#: What a daemon of a whole module prints, which is read at its end.
 PIPE_BYTES = 1 << 20
 #: Where fingers are when they have started.
 START = {"left_mm": 50.0, "right_mm": 50.0}

@@ -19,7 +19,7 @@ from tests.support.plugins import starter
 ROOT: Final = Path(__file__).parents[3]
 #: PYTHONPATH of commands; without it they import the installed tree, which is the same (conftest.py).
 THIS_TREE: Final = os.pathsep.join((str(ROOT), str(ROOT / "drivers")))
-#: What this run was started with, as by somebody who measures it with a plug-in of their own.
+#: What this run was started with, as for a plug-in that measures it.
 OWN_PATH: Final = os.environ.get("PYTHONPATH", "")
 #: ``python -m MODULE`` that a starter can be. The recorder outlives its daemon, the control process does not.
 MODULES: Final = ("contid", "contid.control.process", "contid.session.mcap_recorder")
