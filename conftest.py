@@ -17,6 +17,7 @@ pytest_plugins = (
     "tests.support.plugins.isolation",
     "tests.support.plugins.tiers",
     "tests.support.plugins.budget",
+    "tests.support.plugins.order",
     "tests.support.plugins.reruns",
     "tests.support.plugins.commands",
 )

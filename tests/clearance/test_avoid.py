@@ -53,18 +53,18 @@ def cases(sections, count, seed=0):
 @ARMS
 def test_most_targets_that_the_plain_answer_touches_are_met_clear_of_obstacles(sections):
     clear = 0
-    for feasible, _, target, obstacles, found in cases(sections, 25):
+    for feasible, _, target, obstacles, found in cases(sections, 10):
         lengths = np.array(found[0])
         assert found[2]
         assert np.allclose(tip_of(build_solver(feasible), lengths), target, atol=1e-6)
         assert feasible.excess(lengths).max() <= 1e-9
         clear += gap_m(feasible, lengths, obstacles) >= MARGIN_M
-    assert clear >= 23
+    assert clear >= 9
 
 
 @ARMS
 def test_an_answer_asked_again_from_itself_stays(sections):
-    for _, solver, target, _, found in cases(sections, 25, seed=1):
+    for _, solver, target, _, found in cases(sections, 8, seed=1):
         again = solver.solve(target, None, None, found[0])
         assert np.abs(np.subtract(again[0], found[0])).max() <= 1e-7
 
@@ -76,7 +76,7 @@ def test_far_obstacles_change_no_bit(sections):
     far = [type(each)(each.point - 5.0, each.normal) for each in some_obstacles(rng, 1)]
     kept = avoiding(build_solver(feasible), feasible, far)
     seed = tuple(feasible.home.tolist())
-    for _ in range(50):
+    for _ in range(20):
         target = tip_of(plain, posture(feasible, rng))
         expected = plain.solve(target, None, None, seed)
         if expected[5] == 1:  # one descent: it needs no other start
@@ -91,7 +91,7 @@ def test_far_obstacles_change_no_bit(sections):
 def test_answers_along_a_line_past_obstacles_have_no_jump(sections):
     """From step to step the axes move in proportion to the tip, also where the potential begins."""
     moved, checked = [], 0
-    for feasible, solver, target, obstacles, found in cases(sections, 12, seed=3):
+    for feasible, solver, target, obstacles, found in cases(sections, 5, seed=3):
         if gap_m(feasible, found[0], obstacles) < MARGIN_M:
             continue
         lengths, begin = found[0], np.array(target)
@@ -103,7 +103,7 @@ def test_answers_along_a_line_past_obstacles_have_no_jump(sections):
             moved.append(np.abs(np.subtract(answer[0], lengths)).max())
             lengths = answer[0]
             checked += 1
-    assert checked > 200
+    assert checked > 80
     assert np.quantile(moved, 0.99) < 0.01
 
 
@@ -120,7 +120,7 @@ def slope(feasible, lengths, obstacles):
 def test_an_answer_is_a_minimum_of_the_distance_from_home_and_the_potential(sections):
     """First-order conditions with the potential written out from its definition."""
     lefts, pushed = [], 0
-    for feasible, _, target, obstacles, found in cases(sections, 25, seed=4):
+    for feasible, _, target, obstacles, found in cases(sections, 12, seed=4):
         lengths = np.array(found.lengths)
         chain, limits = twists.of_tubes(feasible.sections), section_limits.of_tubes(feasible)
         _, J = twists.task(chain, 1.0, lengths, target)
@@ -129,7 +129,7 @@ def test_an_answer_is_a_minimum_of_the_distance_from_home_and_the_potential(sect
         pushed += bool(np.linalg.norm(push) > 1e-3)
         normals = section_limits.binding_normals(limits, lengths)
         lefts.append(twists.multipliers_left(gradient, J, normals) / np.linalg.norm(gradient))
-    assert pushed >= 15
+    assert pushed >= 7
     # A body that touches has no minimum but a kink: obstacles have edges. Most are settled.
     assert np.quantile(lefts, 0.6) <= 2e-4
 

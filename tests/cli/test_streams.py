@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.command import contid_in
+
 pytestmark = pytest.mark.process
 
 ROWS = "t_s,x_mm,y_mm\n0,20,80\n1,22,80\n"
@@ -56,7 +58,7 @@ def test_closed_streams_are_empty_ones(redirection: str, tmp_path: Path) -> None
         ).returncode
         == 0
     )
-    assert "clean" in shell("contid session info a.mcap", tmp_path).stdout
+    assert "clean" in contid_in(tmp_path, "session", "info", "a.mcap").stdout
 
 
 def test_rows_from_a_closed_stdin_are_no_rows(tmp_path: Path) -> None:
@@ -80,16 +82,15 @@ def test_the_exit_code_stays_when_stderr_cannot_be_written(tmp_path: Path) -> No
 
 
 def test_a_recording_of_a_file_whose_name_is_no_text(tmp_path: Path) -> None:
-    make = "contid schema > /dev/null; cp rows.csv $'\\xff.csv'; "
-    run = (
-        "contid run finger --virtual --trajectory $'\\xff.csv' --record a.mcap && contid session info a.mcap"
-    )
-    done = shell(make + run, tmp_path)
+    run = "contid run finger --virtual --trajectory $'\\xff.csv' --record a.mcap"
+    assert shell(f"cp rows.csv $'\\xff.csv'; {run}", tmp_path).returncode == 0
+    done = contid_in(tmp_path, "session", "info", "a.mcap")
     assert (done.returncode, "\\udcff.csv" in done.stdout) == (0, True)
 
 
 def test_an_export_to_a_full_disk_is_refused_by_name(tmp_path: Path) -> None:
-    shell("contid run finger --virtual --trajectory rows.csv --record a.mcap", tmp_path)
+    (tmp_path / "rows.csv").write_text(ROWS)
+    contid_in(tmp_path, "run", "finger", "--virtual", "--trajectory", "rows.csv", "--record", "a.mcap")
     (tmp_path / "full.csv").symlink_to("/dev/full")
-    done = shell("contid session export a.mcap --csv full.csv", tmp_path)
+    done = contid_in(tmp_path, "session", "export", "a.mcap", "--csv", "full.csv")
     assert (done.returncode, "full.csv: cannot write it: No space left" in done.stderr) == (2, True)

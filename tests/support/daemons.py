@@ -33,6 +33,10 @@ WATCHDOG = "watchdog_ms: 2000"
 #: Ticks of a robot that stands still are most of what a test of the socket costs: 0.17 s of a processor each
 #: second at 200 Hz with two fingers.
 RATE_HZ = 100
+#: What a daemon of a whole module prints, which is read at its end.
+PIPE_BYTES = 1 << 20
+#: Where fingers are when they have started.
+START = {"left_mm": 50.0, "right_mm": 50.0}
 
 
 @dataclass
@@ -96,6 +100,7 @@ def daemon(
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        pipesize=PIPE_BYTES,
     )
     if stdin is not None:
         assert process.stdin is not None
@@ -133,6 +138,25 @@ def armed_daemon(count: int = 1, **keys: Any) -> Iterator[Running]:
         with started.client() as client:
             armed(client)
         yield started
+
+
+def as_started(running: Running) -> None:
+    """Bring a daemon that other tests have used to where `armed_daemon` had it: by its own orders."""
+    with running.client(name="next test") as client:
+        client.acquire(20.0, takeover=True)
+        before = client.status()["robots"]
+        if any(robot["state"] == "FAULT" for robot in before.values()):
+            client.clear_fault()
+        if any(robot["state"] != "HOLD" for robot in before.values()):
+            client.hold()
+            client.resume(after_stop=True)
+        client.move({f"{robot}.{column}": value for robot in before for column, value in START.items()})
+        if client.status()["recordings"]:
+            client.record(end=True)
+        client.release()
+        until(lambda: states(client) == {"HOLD"}, "every robot holds")
+    for poses in running.folder.glob("*.poses.yaml"):
+        poses.unlink()
 
 
 def command(*arguments: str) -> Sequence[str]:

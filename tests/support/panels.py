@@ -18,7 +18,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
 from contid.remote.protocol.expiry import clock_s
-from tests.support.daemons import Running, command
+from tests.support.daemons import PIPE_BYTES, Running, command
 
 
 @dataclass
@@ -50,6 +50,7 @@ def panel(running: Running, *arguments: str) -> Iterator[PanelProcess]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        pipesize=PIPE_BYTES,
     )
     assert process.stdout is not None
     try:

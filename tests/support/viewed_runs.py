@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from functools import cache
 from pathlib import Path
 
@@ -28,7 +29,20 @@ def rows_of(robot: str, *more: str) -> str:
 
 
 def drawn(robot: str, folder: Path) -> Path:
-    """The file of `contid run ROBOT --virtual --view`, made in this process, which has imported Rerun."""
+    """The file of `contid run ROBOT --virtual --view` in a folder; the run is made once in this process."""
+    recording = folder / f"{robot}.rrd"
+    recording.write_bytes(_drawing(robot))
+    return recording
+
+
+@cache
+def _drawing(robot: str) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        return _run(robot, Path(folder)).read_bytes()
+
+
+def _run(robot: str, folder: Path) -> Path:
+    """In this process, which has imported Rerun."""
     trajectory, recording = folder / f"{robot}.csv", folder / f"{robot}.rrd"
     trajectory.write_text(rows_of(robot))
     observers = [ViewerObserver(ViewTarget(Kind.FILE, recording))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import shutil
@@ -133,14 +134,18 @@ def build_once(
         )
     try:
         program.parent.mkdir(parents=True, exist_ok=True)
+        lock = program.with_name(f"{program.name}.lock").open("w")
     except OSError as error:
         why = f"cannot keep the program in {program.parent}: {error.strerror or error}"
         raise DeviceError("due emulator", why, _CACHE_REMEDY) from error
-    fresh = program.with_name(f"{program.name}.{os.getpid()}")
-    command = [*compiler, "-o", str(fresh), *map(str, sources)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise DeviceError("due emulator", f"the build of {name} fails:\n{done.stderr.strip()}")
-    # One atomic step: two builders at once both end with a whole program.
-    fresh.replace(program)
+    with lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # of two builders at once one waits for the program of the other
+        if program.is_file():
+            return program
+        fresh = program.with_name(f"{program.name}.{os.getpid()}")
+        command = [*compiler, "-o", str(fresh), *map(str, sources)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise DeviceError("due emulator", f"the build of {name} fails:\n{done.stderr.strip()}")
+        fresh.replace(program)
     return program

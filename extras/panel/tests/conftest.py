@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.support.daemons import Running, armed_daemon
+from tests.support.daemons import Running, armed_daemon, as_started
 from tests.support.panels import PanelProcess, panel
 
 if TYPE_CHECKING:  # the other tests of the panel need no playwright
@@ -46,16 +46,39 @@ def drawing(playwright: Playwright) -> Iterator[Browser]:
         yield started
 
 
-@pytest.fixture
-def running() -> Iterator[Running]:
-    with armed_daemon(2, rate_hz=RATE_HZ) as started:
-        yield started
+@pytest.fixture(scope="module")
+def shared() -> Iterator[tuple[Running, PanelProcess]]:
+    """Two fingers and their panel, of all tests of a module but those that end one of them."""
+    with armed_daemon(2, rate_hz=RATE_HZ) as started, panel(started) as served:
+        yield started, served
 
 
 @pytest.fixture
-def served(running: Running) -> Iterator[PanelProcess]:
-    with panel(running) as started:
-        yield started
+def alone() -> Iterator[tuple[Running, PanelProcess]]:
+    """Two fingers and their panel, of a test that ends one of them."""
+    with armed_daemon(2, rate_hz=RATE_HZ) as started, panel(started) as served:
+        yield started, served
+
+
+@pytest.fixture
+def both(
+    request: pytest.FixtureRequest, shared: tuple[Running, PanelProcess]
+) -> tuple[Running, PanelProcess]:
+    """What this test has: its own with `usefixtures("alone")`, else the module's, as after their start."""
+    if "alone" in request.fixturenames:
+        return request.getfixturevalue("alone")
+    as_started(shared[0])
+    return shared
+
+
+@pytest.fixture
+def running(both: tuple[Running, PanelProcess]) -> Running:
+    return both[0]
+
+
+@pytest.fixture
+def served(both: tuple[Running, PanelProcess]) -> PanelProcess:
+    return both[1]
 
 
 @pytest.fixture(scope="module")

@@ -154,6 +154,7 @@ async def test_another_client_takes_the_lease(served: PanelProcess, running: Run
             assert (await it.order("acquire", takeover=True))["ok"]
 
 
+@pytest.mark.usefixtures("alone")
 async def test_the_daemon_restarts_and_nothing_resumes(served: PanelProcess, running: Running) -> None:
     async with page(served) as it:
         await _moving(it)

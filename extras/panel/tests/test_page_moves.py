@@ -24,19 +24,20 @@ from tests.support.waiting import until
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
-@pytest.mark.parametrize("name", ["x", "y", "left", "right"])
-def test_jog_along_every_axis(it: OpenPage, running: Running, name: str) -> None:
-    slider = it.page.locator(it.slider("f0", name))
-    assert slider.is_disabled()
+def test_jog_along_every_axis(it: OpenPage, running: Running) -> None:
+    names, others = ("x", "y", "left", "right"), tip_mm(running, "f1")
+    sliders = {name: it.page.locator(it.slider("f0", name)) for name in names}
+    assert all(slider.is_disabled() for slider in sliders.values())
     it.take_control()
-    it.page.wait_for_selector(it.slider("f0", name) + ":enabled")
-    before, others = it.value("f0", name), tip_mm(running, "f1")
-    slider.focus()
-    for _ in range(20):
-        it.page.keyboard.press("ArrowLeft")
-    until(lambda: it.value("f0", name) < before - 1.9, f"{name} has moved")
-    it.state("f0", "HOLD")
-    assert tip_mm(running, "f1") == pytest.approx(others, abs=0.1)
+    for name, slider in sliders.items():
+        it.page.wait_for_selector(it.slider("f0", name) + ":enabled")
+        goal = it.value("f0", name) - 1.9
+        slider.focus()
+        for _ in range(20):
+            it.page.keyboard.press("ArrowLeft")
+        until(lambda name=name, goal=goal: it.value("f0", name) < goal, f"{name} has moved")  # type: ignore[misc]
+        it.state("f0", "HOLD")
+        assert tip_mm(running, "f1") == pytest.approx(others, abs=0.1)
 
 
 def test_a_jog_out_of_reach_is_refused_with_a_message(it: OpenPage, running: Running) -> None:

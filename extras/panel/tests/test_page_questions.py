@@ -13,7 +13,7 @@ pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 from playwright.sync_api import Browser
 
 from tests.support.browser import OpenPage, opened
-from tests.support.daemons import Running, states
+from tests.support.daemons import Running, as_started, states
 from tests.support.panels import PanelProcess
 from tests.support.waiting import until
 
@@ -81,26 +81,30 @@ def press(it: OpenPage, keys: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("keys", [DESKTOP, PHONE, FLAT_PHONE], ids=["mouse", "phone", "flat phone"])
-@pytest.mark.parametrize("question", QUESTIONS)
 def test_stop_while_the_page_asks(
-    browser: Browser,
-    served: PanelProcess,
-    running: Running,
-    question: Callable[[OpenPage, Running], Any],
-    keys: dict[str, Any],
+    browser: Browser, served: PanelProcess, running: Running, keys: dict[str, Any]
 ) -> None:
     with opened(browser, served, **keys) as it:
-        it.state("f1", "HOLD")
-        with question(it, running):
-            it.page.wait_for_selector("#confirm[open]")
-            press(it, keys)
-            it.page.wait_for_selector(".robot[data-robot=f1][data-state=OFF]", timeout=5000)
-            until(running.off, "the devices are without torque")
-            # Who stops does not want what was asked.
-            it.page.wait_for_selector("#confirm:not([open])", state="attached", timeout=5000)
-            it.page.wait_for_timeout(300)
-            with running.client() as client:
-                assert not states(client) & {"HOLD", "ARMING"}
+        for question in QUESTIONS:
+            as_started(running)
+            it.state("f1", "HOLD")
+            it.page.wait_for_selector("#lease[data-mine=false]")
+            _stop_in(question, it, running, keys)
+
+
+def _stop_in(
+    question: Callable[[OpenPage, Running], Any], it: OpenPage, running: Running, keys: dict[str, Any]
+) -> None:
+    with question(it, running):
+        it.page.wait_for_selector("#confirm[open]")
+        press(it, keys)
+        it.page.wait_for_selector(".robot[data-robot=f1][data-state=OFF]", timeout=5000)
+        until(running.off, "the devices are without torque")
+        # Who stops does not want what was asked.
+        it.page.wait_for_selector("#confirm:not([open])", state="attached", timeout=5000)
+        it.page.wait_for_timeout(300)
+        with running.client() as client:
+            assert not states(client) & {"HOLD", "ARMING"}
 
 
 def test_a_question_is_answered_by_keys(it: OpenPage, running: Running) -> None:

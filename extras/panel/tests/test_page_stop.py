@@ -15,7 +15,7 @@ pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 from playwright.sync_api import Browser
 
 from tests.support.browser import OpenPage, opened
-from tests.support.daemons import Running, command, daemon, states
+from tests.support.daemons import Running, as_started, command, daemon, states
 from tests.support.panels import PanelProcess, panel
 from tests.support.waiting import until
 
@@ -50,16 +50,19 @@ def test_stop_by_click_without_the_lease(it: OpenPage, running: Running) -> None
     until(running.off, "the devices are without torque")
 
 
-@pytest.mark.parametrize("focus", ["body", "#stop", ".robot input", ".robot .orders button:nth-child(2)"])
-def test_stop_by_the_space_bar_wherever_the_focus_is(it: OpenPage, running: Running, focus: str) -> None:
-    it.take_control()
-    it.page.locator(focus).first.focus()
-    it.page.keyboard.press("Space")
-    it.state("f0", "OFF")
-    it.page.wait_for_timeout(500)  # a button under the focus must not be pressed by the same key
-    until(running.off, "the devices are without torque")
-    with running.client() as client:
-        assert states(client) == {"OFF"}
+def test_stop_by_the_space_bar_wherever_the_focus_is(it: OpenPage, running: Running) -> None:
+    for focus in ("body", "#stop", ".robot input", ".robot .orders button:nth-child(2)"):
+        as_started(running)
+        it.state("f0", "HOLD")
+        it.page.wait_for_selector("#lease[data-mine=false]")
+        it.take_control()
+        it.page.locator(focus).first.focus()
+        it.page.keyboard.press("Space")
+        it.state("f0", "OFF")
+        it.page.wait_for_timeout(500)  # a button under the focus must not be pressed by the same key
+        until(running.off, "the devices are without torque")
+        with running.client() as client:
+            assert states(client) == {"OFF"}, focus
 
 
 def test_after_a_stop_no_message_has_that_the_robots_hold(it: OpenPage) -> None:
@@ -98,6 +101,7 @@ def test_stop_when_the_socket_of_the_page_is_lost(it: OpenPage, running: Running
     until(running.off, "the devices are without torque")
 
 
+@pytest.mark.usefixtures("alone")
 def test_a_stop_that_nothing_confirms_is_reported(it: OpenPage, served: PanelProcess) -> None:
     served.process.kill()
     it.page.locator("#stop").click()
@@ -118,6 +122,7 @@ def test_a_stop_that_a_hanging_panel_does_not_confirm_is_reported(it: OpenPage, 
     it.state("f0", "OFF")
 
 
+@pytest.mark.usefixtures("alone")
 def test_the_alarm_is_seen_on_a_phone(browser: Browser, served: PanelProcess) -> None:
     with opened(browser, served, viewport={"width": 390, "height": 800}) as it:
         it.state("f0", "HOLD")
@@ -159,6 +164,7 @@ def test_resume_after_a_stop_of_another_client_asks_first(it: OpenPage, running:
         it.page.keyboard.press("Escape")
 
 
+@pytest.mark.usefixtures("alone")
 def test_the_daemon_is_killed_and_restarted(drawn: OpenPage, running: Running) -> None:
     drawn.take_control()
     running.process.kill()
@@ -176,6 +182,7 @@ def test_the_daemon_is_killed_and_restarted(drawn: OpenPage, running: Running) -
         drawn.state("f0", "OFF")
 
 
+@pytest.mark.usefixtures("alone")
 def test_a_robot_file_that_changed_is_reported_until_a_restart(drawn: OpenPage, running: Running) -> None:
     file = running.folder / "fingers.yaml"
     file.write_text(file.read_text().replace("length_mm: [0, 100]", "length_mm: [0, 90]"))
@@ -188,6 +195,7 @@ def test_a_robot_file_that_changed_is_reported_until_a_restart(drawn: OpenPage, 
         drawn.page.wait_for_selector("#view-note", state="hidden")
 
 
+@pytest.mark.usefixtures("alone")
 def test_events_have_their_reasons(it: OpenPage, running: Running) -> None:
     it.page.locator("#stop").click()
     it.state("f0", "OFF")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from tests.support.command import contid_in
-from tests.support.daemons import HERE, Running, armed_daemon
+from tests.support.daemons import HERE, Running
 from tests.support.panels import PanelClient, PanelProcess, page
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
@@ -29,10 +29,15 @@ poses:
 
 
 @pytest.fixture
-def running() -> Iterator[Running]:
-    with armed_daemon(2) as started:
-        (started.folder / "fingers.poses.yaml").write_text(POSES)
-        yield started
+def running(both: tuple[Running, PanelProcess]) -> Running:
+    (both[0].folder / "fingers.poses.yaml").write_text(POSES)
+    return both[0]
+
+
+@pytest.fixture
+def served(running: Running, both: tuple[Running, PanelProcess]) -> PanelProcess:
+    """The panel, beside the file."""
+    return both[1]
 
 
 @asynccontextmanager

@@ -22,17 +22,11 @@ from contid_panel.limits import (
     MAX_UPLOAD,
     RESPONSE_TIMEOUT_S,
 )
-from tests.support.daemons import Running, armed_daemon, states
+from tests.support.daemons import Running, states
 from tests.support.panels import PanelProcess, page, panel
 from tests.support.waiting import until
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
-
-
-@pytest.fixture(scope="module")
-def running() -> Iterator[Running]:
-    with armed_daemon() as started:
-        yield started
 
 
 @pytest.fixture(autouse=True)

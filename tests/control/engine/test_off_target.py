@@ -95,7 +95,7 @@ def test_a_nearest_point_that_is_not_reached_ends_the_run_with_a_fault() -> None
 def test_a_target_that_was_within_reach_when_it_was_checked_and_is_not_in_the_run() -> None:
     """The nearest point is reached, which is enough only for a trajectory that was not refused anything."""
     loaded = load(1)
-    rows = "t_s,x_mm,y_mm\n0,50,75\n0.5,50,75\n0.7,50,395\n3,50,75\n"
+    rows = "t_s,x_mm,y_mm\n0,50,75\n0.5,50,75\n0.7,50,395\n1.5,50,75\n"
     trajectory = read_trajectory(io.StringIO(rows), "far.csv", loaded.driven)
     assert run_virtual(loaded, RATE, trajectory).exit_code == 0
     report = run_virtual(loaded, RATE, trajectory.accepted())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from contid.errors import DeviceError
 from contid_devices.firmware import command as firmware_command
 from contid_drivers.due import messages
 from contid_drivers.due.codes import PROTOCOL_VERSION
-from contid_drivers.due.firmware import build_host, build_id, build_note, cache_dir, firmware_dir
+from contid_drivers.due.firmware import build_host, build_id, build_note, build_once, cache_dir, firmware_dir
 
 
 def test_without_a_home_folder_the_message_names_the_variable_to_set(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -73,6 +74,19 @@ def test_a_named_folder_without_sources_is_refused(tmp_path: Path, monkeypatch: 
     monkeypatch.setenv("CONTID_FIRMWARE", str(tmp_path))
     with pytest.raises(DeviceError, match=rf"no sources in {tmp_path} \(CONTID_FIRMWARE: "):
         firmware_dir()
+
+
+@pytest.mark.process
+def test_of_two_builders_at_once_one_compiles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    compiler = tmp_path / "compiler"
+    compiler.write_text(f'#!/bin/sh\necho built >> {tmp_path}/log\nsleep 0.2\ntouch "$2"\n')
+    compiler.chmod(0o755)
+    with ThreadPoolExecutor(2) as pool:
+        first, second = pool.map(lambda _: build_once("x", [str(compiler)], [compiler], []), range(2))
+    assert first == second
+    assert first.is_file()
+    assert (tmp_path / "log").read_text() == "built\n"
 
 
 @pytest.mark.campaign

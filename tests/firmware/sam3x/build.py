@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from contid_drivers.due.firmware import SKETCH_STANDARD, cache_dir, firmware_dir
@@ -32,6 +34,14 @@ def build_sketch() -> Path:
     if program.is_file():
         return program
     program.parent.mkdir(parents=True, exist_ok=True)
+    with program.with_name(f"{program.name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # one worker builds, the others wait for it
+        if not program.is_file():
+            _build(program, sketch, sources, ino)
+    return program
+
+
+def _build(program: Path, sketch: Path, sources: Sequence[Path], ino: Path) -> None:
     fresh = program.with_name(f"{program.name}.{os.getpid()}")
     include = ["-I", str(STAND_IN), "-I", str(firmware_dir() / "m3"), "-I", str(sketch)]
     command = [
@@ -41,4 +51,3 @@ def build_sketch() -> Path:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     fresh.replace(program)
-    return program

@@ -72,7 +72,7 @@ def by_shooting(
                 x = np.linalg.solve(A, np.append(moment - A[:3, 3], net[2] - share.sum()))
             v = along @ x + e3
             last, pace = pace, np.linalg.norm(v, axis=1)
-            if np.abs(pace - last).max() < 1e-14:
+            if np.abs(pace - last).max() < 1e-12:
                 break
         return x[:3], float(x[3]), pace
 
@@ -94,7 +94,7 @@ def by_shooting(
                 lengths[3 * first :] = pace
                 return np.concatenate((along, (R @ turn).ravel(), -np.cross(along, net), lengths))
 
-            done = solve_ivp(slope, (begin, end), state, method="DOP853", rtol=1e-9, atol=1e-11)
+            done = solve_ivp(slope, (begin, end), state, method="DOP853", rtol=1e-8, atol=1e-10)
             state, begin = done.y[:, -1], end
         return np.asarray(state)
 

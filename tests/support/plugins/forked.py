@@ -19,6 +19,8 @@ from tests.support.plugins import starter
 ROOT: Final = Path(__file__).parents[3]
 #: PYTHONPATH of commands; without it they import the installed tree, which is the same (conftest.py).
 THIS_TREE: Final = os.pathsep.join((str(ROOT), str(ROOT / "drivers")))
+#: What this run was started with, as for a plug-in that measures it.
+OWN_PATH: Final = os.environ.get("PYTHONPATH", "")
 #: ``python -m MODULE`` that a starter can be. The recorder outlives its daemon, the control process does not.
 MODULES: Final = ("contid", "contid.control.process", "contid.session.mcap_recorder")
 #: Variables that the interpreter or a library reads while it starts: where they differ nothing is forked.
@@ -151,6 +153,8 @@ def _request(args: Sequence[Any], env: Mapping[str, str]) -> dict[str, Any] | No
 def _folders(env: Mapping[str, str]) -> list[str] | None:
     """What PYTHONPATH names before this tree; None for another tree, or code that runs at the start."""
     path = env.get("PYTHONPATH") or THIS_TREE
+    if path == OWN_PATH:
+        path = os.pathsep.join((path, THIS_TREE))
     if path != THIS_TREE and not path.endswith(os.pathsep + THIS_TREE):
         return None
     folders = [each for each in path.removesuffix(THIS_TREE).split(os.pathsep) if each]
