@@ -179,7 +179,7 @@ def zero(run: PneumaticRun) -> Array:
 
 def zeroed(run: PneumaticRun, tips: Array) -> Array:
     """Tips moved so that the first 0.2 s fit."""
-    return tips + (run.tip[:4] - tips[:4]).mean(axis=0)
+    return np.asarray(tips + (run.tip[:4] - tips[:4]).mean(axis=0))
 
 
 def window(run: PneumaticRun) -> Array:

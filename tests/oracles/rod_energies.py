@@ -71,7 +71,8 @@ def _bodies(strain: Array, elements: MovingElements) -> tuple[Array, Array]:
     """Middles, then ends of all elements: positions ``(rows, bodies, 3)`` and rotations."""
     rows, count, _ = strain.shape
     at, frame = np.tile([0.0, 0.0, elements.base_m], (rows, 1)), np.tile(np.eye(3), (rows, 1, 1))
-    middles, ends = [], []
+    middles: list[tuple[Array, Array]] = []
+    ends: list[tuple[Array, Array]] = []
     for e in range(count):
         u, v, t, stretch, a, b = np.moveaxis(strain[:, e], 1, 0)
         for found in (middles, ends):

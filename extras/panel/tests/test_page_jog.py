@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,10 +12,10 @@ pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 
 from playwright.sync_api import Browser
 
-from contid.remote.protocol.socket_path import is_listening
 from tests.support.browser import OpenPage, opened
-from tests.support.daemons import Running, armed, command
+from tests.support.daemons import Running
 from tests.support.panels import panel
+from tests.support.shipped_robots import shipped
 from tests.support.waiting import until
 
 #: Leases lapse in real time, and the browser shares the cores.
@@ -31,38 +27,6 @@ UNTOUCHED_MM = 1e-6
 #: over twice the length of these arms: less than this [1/mm] times the square.
 CURVED_PER_MM = 1.0 / 100.0
 PRESSES = 6
-
-
-@contextmanager
-def shipped(name: str) -> Iterator[Running]:
-    """`contid run NAME --mock`, armed, at rest."""
-    folder = Path(tempfile.mkdtemp(prefix="contid-"))
-    process = subprocess.Popen(
-        command(
-            "run",
-            name,
-            "--mock",
-            "--rate",
-            "50",
-            "--socket",
-            str(folder / "s"),
-            "--recordings",
-            str(folder),
-        ),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    running = Running(process, folder / "s", folder)
-    try:
-        until(lambda: is_listening(running.socket) or process.poll() is not None, "the daemon listens")
-        with running.client() as client:
-            armed(client)
-        yield running
-    finally:
-        process.kill()
-        process.communicate()
 
 
 def bends(running: Running) -> list[float]:

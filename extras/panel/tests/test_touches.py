@@ -20,14 +20,14 @@ from contid.control.tick.preflight.edge import along_the_edge, off_the_reach_m
 from contid.control.tick.preflight.rows import Preflight
 from contid.errors import BadInputError
 from contid.kinematics.model import Bending
-from contid.robot_file.load import configs_folder, load_named
+from contid.robot_file.load import load_named
 from contid.targets import Actuation, Target
 from contid.trajectory.arc_columns import arc_names, arc_values
 from contid.trajectory.columns import column_groups
 from contid.trajectory.rows import RowReader
 from contid.units import MM_PER_M
+from tests.support.shipped_robots import BLOCKED, SHIPPED
 
-SHIPPED = sorted(path.stem for path in configs_folder().glob("*.yaml") if "." not in path.stem)
 #: What a coordinate that was not touched may change by [mm, or the unit of the axis].
 UNTOUCHED = 1e-6
 #: Steps of keys: of a tip or a length [mm], of a bend or azimuth [deg]; of an axis a share of its range.
@@ -35,13 +35,6 @@ STEPS = {"mm": 0.5, "deg": 0.5}
 OF_RANGE = 1e-3
 #: A bend below which its azimuth turns nothing [deg], and what a touch moves at the least, as a share of it.
 STRAIGHT_DEG, MOVED_SHARE = 0.1, 5e-3
-#: What no robot can move alone from rest. The tip of one section stays on a surface that is level there; two
-#: tendons bend in a plane; and a tendon that is pulled alone makes the others slack.
-TENDONS = [f"arm s{section}.t{tendon}_mm" for section in (1, 2, 3) for tendon in (1, 2, 3)]
-BLOCKED = {
-    "bend1": ["arm z_mm"], "catheter": ["arm z_mm"], "planar2": ["arm y_mm"],
-    "tendon3": TENDONS, "ftdcr_v4": TENDONS,
-}  # fmt: skip
 TOUCHES = int(os.environ.get("CONTID_TOUCHES", "200"))
 
 

@@ -18,10 +18,9 @@ pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 from playwright.sync_api import Browser, Locator
 
 from contid.client import Client
-from extras.panel.tests.test_page_jog import shipped
-from extras.panel.tests.test_touches import BLOCKED, SHIPPED
 from tests.support.browser import OpenPage, opened
 from tests.support.panels import panel
+from tests.support.shipped_robots import BLOCKED, SHIPPED, shipped
 from tests.support.waiting import until
 
 #: Leases lapse in real time, and the browser shares the cores.
@@ -102,7 +101,9 @@ def first_key(it: OpenPage, seen: Seen, robot: str, slider: Locator, key: str) -
 @pytest.mark.timeout(900)
 def test_the_first_key_moves_in_every_free_direction(browser: Browser, name: str) -> None:
     """One way or the other; what no robot of this kind can move alone is refused with its reason."""
-    dead, straight, silent = [], [], []
+    dead: list[str] = []
+    straight: list[str] = []
+    silent: list[str] = []
     with under_hands(browser, name) as (it, seen):
         cards = it.page.locator(".robot")
         for robot in [str(cards.nth(k).get_attribute("data-robot")) for k in range(cards.count())]:
