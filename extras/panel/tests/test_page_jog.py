@@ -13,9 +13,8 @@ pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 from playwright.sync_api import Browser
 
 from tests.support.browser import OpenPage, opened
-from tests.support.daemons import Running
+from tests.support.daemons import Running, shipped
 from tests.support.panels import panel
-from tests.support.shipped_robots import shipped
 from tests.support.waiting import until
 
 #: Leases lapse in real time, and the browser shares the cores.

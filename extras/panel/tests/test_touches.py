@@ -26,7 +26,7 @@ from contid.trajectory.arc_columns import arc_names, arc_values
 from contid.trajectory.columns import column_groups
 from contid.trajectory.rows import RowReader
 from contid.units import MM_PER_M
-from tests.support.shipped_robots import BLOCKED, SHIPPED
+from tests.support.daemons import BLOCKED, SHIPPED
 
 #: What a coordinate that was not touched may change by [mm, or the unit of the axis].
 UNTOUCHED = 1e-6

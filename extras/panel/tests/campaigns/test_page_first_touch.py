@@ -19,8 +19,8 @@ from playwright.sync_api import Browser, Locator
 
 from contid.client import Client
 from tests.support.browser import OpenPage, opened
+from tests.support.daemons import BLOCKED, SHIPPED, shipped
 from tests.support.panels import panel
-from tests.support.shipped_robots import BLOCKED, SHIPPED, shipped
 from tests.support.waiting import until
 
 #: Leases lapse in real time, and the browser shares the cores.
