@@ -14,8 +14,8 @@
 //
 // It is symplectic, of second order, stable for stiff strains, and rests where U' = J^T f: in the equilibrium of the
 // statics. U has the stiffness of the backbone, the moments of chambers (tau) and tendons as springs that only pull.
-// The first equation is solved by Newton's method with the matrix M(q) / h + h/4 U'' + D/2 of the step's beginning, whose
-// U'' is renewed where another set of tendons pulls.
+// The first equation is solved by Newton's method with the matrix M(q) / h + h/4 U'' + D/2 of the step's beginning,
+// whose U'' is renewed where another set of tendons pulls.
 //
 // Loads act for half a step at its beginning and at its end, so that the momentum is that of the time of q.
 // Twist and stretch of thin rods ring at 10^4 Hz, far above what a step resolves, and with almost no inertia their

@@ -37,7 +37,7 @@ struct Cable {
   double damping = 0.02;         // of the body [N s/mm]
   double stall_n = 60.0;         // pull of the stalled motor
   double noise_n = 0.01;
-  double base_n = 4.0;           // tension with the shaft and the body at their zero
+  double base_n = 4.0;  // tension with the shaft and the body at their zero
   bool cut = false;
 
   Way rest;  // where the body would be without the tendon, towards the motor [mm]

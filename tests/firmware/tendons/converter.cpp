@@ -1,5 +1,5 @@
-// A converter by its data sheet: DOUT is low when a reading waits, the rising clock shifts a bit out, the 25th pulse ends
-// it. For each reading of stdin prints `PULSES_BEFORE,PULSES,CLOCK,DOUT,READING`.
+// A converter by its data sheet: DOUT is low when a reading waits, the rising clock shifts a bit out, the 25th pulse
+// ends it. For each reading of stdin prints `PULSES_BEFORE,PULSES,CLOCK,DOUT,READING`.
 #include "contid_due/src/converter.h"
 
 #include <cstdio>

@@ -2,11 +2,12 @@
 //
 //   KIND SEED MOVES CONVERTER_HZ PULL NEAR CONFIGURE
 //
-// KIND is moves, or what fails after them: cut, loosened, jammed, open, saturated, frozen, reversed, swapped, host, silent;
-// PULL the sense that tightens, NEAR the stiffness of both tendons before the capstan in N/mm, CONFIGURE the body of the configure message of two motors in hex. Answers `REASON STATE MS LEAST
-// BELOW OUTWARD TENSION`: of the first channel its reason and state, the time from the failure to the safe state (-1: none), the
-// least tension in N after the pre-tension and until the failure (host: to the end), the number of moves with less than
-// the floor by more than 0.1 N, the greatest outward duty after the failure, and the tension at the end.
+// KIND is moves, or what fails after them: cut, loosened, jammed, open, saturated, frozen, reversed, swapped, host,
+// silent; PULL the sense that tightens, NEAR the stiffness of both tendons before the capstan in N/mm, CONFIGURE the
+// body of the configure message of two motors in hex. Answers `REASON STATE MS LEAST BELOW OUTWARD TENSION`: of the
+// first channel its reason and state, the time from the failure to the safe state (-1: none), the least tension in N
+// after the pre-tension and until the failure (host: to the end), the number of moves with less than the floor by more
+// than 0.1 N, the greatest outward duty after the failure, and the tension at the end.
 
 #include <cstdio>
 #include <cstdlib>
