@@ -39,6 +39,9 @@ def swings(seed: int, minutes: float) -> tuple[int, float, float]:
     """Contacts that are none, share of the time that the detector looked, largest squared distance."""
     rng = np.random.default_rng(5000 + seed)
     robot = calibrated(plant(), rng)
+    assert robot.sense is not None
+    load = robot.sense.load.model_copy(update={"swings": True})
+    robot = robot.model_copy(update={"sense": robot.sense.model_copy(update={"load": load})})
     run = ContactRun(robot, SwingingArm(), rng)
     run.begin(rng.uniform(0.1, 0.9, 6))
     began, looked, largest = run.ticks, 0, 0.0

@@ -58,12 +58,14 @@ class LoadSensing(Strict):
         noise_mm: standard deviation of a measured tip, per component.
         window_s: time constant of the average over measurements.
         expected_g: standard deviation of a component of the load before any measurement.
+        swings: true: a measured tip may be off by the swing that commands start, by ``dynamics``.
         calibration: the error of the model without load.
     """
 
     noise_mm: Positive = 0.3
     window_s: Annotated[float, Field(ge=0.05, le=10)] = 0.4
     expected_g: Annotated[float, Field(ge=0.1, le=1000)] = 20.0
+    swings: bool = False
     calibration: ModelErrors
 
 

@@ -95,7 +95,7 @@ def swing_of(robot: Cosserat) -> BodySwing:
     """
     from contid_dynamics.report import range_over_poses
 
-    if robot.dynamics is None or robot.sense is None:
+    if robot.dynamics is None or robot.sense is None or not robot.sense.load.swings:
         return NoSwing()
     found = []
     for payload_g in (0.0, robot.sense.load.expected_g):
