@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 
 def plot_axes(session: RecordedTicks) -> Figure:
-    """A figure with one diagram per robot; an axis is a colour, its measured values are dashed.
+    """A figure of pyplot with one diagram per robot; an axis is a colour, its measured values are dashed.
+
+    Pyplot keeps it until it is closed, and a notebook shows it.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -25,11 +27,13 @@ def plot_axes(session: RecordedTicks) -> Figure:
     except ImportError:
         raise MissingExtraError("plot", "matplotlib", "plots") from None
     table, robots = TickTable(session), session.layout.robots
+    # Of every axis the index of its robot, and its column without channel and robot.
     axes = [
         (number, f"{axis}_{unit}")
         for number, robot in enumerate(robots)
         for axis, unit in zip(robot.axes, robot.units, strict=True)
     ]
+    # Of every axis two neighbouring columns of values: commanded, measured.
     names = [
         f"{channel}.{robots[number].name}.{axis}"
         for number, axis in axes

@@ -1,4 +1,4 @@
-"""The tick: who moves, who does not, and what a sample may claim."""
+"""The exchange of a tick: which axes move, which do not, and what holds of samples."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from contid.testing.rig import BusUnderTest, offset, values
 
 
 class ExchangeContract:
-    """What `contid.hal.Bus.exchange` must do."""
+    """What `contid.hal.Bus.exchange` must do; a rig has two axes or more (`contid.testing.rig`)."""
 
     def test_commands_arrive(self, enabled: BusUnderTest) -> None:
         goals = offset(enabled, enabled.bus.axes, enabled.facts.near)
@@ -88,4 +88,4 @@ class ExchangeContract:
         samples = enabled.pump(0.0)
         kept = samples[first]
         enabled.pump(enabled.facts.settle_s, offset(enabled, [first], enabled.facts.near))
-        assert samples[first] is kept
+        assert samples[first] is kept  # a sample is frozen: the bus made other samples in another mapping

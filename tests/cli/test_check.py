@@ -32,6 +32,16 @@ def test_the_report_names_robots_axes_buses_limits_rate_and_placeholders() -> No
     assert "placeholder values, measure these on your robot: geometry.rack_spacing_mm" in done.output
 
 
+def test_a_port_with_brackets_is_printed_as_it_is(configs: Path, tmp_path: Path) -> None:
+    text = (configs / "hand.yaml").read_text()
+    port = next(line for line in text.splitlines() if "port:" in line).split()[1]
+    file = tmp_path / "hand.yaml"
+    file.write_text(text.replace(port, '"/dev/[left]/[/x]"'))
+    done = CliRunner().invoke(command, [str(file)])
+    assert done.exit_code == 0, done.output
+    assert "/dev/[left]/[/x]" in done.output
+
+
 def test_the_report_names_the_links_of_a_chain_and_a_chosen_inverse(configs: Path, tmp_path: Path) -> None:
     done = CliRunner().invoke(command, [str(configs / "chain.yaml")])
     assert done.exit_code == 0, done.output

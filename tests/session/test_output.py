@@ -101,3 +101,17 @@ def test_a_command_log_is_new_and_private(tmp_path: Path) -> None:
     with pytest.raises(ContidError, match="No such file"):
         CommandLog(tmp_path / "absent" / "log.csv", layout)
     CommandLog(Path(os.devnull), layout).close()
+
+
+def test_a_command_log_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    layout = record_layout(load(1), 200.0)
+    with pytest.raises(ContidError, match="/dev/full: cannot write the command log: No space left on device"):
+        CommandLog(Path("/dev/full"), layout)
+    pipe = tmp_path / "pipe.csv"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    log = CommandLog(pipe, layout)
+    os.close(reader)
+    with pytest.raises(ContidError, match=r"pipe\.csv: cannot write the command log: Broken pipe"):
+        log.write([0.0] * layout.robot_start(1))
+    log.close()

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from contid.client import Client
-from contid_fleet.net import LINK_LEASE_S
+from contid_fleet.net_settings import LINK_LEASE_S
 from tests.support.daemons import Running, states
 from tests.support.fleets import BridgeProcess, bridge, mover
 from tests.support.ports import free_port

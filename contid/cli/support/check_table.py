@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from contid.robot_file.summary import ChainReport, FileReport, RobotReport
 
-#: Names of the kinds of target.
+#: Labels of the kinds of target; others are printed by their names.
 _KINDS: Final = {
     "x_axis": "x axis of the tip",
     "mid": "mid-point",
@@ -23,9 +24,6 @@ _KINDS: Final = {
 
 def print_report(report: FileReport, columns: Mapping[str, Mapping[str, Sequence[str]]]) -> None:
     """Print robots, axes, buses, limits, rate and placeholders.
-
-    A passive robot has no actuators; a chain, two arms joined by a rope, is one: its arms are robots of their
-    own in the file and move it.
 
     Args:
         report: summary of the robot file.
@@ -40,32 +38,19 @@ def print_report(report: FileReport, columns: Mapping[str, Mapping[str, Sequence
     robots = "1 robot" if count == 1 else f"{count} robots"
     echo(f"{report['name']}: {robots} at {report['rate_hz']:g} Hz; {report['file']} is valid")
     for robot in report["robots"]:
-        base = ", ".join(f"{value:g}" for value in robot["base_mm"])
-        echo(f"\n{robot['name']}: {robot['model']} at ({base}) mm")
+        echo(f"\n{robot['name']}: {robot['model']} at ({_numbers(robot['base_mm'])}) mm")
         if robot["kinematics"] != robot["model"]:
             echo(f"  inverse: {robot['kinematics'].rpartition('.')[2]}")
-        if robot["passive"]:
-            echo("  passive: it has no actuators of its own")
-            if robot["chain"] is not None:
-                for line in _chain(robot["chain"]):
-                    echo(f"  {line}")
-            _placeholders(robot, echo)
-            continue
-        console.print(_axes(robot))
-        echo(f"  rates: {_rates(robot)}")
-        if robot["weight"]:
-            echo(f"  gravity: {robot['weight']}")
-        if robot["shape"]:
-            echo(f"  shape: {robot['shape']}")
-        echo("  trajectory columns:")
-        for kind, names in columns[robot["name"]].items():
-            echo(f"    {_KINDS.get(kind, kind)}: {', '.join(names)}")
-        echo(f"  stops: {', '.join(f'{key} {value}' for key, value in robot['stop'].items())}")
-        _placeholders(robot, echo)
+        if not robot["passive"]:
+            console.print(_axes(robot))
+        for line in _passive(robot) if robot["passive"] else _driven(robot, columns[robot["name"]]):
+            echo(f"  {line}")
+        if robot["placeholders"]:
+            echo(f"  placeholder values, measure these on your robot: {', '.join(robot['placeholders'])}")
     buses = Table("bus", "driver", "port", "axes", "misses allowed")
     for bus in report["buses"]:
         tolerance = f"{bus['tolerance_ticks']} ticks"
-        buses.add_row(bus["name"], bus["driver"], bus["port"], str(bus["axes"]), tolerance)
+        _add_row(buses, bus["name"], bus["driver"], bus["port"], str(bus["axes"]), tolerance)
     echo("")
     console.print(buses)
     for bus in report["buses"]:
@@ -75,16 +60,30 @@ def print_report(report: FileReport, columns: Mapping[str, Mapping[str, Sequence
             echo(f"  {bus['name']}: {bus['unwatched']}")
 
 
-def _placeholders(robot: RobotReport, echo: Callable[[str], None]) -> None:
-    if robot["placeholders"]:
-        echo(f"  placeholder values, measure these on your robot: {', '.join(robot['placeholders'])}")
+def _driven(robot: RobotReport, columns: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """Lines of a robot with actuators, after the table of its axes."""
+    yield f"rates: {_rates(robot)}"
+    if robot["weight"]:
+        yield f"gravity: {robot['weight']}"
+    if robot["shape"]:
+        yield f"shape: {robot['shape']}"
+    yield "trajectory columns:"
+    for kind, names in columns.items():
+        yield f"  {_KINDS.get(kind, kind)}: {', '.join(names)}"
+    yield f"stops: {', '.join(f'{key} {value}' for key, value in robot['stop'].items())}"
+
+
+def _passive(robot: RobotReport) -> Iterator[str]:
+    """Lines of a robot without actuators; a chain is one: its arms are robots of their own in the file."""
+    yield "passive: it has no actuators of its own"
+    if robot["chain"] is not None:
+        yield from _chain(robot["chain"])
 
 
 def _chain(chain: ChainReport) -> Iterator[str]:
     """A line for each link from base to base, and one for the bases and the floor below the rope."""
     first, second = (
-        f"arm {arm['name']} on its base at ({', '.join(f'{value:g}' for value in arm['base_mm'])}) mm"
-        for arm in chain["arms"]
+        f"arm {arm['name']} on its base at ({_numbers(arm['base_mm'])}) mm" for arm in chain["arms"]
     )
     mass = "mass not stated" if chain["mass_g"] is None else f"{chain['mass_g']:g} g"
     curve = "one curve" if chain["pieces"] == 1 else f"{chain['pieces']} curves"
@@ -98,8 +97,17 @@ def _axes(robot: RobotReport) -> Table:
     table = Table("axis", "from", "to", "unit", "bus", "device", "address")
     for axis in robot["axes"]:
         limits = ("" if end is None else f"{end:g}" for end in (axis["min"], axis["max"]))
-        table.add_row(axis["name"], *limits, axis["unit"], axis["bus"], axis["device"], axis["address"])
+        _add_row(table, axis["name"], *limits, axis["unit"], axis["bus"], axis["device"], axis["address"])
     return table
+
+
+def _add_row(table: Table, *cells: str) -> None:
+    """Add cells as they are: Rich would take a part in brackets, such as of a port, as markup."""
+    table.add_row(*map(Text, cells))
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values)
 
 
 def _rates(robot: RobotReport) -> str:

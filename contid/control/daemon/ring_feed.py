@@ -1,4 +1,7 @@
-"""What the daemon reads from the ring: events for report and listeners, records for the command log."""
+"""What the daemon reads from the ring: events for report and listeners, records for the command log.
+
+A command log that cannot be written any more, such as on a full disk, ends; the run goes on.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ class RingFeed:
     """Events and records of a run, fetched by its daemon.
 
     Attributes:
-        fetching: an event is being delivered.
+        fetching: events are being delivered; a listener must not call `fetch` then.
     """
 
     def __init__(self, child: ControlChild, report: ReportBuilder, options: RunOptions) -> None:
@@ -34,7 +37,7 @@ class RingFeed:
 
     @property
     def missed_ticks(self) -> int:
-        """Ticks that are missing in the command log."""
+        """Ticks that are missing in the command log while it is open, else 0."""
         reader = self._child.reader
         return 0 if reader is None or self._command_log is None else reader.missed_ticks
 
@@ -43,7 +46,11 @@ class RingFeed:
         self._listeners.append(listener)
 
     def begin_log(self, layout: RecordLayout) -> None:
-        """Open the command log, if there is to be one."""
+        """Open the command log, where the run has one.
+
+        Raises:
+            ContidError: it exists, or cannot be written.
+        """
         self._command_log = None if self._options.log is None else CommandLog(self._options.log, layout)
 
     def fetch(self) -> None:
@@ -66,7 +73,7 @@ class RingFeed:
                 )
 
     def deliver(self, event: RunEvent) -> None:
-        """Pass an event on."""
+        """Pass an event to the report, the terminal and the listeners."""
         self._report.add(event)
         if message := terminal.event_text(event, self._options.log_level):
             terminal.print_message(message)
@@ -74,7 +81,7 @@ class RingFeed:
             listener(event)
 
     def end_log(self, message: str = "") -> None:
-        """Close the command log and report ``message``: the run continues when the disk is full."""
+        """Close the command log; ``message``, unless empty, is a problem of the report."""
         command_log, self._command_log = self._command_log, None
         if command_log is not None:
             with suppress(OSError):

@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from contid.control.engine.events import RunEvent
@@ -19,14 +21,15 @@ from contid.errors import ContidError
 
 
 class CommandLog:
-    """Writes records as lines; also a sink of the engine."""
+    """Writes records as lines; also a sink of the engine in virtual time."""
 
     def __init__(self, path: Path, layout: RecordLayout) -> None:
-        """Create the file.
+        """Create the file and write the names of the columns.
 
         Raises:
-            ContidError: it exists, or cannot be created.
+            ContidError: it exists, or cannot be written.
         """
+        self._path = path
         self._layout = layout
         self._file = os.fdopen(_created(path), "w", encoding="ascii", newline="\n", buffering=1)
         columns = ["tick", "source_s"]
@@ -34,10 +37,15 @@ class CommandLog:
             columns.append(f"{robot.name}.mode")
             for axis in robot.axes:
                 columns += [f"{robot.name}.{axis}.command", f"{robot.name}.{axis}.device"]
-        self._file.write(",".join(columns) + "\n")
+        with self._named_errors():
+            self._file.write(",".join(columns) + "\n")
 
     def add(self, record: TickRecord) -> None:
-        """One line for one tick."""
+        """Write one line for one tick.
+
+        Raises:
+            OSError: it cannot be written, such as to a full disk or a pipe that is not read any more.
+        """
         cells = [str(record.tick), _exact(record.source_s)]
         for robot in record.robots:
             cells.append(Mode(robot.mode).name)
@@ -46,8 +54,13 @@ class CommandLog:
         self._file.write(",".join(cells) + "\n")
 
     def write(self, values: list[float]) -> None:
-        """See `contid.control.engine.cycle.Sink`."""
-        self.add(self._layout.decode(tuple(values)))
+        """See `contid.control.engine.cycle.Sink`.
+
+        Raises:
+            ContidError: the line cannot be written.
+        """
+        with self._named_errors():
+            self.add(self._layout.decode(tuple(values)))
 
     def event(self, event: RunEvent) -> None:
         """Events are not commands."""
@@ -56,8 +69,19 @@ class CommandLog:
         """Finish the file."""
         self._file.close()
 
+    @contextmanager
+    def _named_errors(self) -> Iterator[None]:
+        """Close the file after an error of the system, and raise it as one of this file."""
+        try:
+            yield
+        except OSError as error:
+            with suppress(OSError):
+                self._file.close()
+            raise _cannot_write(self._path, error) from error
+
 
 def _exact(value: float) -> str:
+    """The shortest text that reads back to the same number; empty for NaN, which is no command."""
     return "" if math.isnan(value) else repr(value)
 
 
@@ -77,4 +101,8 @@ def _created(path: Path) -> int:
                 raise ContidError(f"{path}: file exists; command logs are never overwritten") from None
             return os.open(path, flags)
     except OSError as error:
-        raise ContidError(f"{path}: cannot write the command log: {error.strerror}") from error
+        raise _cannot_write(path, error) from error
+
+
+def _cannot_write(path: Path, error: OSError) -> ContidError:
+    return ContidError(f"{path}: cannot write the command log: {error.strerror}")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container
+from functools import reduce
+from operator import or_
 from typing import Final
 
 from contid.control.engine.cycle import Sink
@@ -88,9 +90,8 @@ class Outcomes:
                 # A correction by measured tips may lead out of the reach that was checked.
                 if isinstance(source, Timed) and source.within_reach and not config.measurements_move_targets:
                     tally.missed(outcome.solution.residual_m)
-        for bits in outcome.limits:
-            if bits:
-                tally.limited[bits] += 1
+        if bits := reduce(or_, outcome.limits, 0):
+            tally.limited[bits] += 1
 
 
 def _squeeze_event(config: RobotConfig, number: int, report: SqueezeReport) -> SqueezeChanged:

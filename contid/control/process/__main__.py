@@ -8,13 +8,19 @@ import signal
 import sys
 from typing import Final
 
-#: Options of prctl(2): the signal at the death of the parent, and the slack of timers [ns].
+#: Options of prctl(2) by linux/prctl.h: the signal at the death of the parent, and the slack of timers [ns].
 _PR_SET_PDEATHSIG: Final = 1
 _PR_SET_TIMERSLACK: Final = 29
 
 
 def bind_to_parent(parent: int) -> bool:
-    """Get SIGTERM when the daemon dies, and precise timers; False when the daemon is dead already."""
+    """Get SIGTERM when the daemon dies, and precise timers; False when the daemon is dead already.
+
+    A daemon that dies before the signal is requested sends none, and this process has another parent.
+
+    Args:
+        parent: process id of the daemon.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon handles Ctrl-C
     libc = ctypes.CDLL(None, use_errno=True)
     libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)

@@ -13,7 +13,12 @@ from contid.units import m_to_mm
 
 @dataclass(slots=True)
 class Lateness:
-    """Histogram of how late ticks started; microseconds to three significant digits."""
+    """Histogram of how late ticks started.
+
+    Attributes:
+        counts: ticks by lateness [us], rounded down to three significant digits.
+        greatest_s: greatest lateness, not rounded [s].
+    """
 
     counts: Counter[int] = field(default_factory=Counter)
     greatest_s: float = 0.0
@@ -29,7 +34,7 @@ class Lateness:
             self.greatest_s = lateness_s
 
     def quantile_us(self, share: float) -> float:
-        """Lateness that this share of the ticks did not exceed [us], 0 without ticks."""
+        """Lateness that this share of the ticks did not exceed, as it is counted [us]; 0 without ticks."""
         count = share * self.counts.total()
         seen = 0
         for us in sorted(self.counts):
@@ -59,14 +64,14 @@ class RobotTally:
         squares_m2: sum of its squares.
         residual_m: greatest residual of the inverse kinematics [m].
         unreachable: ticks whose target the model did not reach.
-        far: a target was out of reach by more than a curve between reachable rows may bulge.
         off_m: greatest distance of the commanded tip from its target beyond the residual [m]; ticks in which
             a robot catches up at the limit of its rates do not count.
         last_off_m: the same in the newest tick, catching up or not.
         missed_m: greatest residual of a target that was within reach when it was checked [m].
         joined_s: when the robot began to follow.
         caught_up: no limit has bound since then, or since a target out of reach, in at least one tick.
-        limited: ticks per limit that bound any axis.
+        far: a target was out of reach by more than a curve between reachable rows may bulge.
+        limited: ticks by the limits that bound any axis, as bits of `contid.control.tick.limits`.
     """
 
     followed: int = 0
@@ -110,7 +115,7 @@ class RobotTally:
             self.off_m = self.last_off_m
 
     def off_path(self, behind_m: float) -> None:
-        """The target of a tick is out of reach: the robot has to catch up with the next one that is not.
+        """Note a tick whose target is out of reach: the robot has to catch up with the next that is not.
 
         Args:
             behind_m: distance of the commanded tip from the nearest point that the model answered [m].
@@ -118,11 +123,17 @@ class RobotTally:
         self.caught_up, self.last_off_m, self.far = False, behind_m, True
 
     def missed(self, residual_m: float) -> None:
-        """A target is out of reach that was not when it was checked."""
+        """Note a target that is out of reach, and was not when it was checked, by its residual [m]."""
         self.missed_m = max(self.missed_m, residual_m)
 
     def add(self, tip_error_m: float, converged: bool, residual_m: float = 0.0) -> None:
-        """Count one tick in RUN."""
+        """Count one tick in RUN.
+
+        Args:
+            tip_error_m: distance of the commanded model's tip from the target [m].
+            converged: the model reached the target.
+            residual_m: residual of the inverse kinematics [m].
+        """
         self.followed += 1
         if residual_m > self.residual_m:
             self.residual_m = residual_m

@@ -1,4 +1,4 @@
-// Limits of the pressures [bar].
+// Limits of the pressures of a rod, three of each section from the base on [bar].
 #pragma once
 
 #include <algorithm>
@@ -17,7 +17,7 @@ inline void clamp(const Limits& limits, double* p) {
   for (int i = 0; i < limits.count; ++i) p[i] = std::min(std::max(p[i], limits.lower[i]), limits.upper[i]);
 }
 
-// Greatest difference of two postures.
+// Greatest difference of n pressures [bar].
 inline double most_change(int n, const double* p, const double* q) {
   double most = 0.0;
   for (int i = 0; i < n; ++i) most = std::fmax(most, std::fabs(p[i] - q[i]));
@@ -25,7 +25,8 @@ inline double most_change(int n, const double* p, const double* q) {
 }
 
 // From equal pressures in each section a search for a tip on the axis stays on the axis until rounding chooses one of
-// its mirrored solutions: such a start is moved off by this much [bar], the same way on every processor.
+// its mirrored solutions: of such a start the first two pressures are moved by once and twice this [bar], the same way
+// on every processor.
 constexpr double kOffAxis = 1e-6;
 
 inline void leave_axis(const Limits& limits, double* p) {

@@ -46,7 +46,7 @@ inline double determinant(const Mat& a) {
          m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
 }
 
-// Inverse by cofactors; false for a singular matrix.
+// Inverse by cofactors; false for a singular matrix, of a determinant of at most 1e-300.
 inline bool inverse(const Mat& a, Mat& out) {
   const auto& m = a.m;
   const double c0 = m[1][1] * m[2][2] - m[1][2] * m[2][1], c1 = m[1][2] * m[2][0] - m[1][0] * m[2][2],
@@ -60,6 +60,7 @@ inline bool inverse(const Mat& a, Mat& out) {
   return true;
 }
 
+// The matrix of a cross product: hat(a) b = a x b.
 inline Mat hat(Vec a) { return {{{0, -a.z, a.y}, {a.z, 0, -a.x}, {-a.y, a.x, 0}}}; }
 
 // (1 - cos t)/t^2 and (t - sin t)/t^3 in powers of t^2; the remainder is below 1e-18 for t < 1.
@@ -74,7 +75,9 @@ constexpr Series kVersine(2), kShift(3);
   return low + (high + a[8] * x4) * x4;
 }
 
-// exp of the screw (u, v): rotation and shift.
+// exp of the screw (u, v), a turn by |u| about u with the shift v per unit of it: rotation and shift. With t = |u| the
+// rotation is cos t + sin t / t [u] + (1 - cos t) / t^2 u u^T (Rodrigues); the shift is v + (1 - cos t) / t^2 u x v +
+// (t - sin t) / t^3 u x (u x v).
 [[gnu::always_inline]] inline void screw(Vec u, Vec v, Mat& rotation, Vec& shift) {
   const double t2 = dot(u, u);
   double b, c;

@@ -5,7 +5,7 @@
 
 namespace contid {
 
-// Weight of progress against motion across the line, and of the preferred steps against both.
+// Weights w of progress against motion across the line, and v, per size of the slopes, of the preferred steps.
 constexpr double kProgress = 1e-3;
 constexpr double kPreference = 1e-6;
 
@@ -14,12 +14,14 @@ struct Chord {
   int rows, axes;
   const double* slopes;  // derivative of the coordinates by the axes, (rows, axes)
   const double* along;   // direction of the line, of length 1
-  double size;           // of the slopes
+  double size;           // root of the sum of the squares of the slopes
 };
 
 // minimise  |across (J d - asked)|^2 + w^2 (along (J d - asked) - pace)^2 + v^2 |d - preferred|^2
 //
-// with low <= d <= high, where v is kPreference times the size of J; `held` as for bounded_least_squares.
+// with low <= d <= high: J are the slopes, d is the step of the axes. `asked`, a number for each row, is the drift of
+// the goal less what the linear model misses; `pace` is how far to go along the line beyond it. The others have a
+// number for each axis; `held` is as for bounded_least_squares.
 inline void nearest_step(const Chord& chord, const double* asked, double pace, const double* preferred,
                          const double* low, const double* high, signed char* held, double* step) {
   SmallMatrix a;

@@ -2,9 +2,9 @@
 
 This class only keeps the state; times are arguments [s, monotonic], and
 `contid.remote.server.request_handler` acts on the results.
-While stdin or ``--trajectory`` moves the robots, that input holds the lease as client 0. After a stop other
-clients move again only after an explicit ``acquire``, or a ``resume`` with ``after_stop``: a script in a loop
-does not undo the stop of a person, and neither does a stop of its own.
+While stdin or ``--trajectory`` moves the robots, that input holds the lease as `INPUT_CLIENT`. After a stop
+other clients move again only after an explicit ``acquire``, or a ``resume`` with ``after_stop``: a script in
+a loop does not undo the stop of a person, and neither does a stop of its own.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from contid.remote.protocol.wire import Code, Fields, RemoteError
 TIMEOUT_S: Final = 2.0
 MIN_TIMEOUT_S: Final = 0.1
 MAX_TIMEOUT_S: Final = 60.0
-#: The name of the daemon's own input as a holder.
+#: The number and the name of the daemon's own input as a holder.
+INPUT_CLIENT: Final = 0
 INPUT: Final = "input"
 #: Most stops that are kept by name. Two of different clients already bar every client.
 MAX_STOPS: Final = 8
@@ -29,7 +30,7 @@ class LeaseHolder:
     """The client that holds the lease.
 
     Attributes:
-        client: its number; 0 is the daemon's input.
+        client: its number; `INPUT_CLIENT` is the daemon's input.
         name: its name in messages.
         by: the person or program for whom the client orders, "" for itself.
         since_s: time of acquisition.
@@ -74,7 +75,7 @@ class Lease:
         #: By client; each stop stands until `go_on` or `end_stop`.
         self._stops: dict[int, ClientStop] = {}
         if input_active:
-            self.holder = LeaseHolder(0, INPUT, now_s, float("inf"), now_s)
+            self.holder = LeaseHolder(INPUT_CLIENT, INPUT, now_s, float("inf"), now_s)
 
     def held_by(self, client: int) -> bool:
         """True when this client holds the lease."""
@@ -182,7 +183,7 @@ class Lease:
         if by in self._stops or len(self._stops) < MAX_STOPS:
             self._stops[by] = ClientStop(message)
         holder = self.holder
-        if holder is None or holder.client in (0, by):
+        if holder is None or holder.client in (INPUT_CLIENT, by):
             return None
         self.holder = None
         return holder
@@ -215,7 +216,7 @@ class Lease:
 
     @staticmethod
     def _refusal(holder: LeaseHolder, now_s: float) -> RemoteError:
-        name = "the daemon's own input" if holder.client == 0 else holder.label
+        name = "the daemon's own input" if holder.client == INPUT_CLIENT else holder.label
         held_s = now_s - holder.since_s
         message = f"{name} has held the lease for {held_s:.1f} s; set takeover to acquire it all the same"
         return RemoteError(Code.LEASE_HELD, message)

@@ -11,7 +11,7 @@ from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.messages import ClearFault, Grip, Hold, Recover, Resume
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
-from contid.remote.server.lease import MAX_TIMEOUT_S, MIN_TIMEOUT_S, TIMEOUT_S, client_label
+from contid.remote.server.lease import INPUT_CLIENT, MAX_TIMEOUT_S, MIN_TIMEOUT_S, TIMEOUT_S, client_label
 from contid.remote.server.pending_orders import CONFIRM_TIMEOUT_S
 from contid.remote.server.query_handler import Caller, Verb
 from contid.remote.server.served_run import ServedRun
@@ -51,7 +51,7 @@ class MotionOrders:
         )
         if before is not None:
             message = f"{client_label(caller.name, caller.by)} took over"
-            if before.client == 0:
+            if before.client == INPUT_CLIENT:
                 self._run.control.detach_input()
             else:
                 self._run.control.send(Hold())

@@ -8,6 +8,7 @@ one tracker (`contid.remote.server.trackers`).
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -25,7 +26,7 @@ from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
 from contid.remote.server.frame_encoder import FrameEncoder
 from contid.remote.server.lateness_histogram import LatenessHistogram
-from contid.remote.server.lease import Lease, LeaseHolder, client_label
+from contid.remote.server.lease import INPUT_CLIENT, Lease, LeaseHolder, client_label
 from contid.remote.server.motion_orders import MotionOrders
 from contid.remote.server.moves import Moves
 from contid.remote.server.pending_orders import PendingOrders
@@ -38,7 +39,7 @@ from contid.remote.server.trackers import Trackers
 
 #: What clients with the role `ClientRole.WATCH` may ask.
 WATCH_VERBS: Final = frozenset(verb for verb, request in REQUESTS.items() if request.watches)
-#: Orders that are logged when a client speaks for another.
+#: Orders that are logged when a client speaks for another; one that is repeated, once in this period.
 JOURNALLED: Final = frozenset(verb for verb, request in REQUESTS.items() if request.journalled)
 JOURNAL_PERIOD_S: Final = 1.0
 #: Period in which late ticks are counted; the ring holds more.
@@ -48,7 +49,18 @@ log = logging.getLogger(__name__)
 
 
 class RequestHandler:
-    """The verbs of the socket, and what they share."""
+    """The verbs of the socket, and what they share.
+
+    Attributes:
+        view: the robots in telemetry.
+        frames: telemetry, encoded.
+        pending: orders that are not confirmed.
+        moves: in progress.
+        trackers: clients that measure.
+        lease: of the motion of the robots.
+        stops: orders to stop.
+        queries: requests that only read.
+    """
 
     def __init__(
         self,
@@ -57,13 +69,20 @@ class RequestHandler:
         clients: Callable[[], int],
         recordings: RunRecordings | None = None,
     ) -> None:
-        """Serve a run; ``notify`` sends a notice to a client by number, ``clients`` counts the clients."""
+        """Serve a run.
+
+        Args:
+            control: of the run.
+            notify: sends a notice to a client by number.
+            clients: number of clients that are connected.
+            recordings: of the run; None for a run that keeps none.
+        """
         self._recordings = recordings
         self._control = control
         self._notify = notify
         self._busy: Counter[int] = Counter()
         self._logged_s: dict[tuple[int, str], float] = {}
-        self._counted_s = 0.0
+        self._counted_s = -math.inf
         self.view = TelemetryView(control.loaded, control.rate_hz, control.refresh)
         self.frames = FrameEncoder(self.view.field)
         self.pending = PendingOrders(control)
@@ -96,10 +115,11 @@ class RequestHandler:
         if not isinstance(verb, str) or verb not in self._verbs:
             message = f"unknown verb {str(verb)[:60]!r}; there are {', '.join(self._verbs)}"
             raise RemoteError(Code.UNKNOWN_VERB, message)
+        # A stop with ``end`` also ends the run.
         if caller.role is ClientRole.WATCH and (verb not in WATCH_VERBS or fields.get("end")):
             message = "a member of the group of --watch-group may only read, and hold, stop and estop"
             raise RemoteError(Code.FORBIDDEN, message)
-        given = check_expiry(verb, dict(fields))  # before the lease: one that is late keeps no lease
+        given = check_expiry(verb, dict(fields))  # before the lease: a request that is late keeps no lease
         if caller.by and verb in JOURNALLED:
             self._journal(caller, verb)
         self._busy[caller.number] += 1
@@ -114,9 +134,9 @@ class RequestHandler:
                 del self._busy[caller.number]
 
     def _journal(self, caller: Caller, verb: str) -> None:
-        """Log an order of a client that speaks for another; one that is repeated, once a second."""
+        """Log an order of a client that speaks for another."""
         now_s = time.monotonic()
-        if now_s > self._logged_s.get((caller.number, verb), 0.0) + JOURNAL_PERIOD_S:
+        if now_s > self._logged_s.get((caller.number, verb), -math.inf) + JOURNAL_PERIOD_S:
             self._logged_s[caller.number, verb] = now_s
             log.info("%s: %s", client_label(caller.name, caller.by), verb)
 
@@ -124,7 +144,7 @@ class RequestHandler:
         """Take in an event of the ring."""
         if isinstance(event, OrderRefused):
             self._motions.notice(event)
-        elif isinstance(event, SourceEnded) and self.lease.held_by(0):
+        elif isinstance(event, SourceEnded) and self.lease.held_by(INPUT_CLIENT):
             self.lease.holder = None
         self.queries.notice(event)
         self.view.notice(event)
@@ -163,12 +183,14 @@ class RequestHandler:
             self._lapsed(holder, "its connection ended")
 
     def _lapsed(self, holder: LeaseHolder, message: str) -> None:
+        """Let the robots hold, because their holder has lost the lease; ``message`` states why."""
         self._control.send(Hold())
         self.moves.abort_streams(message)
         log.warning("%s lost the lease (%s); holding", holder.label, message)
         self._notify(holder.client, {"event": "lease-lost", "message": message})
 
     async def _note(self, caller: Caller, request: RequestFields) -> Fields:
+        """Write a note of the holder of the lease into the recording."""
         note = NoteWritten(
             experiment=request.text("experiment", ""),
             node=request.text("node", ""),
@@ -199,4 +221,5 @@ class RequestHandler:
         return {"file": str(path.absolute()), "done": done}
 
     async def _measure(self, caller: Caller, request: RequestFields) -> Fields:
+        """Take a measured tip of a tracker."""
         return self.trackers.measure(caller.number, caller.name, request)

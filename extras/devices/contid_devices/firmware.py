@@ -8,17 +8,18 @@ import subprocess
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Final, cast
 
 import click
 
 from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 
-#: The driver's own module of sources and builds, found by name like every driver.
-_SOURCES = "contid_drivers.due.firmware"
-_CORTEX = "contid_drivers.due.cortex"
-_FQBN = {"native": "arduino:sam:arduino_due_x", "programming": "arduino:sam:arduino_due_x_dbg"}
+#: Modules of the driver, found by name like every driver: sources and the emulator; builds for a Cortex-M3.
+_SOURCES: Final = "contid_drivers.due.firmware"
+_CORTEX: Final = "contid_drivers.due.cortex"
+#: Name of the board for arduino-cli (fully qualified board name), by the USB socket.
+_BOARD_NAMES: Final = {"native": "arduino:sam:arduino_due_x", "programming": "arduino:sam:arduino_due_x_dbg"}
 
 
 @click.group()
@@ -57,7 +58,11 @@ def build() -> None:
     show_default=True,
     help="Which of the board's two USB sockets PORT is.",
 )
-@click.option("--binary", type=click.Path(path_type=Path, exists=True), help="Flash this .bin with bossac.")
+@click.option(
+    "--binary",
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    help="Flash this .bin with bossac.",
+)
 @click.option("--dry-run", is_flag=True, help="Print the commands, run nothing.")
 def flash(port: str, connection: str, binary: Path | None, dry_run: bool) -> None:
     """Flash the sketch to the board at PORT, with arduino-cli, or with bossac and a .bin.
@@ -79,17 +84,19 @@ def flash(port: str, connection: str, binary: Path | None, dry_run: bool) -> Non
 
 
 def _arduino_steps(port: str, connection: str) -> list[list[str]]:
-    sketch = str(import_module(_SOURCES).firmware_dir() / "contid_due")
-    board = _FQBN[connection]
-    build = f"compiler.cpp.extra_flags=-DCONTID_BUILD_ID={import_module(_SOURCES).build_id()}u"
+    """Commands that build the sketch, marked with its sources, and upload it."""
+    sources = import_module(_SOURCES)
+    sketch, board = str(sources.firmware_dir() / "contid_due"), _BOARD_NAMES[connection]
+    mark = f"compiler.cpp.extra_flags=-DCONTID_BUILD_ID={sources.build_id()}u"
     return [
         ["arduino-cli", "core", "install", "arduino:sam"],
-        ["arduino-cli", "compile", "--fqbn", board, "--build-property", build, sketch],
+        ["arduino-cli", "compile", "--fqbn", board, "--build-property", mark, sketch],
         ["arduino-cli", "upload", "--fqbn", board, "--port", port, sketch],
     ]
 
 
 def _bossac_steps(port: str, connection: str, binary: Path) -> list[list[str]]:
+    """Commands that erase the flash and write a binary, as the Arduino core has them (its platform.txt)."""
     # Opening either port at 1200 baud erases the flash and starts the boot loader.
     name, native = Path(port).resolve().name, "true" if connection == "native" else "false"
     return [

@@ -22,7 +22,8 @@ from contid_fleet.fleet_file import MachineFile
 from contid_fleet.keys import Keys, is_node_name
 from contid_fleet.metrics_server import MetricsServer
 from contid_fleet.metrics_text import MetricsText, bridge_text, nodes_text
-from contid_fleet.net import FleetError, NetSession, NetSettings, in_loop
+from contid_fleet.net import FleetError, NetSession, in_loop
+from contid_fleet.net_settings import NetSettings
 from contid_fleet.node import Node
 from contid_fleet.sessions import Sessions
 

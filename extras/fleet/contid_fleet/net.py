@@ -1,6 +1,7 @@
-"""A session of Zenoh, closed by default: explicit endpoints, no discovery, nothing from the environment.
+"""A session of Zenoh with the settings of `contid_fleet.net_settings`, and nothing from the environment.
 
-The only module that imports zenoh. Its callbacks run in threads of Zenoh.
+The only module that imports zenoh. What is called back runs in threads of Zenoh; `in_loop` makes a handler of
+an event loop of it.
 """
 
 from __future__ import annotations
@@ -9,29 +10,16 @@ import asyncio
 import json
 import os
 import secrets
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any
 
 from contid.errors import ContidError, require_extra
-from contid_fleet.endpoints import PROTOCOLS, protocol
+from contid_fleet.net_settings import NetSettings, configuration
 
 if TYPE_CHECKING:
     import zenoh
-
-    from contid_fleet.fleet_file import Tls
-
-#: Silence of a link after which its tokens are gone and its sessions closed.
-LINK_LEASE_S: Final = 1.0
-KEEP_ALIVES_PER_LEASE: Final = 4
-#: Pause between two attempts to connect.
-RETRY_S: Final = (0.1, 0.5)
-#: Longest wait of a sender for a full queue. A put with DROP waits the first time, one with BLOCK the second.
-DROP_AFTER_S: Final = 0.001
-CLOSE_AFTER_S: Final = 0.2
-#: Bytes of one message.
-MAX_MESSAGE: Final = 1 << 20
 
 
 def in_loop(loop: asyncio.AbstractEventLoop, handler: Callable[..., object]) -> Callable[..., None]:
@@ -51,89 +39,20 @@ class FleetError(ContidError):
 
 
 @dataclass(frozen=True, slots=True)
-class NetSettings:
-    """How to reach the network.
+class Question:
+    """A request that came by network; it is answered once, from any thread.
 
     Attributes:
-        listen, connect: endpoints, checked by `contid_fleet.endpoints`.
-        tls: files of TLS, None without.
-        connect_timeout_s: longest wait of the constructor for endpoints that do not answer; it goes on later.
-        access: the access rules of Zenoh (`access_control`), None without.
-        mode: ``client`` has links to a router only, and ``router`` passes messages on between its links. The
-            constructor of a client waits for the router.
+        key: that it was sent to.
+        payload: bytes of the request.
     """
-
-    listen: Sequence[str] = ()
-    connect: Sequence[str] = ()
-    tls: Tls | None = None
-    connect_timeout_s: float = 0.0
-    access: Mapping[str, Any] | None = None
-    mode: Literal["peer", "client", "router"] = "peer"
-
-
-def configuration(settings: NetSettings) -> dict[str, Any]:
-    """The configuration of Zenoh; everything that opens a way in by itself is off."""
-    used = {protocol(each) for each in (*settings.listen, *settings.connect)}
-    link: dict[str, Any] = {
-        "protocols": sorted(used) or list(PROTOCOLS[:1]),
-        "tx": {
-            "lease": round(LINK_LEASE_S * 1e3),
-            "keep_alive": KEEP_ALIVES_PER_LEASE,
-            "queue": {
-                "congestion_control": {
-                    "drop": {"wait_before_drop": round(DROP_AFTER_S * 1e6)},
-                    "block": {"wait_before_close": round(CLOSE_AFTER_S * 1e6)},
-                }
-            },
-        },
-        "rx": {"max_message_size": MAX_MESSAGE},
-    }
-    if (tls := settings.tls) is not None:
-        link["tls"] = {
-            "root_ca_certificate": str(tls.ca),
-            "listen_certificate": str(tls.certificate),
-            "listen_private_key": str(tls.key),
-            "connect_certificate": str(tls.certificate),
-            "connect_private_key": str(tls.key),
-            "enable_mtls": True,
-            "verify_name_on_connect": True,
-            "close_link_on_expiration": True,
-        }
-    retry = {
-        "period_init_ms": round(RETRY_S[0] * 1e3),
-        "period_max_ms": round(RETRY_S[1] * 1e3),
-        "period_increase_factor": 2,
-    }
-    whole: dict[str, Any] = {
-        "mode": settings.mode,
-        "listen": {"endpoints": list(settings.listen), "exit_on_failure": True},
-        "connect": {
-            "endpoints": list(settings.connect),
-            # Zenoh keeps trying after this time; 0 would mean one attempt only.
-            "timeout_ms": round(settings.connect_timeout_s * 1e3) if settings.connect_timeout_s else -1,
-            "exit_on_failure": False,
-            "retry": retry,
-        },
-        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-        "adminspace": {"enabled": False},
-        "plugins_loading": {"enabled": False},
-        "transport": {"link": link, "shared_memory": {"enabled": False}},
-    }
-    if settings.access is not None:
-        whole["access_control"] = settings.access
-    return whole
-
-
-@dataclass(frozen=True, slots=True)
-class Question:
-    """A request that came by network; it is answered once, from any thread."""
 
     key: str
     payload: bytes
     _query: zenoh.Query = field(repr=False)
 
     def answer(self, key: str, payload: bytes) -> None:
-        """Send the response; one that cannot be sent any more is dropped."""
+        """Send the response from ``key``; one that cannot be sent any more is dropped."""
         import zenoh
 
         try:
@@ -159,8 +78,11 @@ class Declared:
 class NetSession:
     """A session on the network of a fleet.
 
+    Args:
+        settings: how to reach the network.
+
     Attributes:
-        name: unique, a chunk of a key.
+        name: unique, may be a part of a key.
 
     Raises:
         MissingExtraError: Zenoh is not installed.
@@ -169,7 +91,7 @@ class NetSession:
 
     def __init__(self, settings: NetSettings) -> None:
         require_extra("the fleet", "zenoh")
-        # Zenoh reads its threads, and programs by its example a whole configuration, from these.
+        # Zenoh reads its number of threads from these, and programs like its examples a whole configuration.
         for name in [name for name in os.environ if name.startswith("ZENOH_")]:
             del os.environ[name]
         import zenoh
@@ -199,7 +121,14 @@ class NetSession:
         return len(info.peers_zid()) + len(info.routers_zid())
 
     def put(self, key: str, payload: bytes, urgent: bool = False, attachment: bytes | None = None) -> None:
-        """Publish; dropped when a receiver does not read."""
+        """Publish; dropped when a receiver does not read.
+
+        Args:
+            key: to publish at.
+            payload: bytes of the message.
+            urgent: before messages that are not.
+            attachment: further bytes beside the payload, None without.
+        """
         self._session.put(
             key,
             payload,
@@ -229,7 +158,7 @@ class NetSession:
     def survey(
         self, key: str, timeout_s: float, found: Callable[[str], object], done: Callable[[], object]
     ) -> None:
-        """Look for tokens; ``done`` is called when every linked session has answered."""
+        """Look for tokens: ``found`` gets each key; ``done`` is called when all sessions have answered."""
         import zenoh
 
         def report(reply: zenoh.Reply) -> None:
@@ -239,7 +168,7 @@ class NetSession:
         self._session.liveliness().get(key, zenoh.handlers.Callback(report, done), timeout=timeout_s)
 
     def subscribe(self, key: str, received: Callable[[str, bytes], object]) -> Declared:
-        """Receive what is published."""
+        """Receive what is published: ``received`` gets the key and the bytes."""
 
         def report(sample: zenoh.Sample) -> None:
             received(str(sample.key_expr), sample.payload.to_bytes())
@@ -249,7 +178,7 @@ class NetSession:
         return declared
 
     def serve(self, key: str, asked: Callable[[Question], object]) -> None:
-        """Receive requests; each is answered by `Question.answer`."""
+        """Receive requests at a key; each is answered by `Question.answer`."""
 
         def report(query: zenoh.Query) -> None:
             payload = b"" if query.payload is None else query.payload.to_bytes()
@@ -267,9 +196,17 @@ class NetSession:
         urgent: bool = False,
         wait: bool = False,
     ) -> None:
-        """Send a request to all whom the key concerns; ``done`` is called after the last answer.
+        """Send a request to all sessions that serve the key.
 
-        With ``wait`` it waits for a full queue, `CLOSE_AFTER_S` at most; otherwise it is dropped then.
+        Args:
+            key: to ask at.
+            payload: bytes of the request.
+            timeout_s: after which no further answer is taken.
+            answered: gets the key and the bytes of every answer.
+            done: called after the last answer, or when the time is over.
+            urgent: before requests that are not.
+            wait: wait for a full queue, `contid_fleet.net_settings.CLOSE_AFTER_S` at most; otherwise the
+                request is dropped then.
         """
         import zenoh
 

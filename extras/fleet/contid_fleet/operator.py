@@ -14,7 +14,8 @@ from typing import Any, Final
 from contid.remote.protocol.wire import Fields, RemoteError, decode, encode
 from contid_fleet.fleet_file import OperatorFile
 from contid_fleet.keys import Keys, Origin
-from contid_fleet.net import NetSession, NetSettings
+from contid_fleet.net import NetSession
+from contid_fleet.net_settings import NetSettings
 
 #: A question to every node is repeated so often until every known node answered.
 REPEAT_S: Final = 0.2

@@ -18,7 +18,8 @@ from contid_fleet.access_rules import router_rules
 from contid_fleet.certificates import MACHINE
 from contid_fleet.fleet_file import FleetFile, Listen, Name, NodeName, check_names
 from contid_fleet.keys import Keys
-from contid_fleet.net import NetSession, NetSettings
+from contid_fleet.net import NetSession
+from contid_fleet.net_settings import NetSettings
 from contid_fleet.rights import Right
 
 log = logging.getLogger(__name__)

@@ -37,7 +37,8 @@ def _threads_of_zenoh(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Zenoh starts its threads once per process and keeps them: before a test counts what it leaves."""
     if find_spec("zenoh") is None:
         return
-    from contid_fleet.net import NetSession, NetSettings
+    from contid_fleet.net import NetSession
+    from contid_fleet.net_settings import NetSettings
 
     answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     with tempfile.TemporaryDirectory(prefix="contid-") as folder:

@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 
 from contid.client import Client
-from contid_fleet.net import NetSession, NetSettings
+from contid_fleet.net import NetSession
+from contid_fleet.net_settings import NetSettings
 from contid_fleet.operator import FleetOperator
 from tests.support.command import contid
 from tests.support.daemons import arrives, daemon, states

@@ -17,7 +17,7 @@ from contid.client import Client
 from contid.remote.protocol.wire import decode, encode
 from contid.remote.server.move import LIVE_ROWS
 from contid_fleet.fleet_address import FleetAddress
-from contid_fleet.net import LINK_LEASE_S
+from contid_fleet.net_settings import LINK_LEASE_S
 from contid_fleet.operator import FleetOperator
 from tests.support.daemons import Running, armed_daemon, arrives, states
 from tests.support.daemons import fast_daemon as daemon

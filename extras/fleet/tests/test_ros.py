@@ -19,7 +19,8 @@ import pytest
 
 from contid.errors import ContidError
 from contid.robot_file.base import Quantity
-from contid_fleet.net import NetSession, NetSettings
+from contid_fleet.net import NetSession
+from contid_fleet.net_settings import NetSettings
 from contid_fleet.ros.keys import QOS, RosNode, RosTopic, attachment, dds_type, ros_name
 from contid_fleet.ros.messages import NodeMessages, RosMessage, type_hash, type_store
 from tests.support.command import contid

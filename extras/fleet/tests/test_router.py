@@ -20,7 +20,8 @@ from contid.errors import BadInputError
 from contid_fleet.certificates import make_ca, make_certificate
 from contid_fleet.fleet_file import MachineFile, OperatorFile
 from contid_fleet.keys import Keys
-from contid_fleet.net import LINK_LEASE_S, NetSession, NetSettings
+from contid_fleet.net import NetSession
+from contid_fleet.net_settings import LINK_LEASE_S, NetSettings
 from contid_fleet.operator import FleetOperator
 from contid_fleet.router import RouterFile
 from contid_fleet.stops import stop_fleet

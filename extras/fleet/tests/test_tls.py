@@ -17,7 +17,8 @@ from contid.errors import ContidError
 from contid_fleet.certificates import make_ca, make_certificate
 from contid_fleet.fleet_file import MachineFile, Tls
 from contid_fleet.keys import is_name
-from contid_fleet.net import NetSession, NetSettings, configuration
+from contid_fleet.net import NetSession
+from contid_fleet.net_settings import NetSettings, configuration
 from contid_fleet.operator import FleetOperator
 from contid_fleet.stops import stop_fleet
 from tests.support.command import contid

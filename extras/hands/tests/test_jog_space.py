@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from contid.remote.client.described_robot import DescribedRobot
@@ -43,6 +45,22 @@ def test_keys_move_the_chosen_section() -> None:
     assert (space.space, space.axis, space.direction("left")) == (Space.AXES, 1, (1, -1))
     space.go_on()
     assert space.space is Space.TIP
+
+
+def test_a_robot_whose_name_ends_like_a_section_has_no_more_sections() -> None:
+    named = replace(robot(), bends=("arms4.s1.bend_deg", "arms4.s2.bend_deg"))
+    space = JogSpace(named, axes=False, tip_mm_s=None)
+    space.go_on()
+    space.choose(3)
+    assert (space.section, space.direction("up")) == (0, (0, 1))
+    space.choose(1)
+    assert (space.section, space.direction("up")) == (1, (1, 1))
+
+
+def test_the_label_has_the_speed_that_is_driven() -> None:
+    space = JogSpace(robot(), axes=False, tip_mm_s=500.0)
+    assert space.jogger([0.0, 0.0, 0.0], 0.1).speed == RATES[0]
+    assert space.label(0.1) == "tip: 20 mm/s, step 2 mm"
 
 
 def test_a_planar_section_bends_by_either_pair_of_keys() -> None:

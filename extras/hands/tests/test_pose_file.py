@@ -58,6 +58,11 @@ def test_a_good_file_is_read() -> None:
             "p.yaml:8:67: steps: allowed is at least 1 items",
         ),
         ("{wait_s: 1}", "{trajectory: none.csv}", "p.yaml:8:51: no file none.csv"),
+        (
+            "{wait_s: 1}",
+            f"{{trajectory: {'x' * 300}}}",
+            f"p.yaml:8:51: {'x' * 300}: File name too long",
+        ),
         ("x_mm: 40", "x_mm: forty", "p.yaml:4:25: x_mm: input should be a valid number"),
         ("x_mm: 40", "x_mm: .nan", "p.yaml:4:25: x_mm: allowed is a finite number"),
         ("contid_poses: 1", "contid: 1", "p.yaml:1:1: unknown key 'contid'"),
@@ -109,6 +114,8 @@ def test_a_new_file_is_made_and_a_wrong_one_is_left_alone(tmp_path: Path) -> Non
     with pytest.raises(BadInputError, match="unknown key 'contid'"):
         save_pose(path, "a", {"x_mm": 1.0}, "now", "finger.yaml")
     assert path.read_text() == "contid: 1\n"
+    with pytest.raises(ContidError, match=r"'open\\n' is no name of a pose"):
+        save_pose(tmp_path / "other.yaml", "open\n", {"x_mm": 1.0}, "now", "finger.yaml")
     with pytest.raises(ContidError, match="'two words' is no name of a pose"):
         save_pose(tmp_path / "other.yaml", "two words", {"x_mm": 1.0}, "now", "finger.yaml")
     with pytest.raises(ContidError, match=r"cannot write it: No such file"):

@@ -26,14 +26,14 @@ from contid_panel.slow_move import slow_line
 
 #: Orders of a read-only page: every client may stop.
 READ_ONLY: Final = frozenset({"estop"})
-#: Pause before the last row of a jog is repeated when the credit is spent.
+#: Pause before the rows of a jog are sent again when the credit is spent [s], and how often they are sent.
 CREDIT_PAUSE_S: Final = 0.03
 CREDIT_ATTEMPTS: Final = 40
 #: Least share of the full speed.
 SLOWEST: Final = 0.01
 
 Order: TypeAlias = Callable[[RequestFields], Awaitable[Fields]]
-#: What one request makes of the connection of the page.
+#: Sends one request over the connection of the page; returns the response.
 Send: TypeAlias = Callable[[AsyncClient], Awaitable[Fields]]
 
 
@@ -49,6 +49,7 @@ class PageOrders:
         self._hub = hub
         self._checks = checks
         self._poses = poses
+        # Number and columns of the stream of a jog, None without; one message at a time begins or ends it.
         self._move: tuple[int, tuple[str, ...]] | None = None
         self._jogging = asyncio.Lock()
         self.orders: dict[str, Order] = {
@@ -77,7 +78,7 @@ class PageOrders:
         }
 
     async def _estop(self, request: RequestFields) -> Fields:
-        # Every robot, whatever else the message contains.
+        """Stop every robot, whatever else the message contains."""
         return await self._client.stop(lambda client: client.estop())
 
     async def _acquire(self, request: RequestFields) -> Fields:
@@ -86,7 +87,7 @@ class PageOrders:
         return await self._client.request(lambda client: client.acquire(LEASE_TIMEOUT_S, takeover=takeover))
 
     def _plain(self, verb: str) -> Order:
-        """A request of the socket without fields."""
+        """The order that is a request of the socket without fields."""
 
         async def order(request: RequestFields) -> Fields:
             request.end()
@@ -134,6 +135,7 @@ class PageOrders:
             return await self._moving(jog)
 
     async def _rows(self, client: AsyncClient, move: int, rows: list[list[float]]) -> Fields:
+        """Send rows of a stream, several times while the daemon grants no credit."""
         for _ in range(CREDIT_ATTEMPTS):
             try:
                 return await client.request("rows", move=move, rows=rows)

@@ -20,14 +20,23 @@ ROWS_PER_S: Final = 20.0
 
 
 class Recorded:
-    """The ended recordings of a run, by the states that its daemon reports."""
+    """The ended recordings of a run, by the states that its daemon reports.
+
+    A recording counts as ended when a state does not list it any more that the one before did.
+    """
 
     def __init__(self) -> None:
+        #: Paths of the recordings under way at the last state.
         self._open: set[str] = set()
+        #: By file name, the newest last; all recordings of a run are in one folder.
         self._ended: dict[str, Fields] = {}
 
     async def after(self, status: Fields) -> list[Fields]:
-        """The ended recordings after a status, the newest first: name, file, seconds."""
+        """The ended recordings after a status, the newest first: name, file, seconds.
+
+        Args:
+            status: answer of the daemon to ``status``; the recording of the whole run does not count.
+        """
         now = {each["file"] for each in status["recordings"] if not each["whole_run"]}
         for file in sorted(self._open - now):
             found = await asyncio.to_thread(_facts, Path(file))
@@ -39,7 +48,11 @@ class Recorded:
         return list(reversed(self._ended.values()))
 
     async def trajectory(self, name: str, describe: Fields) -> str:
-        """The commands of a listed recording as a timed trajectory of all axes.
+        """The commands of a listed recording as the text of a timed trajectory of all axes.
+
+        Args:
+            name: name of its file.
+            describe: answer of the daemon to ``describe``.
 
         Raises:
             ContidError: it is not listed, was made with other robots, or has no command.
@@ -50,6 +63,7 @@ class Recorded:
 
 
 def _facts(path: Path) -> Fields | None:
+    """What a page lists of a recording; ``seconds`` is None where it has no end."""
     try:
         found = listed(path)
     except OSError:  # it was moved away
@@ -58,8 +72,16 @@ def _facts(path: Path) -> Fields | None:
 
 
 def _commanded(path: Path, describe: Fields) -> str:
+    """The trajectory of `Recorded.trajectory`, at most `ROWS_PER_S` rows a second, from 0 s.
+
+    Ticks in which an axis of any robot was not commanded have no row; the curve leads over them.
+
+    Raises:
+        ContidError: it was made with other robots, or has fewer than two rows.
+    """
     described = columns_of(describe)
     columns = [column for robot in described.values() for column in robot.axes]
+    # Columns of a recording begin with the robot, also where those of a trajectory do not.
     single = next(iter(described)) if len(described) == 1 else ""
     names = [f"command.{single}.{column}" if single else f"command.{column}" for column in columns]
     lines, begun_s, next_s = [",".join(["t_s", *columns])], math.nan, -math.inf
@@ -70,7 +92,7 @@ def _commanded(path: Path, describe: Fields) -> str:
         if row["robot_s"] < next_s or not all(map(math.isfinite, values)):
             continue
         begun_s = row["robot_s"] if math.isnan(begun_s) else begun_s
-        next_s = row["robot_s"] + 1.0 / ROWS_PER_S - 1e-6
+        next_s = row["robot_s"] + 1.0 / ROWS_PER_S - 1e-6  # rounding leaves no tick out
         lines.append(",".join(f"{value:.9g}" for value in (row["robot_s"] - begun_s, *values)))
     if len(lines) < 3:
         raise ContidError(f"{path.name}: no robot was commanded in it")

@@ -113,3 +113,11 @@ def test_what_the_check_accepts_is_marked_and_a_slower_copy_is_not() -> None:
     assert (
         not Preflight([config], unreachable=Unreachable.NEAREST).trajectory(circle(loaded), "").within_reach
     )
+
+
+def test_a_tick_in_which_a_limit_binds_both_axes_counts_once() -> None:
+    loaded = load(1)
+    still, away = ({"f0": Target(actuation=(length_m, length_m))} for length_m in (0.05, 0.09))
+    report = run_virtual(loaded, RATE, None, rows=[still] * 20 + [away] * 120)
+    robot = report.robots["f0"]
+    assert 0 < max(robot["ticks_limited"].values()) <= robot["ticks_followed"]

@@ -59,6 +59,14 @@ def test_a_board_shows_which_sources_it_was_built_from() -> None:
     assert "contid firmware flash" in build_note(build_id() ^ 1)
 
 
+def test_a_folder_is_no_binary(tmp_path: Path) -> None:
+    done = CliRunner().invoke(
+        firmware_command, ["flash", "/dev/ttyACM0", "--binary", str(tmp_path), "--dry-run"]
+    )
+    assert done.exit_code == 2
+    assert "is a directory" in done.output
+
+
 def test_another_source_is_another_build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     copied = tmp_path / "firmware"
     shutil.copytree(firmware_dir() / "contid_due", copied / "contid_due")

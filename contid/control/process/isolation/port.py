@@ -1,4 +1,8 @@
-"""The port of a bus in a process of its own: what the tick has instead of a bus and a worker thread."""
+"""The port of a bus in a process of its own: what the tick has instead of a bus and a worker thread.
+
+The control process sends a job in one tick and takes its answer in the same or a later one; it never waits
+longer than the tick allows. An answer that is late is a stall, which counts as a miss of the robots.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +21,9 @@ from contid.hal import Rest, Sample, TipMeasured
 from contid.hal.isolated import IsolatedBusOptions
 from contid.robot_file.document import BusWiring
 
-#: Longest time to open a bus, or to arm, clear or disable its axes.
+#: Longest job that opens a bus, or that arms, clears or disables axes.
 OPEN_S: Final = 10.0
-#: Longest exchange; then the bus process is ended and, at the next attempt to reopen, started again.
+#: Longest other job; then the bus process is ended and, at the next attempt to reopen, started again.
 HANGS_S: Final = 0.5
 #: Longest wait for the counts of a bus at the end of a run.
 COUNTS_S: Final = 0.5
@@ -28,7 +32,10 @@ COUNTS_S: Final = 0.5
 class IsolatedBus:
     """What the control process has of the bus: its name and its axes; it may send, and never waits.
 
-    What only some buses can (`LimitsEffort`, `MeasuresTips`, `CountsAnswers`) it gets when it is opened.
+    Attributes:
+        name: name of the bus.
+        axes: names of its axes.
+        tips: tips that the bus has measured and nothing has taken yet.
     """
 
     def __init__(self, name: str, axes: tuple[str, ...], port: IsolatedPort) -> None:
@@ -50,7 +57,8 @@ class IsolatedBus:
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
         """Send it without waiting for the answer, as when the control process ends by an error."""
         effect = next(each for each in Effect if each.value is rest)
-        self._port.start(BusJob({}, ((0, effect, tuple(axes)),)))
+        robot = 0  # no robot takes the answer
+        self._port.start(BusJob({}, ((robot, effect, tuple(axes)),)))
 
     def clear_fault(self, axes: Sequence[str]) -> None:
         """The port sends it with a job."""
@@ -59,7 +67,14 @@ class IsolatedBus:
         """The port closes it."""
 
     def add_abilities(self, found: Mapping[str, Any]) -> None:
-        """The optional interfaces that the bus has."""
+        """Get the methods of the optional interfaces that the bus was found to have when it was opened.
+
+        These are `CountsAnswers`, `MeasuresTips` and `LimitsEffort`: protocols, which are recognised by their
+        methods, so the methods are attributes of this object alone.
+
+        Args:
+            found: the answer of the bus process to the request to open.
+        """
         if found.get("counts"):
             self.answer_counts = self._port.counts
         if found.get("tips"):
@@ -75,10 +90,10 @@ class IsolatedBus:
 
 
 class IsolatedPort(BusPort):
-    """See `BusPort`; a late answer is a stall, the end of the bus process a loss of the bus."""
+    """See `BusPort`; the end of the bus process is a loss of the bus."""
 
     def __init__(self, wiring: BusWiring) -> None:
-        """Start the keeper of a bus; its driver is imported when the bus is opened, and not here."""
+        """Start the process that keeps that of a bus; the driver is imported when the bus is opened."""
         axes = tuple(axis for axis, _ in wiring.axes)
         super().__init__(IsolatedBus(wiring.name, axes, self), threaded=False)
         self.threaded = True  # for the tick: its answer may come later
@@ -100,7 +115,8 @@ class IsolatedPort(BusPort):
         """Wait until the bus is open.
 
         Raises:
-            ContidError: it did not open in time, or why not.
+            DriverDefectError: it did not open in time, its process ended, or the driver raised another error.
+            ContidError: the driver raised it.
         """
         found = self._link.ask(OPEN_S - (time.monotonic() - self._link.began_s))
         where = f"bus {self.bus.name}: driver {self._driver!r}"
@@ -143,8 +159,8 @@ class IsolatedPort(BusPort):
         end_s = time.monotonic() + timeout_s
         if message := self._link.receive(BusRequest.JOB, end_s):
             reply, extra = self._wire.reply_of(message)
+            assert isinstance(self.bus, IsolatedBus)
             for robot, tip, time_s in extra.get("tips", ()):
-                assert isinstance(self.bus, IsolatedBus)
                 self.bus.tips.append(TipMeasured(robot, tuple(tip), time_s))
             return self._done(reply)
         longest_s = OPEN_S if self.exempt else HANGS_S
@@ -154,13 +170,16 @@ class IsolatedPort(BusPort):
             return self._done(self._reply_of_end(self._link.ended))
         self.stalls += 1
         if not self.lost and self.stalls >= self._tolerance and self._link.is_ending():
-            return self._reply_of_end("has ended")  # it stays busy until its keeper reports how
+            # It stays busy until its keeper has reported the end, so that no other job is begun before.
+            return self._reply_of_end("has ended")
         return None
 
     def _reply_of_end(self, how: str) -> BusReply:
+        """The result of a job whose bus process ended."""
         return BusReply(lost=f"{self.bus.name}: driver {self._driver!r} {how}", fault=Fault.DRIVER_ENDED)
 
     def _done(self, reply: BusReply) -> BusReply:
+        """Note that the job is done, and return its result."""
         self.busy = False
         self.stalls = 0
         return reply
@@ -175,8 +194,10 @@ class IsolatedPort(BusPort):
         return self._link.ask(COUNTS_S) or {}
 
     def limit_effort(self, shares: Mapping[str, float]) -> None:
-        """Send limits of effort; they hold from the next exchange on."""
-        self._link.write(HEAD.pack(BusRequest.EFFORT, 0, True) + json.dumps(dict(shares)).encode())
+        """Send limits of effort, shares of the greatest by axis; they hold from the next exchange on."""
+        number, has_json = 0, True  # it has no answer
+        head = HEAD.pack(BusRequest.EFFORT, number, has_json)
+        self._link.write(head + json.dumps(dict(shares)).encode())
 
 
 def isolated_ports(buses: Mapping[str, BusWiring]) -> dict[str, IsolatedPort]:

@@ -17,30 +17,34 @@ from dataclasses import replace
 from typing import Final
 
 from contid.control.tick.config import RobotConfig
-from contid.targets import Actuation, Target, Vec3
+from contid.targets import Actuation, Target, Vec3, frame_of_axes, unit_vector, vec3
 
 #: The way between the targets is halved this often, each time to the half with the larger step.
 _HALVINGS: Final = 6
 #: An answer jumps when the last part, 1/64 of the way, has this share of the whole step.
 _SHARE: Final = 0.5
-#: Disturbance of the seed of every tick, and difference at which two answers are not the same one, as shares
-#: of the travel of an axis.
+#: Disturbance of the seed of every tick, as a share of the travel of an axis.
 _DISTURBANCE: Final = 1e-9
+#: Phase of the disturbance from one axis to the next [rad]: no two axes are disturbed alike.
+_PHASE: Final = 7.0
+#: Difference at which two answers are not the same one, as a share of the travel of an axis.
 _APART: Final = 1e-2
 
 
 def jump_of(config: RobotConfig, before: Target, after: Target, goals: Sequence[Actuation]) -> int | None:
-    """Index of the axis whose answer jumps furthest between two targets; None when none does.
+    """Index of the axis of the model whose answer jumps furthest between two targets; None when none does.
+
+    Extra axes go where a target states, so they never jump.
 
     Args:
         config: of the robot.
         before: a target in the base frame.
         after: the target of the next tick.
-        goals: the answers to both.
+        goals: the answer to ``before`` and that to ``after``, with the extra axes.
     """
     if before.tip_m is None or after.tip_m is None:
         return None
-    whole = _step(config, *goals)
+    whole = _steps(config, *goals)
     if max(whole) == 0.0:
         return None
     axis = max(range(len(whole)), key=whole.__getitem__)
@@ -48,16 +52,15 @@ def jump_of(config: RobotConfig, before: Target, after: Target, goals: Sequence[
     low, high = goals
     for _ in range(_HALVINGS):
         middle = 0.5 * (begin + end)
-        target = replace(after, tip_m=_between(before.tip_m, after.tip_m, middle))
         try:
-            answer = config.model.inverse(target, low).actuation
+            answer = config.model.inverse(_target_between(before, after, middle), low).actuation
         except ValueError:
             return None
-        if _step(config, low, answer)[axis] >= _step(config, answer, high)[axis]:
+        if _steps(config, low, answer)[axis] >= _steps(config, answer, high)[axis]:
             end, high = middle, answer
         else:
             begin, low = middle, answer
-    return axis if _step(config, low, high)[axis] > _SHARE * whole[axis] else None
+    return axis if _steps(config, low, high)[axis] > _SHARE * whole[axis] else None
 
 
 class Disturbed:
@@ -65,7 +68,7 @@ class Disturbed:
 
     Args:
         config: of the robot.
-        begin: the answer to the first target.
+        begin: the answer to the first target, with the extra axes; those are not disturbed.
     """
 
     def __init__(self, config: RobotConfig, begin: Actuation) -> None:
@@ -76,10 +79,10 @@ class Disturbed:
         self._travel = [each.upper - each.lower for each in config.limits[:own]]
 
     def parts(self, target: Target, goal: Actuation) -> bool:
-        """True when the answer to the next target is another than ``goal``; then it goes on from there."""
+        """True when the second answer to the next target is not ``goal``, from which it then goes on."""
         self._ticks += 1
         seed = [
-            value + _DISTURBANCE * travel * math.sin(7.0 * axis + self._ticks)
+            value + _DISTURBANCE * travel * math.sin(_PHASE * axis + self._ticks)
             for axis, (value, travel) in enumerate(zip(self._answer, self._travel, strict=False))
         ]
         own = len(seed)
@@ -94,11 +97,36 @@ class Disturbed:
         return False
 
 
-def _step(config: RobotConfig, before: Actuation, after: Actuation) -> list[float]:
+def _steps(config: RobotConfig, before: Actuation, after: Actuation) -> list[float]:
     """The step of every axis of the model, by what it can do in one tick."""
-    return [abs(b - a) / each.step for a, b, each in zip(before, after, config.limits, strict=True)]
+    own = len(before) - config.extra_axes
+    steps = zip(before[:own], after[:own], config.limits[:own], strict=True)
+    return [abs(new - old) / each.step for old, new, each in steps]
 
 
-def _between(a: Vec3, b: Vec3, share: float) -> Vec3:
-    x, y, z = (p + share * (q - p) for p, q in zip(a, b, strict=True))
-    return x, y, z
+def _target_between(before: Target, after: Target, share: float) -> Target:
+    """The target of a tip at a share of the way; what only one of the two states is that of ``after``."""
+    assert before.tip_m is not None
+    assert after.tip_m is not None
+    rotation = after.rotation
+    if before.rotation is not None and rotation is not None and before.rotation != rotation:
+        z, x = (_between(before.rotation[k::3], rotation[k::3], share) for k in (2, 0))
+        rotation = frame_of_axes(z, x) or rotation
+    direction = after.direction
+    if before.direction is not None and direction is not None and before.direction != direction:
+        direction = unit_vector(_between(before.direction, direction, share)) or direction
+    mid_m = after.mid_m
+    if before.mid_m is not None and mid_m is not None:
+        mid_m = _between(before.mid_m, mid_m, share)
+    return replace(
+        after,
+        tip_m=_between(before.tip_m, after.tip_m, share),
+        direction=direction,
+        rotation=rotation,
+        mid_m=mid_m,
+        load_n=_between(before.load_n, after.load_n, share),
+    )
+
+
+def _between(a: Sequence[float], b: Sequence[float], share: float) -> Vec3:
+    return vec3([p + share * (q - p) for p, q in zip(a, b, strict=True)])

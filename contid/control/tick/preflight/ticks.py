@@ -1,8 +1,9 @@
 """Which ticks of a run the check of its path computes: all near rows and near corners, samples elsewhere.
 
-In the middle of a long interval the curve is one slow cubic, and `SAMPLES` of it stand for all ticks. The
-answers of a model need not be as smooth: where a limit such as a bend radius begins to bind, axes change
-their speed at once. Intervals between samples in which that may be are divided, down to single ticks.
+In the middle of a long interval between rows the curve is one slow cubic, and `SAMPLES` of it stand for all
+ticks. The answers of a model need not be as smooth: where a limit such as a bend radius begins to bind, axes
+change their speed at once. Intervals between samples that may have such a corner are divided, down to single
+ticks.
 
 Of a robot with more axes than coordinates of its tip every tick is computed, up to `EVERY` of an interval:
 which of its answers a target has follows from the ticks before, and where the bends of least effort vanish,
@@ -15,7 +16,7 @@ import math
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -23,15 +24,16 @@ from contid.control.tick.soft_start import fitted, played
 from contid.kinematics.array import Array
 from contid.trajectory.timed import Trajectory
 
-#: Every tick is checked within this time after a row and before the next [s]; of the ticks between them, this
-#: many.
+#: Every tick is computed within this time after a row and before the next [s].
 EDGE_S: Final = 0.5
+#: Where an interval has more ticks than this, this many of them are computed.
 SAMPLES: Final = 200
-#: The same for robots with more axes than coordinates of the tip.
+#: `SAMPLES` for robots with more axes than coordinates of the tip.
 EVERY: Final = 100_000
-#: An interval with a corner is divided into this many parts, and a short one into single ticks.
+#: An interval between samples that may have a corner is divided into this many parts.
 PARTS: Final = 8
-SINGLE: Final = 32  # ticks that are short
+#: One of at most this many ticks is divided into single ticks.
+SINGLE: Final = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +41,10 @@ class Tick:
     """A tick that is computed.
 
     Attributes:
-        number: since the trajectory began.
-        ticks: since the one before.
-        time_s: in the trajectory.
-        row: that it leads to.
+        number: ticks since the run of the trajectory began.
+        ticks: from the computed tick before to this one.
+        time_s: time in the trajectory.
+        row: index of the row that it leads to.
     """
 
     number: int
@@ -51,7 +53,7 @@ class Tick:
     row: int
 
 
-#: Of samples in order, the indices of those that may have a corner between them and the one before.
+#: Finds, among samples in order, the indices of those that may have a corner between them and the one before.
 Corners = Callable[[Sequence[Tick]], Collection[int]]
 
 
@@ -65,19 +67,18 @@ def run_ticks(
         rate_hz: of the tick.
         lead: ticks that the soft start needs (`contid.control.tick.soft_start`).
         tail: ticks that the soft end needs.
-        corners: called when the tick before its first sample has been computed.
+        corners: finds corners; called when the tick before its first sample has been computed.
         samples: ticks of an interval that are computed, where it has more.
     """
-    length = (trajectory.end_s - trajectory.start_s) * rate_hz
-    lead, tail = fitted(lead, length), fitted(tail, length)
+    length, lead, tail, total = _fitted(trajectory, rate_hz, lead, tail)
     last = len(trajectory) - 1
 
     def at(number: int, ticks: int) -> Tick:
         time_s = trajectory.start_s + played(number, length, lead, tail) / rate_hz
         return Tick(number, ticks, time_s, min(trajectory.row_at(time_s) + 1, last))
 
-    over = length + 0.5 * (lead + tail)
-    chosen = _sampled(trajectory, rate_hz, over, range(lead, math.ceil(over - tail)), samples, at)
+    full_pace = range(lead, math.ceil(total - tail))
+    chosen = _sampled(trajectory, rate_hz, total, full_pace, samples, at)
     block: list[Tick] = []
     for tick in chosen:
         if tick.ticks > 1:
@@ -94,18 +95,16 @@ class EveryTick:
     """All ticks of a run of which `run_ticks` leaves none out.
 
     Attributes:
-        times_s: in the trajectory, shape ``(ticks,)``.
-        rows: that they lead to.
+        times_s: times in the trajectory, shape ``(ticks,)``.
+        rows: indices of the rows that they lead to, shape ``(ticks,)``.
     """
 
     def __init__(self, trajectory: Trajectory, rate_hz: float, lead: int, tail: int) -> None:
-        length = (trajectory.end_s - trajectory.start_s) * rate_hz
-        lead, tail = fitted(lead, length), fitted(tail, length)
-        over = length + 0.5 * (lead + tail)
-        count = math.ceil(over)
+        length, lead, tail, total = _fitted(trajectory, rate_hz, lead, tail)
+        count = math.ceil(total)
         numbers = np.arange(count + 1)
         ticks = numbers - lead / 2
-        for n in (*range(min(lead, count)), *range(max(0, math.floor(over - tail) - 1), count)):
+        for n in (*range(min(lead, count)), *range(max(0, math.floor(total - tail) - 1), count)):
             ticks[n] = played(n, length, lead, tail)
         self.times_s: Array = np.asarray(trajectory.start_s + ticks / rate_hz, dtype=np.float64)
         self.times_s[-1] = trajectory.end_s
@@ -128,31 +127,47 @@ def computes_every(trajectory: Trajectory, rate_hz: float) -> bool:
     return longest_s * rate_hz < 3 * math.ceil(EDGE_S * rate_hz)
 
 
+class _Lengths(NamedTuple):
+    """Lengths in ticks: of the trajectory, of the soft start and end, and of the run."""
+
+    trajectory: float
+    lead: int
+    tail: int
+    run: float
+
+
+def _fitted(trajectory: Trajectory, rate_hz: float, lead: int, tail: int) -> _Lengths:
+    """The lengths of a run, its soft start and end fitted into the trajectory."""
+    length = (trajectory.end_s - trajectory.start_s) * rate_hz
+    lead, tail = fitted(lead, length), fitted(tail, length)
+    return _Lengths(length, lead, tail, length + 0.5 * (lead + tail))
+
+
 def _sampled(
     trajectory: Trajectory,
     rate_hz: float,
-    over: float,
-    even: range,
+    total: float,
+    full_pace: range,
     samples: int,
     at: Callable[[int, int], Tick],
 ) -> Iterator[Tick]:
-    """Without regard to corners.
+    """The ticks that are computed where there is no corner.
 
     Args:
         trajectory: to be played.
         rate_hz: of the tick.
-        over: ticks of the run.
-        even: numbers of the ticks at full pace.
+        total: ticks of the run.
+        full_pace: numbers of the ticks between soft start and soft end.
         samples: ticks of an interval that are computed, where it has more.
         at: the tick of a number, and of ticks since the one before.
     """
     edge = math.ceil(EDGE_S * rate_hz)
     n, step = 0, 1
-    while n < over:
+    while n < total:
         tick = at(n, step)
         yield tick
         step = 1
-        if n in even:
+        if n in full_pace:
             before = (tick.time_s - trajectory.time_of_row(tick.row - 1)) * rate_hz
             ahead = (trajectory.time_of_row(tick.row) - tick.time_s) * rate_hz
             if before >= edge and ahead > 2 * edge:
@@ -164,11 +179,11 @@ def _sampled(
 def _divided(
     block: list[Tick], after: Tick, at: Callable[[int, int], Tick], corners: Corners
 ) -> Iterator[Tick]:
-    """Samples, with more of them next to corners.
+    """Samples, with more of them next to corners, down to single ticks.
 
     Args:
-        block: samples of one interval.
-        after: the tick that follows them.
+        block: samples of one interval, which begins after the tick before the first of them.
+        after: the computed tick that follows them.
         at: the tick of a number, and of ticks since the one before.
         corners: finds them.
     """

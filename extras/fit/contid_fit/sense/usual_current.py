@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -33,8 +33,8 @@ class AxisCurrents:
         axis: ROBOT.AXIS.
         samples: number of measured currents.
         moving_s: time in which its command changed [s].
-        greatest_a: absolute current [A].
-        usually_a: 999 of 1000 are not greater [A].
+        greatest_a: greatest absolute current [A].
+        usually_a: absolute current that 999 of 1000 do not exceed [A].
         at_s: time of the greatest in its session [s].
         file: path of that session.
     """
@@ -62,65 +62,85 @@ def usual_currents(sessions: Iterable[Session], name: str, robot: RackFinger) ->
     """Currents of every axis of a finger, over sessions in which it touched nothing.
 
     Raises:
-        CalibrationError: a session has a contact or no currents, or an axis moved too little.
+        CalibrationError: a session has a contact, no such finger or no currents, or an axis moved too little.
     """
-    axes = robot.axis_names
-    currents: list[list[float]] = [[] for _ in axes]
-    places: list[list[tuple[float, str]]] = [[] for _ in axes]
-    moving_s = [0.0] * len(axes)
+    found = [_Currents(axis) for axis in robot.axis_names]
     for session in sessions:
         _refuse_contacts(session, name)
-        before = [math.nan] * len(axes)
-        last_s = math.nan
-        seen = [0] * len(axes)
-        for row in session:
-            if f"tick.{name}.mode" not in row:
-                raise CalibrationError(f"{session.path}: no robot {name!r}")
-            t_s = row["t_s"]
-            for k, axis in enumerate(axes):
-                command = row[f"command.{name}.device.{axis}_rad"]
-                if command != before[k] and not math.isnan(command + before[k] + last_s):
-                    moving_s[k] += t_s - last_s
-                before[k] = command
-                current = row[f"sample.{name}.{axis}.effort"]
-                valid = row[f"sample.{name}.{axis}.valid"] == 1.0 and not math.isnan(current)
-                if valid and row[f"tick.{name}.mode"] in _WATCHED:
-                    seen[k] += 1
-                    currents[k].append(abs(current))
-                    places[k].append((t_s, str(session.path)))
-            last_s = t_s
-        for axis, count in zip(axes, seen, strict=True):
-            if not count:
-                message = f"no current of {name}.{axis}: its devices report none, or it was not armed"
-                raise CalibrationError(f"{session.path}: {message}")
-    out = []
-    for k, axis in enumerate(axes):
-        if moving_s[k] < MIN_MOVING_S:
-            message = f"{name}.{axis} moves for {moving_s[k]:.1f} s, {MIN_MOVING_S:g} s are needed"
+        _add_session(found, session, name)
+    for each in found:
+        if each.moving_s < MIN_MOVING_S:
+            message = f"{name}.{each.axis} moves for {each.moving_s:.1f} s, {MIN_MOVING_S:g} s are needed"
             raise CalibrationError(f"{message}: record motions as they are used, over the whole reach")
-        values = np.array(currents[k])
-        largest = int(values.argmax())
-        out.append(
-            AxisCurrents(
-                axis=f"{name}.{axis}",
-                samples=len(values),
-                moving_s=moving_s[k],
-                greatest_a=float(values[largest]),
-                usually_a=float(np.quantile(values, 0.999)),
-                at_s=places[k][largest][0],
-                file=places[k][largest][1],
-            )
+    return [
+        AxisCurrents(
+            axis=f"{name}.{each.axis}",
+            samples=len(each.absolute_a),
+            moving_s=each.moving_s,
+            greatest_a=each.greatest_a,
+            usually_a=float(np.quantile(np.array(each.absolute_a), 0.999)),
+            at_s=each.at_s,
+            file=each.file,
         )
-    return out
+        for each in found
+    ]
+
+
+@dataclass(slots=True)
+class _Currents:
+    """What was read of one axis so far; attributes as those of `AxisCurrents`."""
+
+    axis: str
+    absolute_a: list[float] = field(default_factory=list)
+    moving_s: float = 0.0
+    greatest_a: float = -1.0
+    at_s: float = 0.0
+    file: str = ""
+
+
+def _add_session(found: list[_Currents], session: Session, name: str) -> None:
+    """Add the currents of a session, while the robot was under torque, and the times of motion.
+
+    Raises:
+        CalibrationError: it has no such finger, or no current of an axis.
+    """
+    commands = [math.nan] * len(found)
+    last_s = math.nan
+    seen = [len(each.absolute_a) for each in found]
+    for row in session:
+        t_s = row["t_s"]
+        for k, each in enumerate(found):
+            column = f"command.{name}.device.{each.axis}_rad"
+            if column not in row:
+                raise CalibrationError(f"{session.path}: no robot {name!r} with an axis {each.axis!r}")
+            if row[column] != commands[k] and not math.isnan(row[column] + commands[k] + last_s):
+                each.moving_s += t_s - last_s
+            commands[k] = row[column]
+            current_a = abs(row[f"sample.{name}.{each.axis}.effort"])
+            valid = row[f"sample.{name}.{each.axis}.valid"] == 1.0 and not math.isnan(current_a)
+            if valid and row[f"tick.{name}.mode"] in _WATCHED:
+                each.absolute_a.append(current_a)
+                if current_a > each.greatest_a:
+                    each.greatest_a, each.at_s, each.file = current_a, t_s, str(session.path)
+        last_s = t_s
+    for each, before in zip(found, seen, strict=True):
+        if len(each.absolute_a) == before:
+            message = f"no current of {name}.{each.axis}: its devices report none, or it was not armed"
+            raise CalibrationError(f"{session.path}: {message}")
 
 
 def usual_ma(found: Iterable[AxisCurrents], margin: float) -> int:
-    """The key of the robot file [mA]: the greatest current and a share more, rounded up."""
+    """``sense.usual_ma`` of the robot file [mA]: the greatest current times ``1 + margin``, rounded up."""
     greatest_ma = 1e3 * max(each.greatest_a for each in found)
     return _STEP_MA * math.ceil(greatest_ma * (1.0 + margin) / _STEP_MA)
 
 
 def _refuse_contacts(session: Session, name: str) -> None:
+    """Refuse a session in which the finger met or held something.
+
+    Raises:
+        CalibrationError: it did.
+    """
     for event in session.events():
         if isinstance(event, ContactBegan | SqueezeChanged) and event.robot == name:
             message = f"tick {event.tick}: {event.message}; record a session without contact"

@@ -37,7 +37,8 @@ def command(router: str, domain: int, file: Path | None) -> None:
     from contid.errors import ContidError
     from contid_fleet.endpoints import check_endpoint
     from contid_fleet.fleet_file import load_operator_file
-    from contid_fleet.net import NetSession, NetSettings
+    from contid_fleet.net import NetSession
+    from contid_fleet.net_settings import NetSettings
     from contid_fleet.operator import FleetOperator
     from contid_fleet.ros.messages import type_store
     from contid_fleet.ros.view import RosPublisher, RosView

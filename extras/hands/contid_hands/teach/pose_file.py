@@ -24,12 +24,12 @@ from contid.robot_file.base import Strict
 from contid.robot_file.findings import allowed_names, validated
 from contid.robot_file.positions import Document, KeyPath, read_document, read_text
 
-#: An hour; a longer time was probably written in milliseconds.
+#: A wait or a motion of at most an hour [s]; a longer time was probably written in milliseconds.
 Seconds = Annotated[float, Field(ge=0.0, le=3600.0)]
 MotionTime = Annotated[float, Field(ge=0.01, le=3600.0)]
-#: A name that needs no quotes in a shell.
-NAME_PATTERN: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$"
-PoseName = Annotated[str, Field(pattern=NAME_PATTERN)]
+#: A name that needs no quotes in a shell; the pattern is of the whole name.
+NAME_PATTERN: Final = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}"
+PoseName = Annotated[str, Field(pattern=f"^{NAME_PATTERN}$")]
 
 
 class NamedPose(Strict):
@@ -49,9 +49,9 @@ class SequenceStep(Strict):
 
     Attributes:
         pose: name of the pose to go to.
-        time_s: duration of the motion; None: as fast as the rates of the robot file allow.
+        time_s: duration of the motion to the pose; None: as fast as the rates of the robot file allow.
         trajectory: CSV to play, relative to the folder of the pose file.
-        wait_s: wait after the motion.
+        wait_s: wait after the motion, the trajectory or the loop; None without.
         loop: how many times ``steps`` are done.
         steps: steps of the loop.
     """
@@ -78,7 +78,14 @@ class SequenceStep(Strict):
 
 
 class PoseFileContents(Strict):
-    """A whole pose file after validation."""
+    """A whole pose file after validation.
+
+    Attributes:
+        contid_poses: version of the format.
+        robot_file: name of the robot file that the poses belong to, "" when it is not stated.
+        poses: poses by name.
+        sequence: steps in their order.
+    """
 
     contid_poses: Literal[1]
     robot_file: str = ""
@@ -92,8 +99,8 @@ class PoseFile:
 
     Attributes:
         path: path of the file.
-        contents: validated.
-        document: document for located findings.
+        contents: what it contains, validated.
+        document: its text with the line and column of every key, for findings.
     """
 
     path: Path
@@ -117,7 +124,7 @@ class PoseFile:
         return f"no pose {name!r}; {names}"
 
     def located_steps(self) -> Iterator[tuple[KeyPath, SequenceStep]]:
-        """Every step of the sequence with its path, steps of loops once."""
+        """Every step of the sequence with its path in the document; those of a loop once, after the loop."""
 
         def below(path: KeyPath, steps: tuple[SequenceStep, ...]) -> Iterator[tuple[KeyPath, SequenceStep]]:
             for number, step in enumerate(steps):
@@ -146,9 +153,16 @@ def parse_pose_file(text: str, path: Path) -> PoseFile:
     for at, step in file.located_steps():
         if step.pose is not None and step.pose not in file.contents.poses:
             findings.append(document.at_value((*at, "pose"), file.no_pose(step.pose)))
-        if step.trajectory is not None and not (path.parent / step.trajectory).is_file():
-            message = f"no file {path.parent / step.trajectory}"
+        if step.trajectory is not None and (message := _missing(path.parent / step.trajectory)):
             findings.append(document.at_value((*at, "trajectory"), message))
     if findings:
         raise BadInputError(first_findings(findings))
     return file
+
+
+def _missing(path: Path) -> str:
+    """Why there is no file to read; empty where there is one."""
+    try:
+        return "" if path.is_file() else f"no file {path}"
+    except OSError as error:  # a name that is too long, or a folder that may not be searched
+        return f"{path}: {error.strerror}"

@@ -59,7 +59,7 @@ def save_pose(path: Path, name: str, target: Mapping[str, float], saved: str, ro
     from ruamel.yaml import YAML
     from ruamel.yaml.comments import CommentedMap
 
-    if not re.match(NAME_PATTERN, name):
+    if not re.fullmatch(NAME_PATTERN, name):
         message = f"{name[:40]!r} is no name of a pose; allowed: up to 64 letters, digits, _, - and ."
         raise ContidError(message)
     yaml = YAML()

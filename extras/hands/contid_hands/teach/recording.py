@@ -17,7 +17,7 @@ from contid.errors import ContidError
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 
-#: Standard deviation of the filter in time; it passes less than 5 % of 8 Hz.
+#: Standard deviation of the filter [s]; of 8 Hz it passes exp(-(2 pi 8 Hz s)^2 / 2), less than 5 %.
 SIGMA_S: Final = 0.05
 #: Rate of the uniform grid on which samples are filtered.
 GRID_HZ: Final = 200.0
@@ -28,16 +28,17 @@ SHARES: Final = (0.8, 0.6, 0.4)
 STILL_SHARE: Final = 0.002
 #: Standstill that is kept before and after the motion [s].
 MARGIN_S: Final = 0.25
+#: Fewer samples are no motion.
 MIN_SAMPLES: Final = 5
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedLimits:
-    """Limits of the recorded axes, in their units, each of shape (axes,).
+    """Limits of the recorded axes, in their units (mm, bar or deg).
 
     Attributes:
-        minimum, maximum: ends of the position.
-        rates: greatest velocity, acceleration and jerk, shape (3, axes).
+        minimum, maximum: ends of the position, shape (axes,).
+        rates: greatest velocity, acceleration and jerk [unit/s, unit/s^2, unit/s^3], shape (3, axes).
     """
 
     minimum: Floats
@@ -50,10 +51,10 @@ class TaughtMotion:
     """A smoothed motion.
 
     Attributes:
-        times_s: times of the rows, from 0.
-        rows: positions, shape (rows, axes).
+        times_s: times of the rows, from 0, shape (rows,).
+        rows: positions in the units of the limits, shape (rows, axes).
         slower: factor by which it is slower than the hand; 1 if it is as fast.
-        clipped: samples outside the limits, which were moved to them.
+        clipped: samples of the recording outside the limits; those of the motion were moved to them.
     """
 
     times_s: Floats
@@ -67,7 +68,7 @@ def taught_motion(times_s: Floats, samples: Floats, limits: RecordedLimits, rows
 
     Args:
         times_s: times of the samples, growing, shape (n,).
-        samples: positions, shape (n, axes).
+        samples: positions in the units of the limits, shape (n, axes).
         limits: limits of the axes.
         rows_hz: rows per second of the result.
 
@@ -87,7 +88,6 @@ def taught_motion(times_s: Floats, samples: Floats, limits: RecordedLimits, rows
     # Outside the recording the end positions go on: the motion begins and ends at rest.
     held = np.vstack([samples[first], samples[first : last + 1], samples[last]])
     at_s = np.concatenate([[begin_s], times_s[first : last + 1], [end_s]])
-    at_s[0], at_s[-1] = min(begin_s, at_s[1] - 1e-6), max(end_s, at_s[-2] + 1e-6)
     clipped = np.clip(held, limits.minimum, limits.maximum)
     dense = np.column_stack([np.interp(grid_s, at_s, column) for column in clipped.T])
     smooth = gaussian_filter1d(dense, SIGMA_S * GRID_HZ, axis=0, mode="nearest")
@@ -101,7 +101,11 @@ def taught_motion(times_s: Floats, samples: Floats, limits: RecordedLimits, rows
 
 
 def _moving(samples: Floats, limits: RecordedLimits) -> tuple[int, int]:
-    """Indices of the first and the last sample of the motion."""
+    """Indices of the last sample before the motion and the first after it.
+
+    Raises:
+        ContidError: nothing moved.
+    """
     still = STILL_SHARE * (limits.maximum - limits.minimum)
     after_start = (np.abs(samples - samples[0]) > still).any(axis=1)
     before_end = (np.abs(samples - samples[-1]) > still).any(axis=1)
@@ -115,7 +119,14 @@ def _moving(samples: Floats, limits: RecordedLimits) -> tuple[int, int]:
 
 
 def _slower(smooth: Floats, rates: Floats) -> float:
-    """The factor of time that keeps velocity, acceleration and jerk below their shares."""
+    """The factor of time, at least 1, that keeps velocity, acceleration and jerk below their `SHARES`.
+
+    A motion played s times slower has s times less velocity, s^2 less acceleration and s^3 less jerk.
+
+    Args:
+        smooth: positions at `GRID_HZ`, shape (n, axes).
+        rates: limits, as `RecordedLimits.rates`.
+    """
     factor = 1.0
     derivative = smooth
     for order, share in enumerate(SHARES, 1):
@@ -126,7 +137,7 @@ def _slower(smooth: Floats, rates: Floats) -> float:
 
 
 def trajectory_csv(columns: tuple[str, ...], motion: TaughtMotion, saved: str) -> str:
-    """The motion as a trajectory file with its provenance in a comment."""
+    """The motion as a trajectory file; ``saved``, one line, is its comment."""
     lines = [f"# {saved}", "t_s," + ",".join(columns)]
     rows = zip(motion.times_s, motion.rows, strict=True)
     lines += [f"{time:.4f}," + ",".join(f"{value:.6f}" for value in row) for time, row in rows]

@@ -12,19 +12,20 @@ from contid_hands.teleop.jogger import Jogger
 #: First speed of a tip [mm/s], and first speed of an axis as a share of its velocity limit.
 TIP_MM_S: Final = 10.0
 AXIS_SHARE: Final = 0.1
-#: Greatest speed of the tip of pneumatic arms, whose axes have a rate of pressure.
+#: Greatest speed of the tip of pneumatic arms, whose axes have a rate of pressure [mm/s]; others have that of
+#: their axes.
 MAX_TIP_MM_S: Final = 100.0
 #: First and greatest speed of a bend [deg/s]; its azimuth turns faster, a length changes by as many mm/s.
 BEND_DEG_S: Final = 10.0
 MAX_BEND_DEG_S: Final = 60.0
 _AZIMUTH_SCALE: Final = 3.0
-#: Pair of keys and sign. In tip space the pairs are x, y and z; any of them moves the chosen axis.
+#: By key: number of its pair, and sign. In tip space the pairs are x, y and z; any moves the chosen axis.
 KEYS: Final = {
     "right": (0, 1), "d": (0, 1), "left": (0, -1), "a": (0, -1),
     "up": (1, 1), "w": (1, 1), "down": (1, -1), "s": (1, -1),
     "pageup": (2, 1), "r": (2, 1), "pagedown": (2, -1), "f": (2, -1),
 }  # fmt: skip
-#: What each pair changes of a section: the first that it has.
+#: What each pair of keys changes of a section: the first of these columns that the section has.
 _OF_SECTION: Final = (("azimuth_deg", "bend_deg"), ("bend_deg",), ("length_mm",))
 
 
@@ -46,12 +47,12 @@ class JogSpace:
     Args:
         robot: the robot.
         axes: begin with the axes.
-        tip_mm_s: first speed of the tip; None: see `TIP_MM_S`.
+        tip_mm_s: first speed of the tip [mm/s], at most the greatest; None: see `TIP_MM_S`.
 
     Attributes:
         space: the chosen one.
         spaces: those to choose from.
-        axis, section: the chosen ones, from 0.
+        axis, section: index of the chosen one of each.
     """
 
     def __init__(self, robot: DescribedRobot, axes: bool, tip_mm_s: float | None) -> None:
@@ -60,8 +61,13 @@ class JogSpace:
         self.spaces = [space for space, columns in self._columns.items() if columns]
         self.space = Space.AXES if axes else self.spaces[0]
         self.axis = self.section = 0
+        self._greatest = {
+            Space.TIP: robot.rates[0] if robot.unit == "mm" else MAX_TIP_MM_S,
+            Space.BENDS: MAX_BEND_DEG_S,
+            Space.AXES: robot.rates[0],
+        }
         self._speeds = {
-            Space.TIP: tip_mm_s or TIP_MM_S,
+            Space.TIP: min(tip_mm_s or TIP_MM_S, self._greatest[Space.TIP]),
             Space.BENDS: BEND_DEG_S,
             Space.AXES: AXIS_SHARE * robot.rates[0],
         }
@@ -71,9 +77,10 @@ class JogSpace:
         self.space = self.spaces[(self.spaces.index(self.space) + 1) % len(self.spaces)]
 
     def choose(self, number: int) -> None:
-        """Choose a section while bends are moved, else an axis; from 0."""
+        """Choose a section while bends are moved, else an axis, by its index; nothing where there is none."""
         if self.space is Space.BENDS:
-            if any(f"s{number + 1}." in column for column in self._robot.bends):
+            # A column is s1.bend_deg, with the name of the robot in front where there are several.
+            if any(column.split(".")[-2] == f"s{number + 1}" for column in self._robot.bends):
                 self.section = number
         elif number < len(self._robot.axes):
             self.axis, self.space = number, Space.AXES
@@ -84,7 +91,7 @@ class JogSpace:
         return self._columns[self.space]
 
     def direction(self, key: str) -> tuple[int, float] | None:
-        """Column and sign of a key that moves."""
+        """Index of the column that a key moves, and the sign; None for a key that moves nothing."""
         if key not in KEYS:
             return None
         pair, sign = KEYS[key]
@@ -102,19 +109,14 @@ class JogSpace:
         return start if start and None not in start else None
 
     def jogger(self, start: list[float], hold_s: float) -> Jogger:
-        """A jogger of the columns from a beginning."""
+        """A jogger of the columns from a beginning; a press moves for ``hold_s``."""
         robot = self._robot
         limits = (robot.minimum, robot.maximum) if self.space is Space.AXES else (None, None)
-        fastest = robot.rates[0]
-        if self.space is Space.BENDS:
-            fastest = MAX_BEND_DEG_S
-        elif self.space is Space.TIP and robot.unit != "mm":
-            fastest = MAX_TIP_MM_S
         return Jogger(
             start,
             *limits,
             speed=self._speeds[self.space],
-            max_speed=fastest,
+            max_speed=self._greatest[self.space],
             hold_s=hold_s,
             scales=self._scales(),
         )
@@ -128,13 +130,13 @@ class JogSpace:
         return [rates[0] / self._robot.rates[0] for rates in self._robot.axis_rates]
 
     def change_speed(self, slower: bool, jogger: Jogger | None, hold_s: float) -> None:
-        """A lower or higher speed, of a jogger and of those that follow."""
+        """Make a jogger slower or faster, and those of this space that follow it."""
         changed = jogger or self.jogger([0.0] * len(self.columns), hold_s)
         (changed.slower if slower else changed.faster)()
         self._speeds[self.space] = changed.speed
 
     def label(self, hold_s: float) -> str:
-        """What is moved, how fast, and how far by one press."""
+        """What is moved, how fast, and how far by one press of ``hold_s``; of a section, its bend."""
         speed, unit, which = self._speeds[self.space], "mm", ""
         if self.space is Space.AXES:
             speed, unit = speed * self._scales()[self.axis], self._robot.units[self.axis]

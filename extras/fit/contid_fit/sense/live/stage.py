@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from contid.control.engine.cycle import Timing
@@ -17,8 +19,8 @@ from contid_fit.sense.live.load_feed import CountedLoad, FedLoad, certain_share,
 from contid_fit.sense.live.load_observer import LoadFound, LoadObserver
 from contid_fit.sense.live.tip_contact import TipContact, TipContactFound
 
-#: An estimate without newer measurements is not shown any longer.
-SHOWN_S = 1.0
+#: An estimate is shown for this time after its newest measurement [s].
+SHOWN_S: Final = 1.0
 
 
 def build_load_sensing(index: int, parts: EngineParts) -> TickStage | None:
@@ -43,7 +45,9 @@ class LoadSensingStage(TickStage):
         self._config = config = parts.robots.configs[index]
         self._observer = LoadObserver(sensing, config.period_s)
         self._tip = None if config.contact is None else TipContact(sensing, self._observer.arm)
+        # The load that is added to targets; None where the solver is not to have the estimate.
         self._fed = FedLoad() if sensing.load == "estimated" else None
+        # The newest estimate that the added load follows, and the newest that is shown.
         self._counted: CountedLoad | None = None
         self._shown: LoadFound | None = None
 
@@ -57,7 +61,7 @@ class LoadSensingStage(TickStage):
             newest = self._parts.robots.measured.get(self._config.name)
             found = self._tip.tick(self._observer.trace, newest, self._observer.found)
             if found is not None:
-                self._meet(found, timing.tick, now_s)
+                self._report_contact(found, timing.tick, now_s)
         if self._fed is None:
             return targets
         given = targets.get(self._config.name)
@@ -87,24 +91,31 @@ class LoadSensingStage(TickStage):
             self._shown = None
         elif self._shown is not found:
             self._shown = found
-            (x, y, z), _ = robots.loads[config.name] = _in_world(config, found)
+            force_n, sigma_n = _in_world(config, found)
+            robots.loads[config.name] = force_n, sigma_n
             if found.held:
-                share = certain_share(found.force_in_base, found.covariance)
-                force_n = (share * x, share * y, share * z)
+                share, (x, y, z) = certain_share(found.force_in_base, found.covariance), force_n
+                counted_n = (share * x, share * y, share * z)
                 if not found.settled:
                     # After a sudden change the first estimates may be far off; the solver keeps the last.
-                    force_n = ZERO3 if self._counted is None else self._counted.force_n
-                self._counted = CountedLoad(found.time_s, force_n, found.margin)
+                    counted_n = ZERO3 if self._counted is None else self._counted.force_n
+                self._counted = CountedLoad(found.time_s, counted_n, found.margin)
 
-    def _meet(self, found: TipContactFound, number: int, now_s: float) -> None:
-        """Write the event of a contact and let the robot react."""
+    def _report_contact(self, found: TipContactFound, tick: int, now_s: float) -> None:
+        """Write the event of a contact and let the robot react by its policy.
+
+        Args:
+            found: the contact.
+            tick: number of this tick.
+            now_s: of this tick, in the time of the robots.
+        """
         config, react = self._config, self._parts.react
         assert config.contact is not None
         assert react is not None  # this robot looks for contacts
         direction = [round(part, 4) for part in config.frame.vector_in_world(found.direction_in_base)]
         self._parts.sink.event(
             ContactBegan(
-                tick=number,
+                tick=tick,
                 robot=config.name,
                 time_s=found.time_s,
                 direction=direction,
@@ -118,18 +129,19 @@ class LoadSensingStage(TickStage):
 
 
 def _in_bar(config: RobotConfig, actuation: Actuation | None) -> Numbers | None:
-    """The pressures of the model's own axes [bar], None without."""
+    """The pressures of the model's own axes [bar] from an actuation [Pa]; None for None or an empty one."""
     own = len(config.axes) - config.extra_axes
     return tuple([value * 1e-5 for value in actuation[:own]]) if actuation else None
 
 
 def _in_world(config: RobotConfig, found: LoadFound) -> tuple[Vec3, Vec3]:
-    """The force and the standard deviations of its components, world frame [N]."""
+    """The force of an estimate and the standard deviations of its components, both in the world frame [N]."""
     rotation = np.array(config.frame.rotation).reshape(3, 3)
     spread = rotation @ np.array(found.covariance).reshape(3, 3) @ rotation.T
     return config.frame.vector_in_world(found.force_in_base), vec3(np.sqrt(np.diag(spread)).tolist())
 
 
 def _message(direction: list[float], force_n: float, policy: ContactPolicy) -> str:
+    """The message of a contact; ``direction`` is a unit vector in the world frame."""
     along = ", ".join(f"{part:.2f}" for part in direction)
     return f"contact: force {1e3 * force_n:.1f} mN along ({along}); policy {policy.value}"
