@@ -54,8 +54,14 @@ def test_a_deceleration_above_its_greatest_by_rounding_does_not_shorten_the_stop
     """Of an axis that is fast for its acceleration: 0.9 m/s, 1 m/s^2 and 20 m/s^3."""
     given = config_of("finger")
     h, greatest, jerk = given.period_s, 1.0, 20.0
-    limits = AxisLimits(0.0, 1.0, 1.0 * h, greatest * h * h)
-    config = replace(given, limits=(limits,), velocity=(1.0,), acceleration=(greatest,), jerk=(jerk,))
+    limits, axes = AxisLimits(0.0, 1.0, 1.0 * h, greatest * h * h), len(given.limits)
+    config = replace(
+        given,
+        limits=(limits,) * axes,
+        velocity=(1.0,) * axes,
+        acceleration=(greatest,) * axes,
+        jerk=(jerk,) * axes,
+    )
     at = 1.0 - 0.9 * stop_length(0.9, -greatest, greatest, jerk)
     for share in (1.0, 1.0 + 1e-12, 1.0 + 1e-6):
         assert not config.guard.viable(0, at, 0.9 * h, -greatest * share * h * h)

@@ -22,6 +22,8 @@ EDGE_BITS = {2: 0, 3: 2, 4: 6, 5: 9}
 #: PWM unit and bit of port C of each PWM line, and the ADC's channel of A0 to A5, by the datasheet.
 PWM_LINES = ((4, 21), (5, 22), (6, 23), (7, 24), (0, 2), (1, 4))
 ANALOG = (7, 6, 5, 4, 3, 2)
+#: The same of A6 to A11, the load cells.
+CELLS = (1, 0, 10, 11, 12, 13)
 ADC_MV = 3300.0
 _GRAY = (0, 1, 3, 2)
 

@@ -8,7 +8,7 @@ from contid_drivers.due import frames, messages
 from contid_drivers.due.codes import Type
 from tests.firmware.sam3x.board import Sam3x
 from tests.firmware.sam3x.cpu import CLOCK_HZ
-from tests.firmware.sam3x.plant import ANALOG, PWM_LINES
+from tests.firmware.sam3x.plant import ANALOG, CELLS, PWM_LINES
 
 #: Index of the serial number in the core's device descriptor.
 SERIAL_NUMBER = 3
@@ -73,8 +73,8 @@ def edge_inputs_are_debounced(motors: Sam3x) -> None:
     assert port.read(0x68) & pins == 0, "pull-ups on"
 
 
-def the_adc_converts_the_six_inputs(motors: Sam3x) -> None:
-    assert motors.adc.enabled == sum(1 << channel for channel in ANALOG)
+def the_adc_converts_currents_and_load_cells(motors: Sam3x) -> None:
+    assert motors.adc.enabled == sum(1 << channel for channel in (*ANALOG, *CELLS))
 
 
 def priorities(motors: Sam3x) -> None:
@@ -109,7 +109,7 @@ CHECKS = (
     bridges_are_left_to_their_wiring,
     decoders_filter_and_count_every_edge,
     edge_inputs_are_debounced,
-    the_adc_converts_the_six_inputs,
+    the_adc_converts_currents_and_load_cells,
     priorities,
     the_watchdog_resets_within_50_ms,
     the_tick_is_1_khz,

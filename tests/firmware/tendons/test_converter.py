@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import subprocess
 
+import pytest
+
 from contid_drivers.due.firmware import WARNINGS, build_once, firmware_dir
 from tests.firmware.tendons.trials import HERE
+
+pytestmark = pytest.mark.process
 
 READINGS = (0, 1, -1, 8388607, -8388608, 123456, -654321)
 
