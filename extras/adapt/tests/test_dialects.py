@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
+import os
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -255,3 +258,25 @@ def test_edited_bytes_leave_a_located_finding_or_the_other_rows(tmp_path: Path) 
                 )
                 assert same.all(), bytes(edited)
     assert read > 50
+
+
+def test_a_compressed_table_through_a_pipe(tmp_path: Path) -> None:
+    """As of ``contid adapt <(ssh host cat walk.csv.gz)``: a pipe gives its bytes once."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    feeding = threading.Thread(target=pipe.write_bytes, args=(gzip.compress(b"t,x\n0,1\n1,2\n"),))
+    feeding.start()
+    found = read_table(pipe)
+    feeding.join()
+    assert [each.name for each in found.columns] == ["t", "x"]
+
+
+def test_a_damaged_compressed_table_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv.gz"
+    packed = bytearray(gzip.compress(b"t,x\n" + b"".join(b"%d,%d\n" % (k, k * k % 97) for k in range(999))))
+    for at in range(10, len(packed)):
+        path.write_bytes(packed[:at] + b"\xff" * 40 + packed[at + 40 :])
+        with pytest.raises(BadInputError, match=r"a.csv.gz:1:1: compressed, but damaged"):
+            read_table(path)
+        if at > 60:
+            break

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gzip
+import io
 import re
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -68,9 +70,10 @@ def read_source(path: str | Path) -> Source:
         raise ContidError(f"{name}: {error.strerror}") from error
     if data[:2] == b"\x1f\x8b":
         try:
-            with gzip.open(path) as stream:
+            # Not the path again: a pipe gives its bytes once.
+            with gzip.open(io.BytesIO(data)) as stream:
                 data = stream.read(MAX_BYTES + 1)
-        except (OSError, EOFError) as error:
+        except (OSError, EOFError, zlib.error) as error:
             raise _refused(name, f"compressed, but damaged: {error}") from error
     if len(data) > MAX_BYTES:
         raise _refused(name, f"more than {MAX_BYTES >> 20} MB; split the file")
