@@ -64,11 +64,16 @@ _FORMAT: Final = TypeAdapter(Remembered)
 
 
 def state_folder() -> Path:
-    """Folder of these files: that of the service, or the user's."""
+    """Folder of these files: that of the service, or the user's; the system's for a user without a home."""
     if service := os.environ.get("STATE_DIRECTORY"):
         return Path(service.partition(":")[0]) / "buses"
-    home = os.environ.get("XDG_STATE_HOME") or Path("~/.local/state").expanduser()
-    return Path(home) / "contid" / "buses"
+    home = Path(os.environ.get("XDG_STATE_HOME", ""))
+    if not home.is_absolute():  # such a value is to be ignored (XDG Base Directory Specification)
+        try:
+            home = Path("~/.local/state").expanduser()
+        except RuntimeError:
+            home = Path("/var/lib")
+    return home / "contid" / "buses"
 
 
 class BusMemory:
