@@ -280,3 +280,16 @@ def test_a_damaged_compressed_table_is_refused(tmp_path: Path) -> None:
             read_table(path)
         if at > 60:
             break
+
+
+def test_a_file_of_matlab_7_3_is_hdf5_behind_a_head(tmp_path: Path) -> None:
+    """As ``save -v7.3`` writes it; the head by "MAT-File Format", The MathWorks."""
+    h5py = pytest.importorskip("h5py", reason="pip install 'contid[data]'")
+    path = tmp_path / "walk.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["t"], file["x"] = np.array([[0.0, 0.1, 0.2]]), np.array([[4.0, 5.0, 6.0]])
+    with path.open("r+b") as head:
+        text = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Jan  1 00:00:00 2024"
+        head.write(text.ljust(124) + b"\x00\x02IM")
+    found = {each.name: list(each.values) for each in read_table(path).columns}
+    assert found == {"t": [0.0, 0.1, 0.2], "x": [4.0, 5.0, 6.0]}

@@ -20,6 +20,7 @@ _FORMATS: Final = (
     (b"\x93NUMPY", "npy", ""),
     (b"PK\x03\x04", "zip", ""),
     (b"MATLAB 5.0", "mat", ""),
+    (b"MATLAB 7.3", "hdf5", ""),  # HDF5 behind a head of 512 bytes
     (b"\x89HDF\r\n\x1a\n", "hdf5", ""),
     (b"\x89MCAP0\r\n", "mcap", "an MCAP recording: `contid session export` or `mcap convert` makes a CSV"),
     (b"#ROSBAG", "rosbag", "a ROS 1 bag: `rostopic echo -b FILE -p TOPIC > out.csv` makes a CSV"),
