@@ -45,8 +45,8 @@ class Remembered:
         axes: names of its axes, sorted.
         devices: identity by address on the bus.
         boot: start of the device that ``positions_rad`` belong to; None when unknown.
-        positions_rad: where the axes stood at the last close [rad]; None while the bus is in use, and after a
-            process that did not close it.
+        positions_rad: where the axes stood at the last close [rad], by axis; None for one that was not known.
+            Empty while the bus is in use, and after a process that did not close it.
     """
 
     bus: str
