@@ -72,7 +72,7 @@ def read_stdin(
 
     Raises:
         BadInputError: a wrong header, or a trajectory with mistakes.
-        ContidError: it ended without a line.
+        ContidError: it ended without a line, or cannot be read.
         InputCancelledError: the reader was cancelled.
     """
     descriptor = stdin.fileno()
@@ -104,10 +104,17 @@ def _read_timed(
     descriptor: int, head: str, robots: Mapping[str, RobotDescription], reader: CancellableReader
 ) -> Trajectory:
     rest = bytearray()
-    while chunk := reader.read(descriptor, CHUNK):
+    while chunk := _read(descriptor, CHUNK, reader):
         rest += chunk
     # As in a file (`read_file`): bytes that are not UTF-8 are refused where they stand, unless in a comment.
     return read_trajectory(io.StringIO(head + rest.decode("utf-8", errors="replace")), "stdin", robots)
+
+
+def _read(descriptor: int, size: int, reader: CancellableReader) -> bytes:
+    try:
+        return reader.read(descriptor, size)
+    except OSError as error:  # a connection that was reset; a descriptor for writing
+        raise ContidError(f"stdin: cannot be read: {error.strerror}") from error
 
 
 def _lines(descriptor: int, reader: CancellableReader) -> Iterator[tuple[int, bytes]]:
@@ -116,7 +123,7 @@ def _lines(descriptor: int, reader: CancellableReader) -> Iterator[tuple[int, by
     A line longer than `_MOST_BYTES` comes before its end, without its rest: that of ``/dev/zero`` has no end.
     """
     line, number, cut = bytearray(), 1, False
-    while byte := reader.read(descriptor, 1):
+    while byte := _read(descriptor, 1, reader):
         end = byte == b"\n"
         if not cut:
             line += byte

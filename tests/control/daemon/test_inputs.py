@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import socket
+import struct
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +16,7 @@ import pytest
 
 from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.control.daemon.inputs import Stream, read_file, read_stdin
-from contid.errors import BadInputError
+from contid.errors import BadInputError, ContidError
 from contid.robot_file.load import load_named
 from contid.trajectory.timed import Trajectory
 from contid.units import MAX_LINE
@@ -76,6 +78,24 @@ def test_a_line_without_end_is_refused() -> None:
     reader = CancellableReader()
     with Path("/dev/zero").open() as endless, pytest.raises(BadInputError, match="longer than"):
         read_stdin(endless, ROBOTS, reader)
+    reader.close()
+
+
+@pytest.mark.parametrize("begin", [b"", ROWS])
+def test_a_connection_that_is_reset_is_named(begin: bytes) -> None:
+    """It was reported as an output that cannot be written."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        ours = socket.create_connection(server.getsockname())
+        theirs, _ = server.accept()
+    theirs.sendall(begin)
+    reader = CancellableReader()
+    with ours, ours.makefile() as stdin:
+        if begin:
+            ours.recv(len(begin), socket.MSG_PEEK)  # it has arrived
+        theirs.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        theirs.close()
+        with pytest.raises(ContidError, match=r"stdin: cannot be read: Connection reset"):
+            read_stdin(stdin, ROBOTS, reader)
     reader.close()
 
 
