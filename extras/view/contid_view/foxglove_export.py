@@ -1,7 +1,7 @@
 """A session as an MCAP file with the message types of Foxglove: its 3D panel shows the robots as they are.
 
 ``/scene`` has bodies, targets and ropes in the frame ``world``, ``/tf`` the frames of base and tip of every
-robot, ``/joint_states`` the measured axes (``ROBOT/AXIS``, metres or pascal), ``/log`` the events.
+robot, ``/joint_states`` the measured axes (``ROBOT/AXIS``, in m, Pa or rad), ``/log`` the events.
 """
 
 from __future__ import annotations
