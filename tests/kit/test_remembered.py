@@ -16,10 +16,10 @@ def test_a_user_without_a_home_opens_a_bus(monkeypatch: pytest.MonkeyPatch) -> N
     for name in ("HOME", "XDG_STATE_HOME", "STATE_DIRECTORY"):
         monkeypatch.delenv(name, raising=False)
 
-    def nobody(uid: int) -> pwd.struct_passwd:
+    def unknown(uid: int) -> pwd.struct_passwd:
         raise KeyError(uid)
 
-    monkeypatch.setattr(pwd, "getpwuid", nobody)
+    monkeypatch.setattr(pwd, "getpwuid", unknown)
     assert state_folder() == Path("/var/lib/contid/buses")
     assert BusMemory("servos", "/dev/ttyUSB0", []).path.parent == state_folder()
 

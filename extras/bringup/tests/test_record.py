@@ -1,4 +1,4 @@
-"""The page of a bring-up is written whatever the file is called and the findings say."""
+"""The page of a bring-up is written whatever the name of the file and the findings are."""
 
 from __future__ import annotations
 
