@@ -71,7 +71,9 @@ def frame_of_axes(z: Vec3, x: Vec3) -> tuple[float, ...] | None:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Target of one robot at one instant; exactly one of ``tip_m``, ``actuation`` and ``arcs`` is set.
+    """Target of one robot at one instant: one of ``tip_m``, ``actuation`` and ``arcs``, or only ``extra``.
+
+    With ``extra`` alone the model's own axes stay where they are.
 
     Attributes:
         tip_m: tip position [m].

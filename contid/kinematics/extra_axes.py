@@ -1,7 +1,8 @@
 """A model with axes beyond its kinematics: wrist, gripper or any other axis with a stroke or an angle.
 
 They follow the model's own axes in every actuation and take the value of their column, clamped to their
-limits; a target that does not name one leaves it where it is.
+limits; a target that does not name one leaves it where it is, and one that names nothing else leaves the
+model's own axes where they are.
 """
 
 from __future__ import annotations
@@ -48,7 +49,12 @@ class WithExtraAxes:
         return self._model.forward(actuation[: self._own], load_n)
 
     def inverse(self, target: Target, seed: Actuation) -> Solution:
-        """The model's answer, followed by the extra axes of the target, clamped into their strokes."""
+        """The model's answer, followed by the extra axes of the target, clamped into their strokes.
+
+        One that is not a number holds the whole robot, as it does among the model's own axes.
+        """
+        if any(map(math.isnan, target.extra.values())):
+            return Solution.not_finite(seed, "a requested axis")
         own, rest = seed[: self._own], seed[self._own :]
         if target.tip_m is None and target.actuation is None and target.arcs is None:
             solution = Solution(own, 0.0, converged=True)

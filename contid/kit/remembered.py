@@ -45,8 +45,8 @@ class Remembered:
         axes: names of its axes, sorted.
         devices: identity by address on the bus.
         boot: start of the device that ``positions_rad`` belong to; None when unknown.
-        positions_rad: where the axes stood at the last close [rad]; None while the bus is in use, and after a
-            process that did not close it.
+        positions_rad: where the axes stood at the last close [rad], by axis; None for one that was not known.
+            Empty while the bus is in use, and after a process that did not close it.
     """
 
     bus: str
@@ -64,11 +64,16 @@ _FORMAT: Final = TypeAdapter(Remembered)
 
 
 def state_folder() -> Path:
-    """Folder of these files: that of the service, or the user's."""
+    """Folder of these files: that of the service, or the user's; the system's for a user without a home."""
     if service := os.environ.get("STATE_DIRECTORY"):
         return Path(service.partition(":")[0]) / "buses"
-    home = os.environ.get("XDG_STATE_HOME") or Path("~/.local/state").expanduser()
-    return Path(home) / "contid" / "buses"
+    home = Path(os.environ.get("XDG_STATE_HOME", ""))
+    if not home.is_absolute():  # such a value is to be ignored (XDG Base Directory Specification)
+        try:
+            home = Path("~/.local/state").expanduser()
+        except RuntimeError:
+            home = Path("/var/lib")
+    return home / "contid" / "buses"
 
 
 class BusMemory:

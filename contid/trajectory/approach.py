@@ -56,7 +56,8 @@ class Approach:
         duration_s: time until every axis rests.
 
     Raises:
-        MotionError: numbers that are not finite.
+        MotionError: numbers that are not finite, or the solver finds no motion. From states of robots that is
+            not known, only for limits unlike theirs: at full speed and a rising one, with a low jerk.
     """
 
     def __init__(

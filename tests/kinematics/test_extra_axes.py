@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,19 @@ def test_extra_axes_follow_their_columns_inside_their_strokes(configs: Path) -> 
     alone = model.inverse(Target(extra={"wrist": 0.003}), seed)
     assert alone.actuation == (*robot.rest, 0.003, 0.002)
     assert (model.jacobian(seed)[:, -2:] == 0).all()
+
+
+def test_an_extra_axis_that_is_not_a_number_holds_the_robot(configs: Path) -> None:
+    robot = load_robot_file(configs / "cbha.yaml").file.robots["cbha"]
+    model = build_whole_model(robot)
+    seed = (*robot.rest, 0.001, 0.002)
+    tip = model.forward(seed).tip_m
+    for target in (Target(extra={"gripper": math.nan}), Target(tip_m=tip, extra={"wrist": math.nan})):
+        found = model.inverse(target, seed)
+        assert found.actuation == seed
+        assert (found.converged, found.limited_by) == (False, ("not_finite",))
+    endless = model.inverse(Target(extra={"gripper": math.inf}), seed)
+    assert (endless.actuation[-1], endless.limited_by) == (0.01, ("gripper.max",))
 
 
 def test_a_gripper_moves_through_the_whole_chain(configs: Path) -> None:

@@ -20,9 +20,12 @@ from contid.robot_file.robot import RobotDescription
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.rows import RowReader, names_in_comment
 from contid.trajectory.timed import Trajectory
+from contid.units import MAX_LINE
 
 #: Bytes of a timed trajectory per read.
 CHUNK: Final = 1 << 20
+#: Bytes of a line before the rows: more of them are more characters than a header may have (`MAX_LINE`).
+_MOST_BYTES: Final = 4 * MAX_LINE
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +72,7 @@ def read_stdin(
 
     Raises:
         BadInputError: a wrong header, or a trajectory with mistakes.
-        ContidError: it ended without a line.
+        ContidError: it ended without a line, or cannot be read.
         InputCancelledError: the reader was cancelled.
     """
     descriptor = stdin.fileno()
@@ -77,6 +80,8 @@ def read_stdin(
     skipped: list[str] = []
     for number, raw in _lines(descriptor, reader):
         line = raw.decode("utf-8", errors="replace")
+        if number == 1:
+            line = line.removeprefix("\ufeff")  # it would hide that a comment is one
         if not line.strip() or line.lstrip().startswith("#"):
             skipped.append(line)
             continue
@@ -99,23 +104,35 @@ def _read_timed(
     descriptor: int, head: str, robots: Mapping[str, RobotDescription], reader: CancellableReader
 ) -> Trajectory:
     rest = bytearray()
-    while chunk := reader.read(descriptor, CHUNK):
+    while chunk := _read(descriptor, CHUNK, reader):
         rest += chunk
+    # As in a file (`read_file`): bytes that are not UTF-8 are refused where they stand, unless in a comment.
+    return read_trajectory(io.StringIO(head + rest.decode("utf-8", errors="replace")), "stdin", robots)
+
+
+def _read(descriptor: int, size: int, reader: CancellableReader) -> bytes:
     try:
-        text = rest.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise ContidError(f"stdin: not UTF-8 text: {error}") from error
-    return read_trajectory(io.StringIO(head + text), "stdin", robots)
+        return reader.read(descriptor, size)
+    except OSError as error:  # a connection that was reset; a descriptor for writing
+        raise ContidError(f"stdin: cannot be read: {error.strerror}") from error
 
 
 def _lines(descriptor: int, reader: CancellableReader) -> Iterator[tuple[int, bytes]]:
-    """Lines, read byte by byte: what follows the header is left in the descriptor."""
-    line, number = bytearray(), 1
-    while byte := reader.read(descriptor, 1):
-        line += byte
-        if byte == b"\n":
-            yield number, bytes(line)
+    """Lines, read byte by byte: what follows the header is left in the descriptor.
+
+    A line longer than `_MOST_BYTES` comes before its end, without its rest: that of ``/dev/zero`` has no end.
+    """
+    line, number, cut = bytearray(), 1, False
+    while byte := _read(descriptor, 1, reader):
+        end = byte == b"\n"
+        if not cut:
+            line += byte
+            cut = not end and len(line) > _MOST_BYTES
+            if end or cut:
+                yield number, bytes(line) if end else bytes(line) + b"\n"
+        if end:
             line.clear()
             number += 1
-    if line:
+            cut = False
+    if line and not cut:
         yield number, bytes(line)

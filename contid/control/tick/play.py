@@ -76,8 +76,8 @@ def next_lead(
         play: half width of every axis; None without.
         capstan: of the robot; None without.
         before: of the tick before.
-        command: of this tick, and ``increments`` of it.
-        increments: of the commands in this tick.
+        command: of this tick [m or Pa].
+        increments: by which it differs from that of the tick before.
         limits: of the axes; their step bounds the change of each part.
     """
     offsets, senses, delivered = before.play, before.senses, before.delivered

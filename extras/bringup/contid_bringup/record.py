@@ -121,4 +121,4 @@ def write_page(
         rows=rows,
     )
     with replacing(page) as file:
-        file.write(text.encode())
+        file.write(text.encode(errors="backslashreplace"))  # names of files need not be UTF-8

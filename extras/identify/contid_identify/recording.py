@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from contid.control.engine.tick_layout import ENABLED
 from contid.control.tick.transmission import RobotTransmission
 from contid.errors import ContidError
 from contid.kinematics.array import Array
@@ -22,16 +23,19 @@ _LEAST_TICKS: Final = 100
 
 @dataclass(frozen=True, eq=False)
 class RobotRecording:
-    """One robot of one session, from its first command to its last.
+    """One robot of one session, from its first command to its end.
 
     Attributes:
         name: of the file.
         robot: description in the session.
         axes: names of all axes; the model's come first.
         period_s: of the ticks.
-        sent: actuation that went to the devices [m or Pa], ``(ticks, axes)``; what was lost is held.
-        axis_at_s, axis_measured: per axis the times and values [m or Pa] of its measurements.
-        tip_at_s, tip_m: times and tips ``(n, 3)`` that a tracker measured, in the base frame.
+        sent: actuation that went to the devices [m or Pa], ``(ticks, axes)``; what was lost is held. While
+            the devices were not enabled, as after a stop, it is what they measured, and what is measured
+            then is left out below: a hand, the weight or a valve moved them, no command.
+        axis_at_s, axis_measured: per axis the times [s], from the first command, and values [m or Pa] of its
+            measurements.
+        tip_at_s, tip_m: times and tips ``(n, 3)`` [m] that a tracker measured, in the base frame.
     """
 
     name: str
@@ -46,7 +50,7 @@ class RobotRecording:
 
     @property
     def duration_s(self) -> float:
-        """From the first command to the last."""
+        """From the first command to the end [s]."""
         return len(self.sent) * self.period_s
 
     def axis_trace(self, axis: int) -> CommandedTrace:
@@ -91,16 +95,21 @@ def read_recording(path: Path, name: str) -> RobotRecording:
     for tick in session.ticks():
         record = tick.robots[place]
         device = [axis.device for axis in record.axes]
+        values = transmission.to_actuation([axis.value for axis in record.axes])
+        enabled = bool(record.flags & ENABLED)
         if np.isfinite(device).all():
             last = np.array(transmission.to_actuation(device))
         elif not sent:
             continue
+        if not enabled and np.isfinite(values).all():
+            last = np.array(values)
         if not sent:
             start_s = tick.deadline_s
         while len(sent) * period_s < tick.deadline_s - start_s - 0.5 * period_s:
             sent.append(sent[-1])  # skipped: the device goes on with what it has
         sent.append(last)
-        values = transmission.to_actuation([axis.value for axis in record.axes])
+        if not enabled:
+            continue
         for k, axis in enumerate(record.axes):
             fresh = axis.valid and np.isfinite(axis.time_s) and np.isfinite(values[k])
             if fresh and (not axis_at[k] or axis.time_s - start_s > axis_at[k][-1] + 1e-6):

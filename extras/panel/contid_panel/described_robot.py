@@ -140,8 +140,9 @@ def _counts(description: RobotDescription) -> Fields:
     """How many of the last lines of a body are tendons and, behind them, discs."""
     if not isinstance(description, TendonRobot):
         return {"tendons": 0, "discs": 0, "discs_per_section": 0}
-    discs = DISCS * len(description.geometry.sections) + 1
-    return {"tendons": len(description.axis_names), "discs": discs, "discs_per_section": DISCS}
+    sections = description.geometry.sections
+    tendons = sum(len(section.angles_deg) for section in sections)  # with ``drives`` an axis pulls several
+    return {"tendons": tendons, "discs": DISCS * len(sections) + 1, "discs_per_section": DISCS}
 
 
 def _radius_mm(description: RobotDescription) -> float:

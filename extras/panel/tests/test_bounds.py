@@ -33,3 +33,15 @@ def test_bounds_contain_rest_the_ends_of_all_axes_and_random_tips(name: str) -> 
         tips = np.array([tip for each in drawn if (tip := tip_mm(robot, each)) is not None])
         outside = np.maximum(low - tips, tips - high).max(axis=0)
         assert np.all(outside <= SLACK * np.maximum(high - low, 1.0)), (name, outside)
+
+
+@pytest.mark.parametrize("name", ["hand", "trirack", "bend1", "catheter", "planar2", "tendon3", "trunk"])
+def test_lines_of_a_body_are_its_backbone_then_tendons_then_discs(name: str) -> None:
+    """Also where a motor winds several tendons, so that there are fewer axes than tendons."""
+    geometry = PanelGeometry(load_named(name), 200.0)
+    described = geometry.describe()["robots"]
+    for robot in geometry.scene.robots:
+        drawing = robot.drawing(robot.config.rest)
+        found = described[robot.config.name]
+        edges = 2 * robot.planar
+        assert len(drawing.strips) == drawing.sections + found["tendons"] + found["discs"] + edges

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import pytest
 
 pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Page
 
 from tests.support.browser import OpenPage, opened
 from tests.support.daemons import Running, shipped
@@ -26,6 +27,21 @@ UNTOUCHED_MM = 1e-6
 #: over twice the length of these arms: less than this [1/mm] times the square.
 CURVED_PER_MM = 1.0 / 100.0
 PRESSES = 6
+#: The rows of half a second of a walk at half speed, of a robot at 0, 0 whose second column has no speed.
+WALKED = """async ([refusal, goal]) => {
+    const { Walk } = await import('/static/walk.js');
+    const rows = [], refusals = new Map(refusal ? [['f0', refusal]] : []);
+    const jog = {
+        refusals, active: null,
+        to(robot, columns, values) { rows.push(values); this.active = robot; refusals.delete(robot); },
+        end() { this.active = null; }, ordered() { return null; }, arrived() {},
+    };
+    const walk = new Walk({}, jog, { share: 0.5 }), columns = ['a', 'b'];
+    walk.know(columns, [10, 0], () => [0, 0]);
+    walk.to('f0', columns, goal);
+    await new Promise((done) => setTimeout(done, 500));
+    return [rows, refusals.get('f0') ?? ''];
+}"""
 
 
 def bends(running: Running) -> list[float]:
@@ -174,3 +190,19 @@ def test_the_first_key_moves_an_arm_at_the_edge_of_its_reach(browser: Browser) -
         )
         it.page.wait_for_timeout(800)
         assert "out of reach" in it.page.locator(".robot .refused").inner_text()
+
+
+@pytest.mark.parametrize("refusal", ["", "a is at the end of its range"])
+def test_a_refusal_does_not_hold_what_is_ordered_next(idle: Page, refusal: str) -> None:
+    """Below full speed every slider was dead after a refusal, until another button was pressed."""
+    rows, left = idle.evaluate(WALKED, [refusal, [1.0, 0.0]])
+    assert rows[-1] == [1.0, 0.0]
+    assert all(after[0] >= before[0] for before, after in pairwise(rows))
+    assert left == ""
+
+
+def test_a_column_without_a_speed_is_refused_with_its_reason(idle: Page) -> None:
+    """As the azimuth of a planar arm: the robot was ordered where it is for ever."""
+    rows, left = idle.evaluate(WALKED, ["", [1.0, 5.0]])
+    assert rows == []
+    assert left.startswith("b has no speed")

@@ -1,7 +1,7 @@
 """A session as an MCAP file with the message types of Foxglove: its 3D panel shows the robots as they are.
 
 ``/scene`` has bodies, targets and ropes in the frame ``world``, ``/tf`` the frames of base and tip of every
-robot, ``/joint_states`` the measured axes (``ROBOT/AXIS``, metres or pascal), ``/log`` the events.
+robot, ``/joint_states`` the measured axes (``ROBOT/AXIS``, in m, Pa or rad), ``/log`` the events.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from contid_view.body import SolidBody, quaternion_of
 from contid_view.colours import PLATE, ROPE, TARGET, Colour, of_robot
 from contid_view.event_line import event_line
 from contid_view.frames import FRAMES_HZ
+from contid_view.kept_error import KeptError
 from contid_view.robot_scene import RobotDrawing, RobotScene
 from contid_view.scene import Scene, build_scene, rope_line
 
@@ -46,12 +47,18 @@ def write_foxglove(
         entries: ticks and events in their order.
         loaded: the robot file of the run.
         layout: layout of the records.
+
+    Raises:
+        OSError: the file cannot be written, as on a full disk.
     """
     context = foxglove.Context()
-    with foxglove.open_mcap(file, context=context):
+    kept = KeptError(file)
+    with foxglove.open_mcap(kept, context=context):
         writer = _Writer(context, build_scene(loaded, layout.rate_hz))
         shown = -1
         for time_ns, values, event in entries:
+            if kept.error is not None:
+                break
             if event is not None:
                 writer.event(time_ns, event)
             elif values is not None:
@@ -61,6 +68,8 @@ def write_foxglove(
                 if frame != shown:
                     shown = frame
                     writer.scene(time_ns, record)
+    if kept.error is not None:
+        raise kept.error
 
 
 class _Writer:

@@ -46,6 +46,9 @@ class ViewerObserver:
 
         It gets the ring as an open file: a short run may have ended, and removed the ring, before the viewer
         has imported.
+
+        Raises:
+            OSError: no process or file can be opened.
         """
         ring = os.open(setup.ring, os.O_RDWR | os.O_CLOEXEC)
         try:
@@ -60,9 +63,8 @@ class ViewerObserver:
             os.close(ring)
         assert process.stdin is not None
         job = ViewerJob(self._target, Path(f"/dev/fd/{ring}"), pid, setup.loaded, setup.rate_hz)
-        with suppress(BrokenPipeError):
+        with suppress(BrokenPipeError), process.stdin:  # closed also where the viewer has ended already
             process.stdin.write(pickle.dumps(job))
-            process.stdin.close()
 
     def follow(self, setup: RunSetup) -> Sink:
         """Draw a run in virtual time within this process."""

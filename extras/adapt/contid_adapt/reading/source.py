@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gzip
+import io
 import re
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -18,6 +20,7 @@ _FORMATS: Final = (
     (b"\x93NUMPY", "npy", ""),
     (b"PK\x03\x04", "zip", ""),
     (b"MATLAB 5.0", "mat", ""),
+    (b"MATLAB 7.3", "hdf5", ""),  # HDF5 behind a head of 512 bytes
     (b"\x89HDF\r\n\x1a\n", "hdf5", ""),
     (b"\x89MCAP0\r\n", "mcap", "an MCAP recording: `contid session export` or `mcap convert` makes a CSV"),
     (b"#ROSBAG", "rosbag", "a ROS 1 bag: `rostopic echo -b FILE -p TOPIC > out.csv` makes a CSV"),
@@ -68,9 +71,10 @@ def read_source(path: str | Path) -> Source:
         raise ContidError(f"{name}: {error.strerror}") from error
     if data[:2] == b"\x1f\x8b":
         try:
-            with gzip.open(path) as stream:
+            # Not the path again: a pipe gives its bytes once.
+            with gzip.open(io.BytesIO(data)) as stream:
                 data = stream.read(MAX_BYTES + 1)
-        except (OSError, EOFError) as error:
+        except (OSError, EOFError, zlib.error) as error:
             raise _refused(name, f"compressed, but damaged: {error}") from error
     if len(data) > MAX_BYTES:
         raise _refused(name, f"more than {MAX_BYTES >> 20} MB; split the file")

@@ -35,6 +35,14 @@ export class Walk {
       this.jog.to(robot, columns, values);
       return;
     }
+    const { rates } = this.rows.get(columns);
+    const still = columns.find((_, i) => rates[i] === 0 && values[i] !== present[i]); // the azimuth of a planar robot
+    if (still !== undefined) {
+      this.goal = null;
+      this.jog.end();
+      this.refusals.set(robot, `${still} has no speed of which this could be a share: choose full speed, or type a number`);
+      return;
+    }
     const at = this.goal?.columns === columns ? this.goal.at : present;
     this.goal = { robot, columns, values, at, ending: false, begun: this.goal?.columns === columns && this.goal.begun, stepped: performance.now() - PERIOD_MS };
   }
@@ -57,7 +65,8 @@ export class Walk {
   step() {
     const { goal } = this;
     if (goal === null) return;
-    if (this.jog.refusals.has(goal.robot) || (goal.begun && this.jog.active !== goal.robot)) {
+    if (!goal.begun) this.refusals.delete(goal.robot); // of what was ordered before
+    else if (this.refusals.has(goal.robot) || this.jog.active !== goal.robot) {
       this.goal = null; // refused, stopped, or without control
       this.jog.end();
       return;

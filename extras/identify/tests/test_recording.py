@@ -1,0 +1,54 @@
+"""Commands and measurements of a recording; what no command moved is not among them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contid.api.simulated import Sim
+from contid.control.engine.messages import Estop
+from contid.robot_file.load import load_named
+from contid_identify.delay_lag import fit_axis
+from contid_identify.recording import RobotRecording, read_recording
+
+#: Pressures [bar]; the simulated regulators answer with a lag of 50 ms.
+MOVES = ((0.2, 0.0, 0.0), (0.6, 0.1, 0.3), (0.3, 0.5, 0.0), (0.7, 0.2, 0.4), (0.1, 0.0, 0.2), (0.5, 0.4, 0.3))
+
+
+def recorded(folder: Path, *, stopped: bool) -> RobotRecording:
+    """An arm whose valves open for three seconds in the middle, where it is stopped."""
+    file, session = folder / "arm.yaml", folder / f"{stopped}.mcap"
+    file.write_text(load_named("stiffflop1").text.replace("rate_hz: 500", "rate_hz: 100"))
+    with Sim(file, record=session) as sim:
+        for k, bars in enumerate(MOVES * 2):
+            sim.step([*bars], ticks=60 + 13 * k)
+            if stopped and k == len(MOVES) - 1:
+                sim._obey(Estop())
+                for _ in range(300):
+                    sim._run_tick()
+                sim.resume()
+                for _ in range(50):
+                    sim._run_tick()
+    return read_recording(session, *load_named(str(file)).driven)
+
+
+def test_a_stop_in_a_recording_spoils_no_lag(tmp_path: Path) -> None:
+    """Pressures fell without a command: the lag was found as 33 ms, give or take two seconds."""
+    for stopped in (False, True):
+        recording = recorded(tmp_path, stopped=stopped)
+        for axis in range(3):
+            found = fit_axis([recording.axis_trace(axis)])
+            assert found.lag_s.value == pytest.approx(0.05, abs=0.003)
+            assert found.lag_s.half < 0.004
+
+
+def test_devices_that_are_not_enabled_are_where_they_were_measured(tmp_path: Path) -> None:
+    recording = recorded(tmp_path, stopped=True)
+    vented = np.flatnonzero((recording.sent[:, 0] < 1e3) & (recording.sent[:, 1] < 1e3))
+    assert len(vented) > 200
+    begin, end = recording.period_s * vented[[40, -40]]
+    for at_s in recording.axis_at_s:
+        assert not np.any((at_s > begin) & (at_s < end))
+        assert np.any(at_s > end)
