@@ -89,7 +89,8 @@ def test_parquet_has_the_columns_of_the_csv_with_types(exported: Path, table: pd
 
 def test_hdf5_has_a_group_per_channel_and_the_events(exported: Path, table: pd.DataFrame) -> None:
     with h5py.File(exported / "all.h5") as found:
-        assert {*found} == {"time", "tick", "target", "solution", "command", "sample", "measured", "event"}
+        channels = {"tick", "target", "solution", "command", "sample", "measured", "difference"}
+        assert {*found} == {"time", "event", *channels}
         assert found.attrs["rate_hz"] == 200.0
         np.testing.assert_array_equal(found["command/left.left_mm"][:], table["command.left.left_mm"])
         np.testing.assert_array_equal(found["time/t_s"][:], table["t_s"])
