@@ -12,6 +12,7 @@ import math
 import random
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from benchmarks.lab import lab
 from contid.control.engine import messages as msg
@@ -82,10 +83,9 @@ class Fault:
 
     def scheduled(self, rate_hz: float) -> ScheduledFault:
         """As the simulated bus takes it; edges lie between two ticks."""
-        return ScheduledFault(
-            at_s=(self.tick - 0.5) / rate_hz, kind=self.kind, axis=self.axis,
-            for_s=self.ticks / rate_hz, delay_ms=self.delay_ms,
-        )  # fmt: skip
+        late: dict[str, Any] = {"delay_ms": self.delay_ms} if self.kind is FaultKind.LATE else {}
+        begin_s, for_s = (self.tick - 0.5) / rate_hz, self.ticks / rate_hz
+        return ScheduledFault(at_s=begin_s, kind=self.kind, axis=self.axis, for_s=for_s, **late)
 
     def touches(self, machine: Machine, config: RobotConfig) -> bool:
         """True when the robot may notice it."""
