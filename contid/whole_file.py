@@ -29,14 +29,14 @@ def replacing(path: Path, mode: int | None = None) -> Iterator[BinaryIO]:
     Raises:
         ContidError: the file cannot be written; an existing one is unchanged.
     """
-    device = path.exists() and not path.is_file()
-    target = path if device else path.resolve()
-    part = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    part: Path | None = None
     try:
-        if device:
+        if path.exists() and not path.is_file():
             with path.open("wb") as file:
                 yield file
             return
+        target = _behind_links(path)
+        part = target.with_name(f".{target.name}.{os.getpid()}.tmp")
         mode = _usual_mode(target) if mode is None else mode
         with _nameless(target.parent, part) as file:
             yield file
@@ -47,11 +47,25 @@ def replacing(path: Path, mode: int | None = None) -> Iterator[BinaryIO]:
         part.replace(target)
         sync_folder(target.parent)
     except BaseException as error:
-        if not device:
-            part.unlink(missing_ok=True)
+        if part is not None:
+            # What prevented the file may prevent this too, as a folder that is none.
+            with suppress(OSError):
+                part.unlink()
         if isinstance(error, OSError):
-            raise ContidError(f"{path}: cannot write it: {error.strerror}") from error
+            raise ContidError(f"{path}: cannot write it: {error.strerror or error}") from error
         raise
+
+
+def _behind_links(path: Path) -> Path:
+    """The path without symbolic links.
+
+    Raises:
+        OSError: the links form a circle.
+    """
+    target = Path(os.path.realpath(path))
+    if target.is_symlink():
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
+    return target
 
 
 def _usual_mode(target: Path) -> int:

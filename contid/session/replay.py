@@ -81,7 +81,8 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
     """Run a session again, up to its end or to another state, fault or limit of a robot.
 
     Another number, as by another processor or C library, is counted, and the replay goes on behind it. Ticks
-    that the recorder missed run on the samples between those beside them and are not compared.
+    that the recorder missed run with their events, on the samples between those beside them, and are not
+    compared.
 
     Args:
         session: the recording.
@@ -129,11 +130,23 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
 
     last, last_skipped, count, played, missing = -1, 0, 0, 0, 0
     before: Sequence[float] | None = None
+
+    def apply(tick: int) -> None:
+        """Apply the events up to a tick that are left; raises `ContidError` for a damaged one."""
+        nonlocal played
+        for event in [each for due in sorted(by_tick) if due <= tick for each in by_tick.pop(due)]:
+            trajectory = None
+            if isinstance(event, OrderGiven) and event.order["order"] == "play":
+                played += 1
+                trajectory = session.trajectory(loaded, played)
+            _apply(event, trajectory, recorded, engine, tick)
+
     for entry in session.entries():
         if entry.event is not None:
             match entry.event:
                 case UnknownEvent(kind=kind, values=fields) if kind in _INPUT_KINDS:
-                    by_tick[fields.get("tick", last + 1)].append(entry.event)
+                    tick = fields.get("tick")
+                    by_tick[tick if isinstance(tick, int) else last + 1].append(entry.event)
                 case OrderGiven() | RobotOverran() | BusAnswered() | BusStalled() | DeviceFaultChanged():
                     by_tick[entry.event.tick].append(entry.event)
             continue
@@ -143,23 +156,19 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
         if tick <= last:
             return result(f"tick {tick} comes after tick {last}: more than one run is in the file")
         lost = tick - last - 1 - (skipped - last_skipped)
-        if lost:
-            if lost < 0 or before is None or values[DEADLINE] - before[DEADLINE] > LONGEST_GAP_S:
-                return result(f"ticks {last + 1} to {tick - 1} are not in the recording")
-            for between in records_between(before, values, lost):
-                recorded.values, recorded.stalls = between, set()
-                engine.cycle(Timing(int(between[TICK]), last_skipped, between[DEADLINE], 0.0))
-            missing += lost
-        recorded.values, recorded.stalls = values, set()
-        for event in by_tick.pop(tick, ()):
-            try:
-                trajectory = None
-                if isinstance(event, OrderGiven) and event.order["order"] == "play":
-                    played += 1
-                    trajectory = session.trajectory(loaded, played)
-                _apply(event, trajectory, recorded, engine, tick)
-            except ContidError as error:
-                return result(str(error))
+        try:
+            if lost:
+                if lost < 0 or before is None or values[DEADLINE] - before[DEADLINE] > LONGEST_GAP_S:
+                    return result(f"ticks {last + 1} to {tick - 1} are not in the recording")
+                for between in records_between(before, values, lost):
+                    recorded.values, recorded.stalls = between, set()
+                    apply(int(between[TICK]))
+                    engine.cycle(Timing(int(between[TICK]), last_skipped, between[DEADLINE], 0.0))
+                missing += lost
+            recorded.values, recorded.stalls = values, set()
+            apply(tick)
+        except ContidError as error:
+            return result(str(error))
         engine.cycle(Timing(tick, skipped, values[DEADLINE], values[LATENESS]))
         divergence = comparison.check(values, sink.values)
         first = first or divergence

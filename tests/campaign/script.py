@@ -12,6 +12,7 @@ import math
 import random
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from benchmarks.lab import lab
 from contid.control.engine import messages as msg
@@ -22,7 +23,7 @@ from contid.robot_file.load import LoadedFile, configs_folder, load_robot_file, 
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
-from contid_drivers.sim.options import OF_AN_AXIS, FaultKind, ScheduledFault
+from contid_drivers.sim.options import MECHANICAL, OF_AN_AXIS, FaultKind, ScheduledFault
 
 #: All faults are over by then; what follows shows that the robots can be had back.
 SCRIPT_S = 1.2
@@ -82,10 +83,9 @@ class Fault:
 
     def scheduled(self, rate_hz: float) -> ScheduledFault:
         """As the simulated bus takes it; edges lie between two ticks."""
-        return ScheduledFault(
-            at_s=(self.tick - 0.5) / rate_hz, kind=self.kind, axis=self.axis,
-            for_s=self.ticks / rate_hz, delay_ms=self.delay_ms,
-        )  # fmt: skip
+        late: dict[str, Any] = {"delay_ms": self.delay_ms} if self.kind is FaultKind.LATE else {}
+        begin_s, for_s = (self.tick - 0.5) / rate_hz, self.ticks / rate_hz
+        return ScheduledFault(at_s=begin_s, kind=self.kind, axis=self.axis, for_s=for_s, **late)
 
     def touches(self, machine: Machine, config: RobotConfig) -> bool:
         """True when the robot may notice it."""
@@ -186,7 +186,9 @@ class Script:
         axis = draw.choice(config.axes)
         # The end of a fault ends every other one of its kind in the same place.
         taken = {(f.kind, f.axis or f.bus) for f in case.faults}
-        kinds = [k for k in FaultKind if not taken & {(k, axis), (k, machine.bus_of[axis])}]
+        # Damage of a body is not reported: it has no bound on the ticks until a robot is in FAULT.
+        reported = [k for k in FaultKind if k not in MECHANICAL]
+        kinds = [k for k in reported if not taken & {(k, axis), (k, machine.bus_of[axis])}]
         kind = draw.choice(kinds)
         longest = max(self.tick(SCRIPT_S) - tick, 1)
         ticks = min(draw.choice((1, 2, 3, 4, 5, 20, 60, longest)), longest)

@@ -69,6 +69,39 @@ def test_a_file_is_replaced_in_one_step(
     assert len(list(tmp_path.iterdir())) == 1
 
 
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("file/table.csv", "Not a directory"),
+        ("missing/table.csv", "No such file"),
+        ("circle", "Too many levels of symbolic links"),
+        ("circle/table.csv", "Too many levels of symbolic links"),
+        # The name itself is allowed, that of the file beside it would be too long.
+        ("a" * 250, "File name too long"),
+        ("a" * 300, "File name too long"),
+        (".", "Is a directory"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_by_its_own_name(tmp_path: Path, name: str, message: str) -> None:
+    (tmp_path / "file").write_bytes(b"old")
+    (tmp_path / "circle").symlink_to("circle")
+    path = tmp_path / name
+    with pytest.raises(ContidError) as refused, replacing(path) as file:
+        file.write(b"new")
+    assert str(refused.value).startswith(f"{path}: cannot write it: {message}")
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["circle", "file"]
+
+
+def test_links_are_followed(tmp_path: Path) -> None:
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "second").symlink_to("inner/table.csv")
+    (tmp_path / "first").symlink_to("second")
+    with replacing(tmp_path / "first") as file:
+        file.write(b"new")
+    assert (tmp_path / "inner" / "table.csv").read_bytes() == b"new"
+    assert (tmp_path / "first").is_symlink()
+
+
 def test_the_mode_of_new_files_is_read_without_changing_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Another thread that creates a file meanwhile would give every user the right to write it."""
     before = os.umask(0o027)

@@ -175,6 +175,19 @@ def test_a_replay_goes_on_behind_a_gap(recorded: Path, tmp_path: Path) -> None:
     assert replay(session, changed).divergence is not None
 
 
+def test_orders_of_missing_ticks_are_applied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The recorder has a ring for ticks and one for events: an order is there although its tick is not."""
+    loaded, play = load(2), msg.Play(circle(load(2), period_s=0.8, radius_mm=3.0))
+    orders: dict[int, list[msg.Message]] = {150: [msg.Hold()], 200: [play, msg.Resume()], 800: [msg.Finish()]}
+    path = record_virtual(tmp_path / "s.mcap", loaded, circle(loaded), orders, on_end=OnEnd.HOLD)
+    both = [circle(loaded), play.trajectory]
+    monkeypatch.setattr(Session, "trajectory", lambda session, loaded, number=0: both[number])
+    for missing in (range(140, 160), range(190, 210)):
+        result = replay(_without(path, tmp_path / f"{missing.start}.mcap", missing), loaded)
+        # The gap is filled with a straight line of samples.
+        assert (result.stopped, result.missing, result.largest < 1e-6) == ("", 20, True)
+
+
 def test_a_gap_at_the_beginning_ends_the_replay(recorded: Path, tmp_path: Path) -> None:
     result = replay(_without(recorded, tmp_path / "gap.mcap", range(2)), load(2))
     assert (result.ticks, result.stopped) == (0, "ticks 0 to 1 are not in the recording")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from contid.hal import Rest
 from contid.robot_file.load import LoadedFile, with_mock
@@ -20,7 +21,8 @@ def inject(
     bus: SimBus, kind: FaultKind, axis: str | None = None, for_s: float | None = None, delay_ms: float = 20.0
 ) -> None:
     """Begin a fault now, for ``for_s`` or until `heal`."""
-    fault = ScheduledFault(at_s=0.0, kind=kind, axis=axis, for_s=for_s, delay_ms=delay_ms)
+    late: dict[str, Any] = {"delay_ms": delay_ms} if kind is FaultKind.LATE else {}
+    fault = ScheduledFault(at_s=0.0, kind=kind, axis=axis, for_s=for_s, **late)
     bus.switches.schedule(fault, bus._clock.now())
     advance(bus)
 

@@ -106,7 +106,7 @@ class TendonRod:
         geometry: sections and tendons; tendons run through earlier sections.
         bending_n_m2: E I of each section [N m^2].
         torsion_n_m2: G J of each section [N m^2].
-        stretch_n: E A of each section [N]; infinite for an inextensible backbone.
+        stretch_n: E A of each section [N]; one that is infinite makes the whole backbone inextensible.
         tendon_n_per_m: stiffness of each tendon [N/m].
         rest_n: tensions of the straight rod at zero pulls [N].
         weight_n_per_m: weight of each section [N/m], vectors in the base frame ``(sections, 3)``.

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
-from contid.hal import Sample
+from contid.errors import DeviceError
+from contid.hal import DeviceKind, Sample
 from contid_drivers.sim.devices import SimDevice
 from contid_drivers.sim.options import FaultKind, ScheduledFault
 
@@ -47,6 +48,19 @@ class Damage:
             case _:
                 self.seen = value
         return self.seen
+
+
+def refuse_unit(fault: ScheduledFault, device: SimDevice) -> None:
+    """Refuse a size in degrees for a pressure, and one in bar for an angle.
+
+    Raises:
+        DeviceError: it is one.
+    """
+    regulator = device.kind is DeviceKind.REGULATOR
+    if fault.by_deg if regulator else fault.by_bar:
+        own, other = ("by_bar", "by_deg") if regulator else ("by_deg", "by_bar")
+        message = f"a {fault.kind.value} of a {device.kind.value} has {own}, not {other}"
+        raise DeviceError(fault.axis or "", message)
 
 
 class BodyFaults:

@@ -17,7 +17,7 @@ from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.tendon.robot import TendonRobot
 from contid_drivers.sim.arm.tracked import TrackedBody
-from contid_drivers.sim.body_faults import BodyFaults
+from contid_drivers.sim.body_faults import BodyFaults, refuse_unit
 from contid_drivers.sim.devices import SimDevice
 from contid_drivers.sim.faults import Switches, append_event
 from contid_drivers.sim.finger_body import FingerBody
@@ -50,7 +50,7 @@ class SimBus:
         self.devices = {axis.name: _device(name, options, axis, now) for axis in axes}
         for fault in options.faults:
             for axis in filter(None, (fault.axis, fault.other)):
-                self._device(axis)
+                refuse_unit(fault, self._device(axis))
 
     # -- the contract ------------------------------------------------------------------------------------
 

@@ -34,6 +34,16 @@ class FaultKind(enum.StrEnum):
 MECHANICAL: Final = frozenset(
     {FaultKind.SCALED, FaultKind.LEAK, FaultKind.JUMP, FaultKind.PLAY, FaultKind.SWAPPED, FaultKind.SLOW}
 )
+#: Keys of a kind besides ``at_s``, ``kind``, ``axis`` and ``for_s``.
+_KEYS_OF_KIND: Final[dict[FaultKind, frozenset[str]]] = {
+    FaultKind.LATE: frozenset({"delay_ms"}),
+    FaultKind.SCALED: frozenset({"share"}),
+    FaultKind.LEAK: frozenset({"share"}),
+    FaultKind.SLOW: frozenset({"share"}),
+    FaultKind.JUMP: frozenset({"by_deg", "by_bar"}),
+    FaultKind.PLAY: frozenset({"by_deg", "by_bar"}),
+    FaultKind.SWAPPED: frozenset({"other"}),
+}
 OF_AN_AXIS: Final = MECHANICAL | {FaultKind.SILENT, FaultKind.STALE, FaultKind.OVERLOAD, FaultKind.STALL}
 
 
@@ -70,6 +80,19 @@ class ScheduledFault(Strict):
     other: str | None = None
 
     @model_validator(mode="after")
+    def _keys_of_this_kind(self) -> Self:
+        name, own = self.kind.value, _KEYS_OF_KIND.get(self.kind, frozenset())
+        of_some = frozenset().union(*_KEYS_OF_KIND.values())
+        if foreign := sorted((self.model_fields_set & of_some) - own):
+            allowed = f"; allowed: {', '.join(sorted(own))}" if own else ""
+            raise ValueError(f"kind {name} takes no {', '.join(foreign)}{allowed}")
+        if "by_deg" in own and (self.by_deg == 0.0) == (self.by_bar == 0.0):
+            raise ValueError(f"kind {name} needs by_deg for a shaft, or by_bar for a regulator, other than 0")
+        if self.kind is FaultKind.PLAY and not self.by > 0.0:
+            raise ValueError("kind play needs a size above 0")
+        return self
+
+    @model_validator(mode="after")
     def _axis_where_it_belongs(self) -> Self:
         if (self.axis is None) == (self.kind in OF_AN_AXIS):
             rule = "needs" if self.kind in OF_AN_AXIS else "is a fault of the whole bus and takes no"
@@ -77,6 +100,8 @@ class ScheduledFault(Strict):
         if (self.other is None) == (self.kind is FaultKind.SWAPPED):
             rule = "needs" if self.other is None else "takes no"
             raise ValueError(f"kind {self.kind.value} {rule} other")
+        if self.other is not None and self.other == self.axis:
+            raise ValueError("kind swapped needs another axis as other")
         if self.kind is FaultKind.SLOW and not self.share > 0.0:
             raise ValueError("kind slow needs a share above 0")
         return self

@@ -52,7 +52,7 @@ def command(
     require_extra()
     from contid_camera.frames import frames
     from contid_camera.printed import write_tags
-    from contid_camera.run import HEADER, row, track
+    from contid_camera.run import HEADER, TrackReport, row, track
     from contid_camera.setup_file import read_setup
 
     if tags is not None:
@@ -64,16 +64,22 @@ def command(
     if overlay is not None and overlay.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise click.BadParameter(f"{overlay}: give a name that ends in .png or .jpg", param_hint="--overlay")
     loaded = read_setup(setup)
-    if printing:
-        click.echo(HEADER)
-        report = track(loaded, frames(camera), lambda tip: click.echo(row(tip)), overlay)
-    else:
-        from contid.client import Client
-        from contid_camera.sending import TipSender
+    report = TrackReport()
+    try:
+        if printing:
+            click.echo(HEADER)
+            track(loaded, frames(camera), lambda tip: click.echo(row(tip)), overlay, report)
+        else:
+            from contid.client import Client
+            from contid_camera.sending import TipSender
 
-        with Client(socket, name="contid track") as client:
-            sender = TipSender(client, lambda line: click.echo(f"contid: {line}", err=True))
-            report = track(loaded, frames(camera, paced=True), lambda tip: sender.send(tip, robot), overlay)
-    click.echo(str(report), err=True)
+            with Client(socket, name="contid track") as client:
+                sender = TipSender(client, lambda line: click.echo(f"contid: {line}", err=True))
+                images = frames(camera, paced=True)
+                track(loaded, images, lambda tip: sender.send(tip, robot), overlay, report)
+    finally:
+        # Images of a camera end by Ctrl-C, or by an error.
+        if report.images:
+            click.echo(str(report), err=True)
     if report.measured == 0:
         sys.exit(1)

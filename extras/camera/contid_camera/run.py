@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -54,21 +56,24 @@ def track(
     images: Iterable[tuple[Array, float]],
     taken: Callable[[MeasuredTip], None],
     overlay: Path | None = None,
+    report: TrackReport | None = None,
 ) -> TrackReport:
-    """Measure the tip in images.
+    """Measure the tip in images, until they end.
 
     Args:
         loaded: setup and camera.
         images: grey images with their times [s].
         taken: gets every measured tip.
         overlay: image that is rewritten now and then, None for none.
+        report: is counted in, and is there when this ends by an exception; None for a new one.
 
     Raises:
         ContidError: images of another size than the camera's; the overlay cannot be written.
     """
     # With one thread the processor time is the time on one core, which the report is about.
     cv2.setNumThreads(1)
-    tracker, report, drawn_s = TipTracker(loaded), TrackReport(), -1e9
+    report = TrackReport() if report is None else report
+    tracker, drawn_s = TipTracker(loaded), -math.inf
     width, height = loaded.camera.size_px
     for image, time_s in images:
         if image.shape != (height, width):
@@ -103,5 +108,9 @@ def _write(path: Path, image: Array) -> None:
         if not cv2.imwrite(str(new), image):
             raise ContidError(f"{path}: cannot be written")
         new.replace(path)
-    except (OSError, cv2.error) as error:
+    except (ContidError, OSError, cv2.error) as error:
+        with suppress(OSError):  # what a full disk left
+            new.unlink()
+        if isinstance(error, ContidError):
+            raise
         raise ContidError(f"{path}: cannot be written: {error}") from None

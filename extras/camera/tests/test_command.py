@@ -2,6 +2,7 @@
 
 import csv
 import io
+import signal
 import subprocess
 import sys
 
@@ -59,6 +60,28 @@ def test_a_video_becomes_rows_near_the_truth_and_an_overlay(folder):
     overlay = cv2.imread(str(folder / "seen.png"))
     assert overlay is not None
     assert overlay.shape == (480, 640, 3)
+
+
+def test_ctrl_c_ends_with_a_report(folder, tmp_path):
+    """Images of a camera have no other end."""
+    capture = cv2.VideoCapture(str(folder / "tip.avi"))
+    got, image = capture.read()
+    assert got
+    capture.release()
+    (tmp_path / "images").mkdir()
+    cv2.imwrite(str(tmp_path / "images" / "0000.png"), image)
+    for number in range(1, 5000):
+        (tmp_path / "images" / f"{number:04}.png").symlink_to("0000.png")
+    command = [sys.executable, "-m", "contid", "track", "--camera", str(tmp_path / "images"), "--print"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=folder) as process:
+        assert process.stdout is not None
+        for _ in range(3):
+            assert process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "images measured" in errors
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,17 @@ def test_the_fit_is_written_with_its_provenance_and_nothing_else_changes(
     assert plot.stat().st_size > 5000
 
 
+def test_a_table_of_a_spreadsheet_with_any_name_is_written_back(tmp_path: Path, configs: Path) -> None:
+    """Spreadsheets begin with a byte order mark; a name may have what ends a comment of YAML."""
+    robot_file, data = tmp_path / "finger.yaml", tmp_path / "mar\nkers: \u2028.csv"
+    shutil.copy(configs / "finger.yaml", robot_file)
+    data.write_text("\ufeff" + photograph(0.3), encoding="utf-8")
+    done = contid("calibrate", "curvature", str(data), "--mm-per-px", "0.2", "--write", str(robot_file))
+    assert done.returncode == 0, done.stderr
+    assert "from mar?kers: ?.csv" in robot_file.read_text()
+    load_robot_file(robot_file)
+
+
 def test_json_carries_every_posture(data: Path) -> None:
     done = contid("calibrate", "curvature", str(data), "--mm-per-px", "0.2", "--for", "finger", "--json")
     found = json.loads(done.stdout)

@@ -72,6 +72,9 @@ HEADER = "timestamp,pattern_label,servo_1_mm,servo_2_mm,servo_3_mm,tip_x,tip_y,t
     [
         ("", "empty"),
         ("timestamp,pattern_label,servo_1_mm,tip_x,tip_y,tip_z\n", "1 columns servo_<id>_mm"),
+        ("# mine\n\ntimestamp,servo_1_mm\n", "r.csv:3:1: 1 columns servo_<id>_mm"),
+        (HEADER + "\n0," + "a" * 200_000 + ",0,0,0,1,2,3\n", "r.csv:2:1: not a row of a table: field larger"),
+        ("a" * 200_000 + "\n", "r.csv:1:1: not a row of a table: field larger"),
         (HEADER.replace(",tip_z", "") + "\n0,a,0,0,0,1,2\n", "tip_z"),
         (HEADER + "\n0,a,0,0,nan,1,2,3\n", "r.csv:2:5: servo_3_mm: 'nan' is not a finite number"),
         (

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -46,10 +47,16 @@ def export(session_file: str, robot: str | None, **outputs: str | None) -> None:
         raise click.UsageError(
             f"give an output: --csv FOLDER, --csv FILE.csv, or a file for --{', --'.join([*outputs][1:])}"
         )
+    _refuse_shared(paths)
+    drawn = [name for name in paths if name in export.added]
+    if robot is not None and not drawn:
+        raise click.UsageError(f"--robot is for the shapes of a viewer: for --{', --'.join(export.added)}")
     with counting("ticks read") as count:
         session = Session(Path(session_file), count)
         for path in paths.values():
             refuse_recording(path)
+        # Before anything is written: it may be another robot.
+        loaded = file_to_draw(session, robot) if drawn else None
         written: list[Path] = []
         for name, path in paths.items():
             if name == "yaml":
@@ -66,12 +73,21 @@ def export(session_file: str, robot: str | None, **outputs: str | None) -> None:
                 from contid_sessions.typed_tables import export_hdf5
 
                 export_hdf5(session, path)
-            else:
+            elif loaded is not None:
                 added: ExportOption = export.added[name]
-                added.write(session, file_to_draw(session, robot), path)
+                added.write(session, loaded, path)
             written.append(path)
     click.echo("\n".join(map(str, written)))
     _note_cut(session)
+
+
+def _refuse_shared(paths: Mapping[str, Path]) -> None:
+    """Refuse two outputs in one file: the second would replace the first."""
+    names: dict[str, str] = {}
+    for name, path in paths.items():
+        other = names.setdefault(os.path.realpath(path), name)
+        if other != name:
+            raise click.UsageError(f"--{other} and --{name} name the same file: {path}")
 
 
 @click.command()

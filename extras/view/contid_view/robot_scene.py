@@ -120,12 +120,18 @@ class RobotScene:
         return np.vstack([self._world(np.zeros((1, 3))), self._rotation.T])
 
     def drawing(self, actuation: Actuation, load_in_world: Vec3 = ZERO3) -> RobotDrawing | None:
-        """The robot at an actuation and a known tip load; None if an axis is unknown."""
+        """The robot at an actuation and a known tip load.
+
+        None if an axis is unknown, or if the model has no answer there, as for a reading far out of range.
+        """
         if not all(map(math.isfinite, actuation)):
             return None
         load = self.config.frame.vector_in_base(load_in_world)
-        line = self.config.model.shape(actuation, POINTS, load)
-        pose = self.config.model.forward(actuation, load)
+        try:
+            line = self.config.model.shape(actuation, POINTS, load)
+            pose = self.config.model.forward(actuation, load)
+        except (ValueError, ArithmeticError):
+            return None
         frames = [np.vstack([self._world(np.array([pose.tip_m])), self._turned(pose.rotation)])]
         sections = [line]
         cut = int(np.argmin(np.linalg.norm(line - np.array(pose.mid_m), axis=1)))

@@ -38,6 +38,29 @@ def test_a_drawing_of_other_robots_is_refused(recorded: Path, tmp_path: Path) ->
     assert not any(tmp_path.iterdir())
 
 
+def test_other_robots_are_refused_before_anything_is_written(recorded: Path, tmp_path: Path) -> None:
+    outputs = ("--csv", "all.csv", "--rrd", "s.rrd")
+    done = contid_in(tmp_path, "session", "export", str(recorded), *outputs, "--robot", "hand")
+    assert done.returncode == 2
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_robot_file_without_a_drawing_is_refused(recorded: Path, tmp_path: Path) -> None:
+    done = contid_in(tmp_path, "session", "export", str(recorded), "--csv", "all.csv", "--robot", "none")
+    assert done.returncode == 2
+    assert "--robot is for the shapes of a viewer: for --" in done.stderr
+    assert "--rrd" in done.stderr
+    assert not any(tmp_path.iterdir())
+
+
+def test_two_outputs_in_one_file_are_refused(recorded: Path, tmp_path: Path) -> None:
+    outputs = ("--csv", "all.csv", "--parquet", "./all.csv")
+    done = contid_in(tmp_path, "session", "export", str(recorded), *outputs)
+    assert done.returncode == 2
+    assert "--csv and --parquet name the same file: all.csv" in done.stderr
+    assert not any(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(("option", "name"), [("--rrd", "full.rrd"), ("--foxglove", "full.mcap")])
 def test_a_full_disk_is_refused_by_name(recorded: Path, tmp_path: Path, option: str, name: str) -> None:
     (tmp_path / name).symlink_to("/dev/full")

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from contid.robot_file.clearance import PlaneDescription
-from contid.robot_file.load import load_robot_file
+from contid.robot_file.load import load_robot_file, parse_robot_file
 from contid_view.body import quaternion_of
 from contid_view.scene import PLANE_CELLS, build_scene, plane_grid
 from contid_view.shapes.compliance import scale_force_n
@@ -37,6 +37,15 @@ def test_quaternions_are_those_of_scipy() -> None:
         assert Rotation.from_quat(quaternion_of(np.array(matrix))).as_matrix() == pytest.approx(
             matrix, abs=1e-12
         )
+
+
+def test_a_reading_without_an_equilibrium_is_not_drawn(configs: Path) -> None:
+    """A servo that reports a metre of tendon: the run has a fault, and its drawing goes on."""
+    text = (configs / "tendon3.yaml").read_text().replace("    rates:\n", "    rod: {}\n    rates:\n", 1)
+    (robot,) = build_scene(parse_robot_file(text, "rod.yaml"), 200.0).robots
+    rest = robot.config.rest
+    assert robot.drawing(rest) is not None
+    assert robot.drawing((rest[0] + 1.0, *rest[1:])) is None
 
 
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 2.0), (1.0, -2.0, 0.5)])

@@ -9,7 +9,7 @@ import pytest
 from contid.errors import BadInputError, ContidError
 from contid.hal import AxisOnBus, DeviceKind, load_driver
 from contid.robot_file.load import load_robot_file, parse_robot_file, with_mock
-from contid_drivers.sim.options import SimBusOptions
+from contid_drivers.sim.options import FaultKind, ScheduledFault, SimBusOptions
 
 BUS = """driver: dynamixel
     port: /dev/serial/by-id/usb-FTDI_USB__-__Serial_Converter_XXXXXXXX-if00-port0
@@ -22,6 +22,10 @@ class Still:
 
     def sleep(self, seconds):
         raise AssertionError("nothing here may wait")
+
+
+def _left(fault):
+    return f"faults: [{{at_s: 1.0, axis: finger.left, kind: {fault}}}]"
 
 
 @pytest.fixture
@@ -52,6 +56,12 @@ def test_a_file_may_ask_for_simulation(finger):
     [
         ({"bus": "faults: [{at_s: 1.0, kind: silent}]"}, "kind silent needs axis"),
         ({"bus": "faults: [{at_s: 1.0, kind: lost, axis: finger.left}]"}, "takes no axis"),
+        ({"bus": _left("silent, delay_ms: 5")}, "kind silent takes no delay_ms"),
+        ({"bus": _left("leak, by_deg: 5, share: 0.5")}, "kind leak takes no by_deg; allowed: share"),
+        ({"bus": _left("jump")}, "kind jump needs by_deg for a shaft, or by_bar for a regulator"),
+        ({"bus": _left("play, by_deg: 5, by_bar: 1")}, "kind play needs by_deg for a shaft, or by_bar"),
+        ({"bus": _left("play, by_deg: -5")}, "kind play needs a size above 0"),
+        ({"bus": _left("swapped, other: finger.left")}, "kind swapped needs another axis"),
         ({"bus": "watchdog_ms: 1"}, "watchdog_ms"),
         ({"left": "ceiling_bar: 2,"}, "a simulated servo has no ceiling_bar"),
         ({"left": "on_watchdog: vent,"}, "cannot vent"),
@@ -69,6 +79,22 @@ def test_a_fault_of_an_unknown_axis_is_refused_before_anything_is_opened(finger)
     axes = [AxisOnBus(name, options) for name, options in wiring.axes]
     with pytest.raises(ContidError, match=r"hand\.left: no such axis .* finger\.left, finger\.right"):
         load_driver("sim").open_bus("servos", wiring.options, axes, Still())
+
+
+@pytest.mark.parametrize(
+    ("device", "size", "message"),
+    [
+        (DeviceKind.SERVO, {"by_bar": 0.1}, r"^r\.a: a jump of a servo has by_deg, not by_bar"),
+        (DeviceKind.REGULATOR, {"by_deg": 20.0}, r"^r\.a: a jump of a regulator has by_bar, not by_deg"),
+    ],
+)
+def test_a_size_in_the_unit_of_another_device_is_refused(device, size, message):
+    """0.1 bar are 10 000 of the unit in which a servo's angle is kept; 20 deg are a third of a pascal."""
+    driver = load_driver("sim")
+    axes = [AxisOnBus("r.a", driver.axis_options(device=device))]
+    fault = ScheduledFault(at_s=1.0, kind=FaultKind.JUMP, axis="r.a", **size)
+    with pytest.raises(ContidError, match=message):
+        driver.open_bus("b", SimBusOptions(faults=(fault,)), axes, Still())
 
 
 @pytest.mark.parametrize("name", ["finger", "hand", "trirack"])

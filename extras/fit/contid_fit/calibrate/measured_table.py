@@ -91,7 +91,12 @@ def read_measured(
     for number, line in enumerate(lines, start=1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        cells = [cell.strip() for cell in next(csv.reader([line]))]
+        try:
+            cells = cells_of(line)
+        except csv.Error as error:
+            raise BadInputError(
+                [*findings, Located(name, number, 1, f"not a row of a table: {error}")]
+            ) from None
         if not places:
             findings += _check_header(cells, name, number, columns)
             if findings:
@@ -111,6 +116,15 @@ def read_measured(
     if findings:
         raise BadInputError(findings)
     return rows
+
+
+def cells_of(line: str) -> list[str]:
+    """The cells of a line, without blanks around them.
+
+    Raises:
+        csv.Error: one is too long for a table.
+    """
+    return [cell.strip() for cell in next(csv.reader([line]), [])]
 
 
 def _check_header(header: list[str], name: str, line: int, columns: Columns) -> list[Located]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TextIO, TypeVar
 
 import click
 
@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from contid.robot_file.robot import RobotDescription
 
     _Kind = TypeVar("_Kind", bound=RobotDescription)
+
+
+#: A table of measurements; spreadsheets write a mark before its first line.
+MEASUREMENTS: Final = click.File("r", encoding="utf-8-sig")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,12 +48,15 @@ class Calibration:
     @property
     def source(self) -> str:
         """Name of the measurements in messages."""
-        return getattr(self.data, "name", "stdin").strip("<>")
+        name: str = getattr(self.data, "name", "<stdin>")
+        return "stdin" if name == "<stdin>" else name
 
     @property
     def note(self) -> str:
         """Origin of the numbers: the comment behind each."""
-        return f"calibrated {date.today().isoformat()} from {Path(self.source).name}"
+        # A line break would end the comment, and YAML has no bytes that are not text.
+        file = "".join(each if each.isprintable() else "?" for each in Path(self.source).name)
+        return f"calibrated {date.today().isoformat()} from {file}"
 
     def find(self, kind: type[_Kind], kind_name: str) -> tuple[str, _Kind]:
         """Name and description of the robot; ``kind_name`` is for messages."""
@@ -71,7 +78,7 @@ def calibration(name: str) -> Callable[[Callable[..., None]], click.Command]:
 
     def decorate(function: Callable[..., None]) -> click.Command:
         @click.command(name=name)
-        @click.argument("data", type=click.File("r", encoding="utf-8"))
+        @click.argument("data", type=MEASUREMENTS)
         @click.option(
             "--for", "robot_file", help="Robot file (or the name of a shipped one) with the dimensions."
         )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, TextIO
 import click
 
 from contid.errors import ContidError
-from contid_fit.commands.calibration import Calibration, calibration
+from contid_fit.commands.calibration import MEASUREMENTS, Calibration, calibration
 
 if TYPE_CHECKING:
     from contid_fit.calibrate.tendon.geometry import FoundGeometry
@@ -21,7 +21,7 @@ _PRINTED: Final = ("radius_mm", "angle_deg", "length_mm", "stiffness_mm2", "fric
 
 
 @calibration("tendon")
-@click.option("--held-out", type=click.File("r", encoding="utf-8"), help="Rows to predict that follow DATA.")
+@click.option("--held-out", type=MEASUREMENTS, help="Rows to predict that follow DATA.")
 @click.option(
     "--keep-out",
     type=click.FloatRange(0.0, 0.5),

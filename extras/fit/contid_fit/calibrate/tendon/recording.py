@@ -12,13 +12,14 @@ import csv
 import math
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from contid.errors import BadInputError, Located
 from contid.kinematics.array import Array
-from contid_fit.calibrate.measured_table import Columns, MeasuredRow, read_measured
+from contid_fit.calibrate.measured_table import Columns, MeasuredRow, cells_of, read_measured
 
 _SERVO = re.compile(r"servo_\w+_mm")
 _TIP = ("tip_x", "tip_y", "tip_z")
@@ -93,15 +94,20 @@ def read_recording(lines: Iterable[str], name: str) -> TendonRecording:
         BadInputError: every invalid cell, missing columns, or times that go back.
     """
     text = list(lines)
-    header = next((line for line in text if line.strip() and not line.lstrip().startswith("#")), "")
-    cells = [cell.strip() for cell in next(csv.reader([header]), [])]
+    content = (
+        (n, line) for n, line in enumerate(text, 1) if line.strip() and not line.lstrip().startswith("#")
+    )
+    number, header = next(content, (1, ""))
+    cells: list[str] = []
+    with suppress(csv.Error):  # `read_measured` refuses the header
+        cells = cells_of(header)
     servos = tuple(cell for cell in cells if _SERVO.fullmatch(cell))
     # Groups of one name each: no column has an alternative.
     groups = [(column,) for column in ("timestamp", *servos, *_TIP)]
     columns = Columns(groups, text=("pattern_label",))
-    if header and len(servos) < 3:
+    if cells and len(servos) < 3:
         message = f"{len(servos)} columns servo_<id>_mm; a tendon robot has three or more"
-        raise BadInputError([Located(name, 1, 1, message)])
+        raise BadInputError([Located(name, number, 1, message)])
     last_s = -math.inf
 
     def in_time(row: MeasuredRow) -> Iterator[Located]:
