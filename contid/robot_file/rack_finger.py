@@ -190,13 +190,16 @@ class RackFinger(RobotDescription):
 
     @model_validator(mode="after")
     def _rests_within_curvature(self) -> RackFinger:
-        """A stop of policy ``rest`` would else bend the finger beyond its limit, and never arrive."""
+        """A stop of policy ``rest`` goes there, and a simulated run, which begins there, never ends."""
         if self.rest_mm is None or len(self.rest_mm) != len(self.axis_names):
             return self  # the number of lengths and their limits are checked with those of other robots
         left, right = self.rest_mm
         arc = 0.5 * (left + right)
-        if not arc > 0.0:
-            return self
+        if arc < self.limits.arc_length_min_mm:
+            raise ValueError(
+                f"rest_mm: its arc is {arc:g} mm long; allowed: at least arc_length_min_mm, "
+                f"{self.limits.arc_length_min_mm:g}"
+            )
         gain = 1.0 if self.correction is None else self.correction.gain(arc)
         curvature, most = (
             abs(right - left) / (self.geometry.rack_spacing_mm * arc) * gain,
