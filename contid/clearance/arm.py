@@ -21,8 +21,15 @@ _STEP: Final = 1e-3
 _POINTS: Final = 17
 
 
-#: One base per coordinate.
-PRIMES: Final = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89)
+def primes(count: int) -> list[int]:
+    """The first primes: one base of `radical_inverse` per axis, of which a tendon robot may have 64."""
+    found: list[int] = []
+    number = 2
+    while len(found) < count:
+        if all(number % each for each in found):
+            found.append(number)
+        number += 1
+    return found
 
 
 def radical_inverse(index: int, base: int) -> float:
@@ -111,8 +118,9 @@ def body_speed(model: Model, own_axes: int) -> tuple[float, ...]:
     low, high = np.array(model.lower[:own_axes]), np.array(model.upper[:own_axes])
     rest = model.lower[own_axes:]
     greatest = np.zeros(own_axes)
+    bases = primes(own_axes)
     for k in range(1, SPEED_SAMPLES + 1):
-        part = np.array([radical_inverse(k, base) for base in PRIMES[:own_axes]])
+        part = np.array([radical_inverse(k, base) for base in bases])
         actuation = low + (high - low) * (_STEP + (1.0 - 2.0 * _STEP) * part)
         points = model.shape((*actuation.tolist(), *rest), _POINTS)
         for axis in range(own_axes):

@@ -75,6 +75,15 @@ class RackFingerLimits(Strict):
     curvature_max_per_mm: Positive | None = None
     arc_length_min_mm: Positive = 1.0
 
+    @model_validator(mode="after")
+    def _leaves_arcs(self) -> RackFingerLimits:
+        if not self.arc_length_min_mm < self.length_mm[1]:
+            raise ValueError(
+                f"arc_length_min_mm {self.arc_length_min_mm:g} leaves no arc; allowed: less than the "
+                f"greatest length of a rack, {self.length_mm[1]:g}"
+            )
+        return self
+
 
 class CurvatureCorrection(Strict):
     """Measured curvature against commanded: ``k = k_d (1 + a S + b)``, S in mm (Eq. 5, 10, 11).
@@ -89,10 +98,15 @@ class CurvatureCorrection(Strict):
     b: float
     arc_length_mm: Interval
 
+    def gain(self, arc_length_mm: float) -> float:
+        """Measured curvature over commanded at an arc length."""
+        low, high = self.arc_length_mm
+        return 1.0 + self.a_per_mm * min(max(arc_length_mm, low), high) + self.b
+
     @model_validator(mode="after")
     def _keeps_sense_of_bending(self) -> CurvatureCorrection:
         for arc_length_mm in self.arc_length_mm:
-            gain = 1.0 + self.a_per_mm * arc_length_mm + self.b
+            gain = self.gain(arc_length_mm)
             if not gain > 0.0:
                 raise ValueError(
                     f"1 + a S + b is {gain:g} at S = {arc_length_mm:g} mm; it must stay above 0, "
@@ -173,6 +187,29 @@ class RackFinger(RobotDescription):
     correction: CurvatureCorrection | None = None
     sense: CurrentSense | None = None
     sim: SimulatedFinger | None = None
+
+    @model_validator(mode="after")
+    def _rests_within_curvature(self) -> RackFinger:
+        """A stop of policy ``rest`` goes there, and a simulated run, which begins there, never ends."""
+        if self.rest_mm is None or len(self.rest_mm) != len(self.axis_names):
+            return self  # the number of lengths and their limits are checked with those of other robots
+        left, right = self.rest_mm
+        arc = 0.5 * (left + right)
+        if arc < self.limits.arc_length_min_mm:
+            raise ValueError(
+                f"rest_mm: its arc is {arc:g} mm long; allowed: at least arc_length_min_mm, "
+                f"{self.limits.arc_length_min_mm:g}"
+            )
+        gain = 1.0 if self.correction is None else self.correction.gain(arc)
+        curvature, most = (
+            abs(right - left) / (self.geometry.rack_spacing_mm * arc) * gain,
+            self.curvature_max_per_m,
+        )
+        if curvature * MM_PER_M > most * (1.0 + 1e-9):
+            raise ValueError(
+                f"rest_mm: its curvature is {curvature:.3g} /mm; allowed: at most {most / MM_PER_M:.3g} /mm"
+            )
+        return self
 
     @property
     def axis_names(self) -> tuple[str, ...]:

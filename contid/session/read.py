@@ -7,6 +7,7 @@ attributes `path` and `rate_hz` are stable.
 from __future__ import annotations
 
 import json
+import stat
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,9 +63,10 @@ class Session:
         self.end = EndOfFile()
         self._attachments: dict[str, bytes] = {}
         self._topics: dict[int, str] = {}
-        if path.exists() and not path.is_file():
-            raise SessionError(f"{path}: not a regular file")
         try:
+            # Opening a pipe would wait for its writer.
+            if not stat.S_ISREG(path.stat().st_mode):
+                raise SessionError(f"{path}: not a regular file")
             with path.open("rb") as file:
                 if (begin := file.read(len(mcap.MAGIC))) != mcap.MAGIC:
                     raise SessionError(f"{path}: {'not an MCAP file' if begin else 'empty'}")

@@ -8,6 +8,7 @@ from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from contid.clearance.arm import SPEED_FACTOR, body_speed
 from contid.clearance.body import Body, sampled_body
 from contid.clearance.distances import between_bodies, to_obstacle
 from contid.clearance.guard import Shapes
@@ -275,3 +276,22 @@ def test_the_distance_of_fingers_changes_no_faster_than_they_move():
             motion = right.motion_m(before[0], at[1]) + left.motion_m(at[0], at[0])
             assert abs(found.lower_m - before[1].lower_m) <= motion + 2.0 * TOLERANCE_M
         before = at[1], found
+
+
+class Levers:
+    """Axis k moves the end of a straight body by ``k + 1`` times its change."""
+
+    def __init__(self, axes):
+        self.lower, self.upper = (-0.01,) * axes, (0.01,) * axes
+
+    def shape(self, actuation, points):
+        end = sum((k + 1) * each for k, each in enumerate(actuation))
+        return np.linspace(0.0, 1.0, points)[:, None] * np.array([end, 0.0, 0.3])
+
+
+@pytest.mark.parametrize("axes", [1, 24, 25, 64])
+def test_the_speed_of_a_body_is_bounded_for_every_number_of_axes(axes):
+    """A tendon robot has up to eight sections of up to eight tendons."""
+    assert body_speed(Levers(axes), axes) == pytest.approx(
+        [SPEED_FACTOR * (k + 1) for k in range(axes)], rel=1e-6
+    )

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
-from contid.cli.commands.fault import MEANING, pages, states_page
+from contid.cli.commands.fault import MEANING, command, pages, states_page
 from contid.control.tick.faults import PAGES
 from contid.control.tick.supervisor import MOVES, Mode
 
@@ -29,3 +30,10 @@ def test_the_diagram_has_every_state_and_every_move() -> None:
     for (start, event), end in MOVES.items():
         row = next(line for line in text.splitlines() if line.startswith(f"| {start.name} |"))
         assert f"{event.value} -> {end.name}" in row
+
+
+def test_writing_the_pages_of_one_fault_is_refused(tmp_path: Path) -> None:
+    done = CliRunner().invoke(command, ["101", "--write", str(tmp_path)])
+    assert done.exit_code == 2
+    assert "leave NUMBER out" in done.output
+    assert list(tmp_path.iterdir()) == []

@@ -110,6 +110,29 @@ def test_a_request_that_fails_with_any_error_is_answered(caplog: pytest.LogCaptu
     assert "a request of client 1 failed" in caplog.text
 
 
+@pytest.mark.parametrize("verb", ['["hold"]', '{"hold":1}', "7", "null", "true"])
+def test_a_verb_that_is_no_text_is_answered_and_ends_nothing(verb: str) -> None:
+    async def ask() -> list[dict[str, Any]]:
+        server, client = socket.socketpair()
+        client.setblocking(False)
+        connection = Connection(1, cast(RequestHandler, FailingHandler()), Turns())
+        loop = asyncio.get_running_loop()
+        await loop.connect_accepted_socket(lambda: connection.receiver, server)
+        run = asyncio.create_task(connection.run())
+        await loop.sock_sendall(client, f'{{"id":1,"verb":{verb}}}\n{{"id":2,"verb":"hold"}}\n'.encode())
+        received = b""
+        while received.count(b"\n") < 3:
+            chunk = await asyncio.wait_for(loop.sock_recv(client, 1 << 16), 5.0)
+            assert chunk, "the connection ended"
+            received += chunk
+        client.close()
+        await run
+        return [json.loads(line) for line in received.splitlines()]
+
+    _, *answers = asyncio.run(ask())
+    assert {answer["id"] for answer in answers} == {1, 2}
+
+
 @pytest.mark.parametrize(("asked_hz", "frames"), [(200.0, 1000), (150.0, 750), (100.0, 500), (20.0, 100)])
 def test_a_subscription_gets_the_rate_that_it_asked_for(asked_hz: float, frames: int) -> None:
     """Records of 200 ticks a second that come up to 2 ms early or late."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import grp
 import os
@@ -112,3 +113,16 @@ def test_a_folder_that_stays_locked_is_named(own_folder: Path, monkeypatch: pyte
         os.close(locked)
     with closing(Endpoint(own_folder / "s")):
         pass
+
+
+def test_a_group_that_a_user_is_not_of_is_named_and_no_socket_is_left(
+    own_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(path: Path, user: int, group: int) -> None:
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(os, "chown", refused)
+    group = grp.getgrgid(os.getegid()).gr_name
+    with pytest.raises(SocketError, match=f"only a member of group {group}"):
+        Endpoint(own_folder / "s", group=group)
+    assert list(own_folder.iterdir()) == []

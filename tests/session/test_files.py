@@ -153,6 +153,11 @@ def test_other_files_are_refused(tmp_path: Path, recorded: Path) -> None:
     other.write_bytes(recorded.read_bytes()[:100])
     with pytest.raises(SessionError, match="cut off before its first tick"):
         Session(other)
+    with pytest.raises(SessionError, match="not a regular file"):
+        Session(tmp_path)
+    for unreadable in (tmp_path / ("s" * 300), other / "s.mcap", tmp_path / "none.mcap"):
+        with pytest.raises(SessionError, match="cannot read it"):
+            Session(unreadable)
 
 
 def test_a_session_being_recorded_is_not_repaired(tmp_path: Path) -> None:

@@ -110,6 +110,8 @@ def _sentence(message: str) -> str:
 def command(number: int | None, write: str | None) -> None:
     """Print cause, reaction and remedy of a fault; without NUMBER, the table of all."""
     if write is not None:
+        if number is not None:
+            raise click.UsageError("--write writes the pages of all faults: leave NUMBER out")
         for path in write_pages(Path(write)):
             click.echo(path, err=True)
         return

@@ -220,10 +220,18 @@ class Endpoint:
         finally:
             os.umask(before)
         groups = {each for each in (self.group, self.watch_group) if each is not None}
-        for each in groups:
-            os.chown(self.path, -1, each)
-        self.path.chmod((0o600, 0o660, 0o666)[len(groups)])
-        self.socket.listen(BACKLOG)
+        try:
+            for each in groups:
+                os.chown(self.path, -1, each)
+            self.path.chmod((0o600, 0o660, 0o666)[len(groups)])
+            self.socket.listen(BACKLOG)
+        except OSError as error:
+            self.path.unlink()
+            if not isinstance(error, PermissionError):
+                raise
+            names = " and ".join(sorted(grp.getgrgid(each).gr_name for each in groups))
+            message = f"{self.path}: only a member of group {names} may give the socket to it"
+            raise SocketError(f"{message}; let an administrator add this user, and log in again") from error
         self.socket.setblocking(False)
 
     def close(self) -> None:

@@ -209,7 +209,8 @@ def is_estop(line: bytes) -> bool:
     """True for a line that orders an emergency stop, whatever else is wrong with that line.
 
     A stop must not be lost for a byte-order mark, an id of another type or a number that JSON lacks. A line
-    whose verb is another one is no stop, whatever its other fields contain.
+    whose verb is another one is no stop though its other fields mention one, unless they contain the order
+    itself, ``'verb': 'estop'`` in either quotes: it may be a repeated key or a line that lost its beginning.
     """
     if b"\\u" not in line and b"\0" not in line and b"stop" not in line.lower():
         return False  # most lines; ten times faster than the search below

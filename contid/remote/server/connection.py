@@ -193,12 +193,13 @@ class Connection:
                 await self.receiver.writable(STALL_S)
 
 
-def _verb(line: bytes) -> object:
-    """The verb of a line; None when it is no request."""
+def _verb(line: bytes) -> str | None:
+    """The verb of a line; None when it is no request, or its verb is no text."""
     try:
-        return decode(line).get("verb")
+        verb = decode(line).get("verb")
     except RemoteError:
         return None
+    return verb if isinstance(verb, str) else None
 
 
 def _number(fields: Fields) -> int | str | None:

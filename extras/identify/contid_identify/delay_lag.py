@@ -54,8 +54,14 @@ class JudgedStage:
 
 
 def judged(name: str, residual: Array, split: TimeSplit) -> JudgedStage:
-    """The errors of one model; ``residual`` is what it leaves over of all samples ``(samples, columns)``."""
+    """The errors of one model; ``residual`` is what it leaves over of all samples ``(samples, columns)``.
+
+    Raises:
+        ContidError: no sample is kept out, because the measurements have gaps there.
+    """
     fitted, kept, pieces = split.fitted, split.kept_out, split.pieces
+    if not kept.any():
+        raise ContidError("its measurements have gaps where some are to be kept out: record without them")
     return JudgedStage(
         name, error_of(residual[fitted], pieces[fitted]), error_of(residual[kept], pieces[kept])
     )
@@ -90,7 +96,7 @@ def fit_axis(traces: Sequence[CommandedTrace]) -> AxisAnswer:
         traces: one per recording, with ``sent`` of shape ``(ticks,)`` and ``measured`` ``(samples, 1)``.
 
     Raises:
-        ContidError: too few measurements, or an axis that was never moved.
+        ContidError: too few measurements, or only beside gaps, or an axis that was never moved.
     """
     samples = sum(len(each.at_s) for each in traces)
     if samples < LEAST_SAMPLES:

@@ -46,6 +46,11 @@ class Excitation:
     alike: float
     warnings: tuple[str, ...]
 
+    @property
+    def informative(self) -> bool:
+        """False of commands that fix neither dead time nor lag; then the warnings have the reason."""
+        return bool(np.isfinite(self.delay_s))
+
     @classmethod
     def of_nothing(cls, span: float, noise: float, warning: str) -> Excitation:
         """Of commands that fix neither dead time nor lag, with the reason."""
@@ -110,7 +115,9 @@ def _information(trace: CommandedTrace) -> Array:
 
 
 def _upper_hz(traces: Sequence[CommandedTrace]) -> float:
-    longest = max(traces, key=lambda each: len(each.sent))
+    """Of the longest trace in which the axis moves; one of them does."""
+    moving = [each for each in traces if np.ptp(each.sent) > 0.0]
+    longest = max(moving, key=lambda each: len(each.sent))
     power = np.abs(np.fft.rfft(np.diff(longest.sent))) ** 2
     total = np.cumsum(power)
     place = int(np.searchsorted(total, 0.95 * total[-1]))

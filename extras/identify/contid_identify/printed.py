@@ -209,7 +209,7 @@ def _text(of: Interval, factor: float = 1.0) -> str:
 
 def _excitation(axis: IdentifiedAxis) -> str:
     shown = axis.excitation
-    if shown.upper_hz <= 0.0:
+    if not shown.informative:
         return axis.refused
     line = (
         f"{shown.span / axis.per_unit:.3g} {axis.unit}, 95 % of the speed below {shown.upper_hz:.2g} Hz: "

@@ -136,7 +136,7 @@ def _identified_axis(name: str, quantity: Quantity, traces: Sequence[CommandedTr
         refused = "no measurement of it is recorded"
     else:
         excitation = excitation_of(traces)
-        if excitation.upper_hz > 0.0:
+        if excitation.informative:
             try:
                 answer = fit_axis(traces)
             except ContidError as error:

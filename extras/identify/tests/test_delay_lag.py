@@ -8,9 +8,11 @@ from scipy.signal import lfilter
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
+from contid.robot_file.base import Quantity
 from contid_identify.answer import CommandedTrace
 from contid_identify.delay_lag import AxisAnswer, fit_axis
 from contid_identify.excitation import excitation_of
+from contid_identify.stages import _identified_axis
 from tests.oracles.integrated_lag import PERIOD_S, exciting_commands, integrated
 
 DELAY_S, LAG_S, NOISE_MM = 0.0437, 0.031, 0.3
@@ -105,3 +107,28 @@ def test_what_the_data_cannot_show_is_stated_before_the_fit() -> None:
         fit_axis([still])
     with pytest.raises(ContidError, match="at least 100"):
         fit_axis([CommandedTrace(PERIOD_S, np.arange(9.0), at_s[:9], np.zeros((9, 1)))])
+
+
+def test_an_axis_that_moves_in_the_shorter_recording_only_is_fitted() -> None:
+    """Recordings that move one axis after the other: the longest one leaves this axis at rest."""
+    moves = exciting_commands(9, 30.0, 15.0, 120.0)
+    rests = trace(np.full(2 * len(moves), moves[0]), DELAY_S, LAG_S, noises(0, 2 * len(moves)))
+    moved = trace(moves, DELAY_S, LAG_S, noises(2, len(moves)))
+    assert excitation_of([rests, moved]).upper_hz == excitation_of([moved]).upper_hz > 0.0
+    assert _identified_axis("a", Quantity.LENGTH, [rests, moved]).answer is not None
+
+
+def test_a_ramp_over_the_whole_recording_is_fitted_or_refused_with_a_reason() -> None:
+    """More than 95 % of the power of its speed is at no frequency at all."""
+    ramp = np.concatenate((np.zeros(100), np.linspace(0.0, 60.0, 2900)))
+    found = _identified_axis("a", Quantity.LENGTH, [trace(ramp, DELAY_S, LAG_S, 1e-3 * noises(0, 3000))])
+    assert found.answer is not None or found.refused
+
+
+def test_measurements_with_a_gap_where_some_are_kept_out_are_refused() -> None:
+    """A bus was lost after a second, and came back for the last one: no error of a model can be judged."""
+    sent = exciting_commands(9, 30.0, 15.0, 120.0)
+    whole = trace(sent, DELAY_S, LAG_S, noises(0, len(sent)))
+    ends = np.r_[0:60, len(sent) - 60 : len(sent)]
+    with pytest.raises(ContidError, match="gaps"):
+        fit_axis([whole.picked(ends)])

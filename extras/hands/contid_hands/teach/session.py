@@ -30,7 +30,7 @@ class TeachSession:
 
     Args:
         client: connection to the daemon.
-        names: names of the robots; none: all.
+        names: names of the robots, each counted once; none: all.
         file: the pose file; None: the one beside the robot file.
         rows_hz: rows per second of recorded trajectories.
         report: called with a line for the operator.
@@ -59,7 +59,7 @@ class TeachSession:
         for name in names:
             if name not in known:
                 raise ContidError(f"no robot {name!r}; {allowed_names(known, name)}")
-        self.robots: tuple[DescribedRobot, ...] = tuple(known[name] for name in names or known)
+        self.robots: tuple[DescribedRobot, ...] = tuple(known[name] for name in dict.fromkeys(names or known))
         # The pressures of a pneumatic arm are its pose: venting it would lose what is to be saved.
         self.relaxed = tuple(
             each.robot for each in self.robots if each.unit != "bar" and each.estop == "relax"

@@ -136,7 +136,7 @@ def friction_changes(stage: Stage, robot: TendonRobot, pull_m: Array, note: str,
     """Play and capstan coefficient, where ``add`` or where the file has ``friction``.
 
     Args:
-        stage: True for the stage with friction.
+        stage: one whose model has friction, `FRICTION_STAGE` or later.
         robot: robot of the file; the coefficient goes with arcs and ``tension`` only.
         pull_m: rows of the fit.
         note: origin.

@@ -1,0 +1,40 @@
+"""What a session of teaching takes, without a daemon."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from contid.client import Client
+from contid.errors import ContidError
+from contid_hands.teach.session import TeachSession
+
+
+def described(folder: Path) -> dict[str, Any]:
+    robot = {
+        "unit": "mm", "columns": ["x_mm", "y_mm"], "stop": {"estop": "relax"},
+        "velocity_mm_s": 60.0, "acceleration_mm_s2": 1000.0, "jerk_mm_s3": 20000.0,
+        "axes": {axis: {"min_mm": 30.0, "max_mm": 100.0} for axis in ("left", "right")},
+    }  # fmt: skip
+    return {"file": str(folder / "hand.yaml"), "robots": {"f0": robot, "f1": robot}}
+
+
+def session(folder: Path, *names: str) -> TeachSession:
+    client = cast(Client, SimpleNamespace(describe=lambda: described(folder)))
+    return TeachSession(client, names, None, 20.0, print)
+
+
+def test_a_robot_named_twice_is_taught_once(tmp_path: Path) -> None:
+    """A motion with every column twice would be refused when it is played."""
+    taught = session(tmp_path, "f1", "f0", "f1")
+    assert [each.robot for each in taught.robots] == ["f1", "f0"]
+    assert taught.relaxed == ("f1", "f0")
+
+
+def test_no_names_are_all_robots_and_an_unknown_one_is_refused(tmp_path: Path) -> None:
+    assert [each.robot for each in session(tmp_path).robots] == ["f0", "f1"]
+    with pytest.raises(ContidError, match="no robot 'f9'"):
+        session(tmp_path, "f0", "f9")
