@@ -1,6 +1,7 @@
 """Distances against dense sampling and scipy's minimisation of arcs, random configurations."""
 
 import os
+from typing import Any
 
 import numpy as np
 import pytest
@@ -292,6 +293,5 @@ class Levers:
 @pytest.mark.parametrize("axes", [1, 24, 25, 64])
 def test_the_speed_of_a_body_is_bounded_for_every_number_of_axes(axes):
     """A tendon robot has up to eight sections of up to eight tendons."""
-    assert body_speed(Levers(axes), axes) == pytest.approx(
-        [SPEED_FACTOR * (k + 1) for k in range(axes)], rel=1e-6
-    )
+    model: Any = Levers(axes)
+    assert body_speed(model, axes) == pytest.approx([SPEED_FACTOR * (k + 1) for k in range(axes)], rel=1e-6)

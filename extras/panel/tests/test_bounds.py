@@ -42,6 +42,7 @@ def test_lines_of_a_body_are_its_backbone_then_tendons_then_discs(name: str) -> 
     described = geometry.describe()["robots"]
     for robot in geometry.scene.robots:
         drawing = robot.drawing(robot.config.rest)
+        assert drawing is not None
         found = described[robot.config.name]
         edges = 2 * robot.planar
         assert len(drawing.strips) == drawing.sections + found["tendons"] + found["discs"] + edges
