@@ -68,7 +68,7 @@ class MotionOrders:
         return {"released": self._run.lease.release(caller.number)}
 
     async def _resume(self, caller: Caller, request: RequestFields) -> Fields:
-        robots, after_stop = self._run.view.named(request), request.flag("after_stop")
+        robots, after_stop = self._run.robots_of(request), request.flag("after_stop")
         request.end()
         self._run.lease.allow(caller.number, time.monotonic(), after_stop)
         faults = self._run.view.faults(self._run.control.newest(), robots)
@@ -82,14 +82,14 @@ class MotionOrders:
         return await self._run.confirmed(self._run.pending.send([Resume(robots)]), robots)
 
     async def _recover(self, caller: Caller, request: RequestFields) -> Fields:
-        robots, after_stop = self._run.view.named(request), request.flag("after_stop")
+        robots, after_stop = self._run.robots_of(request), request.flag("after_stop")
         request.end()
         self._run.lease.allow(caller.number, time.monotonic(), after_stop)
         self._run.lease.go_on()
         return await self._run.confirmed(self._run.pending.send([Recover(robots)]), robots)
 
     async def _clear_fault(self, caller: Caller, request: RequestFields) -> Fields:
-        robots = self._run.view.named(request)
+        robots = self._run.robots_of(request)
         request.end()
         self._run.lease.check_free(caller.number, time.monotonic())
         faulty = tuple(self._run.view.faults(self._run.control.newest(), robots))
@@ -139,7 +139,7 @@ class MotionOrders:
         return begun
 
     async def _grip(self, caller: Caller, request: RequestFields) -> Fields:
-        robots, share = self._run.view.named(request), request.number("share", -1.0, 0.0, 1.0)
+        robots, share = self._run.robots_of(request), request.number("share", -1.0, 0.0, 1.0)
         request.end()
         self._run.lease.check_free(caller.number, time.monotonic())
         return {

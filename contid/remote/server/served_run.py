@@ -9,7 +9,7 @@ from typing import Any
 
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.tick_layout import TickRecord
-from contid.remote.protocol.wire import Code, Fields, RemoteError
+from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
 from contid.remote.server.lease import Lease
 from contid.remote.server.moves import Moves
 from contid.remote.server.pending_orders import OrderResult, PendingOrders
@@ -35,6 +35,17 @@ class ServedRun:
     moves: Moves
     lease: Lease
     notify: Callable[[int, Mapping[str, Any]], None]
+
+    def robots_of(self, request: RequestFields) -> tuple[str, ...] | None:
+        """The robots that an order is for, None for all.
+
+        Raises:
+            RemoteError: one is unknown, or the list is empty: a stop for nobody is a mistake.
+        """
+        robots = self.view.named(request)
+        if robots == ():
+            raise RemoteError(Code.BAD_REQUEST, "robots: the list is empty; without robots it is for all")
+        return robots
 
     async def confirmed(
         self, future: asyncio.Future[OrderResult], robots: tuple[str, ...] | None, stops: bool = False

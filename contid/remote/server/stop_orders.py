@@ -25,13 +25,13 @@ class StopOrders:
         return {Hold.NAME: self._hold, Stop.NAME: self._stop, Estop.NAME: self._estop}
 
     async def _hold(self, caller: Caller, request: RequestFields) -> Fields:
-        robots = self._run.view.named(request)
+        robots = self._run.robots_of(request)
         request.end()
         return await self._halt(caller, robots, Hold(robots))
 
     async def _estop(self, caller: Caller, request: RequestFields) -> Fields:
         try:
-            robots = self._run.view.named(request)
+            robots = self._run.robots_of(request)
             request.end()
         except RemoteError as error:
             raise await self.obey_malformed_estop(caller, error) from None
@@ -46,7 +46,7 @@ class StopOrders:
         try:
             fields = decode(line)
             request = RequestFields(fields)
-            robots = self._run.view.named(request) if fields.get("verb") == ESTOP else None
+            robots = self._run.robots_of(request) if fields.get("verb") == ESTOP else None
             request.end()
         except RemoteError:
             robots = None
@@ -58,7 +58,7 @@ class StopOrders:
         return RemoteError(error.code, f"{error}; all robots were stopped")
 
     async def _stop(self, caller: Caller, request: RequestFields) -> Fields:
-        robots, ends = self._run.view.named(request), request.flag("end")
+        robots, ends = self._run.robots_of(request), request.flag("end")
         request.end()
         if ends and not self._ended:
             self._ended = True

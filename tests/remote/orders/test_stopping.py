@@ -51,6 +51,21 @@ def test_torque_is_off_at_once_in_every_state(way: str, when: str) -> None:
         assert running.off()
 
 
+def test_an_order_for_no_robot_is_refused_and_as_an_estop_stops_all() -> None:
+    """A list that a filter left empty is no stop that everybody believes in."""
+    with daemon() as running, running.client() as client:
+        armed(client)
+        for order in (client.hold, client.stop, client.resume):
+            with pytest.raises(RemoteError, match="the list is empty") as refused:
+                order(robots=[])
+            assert refused.value.code == Code.BAD_REQUEST
+        assert states(client) == {"HOLD"}
+        with pytest.raises(RemoteError, match=r"the list is empty.*; all robots were stopped"):
+            client.estop(robots=[])
+        assert states(client) == {"OFF"}
+        assert running.off()
+
+
 def test_a_response_has_the_states_after_the_tick_that_obeyed() -> None:
     """A slow bus: the record of that tick is written 20 ms after the order was taken."""
     slow: dict[str, Any] = {
