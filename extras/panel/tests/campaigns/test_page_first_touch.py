@@ -1,7 +1,4 @@
-"""The page in a real browser: the first key on every slider of every shipped robot moves it from rest.
-
-Two robots by default; ``pytest -m campaign`` tries the others.
-"""
+"""The page in a real browser: the first key on every slider of every shipped robot moves it from rest."""
 
 from __future__ import annotations
 
@@ -26,8 +23,6 @@ from tests.support.waiting import until
 #: Leases lapse in real time, and the browser shares the cores.
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
-#: The robots of the short form: an arm whose tip stays on a surface, and a finger in a plane.
-SHORT: Final = ("catheter", "finger")
 #: What a key changes of the commands at the least, in the units of the axes.
 FLOOR: Final = 1e-6
 
@@ -94,10 +89,8 @@ def first_key(it: OpenPage, seen: Seen, robot: str, slider: Locator, key: str) -
     return not refused, refused
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(each, marks=[] if each in SHORT else pytest.mark.campaign) for each in SHIPPED],
-)
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.timeout(900)
 def test_the_first_key_moves_in_every_free_direction(browser: Browser, name: str) -> None:
     """One way or the other; what no robot of this kind can move alone is refused with its reason."""
