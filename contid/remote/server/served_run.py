@@ -40,7 +40,7 @@ class ServedRun:
         """The robots that an order is for, None for all.
 
         Raises:
-            RemoteError: one is unknown, or the list is empty: a stop for nobody is a mistake.
+            RemoteError: one is unknown, or the list is empty: a stop for no robot is a mistake.
         """
         robots = self.view.named(request)
         if robots == ():

@@ -52,7 +52,7 @@ def test_torque_is_off_at_once_in_every_state(way: str, when: str) -> None:
 
 
 def test_an_order_for_no_robot_is_refused_and_as_an_estop_stops_all() -> None:
-    """A list that a filter left empty is no stop that everybody believes in."""
+    """A list that a filter left empty stops no robot, and must not be answered with ok."""
     with daemon() as running, running.client() as client:
         armed(client)
         for order in (client.hold, client.stop, client.resume):
