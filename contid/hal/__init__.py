@@ -32,6 +32,7 @@ Rules (`contid.testing` checks every bus against them):
 """
 
 from contid.hal.bus import (
+    REPORTED,
     SLACK_TENDON,
     SNAPPED_TENDON,
     AxisOnBus,
@@ -81,6 +82,7 @@ from contid.hal.response import RESPONSES, DeviceResponse, Responds
 __all__ = [
     "BUILT_IN",
     "ENTRY_POINT_GROUP",
+    "REPORTED",
     "RESPONSES",
     "SLACK_TENDON",
     "SNAPPED_TENDON",

@@ -76,6 +76,10 @@ SLACK_TENDON: Final = "slack tendon"
 SNAPPED_TENDON: Final = "snapped tendon"
 
 
+#: Parts of a `Sample` that a device need not report.
+REPORTED: Final = ("velocity", "effort", "temperature_c", "voltage_v", "tension_n")
+
+
 @dataclass(frozen=True, slots=True)
 class Sample:
     """The state of one axis.

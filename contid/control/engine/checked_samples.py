@@ -12,22 +12,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from contid.hal import Bus, Sample
+from contid.hal import REPORTED, Bus, Sample
 from contid.targets import are_numbers
 
 #: The parts of a sample; the numbers from the third one on may be absent.
-_PARTS: Final = attrgetter(
-    "fault",
-    "valid",
-    "time_s",
-    "age_s",
-    "value",
-    "velocity",
-    "effort",
-    "temperature_c",
-    "voltage_v",
-    "tension_n",
-)
+_PARTS: Final = attrgetter("fault", "valid", "time_s", "age_s", "value", *REPORTED)
 #: Types of the parts of samples that were examined.
 _KNOWN: Final[set[tuple[type, ...]]] = set()
 

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from contid.control.engine.ports import BusJob, BusReply
 from contid.control.tick.state import Effect
-from contid.hal import Sample
+from contid.hal import REPORTED, Sample
 
 HEAD: Final = Struct("=BI?")
 #: Longest message; a text is cut to `LONGEST_TEXT` characters.
@@ -24,18 +24,9 @@ LONGEST: Final = 1 << 17
 LONGEST_TEXT: Final = 1000
 
 #: Parts of a sample, in the order of their values; ``value`` and those after ``age_s`` may be absent.
-_NUMBERS: Final = (
-    "time_s",
-    "age_s",
-    "value",
-    "velocity",
-    "effort",
-    "temperature_c",
-    "voltage_v",
-    "tension_n",
-)
-_PRESENT, _VALID = 1 << 8, 1 << 9
-_SAMPLE: Final = Struct("=H8d")
+_NUMBERS: Final = ("time_s", "age_s", "value", *REPORTED)
+_PRESENT, _VALID = 1 << len(_NUMBERS), 2 << len(_NUMBERS)
+_SAMPLE: Final = Struct(f"=H{len(_NUMBERS)}d")
 
 
 class BusRequest(enum.IntEnum):
