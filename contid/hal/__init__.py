@@ -55,6 +55,7 @@ from contid.hal.driver import (
     Driver,
     UnknownDriverError,
     driver_names,
+    find_tool,
     load_driver,
 )
 from contid.hal.homing import Reference
@@ -122,5 +123,6 @@ __all__ = [
     "TipMeasured",
     "UnknownDriverError",
     "driver_names",
+    "find_tool",
     "load_driver",
 ]

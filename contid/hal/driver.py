@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib.metadata import EntryPoint, entry_points
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol, TypeVar
 
+from contid.entry_points import TOOLS, load_one
 from contid.errors import ContidError
 from contid.hal.bus import AxisOnBus, Bus, Clock, DeviceKind
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
+
+_Tool = TypeVar("_Tool")
 
 ENTRY_POINT_GROUP: Final = "contid.drivers"
 
@@ -75,3 +78,14 @@ def load_driver(name: str) -> Driver:
         why = f"driver {name!r} cannot be imported from {point.value}: {type(error).__name__}: {error}"
         raise UnknownDriverError(f"{why}; install its package again, or remove it") from error
     return driver
+
+
+def find_tool(name: str, driver: Driver, interface: type[_Tool]) -> _Tool | None:
+    """The object with an optional interface for the driver of this name; None where nothing has it.
+
+    It is the driver itself, or what the entry points ``contid.tools`` have under its name.
+    """
+    if isinstance(driver, interface):
+        return driver
+    tool = load_one(TOOLS, name)
+    return tool if isinstance(tool, interface) else None

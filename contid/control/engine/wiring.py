@@ -25,6 +25,7 @@ from contid.hal import (
     Responds,
     SimulatesBodies,
     SpooledTendon,
+    find_tool,
     load_driver,
 )
 from contid.hal.isolated import IsolatedAxisOptions, IsolatedBusOptions
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_Capability = TypeVar("_Capability")
+_Tool = TypeVar("_Tool")
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,16 +56,21 @@ class WiredBus:
     driver: Driver
     axes: tuple[AxisOnBus, ...]
 
-    def capable(self, capability: type[_Capability], command: str) -> _Capability:
-        """The driver, as one with an optional interface of `contid.hal`.
+    def tool(self, interface: type[_Tool]) -> _Tool | None:
+        """The object with an optional interface of `contid.hal` for its driver; None where nothing has it."""
+        return find_tool(self.wiring.driver, self.driver, interface)
+
+    def capable(self, interface: type[_Tool], command: str) -> _Tool:
+        """The same, for a command that needs it.
 
         Raises:
-            ContidError: the driver lacks it.
+            ContidError: nothing has it.
         """
-        if not isinstance(self.driver, capability):
+        found = self.tool(interface)
+        if found is None:
             name = self.wiring.driver
             raise ContidError(f"bus {self.wiring.name}: driver {name!r} cannot `contid {command}`")
-        return self.driver
+        return found
 
 
 def wired_buses(loaded: LoadedFile) -> list[WiredBus]:

@@ -149,12 +149,11 @@ def _answered(prompt: str, hold: Callable[[], object]) -> str:
 def _provable(bus: WiredBus, axes: tuple[str, ...]) -> Mapping[str, DriveFacts | None]:
     """What of a bus among ``axes`` (empty: all) can be brought up; None for regulators."""
     from contid.hal.pulses import Pulses
-    from contid_devices.tools import find_tool
 
     only = [axis for axis in bus.axes if not axes or axis.name in axes]
     if not only:
         return {}
-    tool = find_tool(bus.wiring.driver, Pulses)  # type: ignore[type-abstract]  # a runtime protocol
+    tool = bus.tool(Pulses)  # type: ignore[type-abstract]  # a runtime protocol
     if tool is None:
         name, driver = bus.wiring.name, bus.wiring.driver
         left_out = ", ".join(axis.name for axis in only)
@@ -198,9 +197,8 @@ def _bring_up(
 ) -> Iterator[ProvenAxis]:
     from contid.hal.pulses import Pulses
     from contid_bringup.motor import bring_up_motor
-    from contid_devices.tools import require_tool
 
-    tool = require_tool(bus, Pulses, "bringup")  # type: ignore[type-abstract]  # a runtime protocol
+    tool = bus.capable(Pulses, "bringup")  # type: ignore[type-abstract]  # a runtime protocol
     report = functools.partial(click.echo, err=True)
     with tool.pulsed_bus(bus.wiring.name, bus.wiring.options, bus.axes) as pulsed:
         for axis, facts in motors.items():

@@ -19,7 +19,6 @@ from contid.hal import Diagnoses, Finding, Identifies
 from contid.robot_file.load import LoadedFile, load_named
 from contid.robot_file.proven.bringup import bringup_findings, device_finding
 from contid.robot_file.tick_rate import exchange_time, rate_finding
-from contid_devices.tools import find_tool, require_tool
 
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus
@@ -63,7 +62,7 @@ def _findings(loaded: LoadedFile, buses: Sequence[WiredBus]) -> Iterator[Finding
         time = exchange_time(wiring)
         if time is not None:
             yield rate_finding(wiring.name, time, loaded.file.rate_hz)
-        tool = find_tool(wiring.driver, Diagnoses)  # type: ignore[type-abstract]  # a runtime protocol
+        tool = bus.tool(Diagnoses)  # type: ignore[type-abstract]  # a runtime protocol
         if tool is not None:
             yield from tool.doctor(wiring.name, wiring.options, bus.axes)
         else:
@@ -85,7 +84,7 @@ def _accept(buses: Sequence[WiredBus], name: str) -> None:
     if bus is None:
         listed = ", ".join(each.wiring.name for each in buses)
         raise ContidError(f"no bus {name!r}; buses: {listed}")
-    tool = require_tool(bus, Identifies, "doctor --accept")  # type: ignore[type-abstract]  # a runtime protocol
+    tool = bus.capable(Identifies, "doctor --accept")  # type: ignore[type-abstract]  # a runtime protocol
     tool.accept(name, bus.wiring.options, bus.axes, lambda line: click.echo(line, err=True))
 
 

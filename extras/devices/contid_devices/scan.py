@@ -10,8 +10,7 @@ from pathlib import Path
 import click
 
 from contid.errors import ContidError
-from contid.hal import Scans, driver_names
-from contid_devices.tools import find_tool
+from contid.hal import Scans, driver_names, find_tool, load_driver
 
 
 def serial_names(root: Path = Path("/dev")) -> dict[str, str]:
@@ -54,7 +53,7 @@ def command(ports: tuple[str, ...], bauds: tuple[int, ...], find_port: bool, as_
     count = 0
     left = list(ports)
     for name in driver_names():
-        tool = find_tool(name, Scans)  # type: ignore[type-abstract]  # a runtime protocol
+        tool = find_tool(name, load_driver(name), Scans)  # type: ignore[type-abstract]  # a runtime protocol
         if tool is None:
             continue
         if ports and not left:

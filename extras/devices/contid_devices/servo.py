@@ -62,10 +62,9 @@ def command(context: click.Context, port: str | None, baud: int, driver: str) ->
 
     `contid servo ROBOT.yaml` shows position, current, supply and temperature of its axes.
     """
-    from contid.hal import Commissions
-    from contid_devices.tools import find_tool
+    from contid.hal import Commissions, find_tool, load_driver
 
-    tool = find_tool(driver, Commissions)  # type: ignore[type-abstract]  # a runtime protocol
+    tool = find_tool(driver, load_driver(driver), Commissions)  # type: ignore[type-abstract]  # a runtime protocol
     if tool is None:
         raise ContidError(f"driver {driver!r} has no servos to commission")
     context.obj = ServoPortOptions(tool, port, baud)
@@ -89,10 +88,9 @@ def setup(servo_port: ServoPortOptions, robot_file: str) -> None:
     from contid.control.engine.wiring import wired_buses
     from contid.hal import Commissions
     from contid.robot_file.load import load_named
-    from contid_devices.tools import find_tool
 
     buses = wired_buses(load_named(robot_file))
-    tools = [find_tool(bus.wiring.driver, Commissions) for bus in buses]  # type: ignore[type-abstract]
+    tools = [bus.tool(Commissions) for bus in buses]  # type: ignore[type-abstract]
     if not any(tools):
         raise ContidError(f"{robot_file} has no servos to number")
     for bus, tool in zip(buses, tools, strict=True):
