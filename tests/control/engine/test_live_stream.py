@@ -52,6 +52,23 @@ def test_a_smooth_path_stays_smooth(
     assert not followed.limited[on].any()
 
 
+@pytest.mark.parametrize("rate_hz", [20.0, 100.0, 200.0])
+@pytest.mark.parametrize("held_s", [0.012, 0.03, 0.045])
+def test_a_writer_that_stood_still_is_not_felt(rate_hz: float, held_s: float) -> None:
+    """Rows that a busy host held back come at once: no limit, little jerk, on the path again."""
+    run = Run("finger")
+    at = circle(run, CIRCLE_M)
+    run.at_rest_on(at(0.0))
+    rows = [(2.0 + held_s if 2.0 <= t < 2.0 + held_s else t, tip) for t, tip in rows_of(at, rate_hz, 0.0)]
+    followed = run.follow(rows, 3.5)
+    on, h = followed.time_s > 1.5, run.config.period_s
+    assert not followed.limited[on].any()
+    assert np.abs(np.diff(followed.axes[on], 3, axis=0)).max() / h**3 < 0.1 * max(run.config.jerk)
+    x, y, _ = middle(run)
+    radii = np.hypot(followed.tip_m[on, 0] - x + CIRCLE_M, followed.tip_m[on, 1] - y)
+    assert np.abs(radii - CIRCLE_M).max() < 1e-4
+
+
 @pytest.mark.parametrize("robot", ["finger", "cbha", "trirack"])
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.slow

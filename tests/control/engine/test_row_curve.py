@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,27 +21,57 @@ def test_it_is_the_uniform_b_spline_of_scipy() -> None:
     rows = np.random.default_rng(1).normal(size=(12, 2))
     curve = RowCurve(0, tuple(rows[0]))
     for number, row in enumerate(rows[1:].tolist(), start=1):
-        curve.add(number, tuple(row))
+        curve.add(number, tuple(row), 0.02)
     spline = BSpline(np.arange(-2.0, 14.0), rows, 3)
     for phase in np.linspace(1.0, 8.9, 40):
         assert curve.at(float(phase)) == pytest.approx(spline(phase), abs=1e-12)
 
 
-def test_beyond_the_last_row_it_is_straight_and_before_the_first_it_stands() -> None:
-    curve = RowCurve(0, (0.0,))
-    curve.add(1, (2.0,))
+def test_beyond_the_last_row_it_is_straight_by_old_rules_and_before_the_first_it_stands() -> None:
+    curve = RowCurve(0, (0.0,), rules=3)
+    curve.add(1, (2.0,), 0.02)
     assert curve.at(4.5) == pytest.approx((9.0,))
     assert curve.at(-3.0) == (0.0,)
 
 
+@pytest.mark.parametrize("period_s", [0.002, 0.02, 0.1])
+def test_beyond_the_last_row_it_goes_on_with_its_second_difference(period_s: float) -> None:
+    curve = RowCurve(0, (0.0, 0.0))
+    for number in range(1, 61):
+        curve.add(number, (float(number * number), 3.0 - number), period_s)
+    assert curve.at(64.5) == pytest.approx((64.5**2 + 1.0 / 3.0, 3.0 - 64.5))
+
+
 def test_lost_rows_are_filled_in_and_used_rows_stay() -> None:
-    curve = RowCurve(0, (0.0,))
-    curve.add(1, (1.0,))
+    curve = RowCurve(0, (0.0,), rules=3)
+    curve.add(1, (1.0,), 0.02)
     curve.at(0.0)  # uses the expected row 2
-    curve.add(2, (5.0,))
+    curve.add(2, (5.0,), 0.02)
     assert curve.at(0.0) == pytest.approx((0.0 + 1.0 / 6.0,))
-    curve.add(5, (8.0,))
+    curve.add(5, (8.0,), 0.02)
     assert curve.at(3.0) == pytest.approx(((2.0 + 4.0 * 6.0 + 7.0) / 6.0,))
+
+
+def test_it_returns_from_expected_rows_smoothly_and_wholly() -> None:
+    """Without steps of the third difference that the rows do not have; exact after 0.15 s."""
+    period_s = 0.01
+
+    def row(number: int) -> float:
+        return math.sin(0.03 * number)
+
+    curve, at = RowCurve(0, (row(0),)), []
+    for number in range(1, 100):
+        if not 40 < number <= 43:  # three rows wait for the fourth
+            for late in range(41, 44) if number == 44 else ():
+                curve.add(late, (row(late),), period_s)
+            curve.add(number, (row(number),), period_s)
+        at.append(curve.at(number - 2.0)[0])
+    plain = [(row(k - 3) + 4.0 * row(k - 2) + row(k - 1)) / 6.0 for k in range(1, 100)]
+    off = np.abs(np.array(at) - np.array(plain))[3:]
+    assert off[:35].max() < 1e-12
+    assert 1e-6 < off.max() < 2e-3
+    assert off[-30:].max() < 1e-12
+    assert np.abs(np.diff(at[3:], 3)).max() < 4.0 * np.abs(np.diff(plain[3:], 3)).max()
 
 
 def test_a_target_is_its_vector() -> None:
@@ -68,6 +99,15 @@ def test_rows_that_waited_do_not_count(waiting: int) -> None:
     found = played([0.0] * waiting + [0.02 * k for k in range(150)], 3.0)
     assert found[-1][1].period_s == pytest.approx(0.02, rel=1e-3)
     assert all(-2.2 < behind < -0.9 for behind, _ in found[200:])
+
+
+@pytest.mark.parametrize("period_s", [0.005, 0.02])
+def test_rows_that_waited_midway_are_no_other_period(period_s: float) -> None:
+    meant_s = [period_s * k for k in range(int(3.0 / period_s))]
+    found = played([2.0 if 1.915 < each < 2.0 else each for each in meant_s], 3.0)
+    clock = found[-1][1]
+    assert clock.period_s == pytest.approx(period_s, rel=1e-2)
+    assert clock.late_s >= 0.06
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0, 3.0])

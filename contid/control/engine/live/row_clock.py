@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from contid.control.tick.config import MOTION_RULES
 from contid.trajectory.approach import optimal
 from contid.trajectory.planned_motion import AxisRates, MovingAxes
 from contid.trajectory.pursuit import pursued
@@ -56,8 +57,9 @@ class RowClock:
         phase: which row is played, between two rows a fraction.
     """
 
-    def __init__(self, tick_s: float) -> None:
-        """``tick_s``: period of the ticks, at which rows arrive."""
+    def __init__(self, tick_s: float, rules: int = MOTION_RULES) -> None:
+        """``tick_s``: period of the ticks, at which rows arrive; ``rules``: of motion."""
+        self._tells_queued = rules > 3
         self._tick_s = tick_s
         self._margin_s = MARGIN * tick_s
         self.newest = -1
@@ -97,7 +99,7 @@ class RowClock:
             self._bursts = 0
         elif self._stands:
             self._restart(now_s, self.period_s)
-        elif self.period_s and self._changed(gap_s):
+        elif self.period_s and self._changed(gap_s, now_s):
             self._restart(now_s, gap_s)
             self.late_s = 0.0
         elif not self.period_s and self._burst(gap_s):
@@ -105,7 +107,7 @@ class RowClock:
             self._restart(now_s, 0.0)
             self._bursts += 1
         else:
-            self._learn(now_s, rows)
+            self._learn(now_s, gap_s, rows)
         self._stands = False
         self._arrived_s = now_s
         self._gaps_s = (self._gaps_s[1], gap_s)
@@ -115,13 +117,18 @@ class RowClock:
         late = gap_s > OFF_PERIODS * self._learnt_s + QUEUED_TICKS * self._tick_s
         return self._seen > 1 and late and self._bursts < BURSTS
 
-    def _changed(self, gap_s: float) -> bool:
-        """True when three gaps in a row agree on another period."""
+    def _changed(self, gap_s: float, now_s: float) -> bool:
+        """True when three gaps in a row agree on another period.
+
+        Rows that waited while their producer or its host stood still come at once as well, but late.
+        """
+        if self._tells_queued and gap_s < self.period_s <= now_s - self._meant_s + self._tick_s:
+            return False
         gaps_s = (*self._gaps_s, gap_s)
         other = min(abs(each - self.period_s) for each in gaps_s) > 0.25 * self.period_s + 0.5 * self._tick_s
         return other and max(gaps_s) - min(gaps_s) <= self._tick_s * (1.0 + 1e-6)
 
-    def _learn(self, now_s: float, rows: int) -> None:
+    def _learn(self, now_s: float, gap_s: float, rows: int) -> None:
         period_s = self.period_s or self._learnt_s
         self.newest += rows
         self._seen += 1
@@ -130,6 +137,9 @@ class RowClock:
         if self.period_s and abs(off_s) > max(OFF_PERIODS * period_s, OFF_S) + self.late_s:
             self._restart(now_s, self.period_s)
             return
+        if self.period_s and self._tells_queued:
+            # One late row tells of itself only, and those that waited behind it tell nothing new.
+            off_s = min(off_s, self._tick_s if gap_s <= self._tick_s else period_s)
         k = min(float(self._seen), max(8.0, WINDOW_S / period_s) if period_s > 0.0 else float(self._seen))
         self._meant_s = ahead_s + 2.0 * (2.0 * k - 1.0) / (k * (k + 1.0)) * off_s
         self._learnt_s = period_s = period_s + 6.0 / (k * (k + 1.0)) * off_s / rows

@@ -4,23 +4,59 @@ At the phase ``i + u`` the curve is the mean of the rows i-1 .. i+2 with the wei
 continuous to the acceleration, stays between the rows, and ends at rest on a row that is repeated. It leaves
 rows by a sixth of their second difference: on a circle by ``T^2 a / 6``.
 
-A row that is missing when the curve gets to it is the one expected after the last two: beyond the last row
-the curve is a straight line. A row that was used stays as it was.
+A row that is missing when the curve gets to it is the one expected after those before: with their last
+difference, and the mean second difference of the last `BEND_S`. A row that was used stays as it was; where
+another came in its place, the curve goes from it to the rows within `RETURN_S`, by the quintic polynomial
+that begins with the distance and its slope and ends at rest on the rows. By motion rules before 4
+the curve beyond the last row is a straight line, and returns at once, by a bend that exceeds the jerk of an
+easy path after 10 ms without a row.
 
-Source: C. de Boor, "A Practical Guide to Splines", Springer 2001, chapter IX.
+Sources: C. de Boor, "A Practical Guide to Splines", Springer 2001, chapter IX; L. Biagiotti and C.
+Melchiorri, "Trajectory Planning for Automatic Machines and Robots", Springer 2008, section 2.1.5 (quintics).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
+
+from contid.control.tick.config import MOTION_RULES
 
 #: Coordinates of a target (`contid.control.engine.live.target_vector`).
 Vector: TypeAlias = tuple[float, ...]
 
 #: Rows kept behind the phase, which may come back to the last row.
 _KEPT: Final = 100
+#: How long the curve takes from expected rows to those that came [s]; this many rows at least.
+RETURN_S: Final = 0.15
+_LEAST_RETURN: Final = 4.0
+#: Half of the time over which rows tell the second difference of a path [s]; this many rows at least.
+BEND_S: Final = 0.05
+_LEAST_BEND: Final = 2
+
+
+class _Return(NamedTuple):
+    """The way from a row that was expected and used to those that came.
+
+    Attributes:
+        number: of the last row that was used.
+        off: how far it was from the one that came.
+        slope: change of that in a row.
+        rows: length of the way.
+    """
+
+    number: int
+    off: Vector
+    slope: Vector
+    rows: float
+
+    def at(self, number: int) -> Vector:
+        """How far the curve is from the row of a number on this way."""
+        x = (number - self.number) / self.rows
+        off = 1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+        slope = self.rows * (x - x**3 * (6.0 - 8.0 * x + 3.0 * x * x))
+        return tuple([off * d + slope * v for d, v in zip(self.off, self.slope, strict=True)])
 
 
 class RowCurve:
@@ -30,8 +66,11 @@ class RowCurve:
         newest: number of the newest row.
     """
 
-    def __init__(self, number: int, row: Vector) -> None:
+    def __init__(self, number: int, row: Vector, rules: int = MOTION_RULES) -> None:
         self.newest = number
+        self._expects_bends = rules > 3
+        self._period_s = 0.0
+        self._return: _Return | None = None
         self._rows: dict[int, Vector] = {number: row}
         self._first = number
         self._oldest = row
@@ -47,18 +86,44 @@ class RowCurve:
         """The row before the newest."""
         return self._before
 
-    def add(self, number: int, row: Vector) -> None:
-        """A new row; those between it and the newest are filled in on the straight line."""
-        gap = number - self.newest
+    def add(self, number: int, row: Vector, period_s: float) -> None:
+        """A new row; those between it and the newest are filled in on the straight line.
+
+        Args:
+            number: of the row.
+            row: its coordinates.
+            period_s: between rows; 0 while it is not known.
+        """
+        gap, self._period_s = number - self.newest, period_s or self._period_s
         for k in range(1, gap):
             share = k / gap
             between = tuple([a + share * (b - a) for a, b in zip(self._last, row, strict=True)])
-            self._rows.setdefault(self.newest + k, between)
+            self._take(self.newest + k, between)
             self._before = between
         if gap == 1:
             self._before = self._last
-        self._rows.setdefault(number, row)
+        self._take(number, row)
         self.newest, self._last = number, row
+
+    def _take(self, number: int, row: Vector) -> None:
+        """A row comes; the one that was used in its place stays, and is left behind smoothly."""
+        used = self._rows.get(number)
+        if used is not None and self._expects_bends:
+            off = tuple([a - b for a, b in zip(used, row, strict=True)])
+            before = self._off(number - 1) or (0.0,) * len(row)
+            slope = tuple([a - b for a, b in zip(off, before, strict=True)])
+            length = RETURN_S / self._period_s if self._period_s else 0.0
+            self._return = _Return(number, off, slope, max(_LEAST_RETURN, length))
+        elif used is None:
+            left = self._off(number)
+            self._rows[number] = (
+                row if left is None else tuple([a + b for a, b in zip(row, left, strict=True)])
+            )
+
+    def _off(self, number: int) -> Vector | None:
+        """How far the curve is from the row of a number; None where it is on it."""
+        way = self._return
+        return None if way is None or not 0 <= number - way.number < way.rows else way.at(number)
 
     def at(self, phase: float) -> Vector:
         """The curve at a phase; rows that it is made of are used."""
@@ -80,10 +145,18 @@ class RowCurve:
             return row
         if number < self._first:
             return self._oldest
-        on = number - self.newest
-        row = tuple([b + on * (b - a) for a, b in zip(self._before, self._last, strict=True)])
-        self._rows[number] = row
+        row = self._rows[number] = self._expected(number - self.newest)
         return row
+
+    def _expected(self, on: int) -> Vector:
+        """The row that comes ``on`` rows after the newest."""
+        if not self._expects_bends:
+            return tuple([b + on * (b - a) for a, b in zip(self._before, self._last, strict=True)])
+        over = max(_LEAST_BEND, round(BEND_S / self._period_s)) if self._period_s else _LEAST_BEND
+        new, old, *bends = (self._row(self.newest - k) for k in (0, 1, over, 2 * over))
+        share = 0.5 * on * (on + 1) / over**2
+        each = zip(new, old, *bends, strict=True)
+        return tuple([a + on * (a - b) + share * (a - 2.0 * c + d) for a, b, c, d in each])
 
     def _forget(self, before: int) -> None:
         """Rows that the curve has left behind."""

@@ -43,7 +43,7 @@ class TargetFollower:
 
     def __init__(self, config: RobotConfig) -> None:
         self._config = config
-        self._clock = RowClock(config.period_s)
+        self._clock = RowClock(config.period_s, config.motion_rules)
         self._curve: RowCurve | None = None
         self._row: Target | None = None
         self._given: Target | None = None
@@ -82,12 +82,12 @@ class TargetFollower:
         stood = curve.rests(clock.phase) and not self._jumped
         clock.arrived(now_s, self._rows_on(curve, vector, now_s))
         if vector == curve.last:
-            curve.add(clock.newest, vector)
+            curve.add(clock.newest, vector, clock.period_s)
             self._jumped = False
         elif not clock.period_s or (stood and not self._smooth(state, row)):
             self._jump(vector, now_s, state)
         else:
-            curve.add(clock.newest, vector)
+            curve.add(clock.newest, vector, clock.period_s)
             self._jumped = False
 
     def end(self) -> None:
@@ -128,7 +128,7 @@ class TargetFollower:
             off = max(abs(a - b) for a, b in zip(curve.at(clock.phase), curve.last, strict=True))
             if off > _SAME:
                 self._jump(curve.last, now_s, state)
-            self._curve = RowCurve(clock.newest + 2, curve.last)
+            self._curve = RowCurve(clock.newest + 2, curve.last, self._config.motion_rules)
         return clock.phase
 
     def _phase_rates(self, state: RobotState) -> tuple[float, float]:
@@ -146,7 +146,7 @@ class TargetFollower:
 
     def _jump(self, vector: Vector, now_s: float, state: RobotState) -> None:
         """The row is the target at once; from rest by a straight line."""
-        self._curve = RowCurve(self._clock.newest, vector)
+        self._curve = RowCurve(self._clock.newest, vector, self._config.motion_rules)
         self._jumped = True
         start, row, self._line = self._given, self._row, None
         rests = state.command == state.reference and not any(state.increments)
