@@ -22,8 +22,8 @@ from contid.control.process.setup import RunSetup
 from contid.robot_file.load import find_robot_file, load_robot_file, with_mock
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
-from contid.session.replay import replay
 from contid.trajectory.read import read_trajectory
+from contid_sessions.replay.replay import replay
 
 BAR = 1.0 / 20.0
 

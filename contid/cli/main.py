@@ -40,10 +40,6 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
         "contid.cli.commands.shape",
         "backbone points from actuation rows, or from measured poses of the tip",
     ),
-    "replay": (
-        "contid.cli.commands.replay",
-        "run a recording through today's code and compare every command",
-    ),
     "session": ("contid.cli.commands.session", "a recording: summary, check, export, repair"),
     "home": ("contid.cli.commands.home", "find the zero of axes and write it into the robot file"),
 }

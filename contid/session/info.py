@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import Any
 
 from contid.control.engine.events import RunEvent
@@ -13,7 +14,6 @@ from contid.control.engine.events.robots import FaultLatched
 from contid.control.engine.events.run import LogWritten
 from contid.control.engine.tick_layout import DEADLINE, LATENESS, SKIPPED, TICK
 from contid.control.tick.supervisor import Mode
-from contid.session.compare import name_of
 from contid.session.format.entries import DAMAGED, GROWING
 from contid.session.read import Session
 
@@ -178,3 +178,8 @@ def _add_event(info: Info, kinds: Counter[str], event: RunEvent) -> None:
             f"{key} {f'{value:.3g}' if isinstance(value, float) else value}" for key, value in values.items()
         )
         info.listed.append(f"{'' if tick is None else f'tick {tick}: '}{kind}: {rest}")
+
+
+def name_of(kind: type[IntEnum], value: float) -> str:
+    """The name of a number in a record; the number itself if it has none in this version."""
+    return next((each.name for each in kind if each == value), f"{value:g}")

@@ -29,7 +29,6 @@ from contid.robot_file.load import configs_folder, load_robot_file, parse_robot_
 from contid.session.info import summarize
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
-from contid.session.replay import replay
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.rows import RowReader
 from contid_drivers.due.codes import Type
@@ -40,6 +39,7 @@ from contid_drivers.dynamixel import packets
 from contid_drivers.dynamixel.exchange.block import INDIRECT, PLAIN
 from contid_drivers.dynamixel.exchange.fast_answer import FastAnswer
 from contid_sessions.csv_files import export_joined
+from contid_sessions.replay.replay import replay
 from tests.campaign import siege
 from tests.campaign.corpus import stored
 from tests.campaign.shapes import SHAPES, file_of, joined, records

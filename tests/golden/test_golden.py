@@ -14,7 +14,7 @@ import pytest
 
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
 from contid.session.read import Session
-from contid.session.replay import replay
+from contid_sessions.replay.replay import replay
 from tests.golden.make import FOLDER, TOLERANCE, names
 
 #: Two of motion rules 1; those of `FOLDER` are of rules 0 until a change of commands needs new ones.

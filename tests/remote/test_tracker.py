@@ -19,7 +19,7 @@ from contid.control.engine.wiring import build_robot_configs
 from contid.kinematics.model import build_model
 from contid.robot_file.load import load_robot_file, parse_robot_file
 from contid.session.read import Session
-from contid.session.replay import replay
+from contid_sessions.replay.replay import replay
 from tests.support.daemons import Running, armed
 from tests.support.daemons import fast_daemon as daemon
 from tests.support.fingers import fingers

@@ -23,7 +23,7 @@ from contid.control.process.ring_reader import RingReader
 from contid.session.compact import compact
 from contid.session.info import summarize
 from contid.session.read import Session
-from contid.session.replay import replay
+from contid_sessions.replay.replay import replay
 from tests.support.fingers import circle_csv, fingers
 
 VICTIMS = ("daemon", "recorder", "control process")

@@ -229,7 +229,7 @@ def test_hardware_of_another_robot_is_refused(
 
 def test_geometry_may_differ_for_hardware(recorded: Path) -> None:
     from contid.robot_file.load import parse_robot_file
-    from contid.session.differences import refuse_another_robot
+    from contid_sessions.replay.differences import refuse_another_robot
 
     session = Session(recorded)
     text = session.metadata["robot_file"]["text"]

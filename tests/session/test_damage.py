@@ -26,8 +26,8 @@ from contid.session.format.metadata import decode_trajectory, encode_trajectory,
 from contid.session.format.record_stream import RecordStream
 from contid.session.info import summarize
 from contid.session.read import Session
-from contid.session.replay import replay
 from contid.trajectory.rows import MAX_ROWS
+from contid_sessions.replay.replay import replay
 from tests.support.fingers import circle, load
 
 ZEROS = 64 << 20

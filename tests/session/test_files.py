@@ -23,9 +23,9 @@ from contid.session.format.channels import CHANNELS, EVENT, MEASURED, TICK_CHANN
 from contid.session.format.metadata import describe
 from contid.session.info import summarize
 from contid.session.read import Session
-from contid.session.replay import replay
 from contid.session.write import SessionWriter
 from contid_sessions.csv_files import export_channels, export_joined
+from contid_sessions.replay.replay import replay
 from tests.session.rewrite import rewritten
 from tests.support.fingers import load
 

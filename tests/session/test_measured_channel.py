@@ -18,7 +18,7 @@ from contid.session.compact import compact, repair
 from contid.session.format.channels import MEASURED, TICK_CHANNELS
 from contid.session.format.record_stream import RecordStream
 from contid.session.read import Session
-from contid.session.replay import replay
+from contid_sessions.replay.replay import replay
 from tests.session.runs import loaded_arm
 
 REVISIONS = sorted((Path(__file__).parent / "revisions").glob("*.mcap"))

@@ -25,7 +25,7 @@ from contid.session.info import summarize
 from contid.session.mcap_recorder import McapRecorder
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
-from contid.session.replay import replay
+from contid_sessions.replay.replay import replay
 from tests.session.kills import VICTIMS, kill_one
 from tests.support.command import contid
 from tests.support.fingers import circle_csv, fingers, load

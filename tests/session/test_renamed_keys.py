@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from contid.robot_file.load import parse_robot_file
-from contid.session.differences import differences
 from contid.session.read import Session
-from contid.session.replay import replay
+from contid_sessions.replay.differences import differences
+from contid_sessions.replay.replay import replay
 
 RECORDING = Path(__file__).parent / "revisions" / "renamed-keys.mcap"
 

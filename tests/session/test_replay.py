@@ -18,12 +18,12 @@ from contid.control.process.setup import RunSetup
 from contid.control.process.shared_files import folder
 from contid.errors import ContidError
 from contid.robot_file.load import parse_robot_file
-from contid.session.differences import differences
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
-from contid.session.replay import Replayed, replay
-from contid.session.replay_report import as_text
 from contid.targets import Target
+from contid_sessions.replay.differences import differences
+from contid_sessions.replay.replay import Replayed, replay
+from contid_sessions.replay.report import as_text
 from tests.golden.make import names, record
 from tests.session.runs import record_virtual
 from tests.support.fingers import circle, fingers, load
@@ -128,7 +128,7 @@ def test_a_millionth_of_a_millimetre_is_found_and_named(recorded: Path) -> None:
 
 
 def test_the_sign_of_zero_is_a_bit(recorded: Path) -> None:
-    from contid.session.compare import Comparison
+    from contid_sessions.replay.compare import Comparison
 
     session = Session(recorded)
     values = next(entry.values for entry in session.entries() if entry.values is not None)

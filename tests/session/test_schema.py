@@ -17,7 +17,7 @@ from contid.control.tick.config import MOTION_RULES
 from contid.errors import SessionError
 from contid.session.format.channels import EVENT, INFINITE, REVISION, TICK_CHANNELS
 from contid.session.read import Session
-from contid.session.replay import replay
+from contid_sessions.replay.replay import replay
 from tests.golden.make import TOLERANCE
 from tests.session.runs import RUNS
 

@@ -10,10 +10,10 @@ from pathlib import Path
 from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.events.run import NoteWritten
 from contid.errors import ContidError
-from contid.session.compare import Divergence
 from contid.session.read import Session
-from contid.session.replay import Replayed, replay
 from contid_sessions.clock_notes import clock_notes
+from contid_sessions.replay.compare import Divergence
+from contid_sessions.replay.replay import Replayed, replay
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Recordings checked against the rules of motion, in the formats of other programs, and on one clock."""
+"""Recordings replayed, checked against the rules of motion, for other programs, and on one clock."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ from typing import Final
 _EXPORT: Final = "contid_sessions.export_command"
 #: Commands of this extra, see `contid.cli.support.table`.
 COMMANDS: Final = {
+    "replay": (
+        "contid_sessions.replay.command",
+        "run a recording through today's code and compare every command",
+    ),
     "session check": (
         "contid_sessions.check_command",
         "the motion against the rules, from records alone",

@@ -123,7 +123,7 @@ def _note_cut(session: Session) -> None:
 def file_to_draw(session: Session, robot: str | None) -> LoadedFile:
     """The robot file for the shapes of a session: the recorded one, or another with the same axes."""
     from contid.robot_file.load import load_named
-    from contid.session.differences import refuse_other_robots
+    from contid_sessions.replay.differences import refuse_other_robots
 
     if robot is None:
         return session.robot_file()

@@ -18,9 +18,9 @@ from contid.control.engine.virtual import run_virtual
 from contid.control.tick.faults import Fault
 from contid.robot_file.load import parse_robot_file
 from contid.session.read import Session
-from contid.session.replay import replay
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
+from contid_sessions.replay.replay import replay
 from tests.session.runs import record_virtual
 from tests.support.fingers import Collector, fingers, load
 

@@ -16,9 +16,9 @@ from contid.robot_file.base import Quantity
 from contid.robot_file.load import LoadedFile, load_named, parse_robot_file, with_mock
 from contid.robot_file.rates import InputShape, ShapeSchedule
 from contid.session.read import Session
-from contid.session.replay import replay
 from contid.targets import Target
 from contid.units import STANDARD_GRAVITY
+from contid_sessions.replay.replay import replay
 from tests.session.runs import record_virtual
 
 TICK_S = 0.005

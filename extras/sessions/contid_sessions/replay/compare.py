@@ -10,7 +10,6 @@ import math
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from operator import itemgetter
 from typing import Any, Final
 
@@ -18,6 +17,7 @@ from contid.control.engine.tick_layout import AXIS, ROBOT, SOURCE_TIME, TICK, Re
 from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
 from contid.session.format.channels import SI
+from contid.session.info import name_of
 from contid.units import DEG
 
 _PER_SI: Final = {"m": 1e3, "pa": 1e-5, "rad": 1.0 / DEG}
@@ -142,11 +142,6 @@ class Comparison:
                 name: values[layout.axis_place(index, number, name)] for name in ("solution", "command")
             }
         return state
-
-
-def name_of(kind: type[IntEnum], value: float) -> str:
-    """The name of a number in a record; the number itself if it has none in this version."""
-    return next((each.name for each in kind if each == value), f"{value:g}")
 
 
 def _compared(layout: RecordLayout, device_units: Mapping[str, str], exact: bool) -> list[_Value]:

@@ -26,12 +26,12 @@ from contid.control.engine.tick_layout import DEADLINE, LATENESS, SKIPPED, TICK
 from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard
 from contid.errors import ContidError, SessionError
 from contid.robot_file.load import LoadedFile
-from contid.session.compare import Comparison, Divergence
-from contid.session.differences import refuse_other_robots
 from contid.session.format.metadata import DURING_RUN
 from contid.session.read import Session
-from contid.session.recorded_port import RecordedPort, RecordedTick, records_between, slots_of
 from contid.trajectory.timed import Trajectory
+from contid_sessions.replay.compare import Comparison, Divergence
+from contid_sessions.replay.differences import refuse_other_robots
+from contid_sessions.replay.recorded_port import RecordedPort, RecordedTick, records_between, slots_of
 
 #: Events that a replay needs besides the records.
 _INPUTS: Final = (OrderGiven, RobotOverran, BusAnswered, BusStalled, DeviceFaultChanged)

@@ -31,10 +31,10 @@ def command(session_file: str, robot: str | None, tolerance: float, hardware: bo
     Exit code 1 and the first divergence when one differs.
     """
     from contid.robot_file.load import load_named
-    from contid.session import replay_report
-    from contid.session.differences import differences
     from contid.session.read import Session
-    from contid.session.replay import replay
+    from contid_sessions.replay import report
+    from contid_sessions.replay.differences import differences
+    from contid_sessions.replay.replay import replay
 
     given = None if robot is None else load_named(robot)
     if hardware:
@@ -42,7 +42,7 @@ def command(session_file: str, robot: str | None, tolerance: float, hardware: bo
         if tolerance:
             raise click.UsageError("--tolerance is for comparing; --hardware sends the commands as they are")
         from contid.cli.commands.run import finish
-        from contid.session.hardware import run_on_hardware
+        from contid_sessions.replay.hardware import run_on_hardware
 
         recorded = session.robot_file(real_buses=True)
         finish(run_on_hardware(session, recorded, given or recorded), as_json)
@@ -53,9 +53,9 @@ def command(session_file: str, robot: str | None, tolerance: float, hardware: bo
         start_s = time.perf_counter()
         replayed = replay(session, loaded, tolerance)
         took_s = time.perf_counter() - start_s
-    result = replay_report.as_json(session, replayed, changed, took_s)
+    result = report.as_json(session, replayed, changed, took_s)
     if as_json:
         click.echo(json.dumps(result))
     else:
-        click.echo("\n".join(replay_report.as_text(session, replayed, changed, took_s)))
+        click.echo("\n".join(report.as_text(session, replayed, changed, took_s)))
     sys.exit(0 if result["same"] else 1)

@@ -21,10 +21,10 @@ from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import Unreachable
 from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile
-from contid.session.differences import refuse_another_robot
 from contid.session.read import Session
 from contid.trajectory.columns import TIME, read_layout
 from contid.trajectory.timed import Interpolation, Trajectory
+from contid_sessions.replay.differences import refuse_another_robot
 
 
 def recorded_commands(session: Session, loaded: LoadedFile) -> Trajectory:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from contid.session.compare import Divergence
-from contid.session.differences import Difference
 from contid.session.format.metadata import versions
 from contid.session.read import Session
-from contid.session.replay import Replayed
 from contid.units import DEG
+from contid_sessions.replay.compare import Divergence
+from contid_sessions.replay.differences import Difference
+from contid_sessions.replay.replay import Replayed
 
 _SHOWN: dict[str, tuple[str, float]] = {"m": ("mm", 1e3), "pa": ("bar", 1e-5), "rad": ("deg", 1.0 / DEG)}
 

@@ -1,0 +1,1 @@
+"""Replay: recorded inputs through the present code, or recorded commands on the real buses."""
