@@ -49,8 +49,8 @@ class PageOrders:
         self._hub = hub
         self._checks = checks
         self._poses = poses
-        # Number and columns of the stream of a jog, and the count of other orders when it began; None without one.
-        # One message at a time begins or ends it.
+        # Number and columns of the stream of a jog, and the count of other orders when it began; None without
+        # one. One message at a time begins or ends it.
         self._move: tuple[int, tuple[str, ...], int] | None = None
         self._others = 0
         self._jogging = asyncio.Lock()
