@@ -14,10 +14,18 @@ export class Follow {
       return { axis, tolerance, decimals, ...row(axis, `±${Number(tolerance.toPrecision(3))} ${units[axis]}`) };
     });
     this.tips = [["tip", "tip_mm"], ["tip, tracked", "measured_tip_mm"]].map(([name, field]) => ({ field, ...row(name, "") }));
+    for (const { element } of this.tips) element.hidden = true;
     this.element = h("table", { className: "follow", title: EXPLAINED },
       h("caption", {}, "Measured minus", this.summary),
       h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Axis"), ...["commanded", "expected", "allowed"].map((each) => h("th", { scope: "col", className: "number" }, each)))),
       h("tbody", {}, ...[...this.axes, ...this.tips].map((each) => each.element)));
+  }
+
+  /** Nothing is known any more. */
+  lost() {
+    setText(this.summary, "not known");
+    this.summary.className = "";
+    for (const each of [...this.axes, ...this.tips]) for (const cell of [each.commanded, each.expected]) setText(cell, "–");
   }
 
   /** The newest frame. */
@@ -47,7 +55,7 @@ export class Follow {
 
 /** One line: the cells that change, and what is allowed. */
 function row(name, allowed) {
-  const [commanded, expected] = [h("td", { className: "number" }), h("td", { className: "number" }, "–")];
+  const [commanded, expected] = [1, 2].map(() => h("td", { className: "number" }, "–"));
   const mark = h("b", {});
   const element = h("tr", {}, h("th", { scope: "row" }, name), commanded, expected, h("td", { className: "number" }, mark, allowed));
   return { element, commanded, expected, mark };

@@ -165,5 +165,6 @@ export class RobotCard {
     setText(this.meaning, "no connection to the daemon");
     for (const slider of this.sliders) slider.disable(true);
     this.home.disabled = true;
+    this.follow.lost();
   }
 }
