@@ -11,7 +11,7 @@ from contid.control.engine.cycle import RealClock
 from contid.control.engine.wiring import open_buses
 from contid.errors import DeviceNotFoundError
 from contid.robot_file.load import parse_robot_file, with_mock
-from contid.robot_file.proven.bringup import bringup_findings, wiring_digest
+from contid.robot_file.proven.bringup import bringup_findings, proofs, wiring_digest
 
 CONFIG = Path(__file__).parents[2] / "configs" / "hand.emulated.yaml"
 
@@ -57,3 +57,27 @@ def test_it_is_stated_by_check_and_when_a_run_opens_its_buses(caplog: pytest.Log
     with caplog.at_level(logging.WARNING), pytest.raises(DeviceNotFoundError):
         open_buses(slow, RealClock())
     assert f"{axis}: no-count at its last bring-up" in caplog.text
+
+
+def test_every_axis_has_the_state_of_its_bring_up() -> None:
+    """Clients get the same states as `contid check`: what was never brought up is pending, with its bus."""
+    axes = [
+        axis
+        for bus in parse_robot_file(CONFIG.read_text(), "hand.yaml").buses.values()
+        for axis, _ in bus.axes
+    ]
+    first, *others = axes
+    for text, state, message in (
+        (brought_up(first), "proven", "proven today"),
+        (brought_up(first, "no-count"), "failed", "no-count at its last bring-up, today"),
+        (brought_up(first, change=("id: 1,", "id: 9,")), "changed", "its wiring in this file was changed"),
+    ):
+        found = proofs(parse_robot_file(text, "hand.yaml"))
+        assert list(found) == axes
+        fields = found[first].as_fields()
+        assert fields["message"].startswith(message)
+        assert (fields["state"], fields["device"], fields["firmware"]) == (state, "x", "1")
+        assert {found[each].state for each in others} == {"pending"}
+        assert found[others[0]].as_fields()["driver"] == "dynamixel"
+    mocked = proofs(with_mock(parse_robot_file(brought_up(first), "hand.yaml")))
+    assert {each.state for each in mocked.values()} == {"none"}

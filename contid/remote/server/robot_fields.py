@@ -14,6 +14,7 @@ from typing import Any, Final
 from contid.control.engine.measured_tip import measured_actuation, tip_in_world
 from contid.control.engine.tick_layout import HAS_TARGET, RobotRecord
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.follow.expected_range import AxisResponse
 from contid.control.tick.limits import FLAG_NAMES
 from contid.control.tick.supervisor import Mode
 from contid.kinematics.model import Bending
@@ -77,6 +78,19 @@ def field_of(config: RobotConfig, record: RobotRecord, field: str) -> Any:
             return [milliseconds(axis.age_s) for axis in record.axes]
     assert field in PER_AXIS
     return [finite(getattr(axis, field)) for axis in record.axes]
+
+
+def response_fields(response: AxisResponse, unit: str, per_device: float) -> dict[str, float | None]:
+    """How a healthy axis answers, in the unit of its column: ``per_device`` of it in one of its device."""
+    return {
+        f"tolerance_{unit}": response.tolerance * per_device,
+        f"top_{unit}_s": finite(response.top * per_device),
+        "pushing_a": finite(response.pushing_a),
+        **{
+            f"{each}_ms": 1e3 * getattr(response, f"{each}_s")
+            for each in ("delay", "lag", "overshoot", "least_delay", "least_lag")
+        },
+    }
 
 
 def commanded(record: RobotRecord) -> tuple[float, ...] | None:

@@ -27,8 +27,10 @@ from contid.remote.server.robot_fields import (
     finite,
     limit_names,
     milliseconds,
+    response_fields,
 )
 from contid.robot_file.load import LoadedFile
+from contid.robot_file.proven.bringup import proofs
 from contid.trajectory.columns import vocabulary
 
 
@@ -135,6 +137,7 @@ class TelemetryView:
     def describe(self) -> Fields:
         """What does not change: robots, axes, limits, columns."""
         robots: Fields = {}
+        proven = proofs(self._loaded)
         for name, config in self.configs.items():
             unit = config.quantity.unit
             limits = zip(
@@ -162,6 +165,13 @@ class TelemetryView:
                     }
                     for axis, minimum, maximum, each in limits
                 },
+                "follow": {
+                    axis: response_fields(response, quantity.unit, quantity.per_si * response.unit)
+                    for axis, response, quantity in zip(
+                        config.axis_names, config.responses, config.quantities, strict=True
+                    )
+                },
+                "bringup": {axis: proven[f"{name}.{axis}"].as_fields() for axis in config.axis_names},
             }
         return {"name": self._loaded.file.name, "file": str(self._loaded.path.absolute()), "robots": robots}
 

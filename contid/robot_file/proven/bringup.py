@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, Literal, NamedTuple
 
 from pydantic import Field
 
@@ -95,24 +95,61 @@ def slowed(loaded: LoadedFile) -> LoadedFile:
     return replace(loaded, file=loaded.file.model_copy(update={"robots": robots}))
 
 
+class AxisProof(NamedTuple):
+    """How far the bring-up of one axis is.
+
+    Attributes:
+        state: ``proven``; ``pending``, never brought up; ``changed`` since, or ``failed``, in both of which
+            its robot is slowed; ``none`` where its driver has no bring-up.
+        message: the same for a person.
+        bus, driver: its devices.
+        found: the last bring-up; None without one.
+    """
+
+    state: Literal["proven", "pending", "changed", "failed", "none"]
+    message: str
+    bus: str
+    driver: str
+    found: AxisBringup | None
+
+    def as_fields(self) -> dict[str, str]:
+        """As clients get it."""
+        found = {} if self.found is None else self.found.model_dump(include={"date", "device", "firmware"})
+        return {"state": self.state, "message": self.message, "bus": self.bus, "driver": self.driver, **found}
+
+
+def proofs(loaded: LoadedFile) -> dict[str, AxisProof]:
+    """How far the bring-up of every axis is, by ``ROBOT.AXIS``; opens no device."""
+    proven, changed = loaded.file.bringup, changed_axes(loaded)
+    out = {}
+    for bus in loaded.buses.values():
+        brings_up = isinstance(load_driver(bus.driver), Proves)
+        for axis, _ in bus.axes:
+            found = proven.get(axis)
+            if found is None:
+                message = "never brought up" if brings_up else f"{bus.driver} devices have no bring-up"
+                out[axis] = AxisProof("pending" if brings_up else "none", message, bus.name, bus.driver, None)
+            elif axis in changed:
+                message = f"{changed[axis]}; {slow_notice(axis)}"
+                state: Literal["changed", "failed"] = "changed" if found.verdict == "ok" else "failed"
+                out[axis] = AxisProof(state, message, bus.name, bus.driver, found)
+            else:
+                out[axis] = AxisProof("proven", f"proven {found.date}", bus.name, bus.driver, found)
+    return out
+
+
 def bringup_findings(loaded: LoadedFile) -> Iterator[Finding]:
     """One finding per axis of a file with ``bringup:``; opens no device."""
-    proven, changed = loaded.file.bringup, changed_axes(loaded)
-    if not proven:
+    if not loaded.file.bringup:
         return
-    buses = {axis: bus for bus in loaded.buses.values() for axis, _ in bus.axes}
-    for axis, bus in buses.items():
-        remedy = _REMEDY.format(axis=axis)
-        if axis not in proven:
-            if isinstance(load_driver(bus.driver), Proves):
-                yield Finding(f"bringup {axis}", True, "never brought up", remedy, warning=True)
-        elif axis in changed:
-            message = f"{changed[axis]}; {slow_notice(axis)}"
-            ok = proven[axis].verdict == "ok"
-            yield Finding(f"bringup {axis}", ok, message, remedy, warning=ok)
-        else:
-            yield Finding(f"bringup {axis}", True, f"proven {proven[axis].date}")
-    for axis in proven.keys() - buses.keys():
+    found = proofs(loaded)
+    for axis, proof in found.items():
+        if proof.state == "proven":
+            yield Finding(f"bringup {axis}", True, proof.message)
+        elif proof.state != "none":
+            ok = proof.state != "failed"
+            yield Finding(f"bringup {axis}", ok, proof.message, _REMEDY.format(axis=axis), warning=ok)
+    for axis in loaded.file.bringup.keys() - found.keys():
         yield Finding(f"bringup {axis}", True, "no such axis any more", "remove it", warning=True)
 
 

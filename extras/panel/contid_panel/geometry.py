@@ -15,6 +15,7 @@ from contid.remote.protocol.wire import Fields
 from contid.robot_file.load import LoadedFile, load_robot_file
 from contid.targets import Actuation
 from contid_panel.described_robot import described_robot
+from contid_panel.expectation import Expectation
 from contid_panel.obstacles import obstacle_shape
 from contid_panel.samples import actuation_of, rounded_line
 from contid_view.robot_scene import RobotDrawing, RobotScene
@@ -83,6 +84,15 @@ class PanelGeometry:
                 robot.config.name: described_robot(robot, descriptions[robot.config.name], several)
                 for robot in self.scene.robots
             },
+        }
+
+    def expectations(self, described: Mapping[str, Any]) -> dict[str, Expectation]:
+        """The axes of every robot, to be compared with their commands."""
+        configs = {robot.config.name: robot.config for robot in self.scene.robots}
+        return {
+            name: Expectation(config, described[name]["follow"])
+            for name, config in configs.items()
+            if "follow" in described[name]  # a daemon of an earlier version has none
         }
 
     def bodies(

@@ -18,6 +18,7 @@ from contid.errors import ContidError
 from contid.remote.client.described_robot import columns_of
 from contid.remote.protocol.wire import ConnectionLostError, Fields, NoDaemonError, RemoteError
 from contid.targets import Actuation
+from contid_panel.expectation import Expectation
 from contid_panel.expiry import clock_ms
 from contid_panel.geometry import PanelGeometry
 from contid_panel.mailbox import Mailbox
@@ -33,7 +34,7 @@ RECONNECT_PERIOD_S: Final = 0.3
 RESPONSE_TIMEOUT_S: Final = 3.0
 FIELDS: Final = (
     "state", "fault", "tip_mm", "command_tip_mm", "target_mm", "error_mm", "command", "measured", "limits",
-    "bends", "effort", "temperature_c", "voltage_v",
+    "bends", "effort", "temperature_c", "voltage_v", "measured_tip_mm",
 )  # fmt: skip
 _LOST: Final = (ConnectionLostError, NoDaemonError, RemoteError, OSError)
 
@@ -48,6 +49,7 @@ class Hub:
         described: what the daemon describes; None without a daemon.
         rates: by column, how fast it changes at full speed [1/s].
         rest: by robot, its rest pose by columns of its axes.
+        expectations: by robot, its axes compared with their commands.
     """
 
     def __init__(self, path: Path) -> None:
@@ -57,6 +59,7 @@ class Hub:
         self.described: Fields | None = None
         self.rates: Mapping[str, float] = {}
         self.rest: Mapping[str, Mapping[str, float]] = {}
+        self.expectations: Mapping[str, Expectation] = {}
         self._mailboxes: set[Mailbox] = set()
         self._watched = asyncio.Event()
         self._lasting: dict[str, str] = {}
@@ -150,6 +153,7 @@ class Hub:
         robots = {} if drawing is None else drawing["robots"]
         self.rates = {column: rate for each in robots.values() for column, rate in each["rates"].items()}
         self.rest = {name: each["rest"] for name, each in robots.items()}
+        self.expectations = {} if self.geometry is None else self.geometry.expectations(describe["robots"])
         self.described = describe
         self.send("describe", lasting=True, describe=describe, drawing=drawing, problem=problem)
         self.send("daemon", lasting=True, connected=True, message="")
@@ -180,7 +184,13 @@ class Hub:
                 {name: robot["measured"] for name, robot in self.newest.items()},
                 {name: robot["command"] for name, robot in self.newest.items()},
             )
-        message = {"kind": "frame", "tick": frame["tick"], "t_s": frame["t_s"], "robots": self.newest}
+        robots = {
+            name: {**robot, "expected": self.expectations[name].compared(frame["t_s"], robot)}
+            if name in self.expectations
+            else robot
+            for name, robot in self.newest.items()
+        }
+        message = {"kind": "frame", "tick": frame["tick"], "t_s": frame["t_s"], "robots": robots}
         text = encode_message({**message, "bodies": bodies, "clock_ms": clock_ms()})
         for mailbox in self._mailboxes:
             mailbox.put_frame(text)

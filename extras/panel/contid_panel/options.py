@@ -2,14 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import subprocess
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from typing import Any, Final
 
 import click
 
 from contid.cli.support.added_options import Watch
 from contid.errors import require_extra
+
+
+@contextmanager
+def panel_process(socket: Path, opens: bool, demonstrates: bool) -> Iterator[None]:
+    """`contid panel` for the daemon at a socket, also before it listens; it ends with the run.
+
+    Args:
+        socket: of the daemon, which never waits for the panel.
+        opens: a browser is opened.
+        demonstrates: the input of the run is a demonstration; pages take over without a question.
+    """
+    from contid.control.daemon.beside import process_beside
+    from contid.control.daemon.spawn import module_command
+
+    command = module_command("contid", "panel", "--socket", str(socket), "--wait")
+    with process_beside(command + ["--open"] * opens + ["--demo"] * demonstrates, subprocess.DEVNULL):
+        yield
 
 
 class PanelOption:
@@ -37,8 +57,6 @@ class PanelOption:
         if virtual:
             raise click.UsageError("--panel needs a daemon in real time; --virtual has no socket")
         require_extra("the panel", "starlette", "uvicorn", "websockets")
-        from contid_panel.subprocess import panel_process
-
         return Watch(
             beside=partial(
                 panel_process,

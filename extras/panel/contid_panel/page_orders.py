@@ -49,8 +49,10 @@ class PageOrders:
         self._hub = hub
         self._checks = checks
         self._poses = poses
-        # Number and columns of the stream of a jog, None without; one message at a time begins or ends it.
-        self._move: tuple[int, tuple[str, ...]] | None = None
+        # Number and columns of the stream of a jog, and the count of other orders when it began; None without
+        # one. One message at a time begins or ends it.
+        self._move: tuple[int, tuple[str, ...], int] | None = None
+        self._others = 0
         self._jogging = asyncio.Lock()
         self.orders: dict[str, Order] = {
             **{
@@ -66,16 +68,27 @@ class PageOrders:
             "recover": _to_robots(client.request, partial(AsyncClient.recover, after_stop=True)),
             "acquire": self._acquire,
             "release": self._plain("release"),
-            "beat": self._plain("ping"),  # a heartbeat of the page keeps its lease
             "goto": self._goto,
             "home": self._home,
-            "jog": self._jog,
-            "jog_end": self._jog_end,
             "play": self._play,
             "pose": self._pose,
             "save_pose": self._save_pose,
             "record": self._record,
         }
+        self.orders = {verb: self._other(order) for verb, order in self.orders.items()} | {
+            "beat": self._plain("ping"),  # a heartbeat of the page keeps its lease
+            "jog": self._jog,
+            "jog_end": self._jog_end,
+        }
+
+    def _other(self, order: Order) -> Order:
+        """An order after which the next row of a jog begins a stream: the page has forgotten the last one."""
+
+        def other(request: RequestFields) -> Awaitable[Fields]:
+            self._others += 1
+            return order(request)
+
+        return other
 
     async def _estop(self, request: RequestFields) -> Fields:
         """Stop every robot, whatever else the message contains."""
@@ -114,21 +127,21 @@ class PageOrders:
         return await self._go({k: v for name in robots or rest for k, v in rest[name].items()}, share)
 
     async def _jog(self, request: RequestFields) -> Fields:
-        """Follow a row; a first row, or one of other columns, begins a stream.
+        """Follow a row; a first row, one of other columns, or one after another order begins a stream.
 
         A tip that leads out of reach goes along its edge, as by the keys of a terminal.
         """
-        columns, row = request.names("columns"), request.rows("rows")
+        columns, row, others = request.names("columns"), request.rows("rows"), self._others
         request.end()
         if not columns or any(name.endswith("t_s") for name in columns):
             raise RemoteError(Code.BAD_REQUEST, "columns: names of columns without t_s are expected")
 
         async def jog(client: AsyncClient) -> Fields:
-            if self._move is None or self._move[1] != columns:
+            if self._move is None or self._move[1:] != (columns, others):
                 self._move = None
                 await _require_lease(client)
                 begun = await client.request("move", columns=list(columns), nearest=True)
-                self._move = int(begun["move"]), columns
+                self._move = int(begun["move"]), columns, others
             return await self._rows(client, self._move[0], row)
 
         async with self._jogging:

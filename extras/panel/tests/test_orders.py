@@ -91,6 +91,27 @@ async def test_a_jog_follows_and_ends_where_it_was_left(served: PanelProcess) ->
         beats.cancel()
 
 
+async def test_a_jog_after_another_order_loses_no_row(served: PanelProcess) -> None:
+    """An order within the time that a key is held ends the jog at the daemon; no end of it is sent."""
+    columns = ["f0.x_mm", "f0.y_mm"]
+    async with page(served) as it:
+        await it.order("acquire")
+        beats = asyncio.create_task(_alive(it))
+        others: tuple[tuple[str, dict[str, object]], ...] = (
+            ("home", {"robots": ["f0"]}), ("goto", {"target": _target(HERE)}), ("hold", {}),
+        )  # fmt: skip
+        for verb, fields in others:
+            for reply in (
+                await it.order("jog", columns=columns, rows=[[45.0, 78.0]]),
+                await it.order(verb, **fields),
+                await it.order("jog", columns=columns, rows=[[46.0, 78.0]]),
+            ):
+                assert reply["ok"], (verb, reply)
+        assert (await it.order("jog_end"))["ok"]
+        await it.until(lambda page: abs(page.tip_mm()[0] - 46.0) < 0.5)
+        beats.cancel()
+
+
 async def test_pages_that_end_in_the_middle_of_an_order(served: PanelProcess) -> None:
     """The panel's messages on stderr are checked at its end; no page may leave a traceback."""
     for _ in range(5):

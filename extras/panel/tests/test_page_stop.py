@@ -122,6 +122,30 @@ def test_a_stop_that_a_hanging_panel_does_not_confirm_is_reported(it: OpenPage, 
     it.state("f0", "OFF")
 
 
+def test_the_alarm_comes_well_within_its_bound(it: OpenPage, served: PanelProcess) -> None:
+    """From the press, which waits here for a page that is busy for 0.4 s; 1.5 s are allowed."""
+    busy = "() => { const end = performance.now() + 400; while (performance.now() < end); }"
+    it.page.evaluate(
+        f"""() => {{
+            window.addEventListener('pointerdown', {busy}, {{ capture: true, once: true }});
+            const timer = window.setTimeout;
+            window.setTimeout = (then, ms, ...more) => {{
+                if (window.event?.type === 'pointerdown' && ms > 600 && ms < 5000)
+                    window.due = performance.now() + ms - window.event.timeStamp;
+                return timer(then, ms, ...more);
+            }};
+        }}"""
+    )
+    served.process.send_signal(signal.SIGSTOP)
+    try:
+        it.page.locator("#stop").click()
+        it.page.wait_for_selector("#alarm:not([hidden])")
+    finally:
+        served.process.send_signal(signal.SIGCONT)
+    assert it.page.evaluate("() => window.due") == pytest.approx(1200.0, abs=1.0)
+    it.page.wait_for_selector("#alarm", state="hidden")
+
+
 @pytest.mark.usefixtures("alone")
 def test_the_alarm_is_seen_on_a_phone(browser: Browser, served: PanelProcess) -> None:
     with opened(browser, served, viewport={"width": 390, "height": 800}) as it:

@@ -1,5 +1,6 @@
 // The page: messages of the panel to the parts that show them.
 
+import { BringupCard } from "./bringup.js";
 import { byId, setHidden, setText, toast } from "./dom.js";
 import { Events } from "./events.js";
 import { FaultBanner } from "./faults.js";
@@ -46,6 +47,7 @@ const handlers = {
     plots.describe(describe.robots);
     events.describe(describe.robots);
     poses.describe(describe.robots);
+    bringup.describe(describe);
     select(cards.keys().next().value);
   },
   frame: (message) => {
@@ -86,6 +88,7 @@ const jog = new Walk(link, new Jog(link), speed);
 const lease = new LeaseControl(link);
 const faults = new FaultBanner();
 const machine = new Machine();
+const bringup = new BringupCard();
 const events = new Events(link);
 const plots = new Plots();
 const poses = new PosesCard(link, speed);

@@ -2,6 +2,7 @@
 
 import { axisVariable } from "./colours.js";
 import { attempt, h, setHidden, setText, toast } from "./dom.js";
+import { Follow } from "./follow.js";
 import { meaningOf } from "./meaning.js";
 import { confirmed } from "./question.js";
 import { Slider } from "./slider.js";
@@ -29,10 +30,12 @@ export class RobotCard {
       jog.know(columns, columns.map((each) => rates[each] ?? Infinity), () => this.commands.get(columns) ?? null);
     }
     const axes = Object.entries(description.axes);
+    const units = {}; // a wrist may be in degrees
     this.axes = axes.map(([axis, limit], i) => {
-      const unit = Object.keys(limit).find((key) => key.startsWith("min_")).slice(4); // a wrist may be in degrees
+      const unit = (units[axis] = Object.keys(limit).find((key) => key.startsWith("min_")).slice(4));
       return new Slider(axis, limit[`min_${unit}`], limit[`max_${unit}`], unit, this.hand(this.axisColumns, i), axisVariable(i));
     });
+    this.follow = new Follow(units, description.follow ?? {});
     const [low, high] = drawing?.bounds ?? [[], []];
     this.tip = this.tipColumns.map((column, i) => new Slider("xyz"[i], Math.floor(low[i]), Math.ceil(high[i]), "mm", this.hand(this.tipColumns, i)));
     this.bends = bends.map((each, i) => new Slider(each.name, each.minimum, each.maximum, each.unit, this.hand(this.bendColumns, i)));
@@ -54,7 +57,7 @@ export class RobotCard {
       this.tip.length ? h("fieldset", {}, h("legend", {}, "Tip", h("span", {}, "measured")), ...this.tip.map((s) => s.row)) : null,
       this.bends.length ? h("fieldset", {}, h("legend", {}, "Bends"), ...this.bends.map((s) => s.row)) : null,
       h("fieldset", {}, h("legend", {}, "Axes", h("span", {}, "measured")), ...this.axes.map((s) => s.row)),
-      this.note);
+      this.note, this.follow.element);
     this.element.dataset.robot = name;
     this.element.id = `robot-${name}`;
   }
@@ -129,6 +132,7 @@ export class RobotCard {
     this.tip.forEach((slider, i) => slider.show(target?.[i] ?? null, robot.tip_mm?.[i] ?? null, []));
     this.bends.forEach((slider, i) => slider.show(robot.bends?.[i] ?? null, null, []));
     this.axes.forEach((slider, i) => slider.show(robot.command[i], robot.measured?.[i] ?? null, robot.limits[i] ?? []));
+    this.follow.show(robot);
     const refusal = this.jog.refusals.get(this.name);
     setText(this.note, refusal ? `Refused, holds: ${refusal}` : "");
     setHidden(this.clear, robot.state !== "FAULT");
@@ -161,5 +165,6 @@ export class RobotCard {
     setText(this.meaning, "no connection to the daemon");
     for (const slider of this.sliders) slider.disable(true);
     this.home.disabled = true;
+    this.follow.lost();
   }
 }

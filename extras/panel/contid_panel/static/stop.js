@@ -9,7 +9,9 @@ let installed = () => {};
 /** STOP by another control of this page. */
 export const stopAll = () => installed();
 
-const CONFIRM_MS = 1500; // a panel that hangs neither confirms nor refuses
+// From the press, which may have waited for a page that was busy, to the alarm: a panel that hangs neither confirms nor
+// refuses. An alarm is due within 1.5 s; the rest is for a page that is busy then, and for drawing it.
+const CONFIRM_MS = 1200;
 const FAILED = "STOP WAS NOT CONFIRMED. Use the emergency switch of the robot, or `contid estop` in a terminal.";
 
 /** `robots` gives the descriptions of the robots. */
@@ -23,11 +25,12 @@ export function installStop(link, robots) {
   let unconfirmed = null; // since the first press
   const stop = async () => {
     try {
+      const pressed = link.clock.pressed();
       const stopping = link.stop(); // before anything is drawn
       cancelQuestion();
       button.classList.add("pressed");
       setTimeout(() => button.classList.remove("pressed"), 600);
-      unconfirmed ??= setTimeout(() => warn(FAILED), CONFIRM_MS);
+      unconfirmed ??= setTimeout(() => warn(FAILED), pressed + CONFIRM_MS - performance.now());
       const result = await stopping;
       clearTimeout(unconfirmed);
       unconfirmed = null;

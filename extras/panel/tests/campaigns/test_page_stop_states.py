@@ -32,8 +32,8 @@ from tests.support.waiting import until
 pytestmark = [pytest.mark.process, pytest.mark.realtime, pytest.mark.campaign]
 
 STOPS: Final = int(os.environ.get("CONTID_STOPS", "30"))
-#: What the issue allows, and what a loaded machine adds to a timer of the page.
-WITHIN_MS, LATE_MS = 1500.0, 150.0
+#: What the issue allows [ms].
+WITHIN_MS = 1500.0
 PHONE: Final[dict[str, Any]] = {"viewport": {"width": 390, "height": 800}, "has_touch": True}
 DESKTOP: Final[dict[str, Any]] = {}
 #: Measures from the press to what the page shows of it; listens first, as STOP of the page ends the event.
@@ -262,7 +262,7 @@ def test_stop_in_every_state_of_the_page(browser: Browser) -> None:
                 break
             ended[end] += 1
             worst[end] = max(worst.get(end, 0.0), after_ms)
-            if after_ms > WITHIN_MS + LATE_MS:
+            if after_ms > WITHIN_MS:
                 wrong.append(f"{what}: {end} after {after_ms:.0f} ms")
         for each in trials:
             each.it.problems.clear()  # requests that failed while the panel stood still
