@@ -247,7 +247,7 @@ def socket_races(orders: int, seed: int) -> list[str]:
         found, given = asyncio.run(socket_race(PER_RACE, 8, seed))
         wrong += [f"seed {seed}: {each}" for each in found]
         answers += given
-        print(f"seed {seed}: {answers.total()} orders, {len(wrong)} wrong", flush=True)
+        print(f"seed {seed}: {answers.total()} orders, {len(wrong)} wrong", *found, sep="\n", flush=True)
         seed += 1
     print(dict(sorted(answers.items())))
     return wrong
@@ -259,4 +259,4 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()
     logging.disable(logging.CRITICAL)
-    print(*socket_races(asked.orders, asked.seed), sep="\n")
+    socket_races(asked.orders, asked.seed)

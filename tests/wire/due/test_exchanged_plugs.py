@@ -78,6 +78,7 @@ def into(lab: Lab, bus: DueBus, which: int, state: str) -> None:
         return
     bus.open()
     samples = bus.exchange({})
+    bus.clear_fault(bus.axes)
     if state == "homing":
         bus.home(bus.axes[1:])
         follow(lab, bus, {}, 0.05)
@@ -209,3 +210,31 @@ def test_exchanged_boards_never_move_the_other_robot(lab: Lab, count: int) -> No
 def changed(before: Body, after: Body) -> bool:
     """Whether a motor was switched, driven or moved."""
     return after.drive != before.drive or abs(after.shaft - before.shaft) > STANDS
+
+
+@pytest.mark.parametrize("order", ["home", "relax", "hold", "park", "clear"])
+def test_orders_after_a_silence_find_another_board_first(lab: Lab, order: str) -> None:
+    """The wires of two boards are exchanged at ports that stay open: no frame but a demand reaches the other."""
+    for which in range(2):
+        lab.drive(which)
+    with closing(lab.bus(0)) as bus, closing(lab.bus(1)) as other:
+        into(lab, other, 1, "hold")
+        other.disable(other.axes, Rest.HOLD)
+        into(lab, bus, 0, "open")
+        lab.plugs.behind.reverse()
+        lab.time.sleep(0.2)
+        before = lab.bodies(lab.boards[1])
+        orders = {
+            "home": lambda: bus.home(bus.axes[1:]),
+            "relax": lambda: bus.disable(bus.axes, Rest.RELAX),
+            "hold": lambda: bus.disable(bus.axes, Rest.HOLD),
+            "park": lambda: bus.park(bus.axes[:1]),
+            "clear": lambda: bus.clear_fault(bus.axes),
+        }
+        with suppress(DeviceError):
+            orders[order]()
+        lab.time.sleep(0.2)
+        after = lab.bodies(lab.boards[1])
+        assert not any(changed(a, b) for a, b in zip(before, after, strict=True)), (before, after)
+        with pytest.raises(DeviceError, match="reset|another"):
+            bus.exchange({})
