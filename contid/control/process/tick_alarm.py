@@ -76,7 +76,7 @@ class TickAlarm:
         else:
             self._begun, self._counted_s = costs.begun, 0.0
         self._looked_s, self._waited_s = now_s, waited_s
-        # All alarms during one call in C are one, when it returns; what it computed shows in the thread's time.
+        # The alarms during one call in C are one, when it returns; what it computed is the thread's time.
         in_c = self._worked_s - before_s > self._longest_s
         if in_c or self._counted_s > (ALARMS - 1.5) * self._interval_s:
             costs.running = -1

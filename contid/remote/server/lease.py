@@ -9,6 +9,7 @@ a loop does not undo the stop of a person, and neither does a stop of its own.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -130,13 +131,11 @@ class Lease:
             self.holder = LeaseHolder(client, name, now_s, TIMEOUT_S, now_s, by)
         return self._stops.get(client)
 
-    def allow(self, client: int, now_s: float, after_stop: bool) -> None:
-        """Ensure that a client may resume robots; `go_on` when it does.
+    def allow(self, client: int, now_s: float, after_stop: bool) -> Mapping[int, ClientStop]:
+        """Ensure that a client may resume robots, ``after_stop`` although another client stopped them.
 
-        Args:
-            client: its number.
-            now_s: the time.
-            after_stop: go on although another client stopped the robots.
+        Returns:
+            The stops that stand, for `go_on` once robots have resumed.
 
         Raises:
             RemoteError: another client (but the input) holds the lease, or stopped the robots.
@@ -144,10 +143,12 @@ class Lease:
         self.check_free(client, now_s)
         if not after_stop:
             self._check_stopped(client)
+        return dict(self._stops)
 
-    def go_on(self) -> None:
-        """No stop stands any more: a client that `allow` admits resumes robots."""
-        self._stops.clear()
+    def go_on(self, stops: Mapping[int, ClientStop]) -> None:
+        """These stops do not stand any more: a client resumed robots. Later ones do."""
+        for client, stop in stops.items():
+            self.end_stop(client, stop)
 
     def check_free(self, client: int, now_s: float, input_counts: bool = False) -> None:
         """Refuse a client while another one (with ``input_counts`` also the input) holds the lease."""

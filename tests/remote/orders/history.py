@@ -1,9 +1,9 @@
 """What a run may have done with the orders of its clients: a model of docs/remote.md, apart from the server.
 
-It sees what clients see: when an order was sent and answered, the answer, and the state of every robot in every
-tick. Orders overlap, so only what is certain counts: an order was carried out at some time between its two
-times, a stop stands from its answer on, and it may be lifted by every order that may have been carried out
-after it. ``python -m tests.remote.orders.socket_races`` makes such histories.
+It sees what clients see: when an order was sent and answered, the answer, and the states of all ticks. Orders
+overlap, so only what is certain counts: an order was carried out at some time between its two times, a stop
+stands from its answer on, and it may be lifted by every order that may have been carried out after it.
+``python -m tests.remote.orders.socket_races`` makes such histories.
 """
 
 from __future__ import annotations

@@ -10,7 +10,6 @@ import argparse
 import asyncio
 import json
 import logging
-import math
 import random
 import tempfile
 from collections import Counter

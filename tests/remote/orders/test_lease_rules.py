@@ -69,12 +69,13 @@ def test_after_a_stop_only_the_stopper_or_an_explicit_request_goes_on() -> None:
         lease.check_free(1, 0.1)  # clearing a fault moves nothing
         with pytest.raises(RemoteError, match="person"):
             lease.allow(1, 0.2, after_stop=False)
-        lease.allow(2, 0.3, after_stop=False)
-        lease.go_on()
+        lease.go_on(lease.allow(2, 0.3, after_stop=False))
         lease.allow(1, 0.4, after_stop=False)
         lease.stop(2, "person (hold)")
-        lease.allow(3, 0.5, after_stop=True)
-        lease.go_on()
+        admitted = lease.allow(3, 0.5, after_stop=True)
+        with pytest.raises(RemoteError, match="person"):
+            lease.allow(1, 0.5, after_stop=False)  # the order may still be refused
+        lease.go_on(admitted)
         lease.allow(1, 0.6, after_stop=False)
 
 

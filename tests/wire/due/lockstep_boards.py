@@ -1,4 +1,4 @@
-"""Boards on plugs: the firmware's core in lockstep with the time of its host, each with the chip it is given."""
+"""Boards on plugs: the firmware's core in lockstep with the time of its host, each with its own chip."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ class Plugs(AbstractContextManager["Plugs"]):
 def board_time(monkeypatch: pytest.MonkeyPatch) -> WireTime:
     """Host and boards in one time until the test ends."""
     timed = (locked_port, frames, session, bus, homing, pulses)
-    made = wire_time(monkeypatch, timed, (locked_port, frames), longest_s=2e-3)
+    made = wire_time(monkeypatch, timed, (locked_port, frames), longest_s=20e-3)
     monkeypatch.setattr(MonotonicClock, "now", made.now)
     monkeypatch.setattr(MonotonicClock, "sleep", made.sleep)
     return made

@@ -34,7 +34,10 @@ TEENSY = ("--bridges", "9", "--capabilities", "2")
 def axes_of(robot: str) -> list[AxisOnBus]:
     """A motor that is parked, and one that has an end stop; both robots are equal."""
     homing = {"direction": -1, "at_deg": 0.0, "speed_deg_s": 90.0}
-    options = [{"channel": "m0", "power_up_deg": 90.0}, {"channel": "m1", "power_up_deg": 20.0, "homing": homing}]
+    options = [
+        {"channel": "m0", "power_up_deg": 90.0},
+        {"channel": "m1", "power_up_deg": 20.0, "homing": homing},
+    ]
     return [
         AxisOnBus(f"{robot}.{name}", DueAxisOptions.model_validate(each), (-3.0, 12.0))
         for name, each in zip(("parked", "homed"), options, strict=True)
@@ -199,7 +202,9 @@ def test_exchanged_boards_never_move_the_other_robot(lab: Lab, count: int) -> No
                 after = [lab.bodies(board) for board in lab.boards]
                 for board, old, new in zip(lab.boards, before, after, strict=True):
                     if any(changed(a, b) for a, b in zip(old, new, strict=True)):
-                        wrong.append(f"{number}: {states} {how} {unplugged=} {ticking=} host {which}: {board.chip} {old} {new}")
+                        wrong.append(
+                            f"{number}: {states} {how} {unplugged=} {ticking=} host {which}: {board.chip} {old} {new}"
+                        )
                 before = after
         for bus in buses:
             bus.close()
