@@ -73,7 +73,7 @@ class Lease:
 
     def __init__(self, now_s: float, input_active: bool) -> None:
         self.holder: LeaseHolder | None = None
-        #: By client; each stop stands until `go_on` or `end_stop`.
+        #: By client; each stop stands until `end_stop`.
         self._stops: dict[int, ClientStop] = {}
         if input_active:
             self.holder = LeaseHolder(INPUT_CLIENT, INPUT, now_s, float("inf"), now_s)
@@ -135,7 +135,7 @@ class Lease:
         """Ensure that a client may resume robots, ``after_stop`` although another client stopped them.
 
         Returns:
-            The stops that stand, for `go_on` once robots have resumed.
+            The stops that stand, each for `end_stop` once robots have resumed.
 
         Raises:
             RemoteError: another client (but the input) holds the lease, or stopped the robots.
@@ -144,11 +144,6 @@ class Lease:
         if not after_stop:
             self._check_stopped(client)
         return dict(self._stops)
-
-    def go_on(self, stops: Mapping[int, ClientStop]) -> None:
-        """These stops do not stand any more: a client resumed robots. Later ones do."""
-        for client, stop in stops.items():
-            self.end_stop(client, stop)
 
     def check_free(self, client: int, now_s: float, input_counts: bool = False) -> None:
         """Refuse a client while another one (with ``input_counts`` also the input) holds the lease."""

@@ -5,21 +5,13 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Mapping
 from typing import Final
 
 from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.messages import ClearFault, Grip, Hold, Recover, Resume
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
-from contid.remote.server.lease import (
-    INPUT_CLIENT,
-    MAX_TIMEOUT_S,
-    MIN_TIMEOUT_S,
-    TIMEOUT_S,
-    ClientStop,
-    client_label,
-)
+from contid.remote.server.lease import INPUT_CLIENT, MAX_TIMEOUT_S, MIN_TIMEOUT_S, TIMEOUT_S, client_label
 from contid.remote.server.pending_orders import CONFIRM_TIMEOUT_S
 from contid.remote.server.query_handler import Caller, Verb
 from contid.remote.server.served_run import ServedRun
@@ -76,30 +68,27 @@ class MotionOrders:
         return {"released": self._run.lease.release(caller.number)}
 
     async def _resume(self, caller: Caller, request: RequestFields) -> Fields:
+        return await self._go_on(caller, request, Resume)
+
+    async def _recover(self, caller: Caller, request: RequestFields) -> Fields:
+        return await self._go_on(caller, request, Recover)
+
+    async def _go_on(self, caller: Caller, request: RequestFields, order: type[Resume | Recover]) -> Fields:
+        """Let robots go on; that lifts the stops which stood before, unless it is refused."""
         robots, after_stop = self._run.robots_of(request), request.flag("after_stop")
         request.end()
-        stops = self._run.lease.allow(caller.number, time.monotonic(), after_stop)
-        faults = self._run.view.faults(self._run.control.newest(), robots)
+        lease = self._run.lease
+        stops = lease.allow(caller.number, time.monotonic(), after_stop)
+        faults = self._run.view.faults(self._run.control.newest(), robots) if order is Resume else {}
         # A robot that is named must not be in FAULT; without names, one robot that can resume is enough.
         if faults and (robots is not None or len(faults) == len(self._run.view.configs)):
             found = "; ".join(
                 f"{name}: fault {f['number']} {f['name']}, {f['what']}" for name, f in faults.items()
             )
             raise RemoteError(Code.FAULT, f"{found}; clear-fault first", faults)
-        return await self._going_on(Resume(robots), robots, stops)
-
-    async def _recover(self, caller: Caller, request: RequestFields) -> Fields:
-        robots, after_stop = self._run.robots_of(request), request.flag("after_stop")
-        request.end()
-        stops = self._run.lease.allow(caller.number, time.monotonic(), after_stop)
-        return await self._going_on(Recover(robots), robots, stops)
-
-    async def _going_on(
-        self, order: Resume | Recover, robots: tuple[str, ...] | None, stops: Mapping[int, ClientStop]
-    ) -> Fields:
-        """The result of an order that lifts stops, unless it is refused."""
-        result = await self._run.confirmed(self._run.pending.send([order]), robots)
-        self._run.lease.go_on(stops)
+        result = await self._run.confirmed(self._run.pending.send([order(robots)]), robots)
+        for client, stop in stops.items():
+            lease.end_stop(client, stop)
         return result
 
     async def _clear_fault(self, caller: Caller, request: RequestFields) -> Fields:
