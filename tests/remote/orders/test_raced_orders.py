@@ -74,7 +74,7 @@ async def test_a_trajectory_that_arrives_after_a_stop_is_not_followed(race: Race
 
 
 async def test_an_order_to_go_on_that_is_refused_leaves_the_stop_standing(race: Race) -> None:
-    """A robot on its way to rest refuses; nobody else may go on without looking."""
+    """A robot on its way to rest refuses; no other client may go on without looking."""
     person, program, other = Client(1), Client(2), Client(3)
     target = {"f0.x_mm": 45.0, "f0.y_mm": 75.0}
     while race.run.newest() is None or not await race.give(program, "move", target=target):

@@ -19,7 +19,7 @@ from contid_drivers.due import bus, frames, homing, session
 from contid_drivers.due.codes import Type
 from contid_drivers.due.firmware import build_host
 from contid_emulate.due import plant_commands
-from tests.support.wire_time import WireTime, wire_time
+from tests.wire.wire_time import WireTime, wire_time
 
 #: Where the core's one identity stands in an answer (firmware/PROTOCOL.md).
 FIRMWARE, CHIP, BOOT_IN_HELLO, BOOT_IN_TELEMETRY = slice(5, 8), slice(12, 28), slice(30, 34), slice(9, 13)

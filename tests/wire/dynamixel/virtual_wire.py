@@ -1,4 +1,4 @@
-"""Emulated servos without a thread, in the time of their host (`tests.support.wire_time`)."""
+"""Emulated servos without a thread, in the time of their host (`tests.wire.wire_time`)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from contid.kit import locked_port
 from contid_drivers.dynamixel import bus, client, duplicates
 from contid_emulate.dynamixel import DynamixelEmulator, wire
-from tests.support.wire_time import WireTime, wire_time
+from tests.wire.wire_time import WireTime, wire_time
 
 
 class InlineEmulator(DynamixelEmulator):

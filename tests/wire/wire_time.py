@@ -1,4 +1,4 @@
-"""Time that goes on while a host waits for its devices: nothing is ever late, and nobody sleeps.
+"""Time that goes on while a host waits for its devices: nothing is ever late.
 
 It stands for the modules `time` and `select` in drivers whose devices are emulated in the same thread.
 """
