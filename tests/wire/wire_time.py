@@ -61,7 +61,7 @@ class WireTime:
         while not any(found := select.select(read, write, [], 0.0)) and self._now_s < until_s:
             self._now_s = min(self._now_s + self.longest_s, until_s)
             self._turn()
-        return found
+        return found[0], found[1], []
 
     def _turn(self) -> None:
         for each in self.devices:
