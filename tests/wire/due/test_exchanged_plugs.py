@@ -17,8 +17,8 @@ from contid_devices.due.pulses import pulsed_bus
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.homing import home, park
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
-from tests.wire.wire_time import WireTime
 from tests.wire.due.lockstep_boards import Body, LockstepBoard, Plugs, board_time
+from tests.wire.wire_time import WireTime
 
 #: What a robot did when the cables were pulled: between runs, before arming, at a hold, in a run, at rest, in
 #: a fault of its own, after the pulses of a bring-up, in the middle of a search for its end stop.

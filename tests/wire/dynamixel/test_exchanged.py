@@ -18,8 +18,8 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_emulate.dynamixel import Servo
-from tests.wire.wire_time import WireTime
 from tests.wire.dynamixel.virtual_wire import InlineEmulator, servo_time
+from tests.wire.wire_time import WireTime
 
 COUNT = 2
 
