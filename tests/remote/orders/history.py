@@ -184,10 +184,13 @@ class History:
             if isinstance(robots, Mapping) and robots != self.modes[tick]:
                 yield f"answered with foreign states: {order}, {order.result}, {self.modes[tick]}"
         if order.verb == "estop":
-            first = order.sent_tick
-            until = int(min(order.answered_tick, first + WITHIN))
-            found = [t for t in range(first, until + 1) if self.modes.keys() >= {t} and self._off(t)]
-            if not found:
+            first, last = order.sent_tick, order.sent_tick + WITHIN
+            if order.ok is not None:
+                last = int(min(order.answered_tick, last))
+            obeyed = any(tick in self.modes and self._off(tick) for tick in range(first, last + 1))
+            # An order to go on that overlaps may have been obeyed after it, in the same tick.
+            goes = (each for some in self._goes.values() for each in some)
+            if not obeyed and not any(g.sent < order.answered and g.answered > order.sent for g in goes):
                 yield f"an estop was lost: {order}"
 
     def _off(self, tick: int) -> bool:

@@ -39,7 +39,8 @@ class SocketRun(VirtualRun):
     """A run in virtual time behind a socket."""
 
     def __init__(self, robots: int) -> None:
-        super().__init__(StopModel(), robots)
+        self.model = StopModel()  # of the states after an estop that has arrived
+        super().__init__(self.model, robots)
         self.listener: Callable[[RunEvent], None] = lambda event: None
 
     def listen(self, listener: Callable[[RunEvent], None]) -> None:
@@ -89,7 +90,7 @@ class SocketRace:
                 task.cancel()
             await asyncio.wait([server, ticks])
         modes = {tick: self.modes(tick) for tick in self.run.records}
-        return [*History(self.orders, modes, self.closed).wrong()]
+        return [*self.run.model.broken, *History(self.orders, modes, self.closed).wrong()]
 
     def modes(self, tick: int) -> dict[str, str]:
         """State by robot in a tick."""
