@@ -137,7 +137,7 @@ class SocketRace:
                 how = rng.choice(["hold", "hold", "hold", "stop", "estop", "estop", "malformed"])
                 await (wire.give("estop", rng.choice(MALFORMED)) if how == "malformed" else wire.give(how))
             case "resume":
-                after = {"after_stop": True} if rng.random() < 0.4 else {}
+                after: dict[str, Any] = {"after_stop": True} if rng.random() < 0.4 else {}
                 await wire.give(rng.choice(["resume", "resume", "recover"]), **after)
             case "move":
                 await wire.give("move", target=target)
@@ -156,7 +156,7 @@ class SocketRace:
                     await wire.give("end", move=move, hold_at_start=rng.random() < 0.5)
                     await wire.give("start", move=move)
             case "lease":
-                fields = {"timeout_s": 60.0, "takeover": rng.random() < 0.5}
+                fields: dict[str, Any] = {"timeout_s": 60.0, "takeover": rng.random() < 0.5}
                 await wire.give("acquire", **fields, unless_stopped=rng.random() < 0.3)
                 for _ in range(rng.choice([0, 30, 300])):
                     await asyncio.sleep(0)

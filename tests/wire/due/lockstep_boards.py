@@ -124,8 +124,8 @@ class Plugs(AbstractContextManager["Plugs"]):
             sent = board.turn(now_s, port.read() if port is not None and port.plugged else b"")
             if sent and port is not None and port.plugged:
                 port.write(sent)
-        for board, port in zip(self.behind, self._ports, strict=True):
-            if board is None and port.plugged:
+        for plugged, port in zip(self.behind, self._ports, strict=True):
+            if plugged is None and port.plugged:
                 port.read()
 
 
