@@ -9,6 +9,7 @@ a loop does not undo the stop of a person, and neither does a stop of its own.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -72,7 +73,7 @@ class Lease:
 
     def __init__(self, now_s: float, input_active: bool) -> None:
         self.holder: LeaseHolder | None = None
-        #: By client; each stop stands until `go_on` or `end_stop`.
+        #: By client; each stop stands until `end_stop`.
         self._stops: dict[int, ClientStop] = {}
         if input_active:
             self.holder = LeaseHolder(INPUT_CLIENT, INPUT, now_s, float("inf"), now_s)
@@ -130,13 +131,11 @@ class Lease:
             self.holder = LeaseHolder(client, name, now_s, TIMEOUT_S, now_s, by)
         return self._stops.get(client)
 
-    def allow(self, client: int, now_s: float, after_stop: bool) -> None:
-        """Ensure that a client may resume robots; `go_on` when it does.
+    def allow(self, client: int, now_s: float, after_stop: bool) -> Mapping[int, ClientStop]:
+        """Ensure that a client may resume robots, ``after_stop`` although another client stopped them.
 
-        Args:
-            client: its number.
-            now_s: the time.
-            after_stop: go on although another client stopped the robots.
+        Returns:
+            The stops that stand, each for `end_stop` once robots have resumed.
 
         Raises:
             RemoteError: another client (but the input) holds the lease, or stopped the robots.
@@ -144,10 +143,7 @@ class Lease:
         self.check_free(client, now_s)
         if not after_stop:
             self._check_stopped(client)
-
-    def go_on(self) -> None:
-        """No stop stands any more: a client that `allow` admits resumes robots."""
-        self._stops.clear()
+        return dict(self._stops)
 
     def check_free(self, client: int, now_s: float, input_counts: bool = False) -> None:
         """Refuse a client while another one (with ``input_counts`` also the input) holds the lease."""

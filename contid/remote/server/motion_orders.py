@@ -68,25 +68,28 @@ class MotionOrders:
         return {"released": self._run.lease.release(caller.number)}
 
     async def _resume(self, caller: Caller, request: RequestFields) -> Fields:
+        return await self._go_on(caller, request, Resume)
+
+    async def _recover(self, caller: Caller, request: RequestFields) -> Fields:
+        return await self._go_on(caller, request, Recover)
+
+    async def _go_on(self, caller: Caller, request: RequestFields, order: type[Resume | Recover]) -> Fields:
+        """Let robots go on; that lifts the stops which stood before, unless it is refused."""
         robots, after_stop = self._run.robots_of(request), request.flag("after_stop")
         request.end()
-        self._run.lease.allow(caller.number, time.monotonic(), after_stop)
-        faults = self._run.view.faults(self._run.control.newest(), robots)
+        lease = self._run.lease
+        stops = lease.allow(caller.number, time.monotonic(), after_stop)
+        faults = self._run.view.faults(self._run.control.newest(), robots) if order is Resume else {}
         # A robot that is named must not be in FAULT; without names, one robot that can resume is enough.
         if faults and (robots is not None or len(faults) == len(self._run.view.configs)):
             found = "; ".join(
                 f"{name}: fault {f['number']} {f['name']}, {f['what']}" for name, f in faults.items()
             )
             raise RemoteError(Code.FAULT, f"{found}; clear-fault first", faults)
-        self._run.lease.go_on()
-        return await self._run.confirmed(self._run.pending.send([Resume(robots)]), robots)
-
-    async def _recover(self, caller: Caller, request: RequestFields) -> Fields:
-        robots, after_stop = self._run.robots_of(request), request.flag("after_stop")
-        request.end()
-        self._run.lease.allow(caller.number, time.monotonic(), after_stop)
-        self._run.lease.go_on()
-        return await self._run.confirmed(self._run.pending.send([Recover(robots)]), robots)
+        result = await self._run.confirmed(self._run.pending.send([order(robots)]), robots)
+        for client, stop in stops.items():
+            lease.end_stop(client, stop)
+        return result
 
     async def _clear_fault(self, caller: Caller, request: RequestFields) -> Fields:
         robots = self._run.robots_of(request)

@@ -20,6 +20,8 @@ log = logging.getLogger(__name__)
 
 #: A board silent for longer than this [s] counts as lost.
 SILENCE_S = 0.5
+#: After a silence of this [s] another board may be at the port: it is found before an order can reach it.
+EXCHANGED_S = 0.05
 #: Attempts of a request before its axes count as silent.
 _TRIES = 3
 
@@ -266,6 +268,9 @@ class DueBus:
 
     def _command(self, session: DueConnection, kind: Type, body: bytes) -> Telemetry | Refused | None:
         try:
+            if kind is not Type.DEMAND and self._clock.now() - self._answered_s > EXCHANGED_S:
+                # Without an answer the order is sent all the same: a stop must not depend on the way back.
+                session.command(Type.DEMAND, messages.demand(session.config_crc, session.echo_ms, {}))
             return session.command(kind, body)
         except DeviceLostError as lost:
             self._lost = lost.message

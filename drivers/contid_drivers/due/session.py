@@ -288,7 +288,8 @@ class DueConnection:
     def _lost_by_reset(self, cause: str) -> None:
         self.close()
         raise DeviceLostError(
-            self._name, f"the board was reset (cause: {cause}); its configuration and counts are gone"
+            self._name,
+            f"the board was reset (cause: {cause}) or exchanged; its configuration and counts are gone",
         )
 
     def close(self) -> None:

@@ -252,7 +252,11 @@ def compute(*_: object) -> Any:
     return None
 
 
-@pytest.mark.parametrize("slow", [sleep, compute])
+def compute_in_c(*_: object) -> Any:
+    return sum(range(8_000_000))  # one call, in which no alarm is delivered
+
+
+@pytest.mark.parametrize("slow", [sleep, compute, compute_in_c])
 def test_a_tick_that_takes_too_long_costs_its_robot_only(sound: list[str], slow: Callable[..., Any]) -> None:
     run = Run()
     run.break_model(inverse=slow, forward=slow)

@@ -103,8 +103,8 @@ class VirtualRun:
     input_active = False
     waiting = ""
 
-    def __init__(self, model: StopModel) -> None:
-        self.loaded = load(2)
+    def __init__(self, model: StopModel, robots: int = 2) -> None:
+        self.loaded = load(robots)
         self._layout = record_layout(self.loaded, self.rate_hz)
         self._inbox: list[Message] = []
         #: Large orders cross the pipe in parts: what they are, and the tick in which they are there.
@@ -112,13 +112,15 @@ class VirtualRun:
         self._events: list[RunEvent] = []
         self._newest: TickRecord | None = None
         self.records: dict[int, TickRecord] = {}
+        self.last = -1
         self._model = model
         self._process = VirtualProcess(self.loaded, self.rate_hz, self, attended=True)
         self._process.engine.arm()
 
     def write(self, values: list[float]) -> None:
         self._newest = self._layout.decode(tuple(values))
-        self.records[self._newest.tick] = self._newest
+        self.last = self._newest.tick
+        self.records[self.last] = self._newest
 
     def event(self, event: RunEvent) -> None:
         self._events.append(event)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import pytest
 
 from contid.remote.protocol.wire import Code, RemoteError
-from contid.remote.server.lease import Lease
+from contid.remote.server.lease import ClientStop, Lease
 
 
 def test_the_lease_has_one_holder_and_an_explicit_takeover() -> None:
@@ -55,6 +57,11 @@ def test_a_lease_revoked_by_a_stop_must_be_acquired_explicitly() -> None:
     lease.require(1, "script", 0.3)
 
 
+def go_on(lease: Lease, stops: Mapping[int, ClientStop]) -> None:
+    for client, stop in stops.items():
+        lease.end_stop(client, stop)
+
+
 def test_after_a_stop_only_the_stopper_or_an_explicit_request_goes_on() -> None:
     """The lease was free, or the input's: a script that takes it for each move does not undo the stop."""
     for input_active in (False, True):
@@ -69,12 +76,13 @@ def test_after_a_stop_only_the_stopper_or_an_explicit_request_goes_on() -> None:
         lease.check_free(1, 0.1)  # clearing a fault moves nothing
         with pytest.raises(RemoteError, match="person"):
             lease.allow(1, 0.2, after_stop=False)
-        lease.allow(2, 0.3, after_stop=False)
-        lease.go_on()
+        go_on(lease, lease.allow(2, 0.3, after_stop=False))
         lease.allow(1, 0.4, after_stop=False)
         lease.stop(2, "person (hold)")
-        lease.allow(3, 0.5, after_stop=True)
-        lease.go_on()
+        admitted = lease.allow(3, 0.5, after_stop=True)
+        with pytest.raises(RemoteError, match="person"):
+            lease.allow(1, 0.5, after_stop=False)  # the order may still be refused
+        go_on(lease, admitted)
         lease.allow(1, 0.6, after_stop=False)
 
 

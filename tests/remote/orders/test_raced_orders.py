@@ -71,3 +71,20 @@ async def test_a_trajectory_that_arrives_after_a_stop_is_not_followed(race: Race
     record = race.run.newest()
     assert record is not None
     assert record.robots[0].mode == Mode.HOLD
+
+
+async def test_an_order_to_go_on_that_is_refused_leaves_the_stop_standing(race: Race) -> None:
+    """A robot on its way to rest refuses; no other client may go on without looking."""
+    person, program, other = Client(1), Client(2), Client(3)
+    target = {"f0.x_mm": 45.0, "f0.y_mm": 75.0}
+    while race.run.newest() is None or not await race.give(program, "move", target=target):
+        await asyncio.sleep(0)
+    stopping = asyncio.create_task(race.give(person, "stop"))
+    await asyncio.sleep(0)
+    assert await race.give(program, "resume", after_stop=True) is None
+    assert await stopping is not None
+    assert race.refused["refused"] == 1, race.refused
+    while race.run.newest().robots[0].mode != Mode.OFF:  # type: ignore[union-attr]
+        await asyncio.sleep(0)
+    assert await race.give(other, "resume") is None
+    assert race.refused["stopped"] == 1

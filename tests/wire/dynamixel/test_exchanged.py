@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError, DeviceNotFoundError
 from contid.hal import AxisOnBus, Rest
 from contid.kit import remembered
@@ -18,9 +17,10 @@ from contid_devices.dynamixel import TOOLS
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
-from contid_emulate.dynamixel import DynamixelEmulator, Servo
+from contid_emulate.dynamixel import Servo
+from tests.wire.dynamixel.virtual_wire import InlineEmulator, servo_time
+from tests.wire.wire_time import WireTime
 
-pytestmark = pytest.mark.realtime
 COUNT = 2
 
 
@@ -28,13 +28,14 @@ COUNT = 2
 class Robots:
     """Two equal robots, each with its bus and its servos; ``emulators`` are the adapters."""
 
-    emulators: list[DynamixelEmulator]
+    time: WireTime
+    emulators: list[InlineEmulator]
     own: list[tuple[Servo, ...]]
     options: list[DynamixelBusOptions]
     axes: list[list[AxisOnBus]]
 
     def bus(self, which: int) -> DynamixelBus:
-        return DynamixelBus(f"servos{which}", self.options[which], self.axes[which], RealClock())
+        return DynamixelBus(f"servos{which}", self.options[which], self.axes[which], self.time)
 
     def state(self, which: int) -> list[tuple[int, int, float]]:
         """What orders change: torque, goal and shaft of the servos of a robot."""
@@ -65,23 +66,22 @@ def robots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robots]:
     monkeypatch.setattr(remembered, "EMULATED", "/none/")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.delenv("STATE_DIRECTORY", raising=False)
+    clock = servo_time(monkeypatch)
     with ExitStack() as stack:
         emulators, own, options, axes = [], [], [], []
         for which in range(2):
             made = tuple(Servo(i + 1, position_ticks=1000.0 * (i + 1)) for i in range(COUNT))
             for servo in made:
                 servo.put(reg.RETURN_DELAY, 0)
-            emulator = DynamixelEmulator(made, tmp_path / f"port{which}", paced=False)
+            emulator = InlineEmulator(made, tmp_path / f"port{which}", paced=False)
             emulators.append(stack.enter_context(emulator))
             own.append(made)
-            # Generous, because tests share the machine.
-            options.append(
-                DynamixelBusOptions(port=emulator.port, usb_latency_ms=40.0, retry_ms=80.0, watchdog_ms=2000)
-            )
+            options.append(DynamixelBusOptions(port=emulator.port))
             axes.append(
                 [AxisOnBus(f"r{which}.a{i + 1}", DynamixelAxisOptions(id=i + 1)) for i in range(COUNT)]
             )
-        yield Robots(emulators, own, options, axes)
+        clock.devices = emulators
+        yield Robots(clock, emulators, own, options, axes)
 
 
 def test_exchanged_adapters_are_refused_until_a_person_accepts_them(robots: Robots) -> None:
@@ -195,6 +195,7 @@ def moved(before: tuple[int, int, float], after: tuple[int, int, float]) -> bool
     return torque != before[0] or (goal != before[1] and abs(goal - shaft) > STANDS)
 
 
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize(
     "count", [pytest.param(4, marks=pytest.mark.slow), pytest.param(200, marks=pytest.mark.campaign)]
 )
@@ -213,6 +214,7 @@ def test_random_exchanges_in_any_state_never_move_the_other_robot(robots: Robots
             emulator.servos = ()
         for bus, state, rest in zip(buses, states, rests, strict=True):
             pulled(bus, state, rest)
+        robots.time.sleep(0.01)  # what was sent last is lost, too
         chosen = [list(servos) for servos in robots.own]
         exchanged = chance.choice([(0,), (1,), (0, 1)])
         for i in exchanged:
