@@ -57,7 +57,7 @@ class _Reader:
 
     def close(self) -> None:
         """End the connection."""
-        self._client.__exit__(None, None, None)
+        self._client.close()
 
 
 class _Device:
