@@ -1,7 +1,8 @@
 """Steps per processor second of gymnasium environments: one, and lanes of one vector environment.
 
-``python -m benchmarks.gym_lanes [ROBOT] [--lanes 16] [--steps 2000]``. Random actions within the action space; a step is
-one action of the policy's rate, which is several ticks of the robot, and a step of each lane counts. Ticks stand beside it.
+``python -m benchmarks.gym_lanes [ROBOT] [--lanes 16] [--steps 2000]``. Random actions within the action
+space; a step is one action of the policy's rate, which is several ticks of the robot, and a step of each
+lane counts. Ticks stand beside it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Processor time and memory of `contid adapt`: 2 MB, and a million rows.
 
-``python -m benchmarks.tables [ROWS ...]``. Each size in a process of its own, whose greatest memory is printed after each
-step; the robot file is finger, the check is that of `contid check finger TRAJECTORY`.
+``python -m benchmarks.tables [ROWS ...]``. Each size in a process of its own, whose greatest memory is
+printed after each step; the robot file is finger, the check is that of `contid check finger TRAJECTORY`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ def write(path: Path, rows: int) -> None:
     step = np.arange(rows)
     angle = 2 * np.pi * step / 4000
     table = np.stack([step, 0.02 + 0.005 * np.sin(angle) ** 2, 0.08 + 0.003 * (1 - np.cos(angle))], 1)
-    np.savetxt(path, table, fmt=["%d", "%.6f", "%.6f"], delimiter=";", header="stamp [ms];x [m];y [m]", comments="")
+    np.savetxt(
+        path, table, fmt=["%d", "%.6f", "%.6f"], delimiter=";", header="stamp [ms];x [m];y [m]", comments=""
+    )
 
 
 def measure(path: Path, rows: int) -> None:

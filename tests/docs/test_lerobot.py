@@ -1,7 +1,7 @@
-"""The LeRobot plugin of examples/lerobot: against a daemon, with LeRobot's base classes cut to their abstract members.
+"""The LeRobot plugin of examples/lerobot against a daemon, with LeRobot's base classes cut short.
 
-``CONTID_LEROBOT=PYTHON pytest tests/docs/test_lerobot.py -m campaign``: with LeRobot itself, by the Python of an
-environment where lerobot is installed: it teleoperates, records and replays.
+``CONTID_LEROBOT=PYTHON pytest tests/docs/test_lerobot.py -m campaign``: with LeRobot itself,
+by the Python of an environment where lerobot is installed: it teleoperates, records and replays.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 
 import pytest
 
-from contid.client import Client
+from contid.client import Client, ServoState
 from contid.remote.protocol.socket_path import is_listening
 from tests.support.waiting import until
 
@@ -30,8 +30,7 @@ pytestmark = pytest.mark.process
 ROOT = Path(__file__).parent.parent.parent
 PLUGIN = ROOT / "examples" / "lerobot"
 #: Abstract members of LeRobot 0.4.4 and 0.6.2.
-ROBOT = "action_features observation_features is_connected is_calibrated connect calibrate configure get_observation"
-TELEOPERATOR = "action_features feedback_features is_connected is_calibrated connect calibrate configure get_action"
+BOTH = "action_features is_connected is_calibrated connect calibrate configure disconnect "
 
 
 def base(members: str) -> type:
@@ -52,14 +51,20 @@ class Registered:
 
 @pytest.fixture
 def plugin(monkeypatch: pytest.MonkeyPatch) -> Any:
-    errors = {name: type(name, (ConnectionError,), {}) for name in ("DeviceAlreadyConnectedError", "DeviceNotConnectedError")}
+    errors = {
+        name: type(name, (ConnectionError,), {})
+        for name in ("DeviceAlreadyConnectedError", "DeviceNotConnectedError")
+    }
     for name, members in {
         "lerobot": {},
         "lerobot.utils": {},
         "lerobot.utils.errors": errors,
-        "lerobot.robots": {"Robot": base(ROBOT + " send_action disconnect"), "RobotConfig": Registered},
+        "lerobot.robots": {
+            "Robot": base(BOTH + "observation_features get_observation send_action"),
+            "RobotConfig": Registered,
+        },
         "lerobot.teleoperators": {
-            "Teleoperator": base(TELEOPERATOR + " send_feedback disconnect"),
+            "Teleoperator": base(BOTH + "feedback_features get_action send_feedback"),
             "TeleoperatorConfig": Registered,
         },
     }.items():
@@ -79,7 +84,10 @@ def sockets(tmp_path: Path) -> Iterator[list[Path]]:
     paths = [tmp_path / "follower", tmp_path / "leader"]
     daemons = [
         subprocess.Popen(
-            [*command, "--socket", str(path)], cwd=tmp_path, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            [*command, "--socket", str(path)],
+            cwd=tmp_path,
+            stdin=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
         )
         for path in paths
     ]
@@ -140,19 +148,23 @@ def test_lerobot_teleoperates_records_and_replays(sockets: list[Path], tmp_path:
     def lerobot(script: str, *arguments: str) -> subprocess.Popen[bytes]:
         return subprocess.Popen([python, "-m", f"lerobot.scripts.lerobot_{script}", *arguments], env=home)
 
+    def posture(at: ServoState) -> dict[str, float]:
+        return {"left_mm": 50 + 5 * math.sin(at.time_s), "right_mm": 50 + 5 * math.cos(at.time_s)}
+
     def circle(seconds: float) -> None:
         """The leader's tip is moved by hand, so to speak."""
         with Client(leader) as client:
             client.resume()
-            client.servo(50, lambda at: None if at.time_s > seconds else
-                         {"left_mm": 50 + 5 * math.sin(at.time_s), "right_mm": 50 + 5 * math.cos(at.time_s)})  # fmt: skip
+            client.servo(50, lambda at: None if at.time_s > seconds else posture(at))
 
     with lerobot("teleoperate", *robot, *hand, "--fps=30", "--teleop_time_s=3") as done:
         circle(1.0)
         assert done.wait(300) == 0
-    record = ["--dataset.single_task=circle", "--dataset.num_episodes=1", "--dataset.episode_time_s=6",
-              "--dataset.reset_time_s=0", "--dataset.fps=30", "--dataset.push_to_hub=false", "--dataset.video=false",
-              "--play_sounds=false"]  # fmt: skip
+    record = [
+        *("--dataset.single_task=circle", "--dataset.num_episodes=1", "--dataset.episode_time_s=6"),
+        *("--dataset.reset_time_s=0", "--dataset.fps=30", "--dataset.push_to_hub=false"),
+        *("--dataset.video=false", "--play_sounds=false"),
+    ]
     with lerobot("record", *robot, *hand, *data, *record) as done:
         while done.poll() is None:
             circle(2.0)
@@ -160,7 +172,10 @@ def test_lerobot_teleoperates_records_and_replays(sockets: list[Path], tmp_path:
     about = json.loads((tmp_path / "data" / "meta" / "info.json").read_text())
     assert about["features"]["action"]["names"] == ["left_mm", "right_mm"]
     assert about["total_frames"] > 60
-    with Client(follower) as client, lerobot("replay", *robot, *data, "--dataset.episode=0", "--play_sounds=false") as done:
+    with (
+        Client(follower) as client,
+        lerobot("replay", *robot, *data, "--dataset.episode=0", "--play_sounds=false") as done,
+    ):
         seen = []
         while done.poll() is None:
             seen.append(client.status()["robots"]["finger"]["axes"]["left"]["measured_mm"])

@@ -1,6 +1,7 @@
 """Robots of a running contid daemon as a robot and as a leader of LeRobot, both of type ``contid``.
 
-LeRobot imports this package by its name, and finds a device here by its class: that of its configuration less "Config".
+LeRobot imports this package by its name, and finds a device here by its class: that of its configuration
+less "Config".
 """
 
 from lerobot_robot_contid.config import ContidLeaderConfig, ContidRobotConfig

@@ -1,4 +1,4 @@
-"""A robot whose actions are columns of axes, as in trajectories, and a leader whose measured axes are actions."""
+"""A robot whose actions are columns of axes, and a leader whose measured axes are the actions."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ class _Reader:
     def __init__(self, socket: str | None) -> None:
         self._client = Client(socket, name="lerobot")
         axes = _columns(self._client.describe()["robots"])
-        self.limits = {name: (_value(name, axis, "min"), _value(name, axis, "max")) for name, axis in axes.items()}
+        self.limits = {
+            name: (_value(name, axis, "min"), _value(name, axis, "max")) for name, axis in axes.items()
+        }
         self._last = dict.fromkeys(self.limits, math.nan)
 
     def axes(self, key: str = "measured") -> dict[str, float]:
@@ -61,7 +63,7 @@ class _Reader:
 
 
 class _Device:
-    """What both kinds have in common: no calibration of LeRobot's kind, and a reader that outlasts connections."""
+    """What both kinds have in common: no calibration of LeRobot's kind, and a reader of the daemon."""
 
     config: ContidRobotConfig | ContidLeaderConfig
     is_calibrated = True  # by `contid home` and the robot file
@@ -94,8 +96,8 @@ class _Device:
 class ContidRobot(_Device, Robot):
     """Robots that follow actions, within the limits and rates of the daemon and under its supervisor.
 
-    A thread sends the newest action at a rate of its own, as a row of a live stream: when LeRobot's loop is late the
-    robots hold at the last action, and when its process hangs the lease lapses and they hold.
+    A thread sends the newest action at a rate of its own, as a row of a live stream: when LeRobot's loop is
+    late the robots hold at the last action, and when its process hangs the lease lapses and they hold.
     """
 
     config_class = ContidRobotConfig
@@ -131,7 +133,7 @@ class ContidRobot(_Device, Robot):
         return self._reader.observation()
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
-        """Follow an action; returns what goes to the daemon: within limits, and the last value where not finite.
+        """Follow an action; returns it within limits, and with the last value where not finite.
 
         Raises:
             DeviceNotConnectedError: the stream ended, with the daemon's reason (a stop, a fault).
@@ -171,7 +173,7 @@ class ContidRobot(_Device, Robot):
 
 
 class ContidLeader(_Device, Teleoperator):
-    """Robots whose measured axes are the actions; they are moved by hand, or by `contid move`, not from here."""
+    """Robots whose measured axes are the actions; they are moved by hand or by `contid move`."""
 
     config_class = ContidLeaderConfig
     name = "contid"

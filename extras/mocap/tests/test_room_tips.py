@@ -155,7 +155,9 @@ def test_of_many_frames_in_disorder_no_stale_one_is_taken():
     tracker, now_s, newest_s, taken = RoomTipTracker(setup()), 100.0, -math.inf, 0
     for number in range(20_000):
         now_s += rng.exponential(1 / 240)
-        age_s = rng.choice([rng.exponential(0.003), rng.exponential(0.2), -rng.exponential(0.01)], p=[0.8, 0.15, 0.05])
+        age_s = rng.choice(
+            [rng.exponential(0.003), rng.exponential(0.2), -rng.exponential(0.01)], p=[0.8, 0.15, 0.05]
+        )
         late = int(rng.integers(1, 4)) if rng.random() < 0.1 else 0
         found = look(tracker, frame(number - late, now_s - age_s, now_s - rng.exponential(1e-4)), now_s)
         if found.tip is None:

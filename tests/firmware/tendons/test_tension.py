@@ -50,7 +50,7 @@ def test_the_floor_is_held_through_moves():
 
 
 def test_a_capstan_that_lets_go_at_once_leaves_the_floor():
-    """Its body came at 29 mm/s while its friction hid it from the cell: 0.73 N before the demand was looked at."""
+    """Its body came at 29 mm/s hidden from the cell by friction: 0.73 N before the demand counted."""
     body = configure(1, 0, 1.8493831588715213)
     (one,) = repeat([f"moves 982546469 50 0 1 1.740 {body}"])
     assert one.least_n >= 0.9
