@@ -73,7 +73,7 @@ int64_t SetPoint::stopping_speed(int64_t distance) const {
 
 // At least the speed from which the set-point comes to the fence, or along with it, within the acceleration limit.
 int64_t SetPoint::keep_inside(const Fence& fence, int64_t rate, int64_t target) {
-  // A demand that tightens tells that a body comes, which a capstan may hide from the cell until it lets go all at
+  // A demand that tightens shows that a body comes, which a capstan may hide from the cell until it lets go all at
   // once. The way on which the set-point catches up with a body at 1.4 times its speed is kept beforehand.
   const int64_t coming = fence.side * rate > 0 ? rate * rate / step_ : 0;
   const int64_t place = fence.at + fence.side * coming;

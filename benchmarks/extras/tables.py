@@ -1,6 +1,6 @@
 """Processor time and memory of `contid adapt`: 2 MB, and a million rows.
 
-``python -m benchmarks.tables [ROWS ...]``. Each size in a process of its own, whose greatest memory is
+``python -m benchmarks.extras.tables [ROWS ...]``. Each size in a process of its own, whose greatest memory is
 printed after each step; the robot file is finger, the check is that of `contid check finger TRAJECTORY`.
 """
 
