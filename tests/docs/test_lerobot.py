@@ -16,6 +16,7 @@ import sys
 import time
 import types
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +94,7 @@ def sockets(tmp_path: Path) -> Iterator[list[Path]]:
     ]
     try:
         for path in paths:
-            until(lambda path=path: is_listening(path), "the daemon listens")
+            until(partial(is_listening, path), "the daemon listens")
         yield paths
     finally:
         for each in daemons:
