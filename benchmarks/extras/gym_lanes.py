@@ -1,6 +1,6 @@
 """Steps per processor second of gymnasium environments: one, and lanes of one vector environment.
 
-``python -m benchmarks.extras.gym_lanes [ROBOT] [--lanes 16] [--steps 2000]``. Random actions within the action
+``python -m benchmarks.extras.gym_lanes [ROBOT] [--lanes 16] [--steps 2000]``. Actions at random within their
 space; a step is one action of the policy's rate, which is several ticks of the robot, and a step of each
 lane counts. Ticks stand beside it.
 """
