@@ -135,7 +135,7 @@ def test_the_cause_of_a_reset(elf: Path, cause: int, starts: int, expected: str)
     assert isinstance(hello, messages.Hello)
     assert (hello.cause.name, hello.boot) == (expected, starts + 1)
     # Motors that moved before the reset have no position; only a power-up is taken as parked.
-    assert hello.capabilities == (13, 13, 13, 13, 0, 0)
+    assert hello.capabilities == (205, 205, 205, 205, 0, 0)
 
 
 @needs_core

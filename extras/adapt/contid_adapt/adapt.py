@@ -26,6 +26,8 @@ Floats: TypeAlias = NDArray[np.float64]
 #: Digits of a written number behind the point: nanometres, nanoseconds.
 _DIGITS: Final = {"t_s": 9}
 _USUAL_DIGITS: Final = 6
+#: Rows that are written at a time.
+_CHUNK: Final = 20_000
 #: Findings of the check of the robot that are shown.
 _SHOWN: Final = 4
 
@@ -53,9 +55,12 @@ class Adapted:
     def text(self) -> str:
         """The trajectory as CSV."""
         formats = [f"%.{_DIGITS.get(name, _USUAL_DIGITS)}f" for name in self.names]
-        line = ",".join(formats).__mod__
-        columns = (column.tolist() for column in (self.rows + 0.0).T)
-        return "\n".join([",".join(self.names), *map(line, zip(*columns, strict=True))]) + "\n"
+        line = (",".join(formats) + "\n").__mod__
+        parts = [",".join(self.names) + "\n"]
+        for begin in range(0, len(self.rows), _CHUNK):
+            columns = (column.tolist() for column in (self.rows[begin : begin + _CHUNK] + 0.0).T)
+            parts.append("".join(map(line, zip(*columns, strict=True))))
+        return "".join(parts)
 
 
 def adapt(path: str | Path, robot_file: str, mapping_text: str, mapping_file: str = "mapping") -> Adapted:

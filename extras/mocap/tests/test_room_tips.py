@@ -149,6 +149,26 @@ def test_stale_repeated_late_and_future_poses_are_never_taken():
     assert look(tracker, frame(15, 100.303, 100.3)).tip.time_s == 100.3
 
 
+def test_of_many_frames_in_disorder_no_stale_one_is_taken():
+    """Ages, orders and clocks at random: what is taken is at most 100 ms old, and newer than all before."""
+    rng = np.random.default_rng(52)
+    tracker, now_s, newest_s, taken = RoomTipTracker(setup()), 100.0, -math.inf, 0
+    for number in range(5000):
+        now_s += rng.exponential(1 / 240)
+        age_s = rng.choice(
+            [rng.exponential(0.003), rng.exponential(0.2), -rng.exponential(0.01)], p=[0.8, 0.15, 0.05]
+        )
+        late = int(rng.integers(1, 4)) if rng.random() < 0.1 else 0
+        found = look(tracker, frame(number - late, now_s - age_s, now_s - rng.exponential(1e-4)), now_s)
+        if found.tip is None:
+            continue
+        taken += 1
+        assert 0.0 <= now_s - found.tip.time_s <= 0.1
+        assert found.tip.time_s > newest_s
+        newest_s = found.tip.time_s
+    assert taken > 1000
+
+
 def test_missing_frames_are_counted_through_the_wrap_of_the_number():
     tracker = RoomTipTracker(setup())
     look(tracker, frame(2**32 - 2))

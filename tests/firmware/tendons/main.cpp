@@ -53,7 +53,7 @@ class Bench {
   void tick() {
     for (int i = 0; i < CHANNELS; ++i) {
       inputs_.count[i] = cable[i].shaft.count;
-      if (kind != "frozen" || i != 0) sense(i);
+      sense(i);
     }
     if (kind == "swapped") {
       std::swap(inputs_.cell_analog[0], inputs_.cell_analog[1]);
@@ -105,13 +105,14 @@ class Bench {
     if (i == 0 && kind == "open") mv = 0.0, steps = -8388608.0;
     if (i == 0 && kind == "saturated") mv = 3300.0, steps = 8388607.0;
     if (i == 0 && kind == "reversed") mv = 200.0 - (seen + 3.0) / N_PER_MV, steps = 1.0e5 - (seen + 3.0) / N_PER_STEP;
-    inputs_.cell_analog[i] = static_cast<int32_t>(std::min(4095.0, std::max(0.0, mv / 3300.0 * 4095.0)));
+    const bool frozen = i == 0 && kind == "frozen";  // the last reading comes again and again
+    if (!frozen) inputs_.cell_analog[i] = static_cast<int32_t>(std::min(4095.0, std::max(0.0, mv / 3300.0 * 4095.0)));
     const bool due = hz_ > 0 && now % std::max(1, 1000 / std::max(hz_, 1)) == i;
     const uint8_t bit = static_cast<uint8_t>(1u << i);
     inputs_.cell_fresh = static_cast<uint8_t>(inputs_.cell_fresh & ~bit);
     if (!due || (i == 0 && kind == "silent")) return;
     inputs_.cell_fresh = static_cast<uint8_t>(inputs_.cell_fresh | bit);
-    inputs_.cell_steps[i] = static_cast<int32_t>(steps);
+    if (!frozen) inputs_.cell_steps[i] = static_cast<int32_t>(steps);
   }
 
   void ask(uint8_t type, const Bytes& body) {
@@ -199,17 +200,21 @@ void trial(const std::string& kind, unsigned seed, int count, int hz, int pull, 
   if (kind != "moves" && kind != "swapped") {
     moves.next(bench);
     const int fails = std::uniform_int_distribution<>(0, 700)(random);
-    for (int ms = 0; ms < 4000 && !(kind != "host" && bench.faulty()); ++ms) {
+    // A cell whose readings stand still is found by motion: the robot goes on.
+    const bool goes_on = kind == "frozen";
+    for (int ms = 0; ms < (goes_on ? 20000 : 4000) && !(kind != "host" && bench.faulty()); ++ms) {
       if (ms == fails) {
         bench.kind = kind;
         bench.cable[0].cut = kind == "cut";
         bench.cable[0].shaft.blocked = kind == "jammed";
         if (kind == "loosened") bench.cable[0].rest.to += 25.0;
       }
-      if (kind == "host" && ms > fails && ms % 1000 == 0) moves.next(bench);  // nobody demands, the bodies move
+      // Of a host that died nobody demands, and the bodies move.
+      if ((kind == "host" || goes_on) && ms > fails && ms % 1000 == 0) moves.next(bench);
       if (ms % 10 == 0 && !(kind == "host" && ms >= fails)) moves.feed(bench);
       bench.tick();
       if (ms >= fails) outward = std::fmax(outward, bench.outward(0));
+      if (goes_on && ms >= fails) least = std::fmin(least, bench.cable[0].tension);
       if (kind == "host") {
         for (const Cable& each : bench.cable) least = std::fmin(least, each.tension);
       }

@@ -10,7 +10,7 @@ import pytest
 from contid_drivers.due import messages
 from contid_drivers.due.codes import BoardState, Reason, Refusal, Type
 from contid_drivers.due.messages import Configured, Refused
-from tests.firmware.tendons.trials import AMPLIFIER, CONVERTER, MOVES, run
+from tests.firmware.tendons.trials import AMPLIFIER, CONVERTER, MOVES, configure, repeat, run
 
 pytestmark = pytest.mark.process
 
@@ -49,11 +49,24 @@ def test_the_floor_is_held_through_moves():
     assert min(one.least_n for one in done) >= 0.9
 
 
+def test_a_capstan_that_lets_go_at_once_leaves_the_floor():
+    """Its body came at 29 mm/s hidden from the cell by friction: 0.73 N before the demand counted."""
+    body = configure(1, 0, 1.8493831588715213)
+    (one,) = repeat([f"moves 982546469 50 0 1 1.740 {body}"])
+    assert one.least_n >= 0.9
+
+
+@pytest.mark.parametrize("hz", [0, 80])
+def test_a_cell_that_stands_still_is_found_by_motion(hz):
+    done = run("frozen", 6, 1, hz)
+    assert {one.reason for one in done} == {Reason.CELL_FROZEN}
+
+
 @pytest.mark.campaign
 def test_the_floor_is_held_through_very_many_moves():
     done = run("moves", CAMPAIGN // (2 * MOVES), MOVES)
     assert {one.reason for one in done} == {Reason.NONE}
-    assert sum(one.below for one in done) <= 1e-3 * len(done) * MOVES
+    assert sum(one.below for one in done) == 0
 
 
 @pytest.mark.parametrize(

@@ -93,6 +93,11 @@ def run(kind: str, trials: int, moves: int = 3, hz: int = 0, seed: int = 1) -> l
         tightens, near = rng.choice((1, -1)), rng.uniform(0.7, 2.5)
         body = configure(tightens, hz, near * rng.uniform(1.0, 1.3))
         asked.append(f"{kind} {rng.randrange(1 << 30)} {moves} {hz} {tightens} {near:.3f} {body}")
+    return repeat(asked)
+
+
+def repeat(asked: list[str]) -> list[Trial]:
+    """Run the trials of given lines."""
     done = subprocess.run(
         [program()], input="\n".join(asked) + "\n", capture_output=True, text=True, check=True
     )

@@ -21,10 +21,12 @@ def read_table(path: str | Path) -> Table:
         from contid_adapt.reading.binary import read_binary
 
         return read_binary(source)
-    lines = lines_of(source.text)
-    table = read_objects(lines, source.name)
+    lines, name, note = lines_of(source.text), source.name, source.note
+    whole_end = source.text.endswith(("\n", "\r"))
+    del source  # the bytes and the text of the whole file
+    table = read_objects(lines, name)
     if table is None:
-        table = read_text(lines, source.name, source.text.endswith(("\n", "\r")))
-    if source.note:
-        table.notes.insert(0, source.note)
+        table = read_text(lines, name, whole_end)
+    if note:
+        table.notes.insert(0, note)
     return table

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from array import array
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
@@ -61,9 +62,9 @@ def _rows(
     lines: list[str], dialect: Dialect, header: TableHeader, file: str, start: int, whole_end: bool
 ) -> Table:
     separator, fields = dialect.separator, dialect.fields
-    numbered: list[int] = []
+    numbered, sessions = array("q"), array("q")  # a tenth of the memory of lists
     rows: list[list[str]] = []
-    session, sessions, comments, alone = 1, [], 0, 0
+    session, comments, alone = 1, 0, 0
     findings: list[Located] = []
     parts: list[list[Any]] = [[] for _ in range(fields)]
     bad: list[list[tuple[int, str]]] = [[] for _ in range(fields)]
@@ -90,8 +91,8 @@ def _rows(
             for place, column in enumerate(plain.T):
                 parts[place].append(column)
             done += len(plain)
-            numbered += range(index + 1, plain_until + 1)
-            sessions += [session] * len(plain)
+            numbered.extend(range(index + 1, plain_until + 1))
+            sessions.extend([session] * len(plain))
             continue
         line = lines[index]
         if not line or line.isspace():

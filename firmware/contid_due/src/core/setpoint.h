@@ -43,7 +43,7 @@ class SetPoint {
 
  private:
   int64_t stopping_speed(int64_t distance) const;
-  int64_t keep_inside(const Fence& fence, int64_t target);
+  int64_t keep_inside(const Fence& fence, int64_t rate, int64_t target);
 
   int64_t position_;   // counts times 65536
   int64_t reference_;  // where the demand is now, on its line
