@@ -93,12 +93,12 @@ def command(
         for line in lines(found):
             click.echo(line)
     if motion_file is not None:
+        from contid_identify.chambers.file import write_motion
         from contid_identify.stages import tip_motion
-        from contid_identify.tip_motion_file import write_tip_motion
 
         source = f"{', '.join(path.name for path in sessions)} on {date.today().isoformat()}"
         model = tip_motion(name, robots[name], recordings, [1e-3 * each for each in loads_g], source)
-        write_tip_motion(model, motion_file)
+        write_motion(model, motion_file)
         for line in motion_lines(model):
             click.echo(line, err=as_json)
         click.echo(f"written to {motion_file}", err=True)

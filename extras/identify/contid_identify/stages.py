@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -12,9 +13,12 @@ from contid.kinematics.array import Array
 from contid.kinematics.batch import forward_many
 from contid.kinematics.model import build_model
 from contid.robot_file.base import Quantity
+from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.robot import RobotDescription
 from contid_identify.answer import CommandedTrace
 from contid_identify.body_fit import BodyFit, fit_body
+from contid_identify.chambers.fit import arm_of, fit_chamber_motion
+from contid_identify.chambers.motion import ChamberMotion
 from contid_identify.delay_lag import AxisAnswer, fit_axis
 from contid_identify.excitation import Excitation, excitation_of
 from contid_identify.recording import RobotRecording
@@ -22,6 +26,8 @@ from contid_identify.ring_down import RingDown, decays_of, fit_ring_downs
 from contid_identify.tip_answer import LEAST_TIPS, TipAnswer, fit_tip
 from contid_identify.tip_motion import TipMotion
 from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
+
+_ARCS_WORSE: Final = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,8 +165,12 @@ def tip_motion(
     recordings: Sequence[RobotRecording],
     loads_kg: Sequence[float],
     source: str,
-) -> TipMotion:
+) -> TipMotion | ChamberMotion:
     """The tip in motion, from all recordings with a measured tip, beginning with the statics of the file.
+
+    Pneumatic arms without payloads are fitted as arcs of their chambers too. The arcs are taken unless their
+    errors kept out are `_ARCS_WORSE` times those of the map: blocks kept out have the patterns of the others,
+    and arcs predict patterns that were not recorded.
 
     Args:
         name: of the robot.
@@ -187,7 +197,11 @@ def tip_motion(
         for each, load_kg in zip(recordings, loads, strict=True)
         if len(each.tip_at_s) >= LEAST_TIPS
     ]
-    return fit_tip_motion(name, robot.axis_names, traces, statics, source)
+    found = fit_tip_motion(name, robot.axis_names, traces, statics, source)
+    if not isinstance(robot, Cosserat) or any(loads):
+        return found
+    arcs = fit_chamber_motion(name, robot.axis_names, arm_of(robot), [each.trace for each in traces], source)
+    return arcs if arcs.open_loop.rmse_m <= _ARCS_WORSE * found.open_loop.rmse_m else found
 
 
 def _statics(robot: RobotDescription, recordings: Sequence[RobotRecording]) -> list[Array] | None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol, Self
 
 import numpy as np
 
@@ -52,6 +52,43 @@ class SwingHalves:
     delay_s: float
     frequency: float
     ratio: float
+
+
+class MovingTip(Protocol):
+    """A model of a tip in motion that `contid predict` compares recordings with."""
+
+    @property
+    def robot(self) -> str:
+        """Its name."""
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of its axes."""
+
+    @property
+    def memory(self) -> Array:
+        """Weights ``(order,)`` by which the last errors go on, see `contid_identify.ahead`."""
+
+    @property
+    def errors(self) -> tuple[AheadError, ...]:
+        """Of predictions on blocks kept out, the longest time ahead last."""
+
+    @property
+    def source(self) -> str:
+        """Recordings and date."""
+
+    @property
+    def open_loop(self) -> AheadError:
+        """Errors of predictions from commands alone."""
+
+    def zeroed(self, sent: Array, period_s: float, at_s: Array, tip_m: Array) -> Self:
+        """The model as a recording begins, by its first tips."""
+
+    def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:
+        """Tips ``(samples, 3)`` [m] from commands alone."""
+
+    def outside(self, sent: Array, period_s: float, at_s: Array, load_kg: float = 0.0) -> float:
+        """Share of the time in which commands were not in the recordings of the fit."""
 
 
 _NOT_FIXED: Final = SwingHalves(math.inf, math.inf, math.inf)
@@ -138,8 +175,13 @@ class TipMotion:
         """``s`` of a payload."""
         return load_kg / (1.0 + self.less_per_kg * max(load_kg, 0.0))
 
-    def outside(self, inputs: Array) -> float:
+    def zeroed(self, sent: Array, period_s: float, at_s: Array, tip_m: Array) -> Self:
+        """Itself: what a recording begins with does not change it, see `MovingTip`."""
+        return self
+
+    def outside(self, sent: Array, period_s: float, at_s: Array, load_kg: float = 0.0) -> float:
         """Share of the samples whose inputs were not in the recordings of the fit."""
+        inputs = self.inputs(sent, period_s, at_s, load_kg)
         beyond = _BEYOND * (self.high - self.low)
         return float(((inputs < self.low - beyond) | (inputs > self.high + beyond)).any(axis=1).mean())
 

@@ -156,7 +156,7 @@ def test_outside_of_the_recordings_nothing_grows(model: TipMotion) -> None:
     far = np.full((200, 2), 30.0)
     far[:100] = 0.0
     assert np.linalg.norm(model.predict(far, PERIOD_S), axis=1).max() < 0.5
-    assert model.outside(model.inputs(far, PERIOD_S, np.arange(200, dtype=np.float64) * PERIOD_S, 0.0)) > 0.3
+    assert model.outside(far, PERIOD_S, np.arange(200, dtype=np.float64) * PERIOD_S) > 0.3
 
 
 def test_errors_go_on_by_their_recursion() -> None:
