@@ -19,10 +19,13 @@ import numpy as np
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid_identify.answer import smoothly_between
+from contid_identify.remembered import Remembered
 from contid_identify.tip_answer import monomials, swing
 
 #: Inputs are clamped this share of their range beyond it.
 _BEYOND: Final = 0.05
+#: Times before, whose inputs tell recordings apart [s].
+_AGO_S: Final = (0.0, 0.2, 0.4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +118,7 @@ class TipMotion:
         errors: of predictions on blocks kept out, the longest time last.
         source: recordings and date.
         halves: how sure dead times, frequencies and ratios are.
+        remembered: what is added to the map where commands of the recordings come again, or None.
     """
 
     robot: str
@@ -136,6 +140,7 @@ class TipMotion:
     errors: tuple[AheadError, ...]
     source: str
     halves: SwingHalves = _NOT_FIXED
+    remembered: Remembered | None = None
 
     def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:
         """Tips ``(samples, 3)`` [m] in the base frame, from commands alone; the robot rests before.
@@ -157,7 +162,19 @@ class TipMotion:
         if len(sent) < 2 or not np.isfinite(sent).all() or not period_s > 0.0:
             raise ContidError(f"{self.robot}: commands must be finite, two at least, with a period above 0")
         at_s = np.arange(float(len(sent))) * period_s if at_s is None else at_s
-        return self.tips(self.inputs(sent, period_s, at_s, load_kg), load_kg)
+        tips = self.tips(self.inputs(sent, period_s, at_s, load_kg), load_kg)
+        if self.remembered is not None:
+            states = self.states(sent, period_s, at_s, load_kg)
+            tips += self.remembered.added(states, self.load_share(load_kg))
+        return tips
+
+    def states(self, sent: Array, period_s: float, at_s: Array, load_kg: float) -> Array:
+        """Inputs of the map now and before, by which recordings are remembered; ``(samples, states)``."""
+        return np.hstack([self.inputs(sent, period_s, at_s - ago_s, load_kg) for ago_s in _AGO_S])
+
+    def load_share(self, load_kg: float) -> float:
+        """A payload as a share of the greatest one of the recordings."""
+        return self.effect_kg(load_kg) / self.effect_kg(self.loads_kg[1]) if self.loads_kg[1] > 0.0 else 0.0
 
     def inputs(self, sent: Array, period_s: float, at_s: Array, load_kg: float) -> Array:
         """What the map acts on at times ``at_s``: ``(samples, inputs)``, not clamped."""

@@ -12,11 +12,13 @@ import numpy as np
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.whole_file import replacing
+from contid_identify.remembered import Remembered
 from contid_identify.tip_motion import AheadError, MovingTip, SwingHalves, TipMotion, features
 
 _FORMAT: Final = "contid tip motion 1"
 _VECTORS: Final = ("delay_s", "frequency_hz", "ratio", "centre", "low", "high", "memory")
 _REMEDY: Final = "`contid identify ROBOT SESSION --motion FILE` writes one"
+_REMEMBERED: Final = ("scale", "centres", "loads", "weights")
 _HALVES: Final = ("delay_s", "frequency", "ratio")
 _MATRICES: Final = ("turns", "weights", "load_weights")
 
@@ -35,6 +37,8 @@ def write_tip_motion(model: TipMotion, path: Path) -> None:
     }
     for name in (*_VECTORS, *_MATRICES):
         data[name] = getattr(model, name).tolist()
+    if (kept := model.remembered) is not None:
+        data["remembered"] = {name: getattr(kept, name).tolist() for name in _REMEMBERED}
     write_numbers(data, path)
 
 
@@ -110,13 +114,16 @@ def tip_motion_of(data: dict[str, Any], path: str | Path) -> TipMotion:
         matrices = {name: np.array(data[name], dtype=float) for name in _MATRICES}
         degree = int(data["degree"])
         low_kg, high_kg = map(float, data["loads_kg"])
-        # Files of before have no intervals.
+        # Files of before have no intervals, and nothing is remembered.
         given = data.get("halves", {})
         halves = SwingHalves(*(math.inf if (v := given.get(k)) is None else float(v) for k in _HALVES))
+        kept = data.get("remembered")
+        remembered = kept and Remembered(*(np.array(kept[name], dtype=float) for name in _REMEMBERED))
         model = TipMotion(
             str(data["robot"]), axes, softer_per_kg=float(data["softer_per_kg"]), degree=degree,
             less_per_kg=float(data["less_per_kg"]),
             loads_kg=(low_kg, high_kg), errors=errors_of(data), source=str(data["source"]), halves=halves,
+            remembered=remembered,
             **vectors, **matrices,
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
@@ -145,5 +152,11 @@ def _check(model: TipMotion, path: str | Path) -> None:
                 f"{path}: {name} has shape {values.shape} or numbers that are not finite; needed: {shape}; "
                 f"{_REMEDY}"
             )
+    if (kept := model.remembered) is not None:
+        states = model.states(np.zeros((2, len(model.axes))), 1.0, np.zeros(1), 0.0).shape[1]
+        count = len(kept.loads)
+        needed = ((states,), (count, states), (count,), (count, 3))
+        if tuple(getattr(kept, name).shape for name in _REMEMBERED) != needed:
+            raise ContidError(f"{path}: remembered has numbers of another shape than {needed}; {_REMEDY}")
     if not model.errors or not (model.frequency_hz > 0.0).all():
         raise ContidError(f"{path}: no errors, or a frequency that is not above 0; {_REMEDY}")

@@ -66,7 +66,10 @@ def trace_of(seed: int, load_kg: float = 0.0, duration_s: float = 30.0, **change
 @pytest.fixture(scope="module")
 def model() -> TipMotion:
     traces = [LoadedTrace(trace_of(1, 0.0), 0.0), LoadedTrace(trace_of(2, 0.2), 0.2)]
-    return fit_tip_motion("arm", ("a", "b"), traces, None, "a test")
+    with pytest.MonkeyPatch.context() as few:
+        # Fewer centres cost less; what is remembered has its own tests.
+        few.setattr("contid_identify.remembered.MOST", 200)
+        return fit_tip_motion("arm", ("a", "b"), traces, None, "a test")
 
 
 def test_delay_swing_and_other_commands(model: TipMotion) -> None:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
@@ -50,7 +51,7 @@ class ChamberArm:
         length_m, link_m: of each section at rest, and of the rigid part behind it, ``(sections,)``.
     """
 
-    section: Array
+    section: NDArray[np.intp]
     directions: Array
     length_m: Array
     link_m: Array
