@@ -355,8 +355,7 @@ class _Fit:
             states.append(found.states(trace.sent, trace.period_s, at_s, load_kg))
             left.append(trace.measured[own] - found.predict(trace.sent, trace.period_s, at_s, load_kg))
             loads.append(np.full(len(own), found.load_share(load_kg)))
-        joined = (np.concatenate(each) for each in (states, left, loads))
-        return remember(*joined, self._fold())
+        return remember(np.concatenate(states), np.concatenate(left), np.concatenate(loads), self._fold())
 
     def map_of(self, parameters: Array, degree: int, penalty: float) -> tuple[Array, Array]:
         """Weights ``(monomials, 3)`` without load, and per mass of it [m/kg]."""

@@ -12,10 +12,12 @@ import pytest
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.load import load_named
 from contid_identify.ahead import predicted_tips
 from contid_identify.answer import CommandedTrace
 from contid_identify.chambers.file import chamber_motion_of, read_motion, write_motion
-from contid_identify.chambers.fit import fit_chamber_motion
+from contid_identify.chambers.fit import arm_of, fit_chamber_motion
 from contid_identify.chambers.motion import ChamberArm, ChamberMotion, chained, played
 from contid_identify.printed import motion_lines
 
@@ -136,3 +138,15 @@ def test_what_it_has_not_is_refused() -> None:
     still = replace(plant("100100"), sent=np.zeros((len(sent), 6)))
     with pytest.raises(ContidError, match="inflated"):
         fit_chamber_motion("arm", AXES, ARM, [still], "")
+
+
+def test_chambers_of_a_robot_file() -> None:
+    robot = load_named("stiffflop2").driven["arm"]
+    assert isinstance(robot, Cosserat)
+    arm = arm_of(robot)
+    assert arm.section.tolist() == [0, 0, 0, 1, 1, 1]
+    assert arm.length_m.tolist() == pytest.approx([0.042, 0.042])
+    assert arm.link_m.tolist() == pytest.approx([0.005, 0.0])
+    # A chamber with pressure bends its section away from itself; its place is that of Table I, p1 at +x.
+    away = np.radians(180.0 + np.array([0.0, 120.0, 240.0] * 2))
+    assert np.allclose(arm.directions, np.column_stack([np.cos(away), np.sin(away)]), atol=1e-6)

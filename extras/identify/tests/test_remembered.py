@@ -9,13 +9,14 @@ from contid.kinematics.array import Array
 from contid_identify.remembered import Remembered, remember
 
 COUNT = 300
-FOLDS = np.arange(COUNT) // 30 % 5
+FOLDS = np.arange(COUNT, dtype=np.float64) // 30.0 % 5.0
 
 
 def walk(seed: int) -> Array:
     """States of one recording: eight slow sums of sines."""
     draw, at_s = np.random.default_rng(seed), 0.1 * np.arange(COUNT)[:, None]
-    return np.asarray(sum(np.sin(draw.uniform(0.3, 3.0, 8) * at_s + draw.uniform(0, 6, 8)) for _ in range(3)))
+    waves = [np.sin(draw.uniform(0.3, 3.0, 8) * at_s + draw.uniform(0.0, 6.0, 8)) for _ in range(3)]
+    return np.asarray(np.sum(waves, axis=0))
 
 
 def left_over(states: Array, load: float) -> Array:
@@ -57,6 +58,6 @@ def test_left_out_folds_in_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
     apart = 0.0
     for fold in range(5):
         own = fold == FOLDS
-        weights = np.linalg.solve(kernel[~own][:, ~own] + 0.5 * np.eye(int((~own).sum())), left[~own])
+        weights = np.linalg.solve(kernel[~own][:, ~own] + 0.5 * np.eye(np.count_nonzero(~own)), left[~own])
         apart += float(((left[own] - kernel[own][:, ~own] @ weights) ** 2).sum())
     assert (found is None) == (apart >= (left**2).sum())
