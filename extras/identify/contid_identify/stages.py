@@ -165,6 +165,7 @@ def tip_motion(
     recordings: Sequence[RobotRecording],
     loads_kg: Sequence[float],
     source: str,
+    form: str | None = None,
 ) -> TipMotion | ChamberMotion:
     """The tip in motion, from all recordings with a measured tip, beginning with the statics of the file.
 
@@ -178,9 +179,10 @@ def tip_motion(
         recordings: of it.
         loads_kg: payload of each; empty for none.
         source: origin of the numbers, for their file.
+        form: ``map`` or ``arcs``; None for the one that suits.
 
     Raises:
-        ContidError: too few tips, or no axis moved.
+        ContidError: too few tips, no axis moved, or arcs of a robot without chambers or with payloads.
     """
     model = build_model(robot)
 
@@ -197,10 +199,20 @@ def tip_motion(
         for each, load_kg in zip(recordings, loads, strict=True)
         if len(each.tip_at_s) >= LEAST_TIPS
     ]
-    found = fit_tip_motion(name, robot.axis_names, traces, statics, source)
+
+    def fitted_map() -> TipMotion:
+        return fit_tip_motion(name, robot.axis_names, traces, statics, source)
+
     if not isinstance(robot, Cosserat) or any(loads):
-        return found
+        if form == "arcs":
+            raise ContidError(f"{name}: arcs are for pneumatic arms without payloads; use `--form map`")
+        return fitted_map()
+    if form == "map":
+        return fitted_map()
     arcs = fit_chamber_motion(name, robot.axis_names, arm_of(robot), [each.trace for each in traces], source)
+    if form == "arcs":
+        return arcs
+    found = fitted_map()
     return arcs if arcs.open_loop.rmse_m <= _ARCS_WORSE * found.open_loop.rmse_m else found
 
 

@@ -20,6 +20,7 @@ from contid_identify.chambers.file import chamber_motion_of, read_motion, write_
 from contid_identify.chambers.fit import arm_of, fit_chamber_motion
 from contid_identify.chambers.motion import ChamberArm, ChamberMotion, chained, played
 from contid_identify.printed import motion_lines
+from contid_identify.stages import tip_motion
 
 PERIOD_S = 0.05
 PA = 1e5
@@ -150,3 +151,8 @@ def test_chambers_of_a_robot_file() -> None:
     # A chamber with pressure bends its section away from itself; its place is that of Table I, p1 at +x.
     away = np.radians(180.0 + np.array([0.0, 120.0, 240.0] * 2))
     assert np.allclose(arm.directions, np.column_stack([np.cos(away), np.sin(away)]), atol=1e-6)
+
+
+def test_arcs_need_chambers() -> None:
+    with pytest.raises(ContidError, match="--form map"):
+        tip_motion("finger", load_named("finger").driven["finger"], [], [], "", "arcs")
