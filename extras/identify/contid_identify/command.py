@@ -37,7 +37,7 @@ from contid_identify.robot_option import ROBOT, chosen_robot
 @click.option(
     "--form",
     type=click.Choice(["map", "arcs"]),
-    help="Of --motion; default: arcs of chambers for pneumatic arms where they suit, else the map.",
+    help="Of --motion; arcs of chambers predict patterns that were not recorded. Default: map.",
 )
 @click.option(
     "--load-g",
@@ -105,7 +105,9 @@ def command(
         from contid_identify.stages import tip_motion
 
         source = f"{', '.join(path.name for path in sessions)} on {date.today().isoformat()}"
-        model = tip_motion(name, robots[name], recordings, [1e-3 * each for each in loads_g], source, form)
+        model = tip_motion(
+            name, robots[name], recordings, [1e-3 * each for each in loads_g], source, form or "map"
+        )
         write_motion(model, motion_file)
         for line in motion_lines(model):
             click.echo(line, err=as_json)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -26,8 +25,6 @@ from contid_identify.ring_down import RingDown, decays_of, fit_ring_downs
 from contid_identify.tip_answer import LEAST_TIPS, TipAnswer, fit_tip
 from contid_identify.tip_motion import TipMotion
 from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
-
-_ARCS_WORSE: Final = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,13 +162,9 @@ def tip_motion(
     recordings: Sequence[RobotRecording],
     loads_kg: Sequence[float],
     source: str,
-    form: str | None = None,
+    form: str = "map",
 ) -> TipMotion | ChamberMotion:
     """The tip in motion, from all recordings with a measured tip, beginning with the statics of the file.
-
-    Pneumatic arms without payloads are fitted as arcs of their chambers too. The arcs are taken unless their
-    errors kept out are `_ARCS_WORSE` times those of the map: blocks kept out have the patterns of the others,
-    and arcs predict patterns that were not recorded.
 
     Args:
         name: of the robot.
@@ -179,7 +172,7 @@ def tip_motion(
         recordings: of it.
         loads_kg: payload of each; empty for none.
         source: origin of the numbers, for their file.
-        form: ``map`` or ``arcs``; None for the one that suits.
+        form: ``map``, or ``arcs`` of chambers, which predict patterns that were not recorded.
 
     Raises:
         ContidError: too few tips, no axis moved, or arcs of a robot without chambers or with payloads.
@@ -200,20 +193,11 @@ def tip_motion(
         if len(each.tip_at_s) >= LEAST_TIPS
     ]
 
-    def fitted_map() -> TipMotion:
+    if form != "arcs":
         return fit_tip_motion(name, robot.axis_names, traces, statics, source)
-
     if not isinstance(robot, Cosserat) or any(loads):
-        if form == "arcs":
-            raise ContidError(f"{name}: arcs are for pneumatic arms without payloads; use `--form map`")
-        return fitted_map()
-    if form == "map":
-        return fitted_map()
-    arcs = fit_chamber_motion(name, robot.axis_names, arm_of(robot), [each.trace for each in traces], source)
-    if form == "arcs":
-        return arcs
-    found = fitted_map()
-    return arcs if arcs.open_loop.rmse_m <= _ARCS_WORSE * found.open_loop.rmse_m else found
+        raise ContidError(f"{name}: arcs are for pneumatic arms without payloads; use `--form map`")
+    return fit_chamber_motion(name, robot.axis_names, arm_of(robot), [each.trace for each in traces], source)
 
 
 def _statics(robot: RobotDescription, recordings: Sequence[RobotRecording]) -> list[Array] | None:

@@ -24,7 +24,7 @@ from contid_identify.tip_answer import monomials, swing
 
 #: Inputs are clamped this share of their range beyond it.
 _BEYOND: Final = 0.05
-#: Times before, whose inputs tell recordings apart [s].
+#: Times before, by whose inputs recordings differ [s].
 _AGO_S: Final = (0.0, 0.2, 0.4)
 
 

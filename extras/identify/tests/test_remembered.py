@@ -58,6 +58,8 @@ def test_left_out_folds_in_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
     apart = 0.0
     for fold in range(5):
         own = fold == FOLDS
-        weights = np.linalg.solve(kernel[~own][:, ~own] + 0.5 * np.eye(np.count_nonzero(~own)), left[~own])
+        weights = np.linalg.solve(
+            kernel[~own][:, ~own] + 0.5 * np.eye(int(np.count_nonzero(~own))), left[~own]
+        )
         apart += float(((left[own] - kernel[own][:, ~own] @ weights) ** 2).sum())
     assert (found is None) == (apart >= (left**2).sum())

@@ -32,7 +32,7 @@ _LENGTH_MEETS: Final = 16.0
 _BEND_MEETS: Final = 6.0
 #: Of the longest length: what a bend of a section that is as long as it can be is still free by.
 _FREE: Final = 0.01
-#: Tips until then tell where a recording begins [s].
+#: Tips until then show where a recording begins [s].
 ZERO_S: Final = 0.2
 #: What is expected of bends [rad] and of the play, as a share of its half width, at a beginning; tips [m].
 _BENDS_RAD: Final = 0.1
