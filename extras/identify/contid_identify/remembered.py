@@ -24,7 +24,7 @@ _PENALTIES: Final = (0.1, 0.5)
 
 
 @dataclass(frozen=True, eq=False)
-class Remembered:
+class RememberedMotion:
     """One sum.
 
     Attributes:
@@ -48,7 +48,7 @@ class Remembered:
         return out
 
 
-def remember(states: Array, left: Array, loads: Array, folds: Array) -> Remembered | None:
+def remember(states: Array, left: Array, loads: Array, folds: Array) -> RememberedMotion | None:
     """Fit to what is left over of recordings; None where it would harm.
 
     Args:
@@ -75,7 +75,7 @@ def remember(states: Array, left: Array, loads: Array, folds: Array) -> Remember
                 apart += float((np.linalg.solve(inverse[np.ix_(own, own)], weights[own]) ** 2).sum())
             size = float(((penalty * weights) ** 2).sum())
             if apart < float((left**2).sum()) and size < least:
-                found, least = Remembered(scale, states * scale, loads, weights), size
+                found, least = RememberedMotion(scale, states * scale, loads, weights), size
     return found
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid_identify.answer import smoothly_between
-from contid_identify.remembered import Remembered
+from contid_identify.remembered import RememberedMotion
 from contid_identify.tip_answer import monomials, swing
 
 #: Inputs are clamped this share of their range beyond it.
@@ -140,7 +140,7 @@ class TipMotion:
     errors: tuple[AheadError, ...]
     source: str
     halves: SwingHalves = _NOT_FIXED
-    remembered: Remembered | None = None
+    remembered: RememberedMotion | None = None
 
     def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:
         """Tips ``(samples, 3)`` [m] in the base frame, from commands alone; the robot rests before.

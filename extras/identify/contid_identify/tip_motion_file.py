@@ -12,7 +12,7 @@ import numpy as np
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.whole_file import replacing
-from contid_identify.remembered import Remembered
+from contid_identify.remembered import RememberedMotion
 from contid_identify.tip_motion import AheadError, MovingTip, SwingHalves, TipMotion, features
 
 _FORMAT: Final = "contid tip motion 1"
@@ -118,7 +118,7 @@ def tip_motion_of(data: dict[str, Any], path: str | Path) -> TipMotion:
         given = data.get("halves", {})
         halves = SwingHalves(*(math.inf if (v := given.get(k)) is None else float(v) for k in _HALVES))
         kept = data.get("remembered")
-        remembered = kept and Remembered(*(np.array(kept[name], dtype=float) for name in _REMEMBERED))
+        remembered = kept and RememberedMotion(*(np.array(kept[name], dtype=float) for name in _REMEMBERED))
         model = TipMotion(
             str(data["robot"]), axes, softer_per_kg=float(data["softer_per_kg"]), degree=degree,
             less_per_kg=float(data["less_per_kg"]),

@@ -20,7 +20,7 @@ from contid.kinematics.array import Array
 from contid_identify.ahead import STEP_S, PredictedTips, judged_ahead, memory_of, predicted_tips
 from contid_identify.answer import CommandedTrace
 from contid_identify.estimate import estimate
-from contid_identify.remembered import Remembered, remember
+from contid_identify.remembered import RememberedMotion, remember
 from contid_identify.split import Mask, split_time
 from contid_identify.tip_answer import LEAST_TIPS
 from contid_identify.tip_motion import SwingHalves, TipMotion, features, swung
@@ -347,7 +347,7 @@ class _Fit:
                 out.append(np.column_stack([np.interp(steps, at_s[rows], c) for c in part[rows].T]))
         return out
 
-    def remembered(self, found: TipMotion) -> Remembered | None:
+    def remembered(self, found: TipMotion) -> RememberedMotion | None:
         """What the map leaves over of its rows."""
         states, left, loads = [], [], []
         for trace, load_kg, own in zip(self.traces, self.loads, self.rows, strict=True):

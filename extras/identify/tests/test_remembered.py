@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contid.kinematics.array import Array
-from contid_identify.remembered import Remembered, remember
+from contid_identify.remembered import RememberedMotion, remember
 
 COUNT = 300
 FOLDS = np.arange(COUNT, dtype=np.float64) // 30.0 % 5.0
@@ -24,7 +24,7 @@ def left_over(states: Array, load: float) -> Array:
     return np.asarray((1.0 + load) * np.tanh(2.0 * states[:, :3] * states[:, 1:4]))
 
 
-def remembered(seed: int) -> Remembered:
+def remembered(seed: int) -> RememberedMotion:
     states, loads = np.tile(walk(seed), (2, 1)), np.repeat([0.0, 1.0], COUNT)
     left = np.concatenate([left_over(walk(seed), load) for load in (0.0, 1.0)])
     found = remember(states, left, loads, np.tile(FOLDS, 2))
