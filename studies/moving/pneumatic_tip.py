@@ -1,4 +1,4 @@
-"""The tip of a pneumatic arm in motion, patterns kept out: two arcs beside `TipMotion` and black boxes.
+"""The tip of a pneumatic arm in motion, patterns kept out: the product's arcs of chambers beside black boxes.
 
 ``CONTID_SHARED_DATA=.. python -m studies.moving.pneumatic_tip`` prints the table.
 
@@ -9,19 +9,17 @@ Recordings: ASU-RISE-Lab/4-chamber-softarm-control (MIT, (c) 2023 ASU-RISE-Lab),
 * a sequence: ``long_a``, five of the seven patterns one after another in another session, by a fit to the
   seven; and what follows its first 40 s by a fit to these 40 s and the seven.
 
-All of it from set-points alone. Every method is set to zero on the first 0.2 s, before anything moves.
+All of it from set-points alone, and fitted to tips alone. Every method is set to zero on the first 0.2 s,
+before anything moves. The columns ``set2`` act on the upper section and ``set1`` on the lower one, as the
+poses of ``step_15_5`` show; the README has them the other way round.
 
-The arcs: the chambers of a section bend and lengthen this section only, but for the bend of the lower one, to
-which the upper one adds. A set-point is late by a dead time and behind two stages in series, each with a time
-constant for filling and one for venting; lengths keep what the middle pair did for longer. The columns
-``set2`` act on the upper section and ``set1`` on the lower one, as the poses of ``step_15_5`` show; the
-README has them the other way round. This is the third form of the arcs that was tried, and it was chosen by
-the errors on this split: recordings that none of us has seen will be missed by more.
+The form of `contid_identify.chambers` (a longest length that bounds bends, a play in the length) was found
+by looking at bends and lengths of these recordings, ``long_a`` among them; its numbers are those of each fit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -29,6 +27,8 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid_identify.answer import CommandedTrace
+from contid_identify.chambers.fit import fit_chamber_motion
+from contid_identify.chambers.motion import ChamberArm
 from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
 from studies.moving.recordings import _late, columns, kernel_ridge, ridge, table
 
@@ -37,11 +37,11 @@ PERIOD_S: Final = 0.05
 BEFORE: Final = round(2.0 / PERIOD_S)
 STEPS: Final = tuple(f"step_15_{k}" for k in range(1, 8))
 REST_PSI, STEP_PSI = 1.0, 14.0
-#: Start of the search: dead time, filling and venting of both stages, memory of lengths [s].
-START: Final = np.log([0.2, 0.3, 2.5, 0.5, 1.0, 4.0])
-LOW: Final = np.log([0.04, 0.05, 0.05, 0.05, 0.05, 1.0])
-HIGH: Final = np.log([0.6, 3.0, 6.0, 3.0, 6.0, 60.0])
-PENALTY: Final = 3e-3
+#: Chambers to the right, to the left and in the middle of the upper section, then of the lower one [m].
+ARM: Final = ChamberArm(
+    np.repeat((0, 1), 3), np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 0.0]] * 2), np.full(2, 0.12), np.zeros(2)
+)
+AXES: Final = tuple(f"{section}.{chamber}" for section in ("upper", "lower") for chamber in ("r", "l", "m"))
 #: Past commands of the black boxes [s].
 LAGS_S: Final = (0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.4, 1.8, 2.4, 3.0, 4.0, 6.0, 9.0)
 #: Orders of N4SID, and block rows at steps of 0.2 s.
@@ -52,17 +52,25 @@ EVERY: Final = round(0.2 / PERIOD_S)
 
 @dataclass(frozen=True, eq=False)
 class PneumaticRun:
-    """Set-points ``(rows, 6)`` as shares of a step, upper section first, with `BEFORE` rows of rest; poses.
+    """One recording on equal steps.
 
     Attributes:
-        sent: set-points.
-        arcs: bend [rad] and length [mm] of the upper section, then of the lower one, ``(samples, 4)``.
-        tip: ``(samples, 3)`` [mm] from the base.
+        sent: set-points as shares of a step ``(rows, 6)``, upper section first, with `BEFORE` rows of rest.
+        tip: from the base ``(samples, 3)`` [mm], as recorded: z is up.
     """
 
     sent: Array
-    arcs: Array
     tip: Array
+
+    @property
+    def at_s(self) -> Array:
+        """Times of the tips."""
+        return np.asarray((BEFORE + np.arange(float(len(self.tip)))) * PERIOD_S)
+
+    def trace(self, own: slice, name: str = "") -> CommandedTrace:
+        """Some of the tips as the product takes them, in a base frame whose z points down the arm."""
+        tip = 1e-3 * self.tip * [1.0, -1.0, -1.0]
+        return CommandedTrace(PERIOD_S, self.sent, self.at_s[own], tip[own], name)
 
 
 def read(name: str) -> PneumaticRun:
@@ -72,109 +80,19 @@ def read(name: str) -> PneumaticRun:
     rows = np.clip(np.searchsorted(of["t_s"], at_s, side="right") - 1, 0, None)
     sets = columns(of, [f"set{k}_{c}_psi" for k in (2, 1) for c in (1, 2, 3)])[rows]
     base = columns(of, [f"base_{c}_mm" for c in "xyz"]).mean(axis=0)
-    middle, tip = (
-        np.column_stack([np.interp(at_s, of["t_s"], of[f"{body}_{c}_mm"]) for c in "xyz"]) - base
-        for body in ("mid", "tip")
-    )
+    tip = np.column_stack([np.interp(at_s, of["t_s"], of[f"tip_{c}_mm"]) for c in "xyz"]) - base
     # `long_a` begins between two steps, at 2 psi.
     rest = np.full((BEFORE, 6), sets[-1, 0] if name == "long_a" else REST_PSI)
-    sent = (np.vstack((rest, sets)) - REST_PSI) / STEP_PSI
-    upper = arc_to(middle[:, 0], middle[:, 2])
-    cos, sin = np.cos(upper[:, 0]), np.sin(upper[:, 0])
-    x, z = (tip - middle)[:, [0, 2]].T
-    return PneumaticRun(sent, np.column_stack((upper, arc_to(cos * x + sin * z, cos * z - sin * x))), tip)
+    return PneumaticRun((np.vstack((rest, sets)) - REST_PSI) / STEP_PSI, tip)
 
 
-def arc_to(x: Array, z: Array) -> Array:
-    """Bend and length ``(n, 2)`` of an arc that hangs and ends at x, z."""
-    half = np.arctan2(x, -z)
-    return np.column_stack((2.0 * half, np.hypot(x, z) / np.sinc(half / np.pi)))
-
-
-def tips_of(arcs: Array, y: float) -> Array:
-    """Tips ``(n, 3)`` of two arcs in the plane of one ``y``."""
-    ends = []
-    for bend, length in (arcs[:, :2].T, arcs[:, 2:].T):
-        chord = length * np.sinc(0.5 * bend / np.pi)
-        ends.append((chord * np.sin(0.5 * bend), -chord * np.cos(0.5 * bend)))
-    cos, sin = np.cos(arcs[:, 0]), np.sin(arcs[:, 0])
-    (x1, z1), (x2, z2) = ends
-    return np.column_stack((x1 + cos * x2 - sin * z2, np.full(len(arcs), y), z1 + sin * x2 + cos * z2))
-
-
-def filled(values: Array, up_s: float, down_s: float) -> Array:
-    """Values ``(rows, n)`` behind a lag with a time constant for rising and one for falling."""
-    up, down = 1.0 - np.exp(-PERIOD_S / np.array([up_s, down_s]))
-    out = np.empty_like(values)
-    for k, column in enumerate(values.T.tolist()):
-        x, found = column[0], []
-        for value in column:
-            x += (up if value > x else down) * (value - x)
-            found.append(x)
-        out[:, k] = found
-    return out
-
-
-class ArcMotion:
-    """Two arcs in motion, fitted to some rows of some recordings."""
-
-    def __init__(self, runs: Mapping[str, PneumaticRun], rows: Mapping[str, slice]) -> None:
-        from scipy.optimize import least_squares
-
-        self._runs, self._rows = runs, rows
-        found = least_squares(self._left, START, bounds=(LOW, HIGH), max_nfev=8, diff_step=0.05)
-        self._left(found.x)
-        self.times_s = np.exp(found.x)
-
-    def _left(self, logs: Array) -> Array:
-        """Errors of the fitted tips, with the weights that fit their arcs best."""
-        inputs = {name: self._inputs(self._runs[name], np.exp(logs)) for name in self._rows}
-        self._weights = []
-        for k in range(4):
-            x = np.concatenate([inputs[name][k][own] for name, own in self._rows.items()])
-            y = np.concatenate(
-                [(run.arcs - zero(run))[own, k] for run, own in
-                 ((self._runs[name], own) for name, own in self._rows.items())]
-            )  # fmt: skip
-            normal = x.T @ x + PENALTY * len(x) * np.eye(x.shape[1])
-            self._weights.append(np.linalg.solve(normal, x.T @ y))
-        return np.concatenate(
-            [
-                (run.tip - self._tips(run, inputs[name]))[own][::2, [0, 2]].ravel()
-                for name, own in self._rows.items()
-                for run in (self._runs[name],)
-            ]
-        )
-
-    @staticmethod
-    def _inputs(run: PneumaticRun, times_s: Array) -> list[Array]:
-        """What the weights of the four coordinates act on, from their values at rest."""
-        late = _late(run.sent, round(float(times_s[0]) / PERIOD_S))
-        x = filled(filled(late, *times_s[1:3]), *times_s[3:5])
-        kept = filled(x[:, [2, 5]], 0.5, float(times_s[5]))
-        out = []
-        for section in (0, 1):
-            right, left, middle = x[:, 3 * section : 3 * section + 3].T
-            bends = [right - left]
-            lengths = [right + left, middle, kept[:, section]]
-            if section == 1:
-                bends.append(x[:, 0] - x[:, 1])
-                lengths.append(np.abs(x[:, 0] - x[:, 1]))
-            out += [np.column_stack(bends), np.column_stack(lengths)]
-        return [each[BEFORE:] - each[BEFORE] for each in out]
-
-    def _tips(self, run: PneumaticRun, inputs: Sequence[Array]) -> Array:
-        arcs = np.column_stack([x @ w for x, w in zip(inputs, self._weights, strict=True)])
-        return tips_of(zero(run) + arcs, float(run.tip[:4, 1].mean()))
-
-    def tips(self, run: PneumaticRun) -> Array:
-        """Tips of a recording from its set-points and its first pose."""
-        return self._tips(run, self._inputs(run, self.times_s))
-
-
-def zero(run: PneumaticRun) -> Array:
-    """The coordinates of the arcs in the first 0.2 s."""
-    return np.asarray(run.arcs[:4].mean(axis=0))
+def arcs(runs: Mapping[str, PneumaticRun], rows: Mapping[str, slice], judged: PneumaticRun) -> Array:
+    """Tips by the arcs of chambers."""
+    traces = [runs[name].trace(own, name) for name, own in rows.items()]
+    model = fit_chamber_motion("arm", AXES, ARM, traces, "", kept_out=False)
+    whole = judged.trace(slice(None))
+    model = model.zeroed(whole.sent, PERIOD_S, whole.at_s, whole.measured)
+    return np.asarray(1e3 * model.predict(whole.sent, PERIOD_S, whole.at_s) * [1.0, -1.0, -1.0])
 
 
 def zeroed(run: PneumaticRun, tips: Array) -> Array:
@@ -188,17 +106,10 @@ def window(run: PneumaticRun) -> Array:
 
 
 def tip_motion(runs: Mapping[str, PneumaticRun], rows: Mapping[str, slice], judged: PneumaticRun) -> Array:
-    """Tips by `TipMotion`, without statics."""
-
-    def at_s(run: PneumaticRun) -> Array:
-        return (BEFORE + np.arange(float(len(run.tip)))) * PERIOD_S
-
-    traces = [
-        CommandedTrace(PERIOD_S, runs[name].sent, at_s(runs[name])[own], 1e-3 * runs[name].tip[own], name)
-        for name, own in rows.items()
-    ]
-    model = fit_tip_motion("arm", tuple("abcdef"), [LoadedTrace(each) for each in traces], None, "")
-    return np.asarray(1e3 * model.predict(judged.sent, PERIOD_S, at_s(judged)))
+    """Tips by `TipMotion`, the map of the product, without statics."""
+    traces = [LoadedTrace(runs[name].trace(own, name)) for name, own in rows.items()]
+    model = fit_tip_motion("arm", AXES, traces, None, "")
+    return np.asarray(1e3 * model.predict(judged.sent, PERIOD_S, judged.at_s) * [1.0, -1.0, -1.0])
 
 
 def n4sid(runs: Mapping[str, PneumaticRun], rows: Mapping[str, slice], judged: PneumaticRun) -> Array | None:
@@ -244,12 +155,11 @@ def report() -> Iterator[str]:
     cases += [("long_a", seven, {"long_a, a sequence in another session": every}), ("long_a", part, after)]
     for name, rows, judged in cases:
         run = runs[name]
-        arcs = ArcMotion(runs, rows)
         x = np.concatenate([window(runs[k])[own] for k, own in rows.items()])
         y = np.concatenate([runs[k].tip[own] for k, own in rows.items()])
         found = {
-            "arcs": arcs.tips(run),
-            "TipMotion": tip_motion(runs, rows, run),
+            "arcs": arcs(runs, rows, run),
+            "map": tip_motion(runs, rows, run),
             "kernel ridge": kernel_ridge(x, y, window(run)),
             "linear FIR": ridge(x, y, window(run)),
             "N4SID": n4sid(runs, rows, run),
@@ -257,7 +167,7 @@ def report() -> Iterator[str]:
         }
         for text, own in judged.items():
             errors = (f"{k} {rmse(run, t, own):.1f}" for k, t in found.items() if t is not None)
-            yield f"{text}: {', '.join(errors)} mm; times {np.round(arcs.times_s, 2)} s"
+            yield f"{text}: {', '.join(errors)} mm"
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid_identify.split import Mask
-from contid_identify.tip_motion import AheadError, TipMotion
+from contid_identify.tip_motion import AheadError, MovingTip
 
 #: Between two errors of the recursion [s], and their number.
 STEP_S: Final = 0.02
@@ -53,15 +53,16 @@ class PredictedTips:
 
 
 def predicted_tips(
-    model: TipMotion, sent: Array, period_s: float, tip_at_s: Array, tip_m: Array, load_kg: float
+    model: MovingTip, sent: Array, period_s: float, tip_at_s: Array, tip_m: Array, load_kg: float
 ) -> PredictedTips:
     """Measured tips of a recording on equal steps, and predictions of them from its commands alone."""
     at_s = np.arange(float(tip_at_s[0]), float(tip_at_s[-1]), STEP_S)
     measured = np.column_stack([np.interp(at_s, tip_at_s, column) for column in tip_m.T])
     after = np.clip(np.searchsorted(tip_at_s, at_s), 1, len(tip_at_s) - 1)
     inside = tip_at_s[after] - tip_at_s[after - 1] <= _GAP_S
-    inputs = model.inputs(sent, period_s, at_s, load_kg)
-    return PredictedTips(at_s, measured, model.tips(inputs, load_kg), inside, model.outside(inputs))
+    model = model.zeroed(sent, period_s, tip_at_s, tip_m)
+    tips = model.predict(sent, period_s, at_s, load_kg)
+    return PredictedTips(at_s, measured, tips, inside, model.outside(sent, period_s, at_s, load_kg))
 
 
 def memory_of(errors_m: Sequence[Array]) -> Array:
@@ -94,7 +95,7 @@ def goes_on(memory: Array, ahead_s: float) -> Array:
     return np.asarray((1.0 - share) * low[0] + share * (low @ turn)[0])
 
 
-def ahead(model: TipMotion, of: PredictedTips, ahead_s: float) -> tuple[Array, Mask]:
+def ahead(model: MovingTip, of: PredictedTips, ahead_s: float) -> tuple[Array, Mask]:
     """Errors of predictions ``ahead_s`` ahead.
 
     Returns:
@@ -118,7 +119,7 @@ def ahead(model: TipMotion, of: PredictedTips, ahead_s: float) -> tuple[Array, M
     return errors - forecast, known
 
 
-def judged_ahead(model: TipMotion, of: Sequence[tuple[PredictedTips, Mask]]) -> tuple[AheadError, ...]:
+def judged_ahead(model: MovingTip, of: Sequence[tuple[PredictedTips, Mask]]) -> tuple[AheadError, ...]:
     """Errors at every time of `AHEAD_S`, then from commands alone, on the steps of a mask each."""
     out = []
     for ahead_s in AHEAD_S:

@@ -35,6 +35,11 @@ from contid_identify.robot_option import ROBOT, chosen_robot
     help="Also the tip in motion, as a file of numbers for `contid predict`.",
 )
 @click.option(
+    "--form",
+    type=click.Choice(["map", "arcs"]),
+    help="Of --motion; arcs of chambers predict patterns that were not recorded. Default: map.",
+)
+@click.option(
     "--load-g",
     "loads_g",
     type=NumberRange(0.0, 1e5),
@@ -54,6 +59,7 @@ def command(
     body: bool,
     settle_s: float,
     motion_file: Path | None,
+    form: str | None,
     loads_g: tuple[float, ...],
     write: bool,
     html: Path | None,
@@ -84,6 +90,8 @@ def command(
         raise ContidError(
             f"--load-g {len(loads_g)} times for {len(sessions)} sessions; give it once for each, and --motion"
         )
+    if form is not None and motion_file is None:
+        raise ContidError("--form is the form of what --motion writes; give --motion FILE too")
     recordings = [read_recording(path, name) for path in sessions]
     rests = Rests(settle_s, ring_down, body) if ring_down or body else None
     found = identify(name, robots[name], recordings, rests)
@@ -93,12 +101,14 @@ def command(
         for line in lines(found):
             click.echo(line)
     if motion_file is not None:
+        from contid_identify.chambers.file import write_motion
         from contid_identify.stages import tip_motion
-        from contid_identify.tip_motion_file import write_tip_motion
 
         source = f"{', '.join(path.name for path in sessions)} on {date.today().isoformat()}"
-        model = tip_motion(name, robots[name], recordings, [1e-3 * each for each in loads_g], source)
-        write_tip_motion(model, motion_file)
+        model = tip_motion(
+            name, robots[name], recordings, [1e-3 * each for each in loads_g], source, form or "map"
+        )
+        write_motion(model, motion_file)
         for line in motion_lines(model):
             click.echo(line, err=as_json)
         click.echo(f"written to {motion_file}", err=True)

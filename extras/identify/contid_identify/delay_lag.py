@@ -18,9 +18,9 @@ import numpy as np
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid_identify.answer import CommandedTrace, answer
+from contid_identify.chambers.filling import Filling, fit_filling
 from contid_identify.estimate import ErrorSize, Estimate, Interval, error_of, estimate
 from contid_identify.excitation import noise_of
-from contid_identify.filling import Filling, fit_filling
 from contid_identify.split import TimeSplit, joined_split
 
 #: Longest dead time and lag that are searched [s].

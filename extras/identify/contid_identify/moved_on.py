@@ -114,7 +114,10 @@ def recover(model: TipMotion, trace: CommandedTrace, used_s: float, load_kg: flo
         )  # fmt: skip
 
     def left(parameters: Array) -> Array:
-        found = moved(parameters).predict(first.sent, first.period_s, first.at_s, load_kg)
+        # What is remembered would only cost time here: the changes are the map's.
+        found = replace(moved(parameters), remembered=None).predict(
+            first.sent, first.period_s, first.at_s, load_kg
+        )
         # What is expected of the parameters stands behind the tips, in rows of three.
         expected = np.zeros(-(-len(spread) // 3) * 3)
         expected[: len(spread)] = size * parameters / spread

@@ -55,16 +55,22 @@ def command(
     """
     from contid.errors import ContidError
     from contid_identify.ahead import predicted_tips
+    from contid_identify.chambers.file import read_motion, write_motion
     from contid_identify.moved_on import payload_of, recover
     from contid_identify.prediction import csv_lines, lines, numbers, predicted
     from contid_identify.recording import read_recording
-    from contid_identify.tip_motion_file import read_tip_motion, write_tip_motion
+    from contid_identify.tip_motion import TipMotion
 
     if output is not None and recover_s is None:
         raise ContidError("-o writes what --recover found; give --recover SECONDS too")
     if find_load and load_g is not None:
         raise ContidError("--find-load finds the payload that --load-g gives; give one of them")
-    model = read_tip_motion(motion_file)
+    model = read_motion(motion_file)
+    if not isinstance(model, TipMotion) and (find_load or load_g or recover_s is not None):
+        raise ContidError(
+            f"{motion_file}: arcs of chambers have no payload, and begin by the first tips of each session "
+            "without --recover; leave the option out"
+        )
     recording = read_recording(session, name or model.robot)
     if recording.axes[: len(model.axes)] != model.axes or len(recording.robot.axis_names) != len(model.axes):
         raise ContidError(
@@ -76,13 +82,13 @@ def command(
         raise ContidError(f"{session}: {len(trace.at_s)} measured tips; 50 are needed: record with a tracker")
     load_kg = 1e-3 * (load_g or 0.0)
     payload = recovery = None
-    if find_load:
+    if find_load and isinstance(model, TipMotion):
         payload = payload_of(model, trace)
         load_kg = payload.value
-    if recover_s is not None:
+    if recover_s is not None and isinstance(model, TipMotion):
         recovery = recover(model, trace, recover_s, load_kg)
         if output is not None:
-            write_tip_motion(recovery.model, output)
+            write_motion(recovery.model, output)
             click.echo(f"written to {output}", err=True)
     used = model if recovery is None else recovery.model
     tips = predicted_tips(used, trace.sent, trace.period_s, trace.at_s, trace.measured, load_kg)

@@ -12,7 +12,7 @@ import numpy as np
 from contid_identify.ahead import PredictedTips, judged_ahead
 from contid_identify.estimate import Interval
 from contid_identify.moved_on import HOLDS, Recovery
-from contid_identify.tip_motion import AheadError, TipMotion
+from contid_identify.tip_motion import AheadError, MovingTip
 
 _MM = 1e3
 
@@ -34,7 +34,7 @@ class JudgedPrediction:
     holds: bool
 
 
-def predicted(model: TipMotion, tips: PredictedTips, after_s: float = 0.0) -> JudgedPrediction:
+def predicted(model: MovingTip, tips: PredictedTips, after_s: float = 0.0) -> JudgedPrediction:
     """Judge predictions of a recording from ``after_s`` on."""
     from contid_identify.ahead import ahead
 
@@ -53,7 +53,7 @@ def predicted(model: TipMotion, tips: PredictedTips, after_s: float = 0.0) -> Ju
 
 
 def lines(
-    model: TipMotion, found: JudgedPrediction, payload: Interval | None, recovery: Recovery | None
+    model: MovingTip, found: JudgedPrediction, payload: Interval | None, recovery: Recovery | None
 ) -> Iterator[str]:
     """The report for a terminal."""
     yield f"{model.robot}, identified from {model.source}"
@@ -127,7 +127,7 @@ def numbers(found: JudgedPrediction, payload: Interval | None, recovery: Recover
     return out
 
 
-def csv_lines(model: TipMotion, tips: PredictedTips) -> Iterator[str]:
+def csv_lines(model: MovingTip, tips: PredictedTips) -> Iterator[str]:
     """Measured and predicted tips [mm] in the base frame, with the radius that holds 95 %."""
     yield "t_s,x_mm,y_mm,z_mm,predicted_x_mm,predicted_y_mm,predicted_z_mm,radius_mm\n"
     radius = _MM * model.open_loop.radius_m

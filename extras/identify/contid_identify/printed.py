@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from contid_identify.chambers.filling import Filling
+from contid_identify.chambers.motion import NUMBERS, ChamberMotion
 from contid_identify.delay_lag import JudgedStage
 from contid_identify.estimate import CONFIDENCE, ErrorSize, Interval
-from contid_identify.filling import Filling
 from contid_identify.stages import IdentifiedAxis, IdentifiedMotion
 from contid_identify.tip_motion import TipMotion
 
@@ -76,8 +77,29 @@ def lines(found: IdentifiedMotion) -> Iterator[str]:
             yield f"    {_stage(stage, _MM, 'mm')}"
 
 
-def motion_lines(model: TipMotion) -> Iterator[str]:
+def motion_lines(model: TipMotion | ChamberMotion) -> Iterator[str]:
     """The tip in motion: how its axes answer, and what its predictions are off by on blocks kept out."""
+    yield from _chambers(model) if isinstance(model, ChamberMotion) else _swings(model)
+    for each in model.errors:
+        name = f"{_MS * each.ahead_s:.0f} ms ahead" if math.isfinite(each.ahead_s) else "commands alone"
+        yield (f"  {name:18} kept out {_MM * each.rmse_m:9.4g} mm; 95 % within {_MM * each.radius_m:.4g} mm")
+
+
+def _chambers(model: ChamberMotion) -> Iterator[str]:
+    delay_s, *lags = model.times_s.tolist()
+    yield (
+        f"tip in motion: arcs of chambers; delay {_MS * delay_s:.0f} ms, filling {lags[0]:.2g} and "
+        f"{lags[2]:.2g} s, venting {lags[1]:.2g} and {lags[3]:.2g} s"
+    )
+    for k, own in enumerate(dict(zip(NUMBERS, row, strict=True)) for row in model.numbers.tolist()):
+        yield (
+            f"  section {k + 1}: {_MM * own['straight_m']:.1f} mm, {_MM * own['longest_m']:.1f} mm at most; "
+            f"one chamber bends it by {math.degrees(own['bends_rad']):.0f} deg and lengthens it by "
+            f"{_MM * own['grows_m']:.1f} mm; play +- {_MM * (1.0 - own['elastic']) * own['play_m']:.1f} mm"
+        )
+
+
+def _swings(model: TipMotion) -> Iterator[str]:
     yield f"tip in motion: monomials of degree {model.degree} behind the swing of each axis"
     for axis, delay_s, hz, ratio in zip(
         model.axes, model.delay_s, model.frequency_hz, model.ratio, strict=True
@@ -91,9 +113,6 @@ def motion_lines(model: TipMotion) -> Iterator[str]:
         )
     else:
         yield "  all together: these recordings do not fix delay, frequency and damping ratio"
-    for each in model.errors:
-        name = f"{_MS * each.ahead_s:.0f} ms ahead" if math.isfinite(each.ahead_s) else "commands alone"
-        yield (f"  {name:18} kept out {_MM * each.rmse_m:9.4g} mm; 95 % within {_MM * each.radius_m:.4g} mm")
 
 
 def numbers(found: IdentifiedMotion) -> dict[str, object]:

@@ -12,9 +12,12 @@ from contid.kinematics.array import Array
 from contid.kinematics.batch import forward_many
 from contid.kinematics.model import build_model
 from contid.robot_file.base import Quantity
+from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.robot import RobotDescription
 from contid_identify.answer import CommandedTrace
 from contid_identify.body_fit import BodyFit, fit_body
+from contid_identify.chambers.fit import arm_of, fit_chamber_motion
+from contid_identify.chambers.motion import ChamberMotion
 from contid_identify.delay_lag import AxisAnswer, fit_axis
 from contid_identify.excitation import Excitation, excitation_of
 from contid_identify.recording import RobotRecording
@@ -159,7 +162,8 @@ def tip_motion(
     recordings: Sequence[RobotRecording],
     loads_kg: Sequence[float],
     source: str,
-) -> TipMotion:
+    form: str = "map",
+) -> TipMotion | ChamberMotion:
     """The tip in motion, from all recordings with a measured tip, beginning with the statics of the file.
 
     Args:
@@ -168,9 +172,10 @@ def tip_motion(
         recordings: of it.
         loads_kg: payload of each; empty for none.
         source: origin of the numbers, for their file.
+        form: ``map``, or ``arcs`` of chambers, which predict patterns that were not recorded.
 
     Raises:
-        ContidError: too few tips, or no axis moved.
+        ContidError: too few tips, no axis moved, or arcs of a robot without chambers or with payloads.
     """
     model = build_model(robot)
 
@@ -187,7 +192,12 @@ def tip_motion(
         for each, load_kg in zip(recordings, loads, strict=True)
         if len(each.tip_at_s) >= LEAST_TIPS
     ]
-    return fit_tip_motion(name, robot.axis_names, traces, statics, source)
+
+    if form != "arcs":
+        return fit_tip_motion(name, robot.axis_names, traces, statics, source)
+    if not isinstance(robot, Cosserat) or any(loads):
+        raise ContidError(f"{name}: arcs are for pneumatic arms without payloads; use `--form map`")
+    return fit_chamber_motion(name, robot.axis_names, arm_of(robot), [each.trace for each in traces], source)
 
 
 def _statics(robot: RobotDescription, recordings: Sequence[RobotRecording]) -> list[Array] | None:

@@ -12,17 +12,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol, Self
 
 import numpy as np
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid_identify.answer import smoothly_between
+from contid_identify.remembered import RememberedMotion
 from contid_identify.tip_answer import monomials, swing
 
 #: Inputs are clamped this share of their range beyond it.
 _BEYOND: Final = 0.05
+#: Times before, by whose inputs recordings differ [s].
+_AGO_S: Final = (0.0, 0.2, 0.4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +57,43 @@ class SwingHalves:
     ratio: float
 
 
+class MovingTip(Protocol):
+    """A model of a tip in motion that `contid predict` compares recordings with."""
+
+    @property
+    def robot(self) -> str:
+        """Its name."""
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of its axes."""
+
+    @property
+    def memory(self) -> Array:
+        """Weights ``(order,)`` by which the last errors go on, see `contid_identify.ahead`."""
+
+    @property
+    def errors(self) -> tuple[AheadError, ...]:
+        """Of predictions on blocks kept out, the longest time ahead last."""
+
+    @property
+    def source(self) -> str:
+        """Recordings and date."""
+
+    @property
+    def open_loop(self) -> AheadError:
+        """Errors of predictions from commands alone."""
+
+    def zeroed(self, sent: Array, period_s: float, at_s: Array, tip_m: Array) -> Self:
+        """The model as a recording begins, by its first tips."""
+
+    def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:
+        """Tips ``(samples, 3)`` [m] from commands alone."""
+
+    def outside(self, sent: Array, period_s: float, at_s: Array, load_kg: float = 0.0) -> float:
+        """Share of the time in which commands were not in the recordings of the fit."""
+
+
 _NOT_FIXED: Final = SwingHalves(math.inf, math.inf, math.inf)
 
 
@@ -78,6 +118,7 @@ class TipMotion:
         errors: of predictions on blocks kept out, the longest time last.
         source: recordings and date.
         halves: how sure dead times, frequencies and ratios are.
+        remembered: what is added to the map where commands of the recordings come again, or None.
     """
 
     robot: str
@@ -99,6 +140,7 @@ class TipMotion:
     errors: tuple[AheadError, ...]
     source: str
     halves: SwingHalves = _NOT_FIXED
+    remembered: RememberedMotion | None = None
 
     def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:
         """Tips ``(samples, 3)`` [m] in the base frame, from commands alone; the robot rests before.
@@ -120,7 +162,19 @@ class TipMotion:
         if len(sent) < 2 or not np.isfinite(sent).all() or not period_s > 0.0:
             raise ContidError(f"{self.robot}: commands must be finite, two at least, with a period above 0")
         at_s = np.arange(float(len(sent))) * period_s if at_s is None else at_s
-        return self.tips(self.inputs(sent, period_s, at_s, load_kg), load_kg)
+        tips = self.tips(self.inputs(sent, period_s, at_s, load_kg), load_kg)
+        if self.remembered is not None:
+            states = self.states(sent, period_s, at_s, load_kg)
+            tips += self.remembered.added(states, self.load_share(load_kg))
+        return tips
+
+    def states(self, sent: Array, period_s: float, at_s: Array, load_kg: float) -> Array:
+        """Inputs of the map now and before, by which recordings are remembered; ``(samples, states)``."""
+        return np.hstack([self.inputs(sent, period_s, at_s - ago_s, load_kg) for ago_s in _AGO_S])
+
+    def load_share(self, load_kg: float) -> float:
+        """A payload as a share of the greatest one of the recordings."""
+        return self.effect_kg(load_kg) / self.effect_kg(self.loads_kg[1]) if self.loads_kg[1] > 0.0 else 0.0
 
     def inputs(self, sent: Array, period_s: float, at_s: Array, load_kg: float) -> Array:
         """What the map acts on at times ``at_s``: ``(samples, inputs)``, not clamped."""
@@ -138,8 +192,13 @@ class TipMotion:
         """``s`` of a payload."""
         return load_kg / (1.0 + self.less_per_kg * max(load_kg, 0.0))
 
-    def outside(self, inputs: Array) -> float:
+    def zeroed(self, sent: Array, period_s: float, at_s: Array, tip_m: Array) -> Self:
+        """Itself: what a recording begins with does not change it, see `MovingTip`."""
+        return self
+
+    def outside(self, sent: Array, period_s: float, at_s: Array, load_kg: float = 0.0) -> float:
         """Share of the samples whose inputs were not in the recordings of the fit."""
+        inputs = self.inputs(sent, period_s, at_s, load_kg)
         beyond = _BEYOND * (self.high - self.low)
         return float(((inputs < self.low - beyond) | (inputs > self.high + beyond)).any(axis=1).mean())
 

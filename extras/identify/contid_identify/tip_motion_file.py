@@ -12,10 +12,13 @@ import numpy as np
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.whole_file import replacing
-from contid_identify.tip_motion import AheadError, SwingHalves, TipMotion, features
+from contid_identify.remembered import RememberedMotion
+from contid_identify.tip_motion import AheadError, MovingTip, SwingHalves, TipMotion, features
 
 _FORMAT: Final = "contid tip motion 1"
 _VECTORS: Final = ("delay_s", "frequency_hz", "ratio", "centre", "low", "high", "memory")
+_REMEDY: Final = "`contid identify ROBOT SESSION --motion FILE` writes one"
+_REMEMBERED: Final = ("scale", "centres", "loads", "weights")
 _HALVES: Final = ("delay_s", "frequency", "ratio")
 _MATRICES: Final = ("turns", "weights", "load_weights")
 
@@ -23,10 +26,7 @@ _MATRICES: Final = ("turns", "weights", "load_weights")
 def write_tip_motion(model: TipMotion, path: Path) -> None:
     """Write the file, whole or not at all."""
     data: dict[str, Any] = {
-        "format": _FORMAT,
-        "robot": model.robot,
-        "axes": list(model.axes),
-        "source": model.source,
+        **common_of(model, _FORMAT),
         "degree": model.degree,
         "softer_per_kg": model.softer_per_kg,
         "less_per_kg": model.less_per_kg,
@@ -34,17 +34,61 @@ def write_tip_motion(model: TipMotion, path: Path) -> None:
         "halves": {
             name: half if math.isfinite(half := getattr(model.halves, name)) else None for name in _HALVES
         },
+    }
+    for name in (*_VECTORS, *_MATRICES):
+        data[name] = getattr(model, name).tolist()
+    if (kept := model.remembered) is not None:
+        data["remembered"] = {name: getattr(kept, name).tolist() for name in _REMEMBERED}
+    write_numbers(data, path)
+
+
+def common_of(model: MovingTip, form: str) -> dict[str, Any]:
+    """What files of every model have."""
+    return {
+        "format": form,
+        "robot": model.robot,
+        "axes": list(model.axes),
+        "source": model.source,
         "errors": [
             # Infinity is no number of JSON.
             {"ahead_s": each.ahead_s if math.isfinite(each.ahead_s) else None,
              "rmse_m": each.rmse_m, "radius_m": each.radius_m}
             for each in model.errors
         ],
+        "memory": model.memory.tolist(),
     }  # fmt: skip
-    for name in (*_VECTORS, *_MATRICES):
-        data[name] = getattr(model, name).tolist()
+
+
+def errors_of(data: dict[str, Any]) -> tuple[AheadError, ...]:
+    """The errors in a file."""
+    return tuple(
+        AheadError(
+            float("inf") if each["ahead_s"] is None else float(each["ahead_s"]),
+            float(each["rmse_m"]), float(each["radius_m"]),
+        )
+        for each in data["errors"]
+    )  # fmt: skip
+
+
+def write_numbers(data: dict[str, Any], path: Path) -> None:
+    """Write a file, whole or not at all."""
     with replacing(path) as file:
         file.write((json.dumps(data, indent=1) + "\n").encode())
+
+
+def content_of(path: str | Path) -> dict[str, Any]:
+    """The content of a file.
+
+    Raises:
+        ContidError: not such a file.
+    """
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ContidError(f"{path}: no file of a tip in motion ({error}); {_REMEDY}") from None
+    if not isinstance(data, dict):
+        raise ContidError(f"{path}: its `format` is not {_FORMAT!r}; {_REMEDY}")
+    return data
 
 
 def read_tip_motion(path: str | Path) -> TipMotion:
@@ -53,42 +97,42 @@ def read_tip_motion(path: str | Path) -> TipMotion:
     Raises:
         ContidError: not such a file, or numbers of the wrong count.
     """
-    remedy = "`contid identify ROBOT SESSION --motion FILE` writes one"
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ContidError(f"{path}: no file of a tip in motion ({error}); {remedy}") from None
-    if not isinstance(data, dict) or data.get("format") != _FORMAT:
-        raise ContidError(f"{path}: its `format` is not {_FORMAT!r}; {remedy}")
+    return tip_motion_of(content_of(path), path)
+
+
+def tip_motion_of(data: dict[str, Any], path: str | Path) -> TipMotion:
+    """The model of the content of a file.
+
+    Raises:
+        ContidError: another file, or numbers of the wrong count.
+    """
+    if data.get("format") != _FORMAT:
+        raise ContidError(f"{path}: its `format` is not {_FORMAT!r}; {_REMEDY}")
     try:
         axes = tuple(map(str, data["axes"]))
         vectors = {name: np.array(data[name], dtype=float) for name in _VECTORS}
         matrices = {name: np.array(data[name], dtype=float) for name in _MATRICES}
         degree = int(data["degree"])
         low_kg, high_kg = map(float, data["loads_kg"])
-        # Files of before have no intervals.
+        # Files of before have no intervals, and nothing is remembered.
         given = data.get("halves", {})
         halves = SwingHalves(*(math.inf if (v := given.get(k)) is None else float(v) for k in _HALVES))
-        errors = tuple(
-            AheadError(
-                float("inf") if each["ahead_s"] is None else float(each["ahead_s"]),
-                float(each["rmse_m"]), float(each["radius_m"]),
-            )
-            for each in data["errors"]
-        )  # fmt: skip
+        kept = data.get("remembered")
+        remembered = kept and RememberedMotion(*(np.array(kept[name], dtype=float) for name in _REMEMBERED))
         model = TipMotion(
             str(data["robot"]), axes, softer_per_kg=float(data["softer_per_kg"]), degree=degree,
             less_per_kg=float(data["less_per_kg"]),
-            loads_kg=(low_kg, high_kg), errors=errors, source=str(data["source"]), halves=halves,
+            loads_kg=(low_kg, high_kg), errors=errors_of(data), source=str(data["source"]), halves=halves,
+            remembered=remembered,
             **vectors, **matrices,
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
-        raise ContidError(f"{path}: {error!r} where a number or a key should be; {remedy}") from None
-    _check(model, path, remedy)
+        raise ContidError(f"{path}: {error!r} where a number or a key should be; {_REMEDY}") from None
+    _check(model, path)
     return model
 
 
-def _check(model: TipMotion, path: str | Path, remedy: str) -> None:
+def _check(model: TipMotion, path: str | Path) -> None:
     inputs = len(model.low)
     if not 1 <= model.degree <= 3:
         raise ContidError(f"{path}: degree is {model.degree}; allowed: 1 to 3")
@@ -106,7 +150,13 @@ def _check(model: TipMotion, path: str | Path, remedy: str) -> None:
         if values.shape != shape or not np.isfinite(values).all():
             raise ContidError(
                 f"{path}: {name} has shape {values.shape} or numbers that are not finite; needed: {shape}; "
-                f"{remedy}"
+                f"{_REMEDY}"
             )
+    if (kept := model.remembered) is not None:
+        states = model.states(np.zeros((2, len(model.axes))), 1.0, np.zeros(1), 0.0).shape[1]
+        count = len(kept.loads)
+        needed = ((states,), (count, states), (count,), (count, 3))
+        if tuple(getattr(kept, name).shape for name in _REMEMBERED) != needed:
+            raise ContidError(f"{path}: remembered has numbers of another shape than {needed}; {_REMEDY}")
     if not model.errors or not (model.frequency_hz > 0.0).all():
-        raise ContidError(f"{path}: no errors, or a frequency that is not above 0; {remedy}")
+        raise ContidError(f"{path}: no errors, or a frequency that is not above 0; {_REMEDY}")

@@ -20,6 +20,7 @@ from contid.kinematics.array import Array
 from contid_identify.ahead import STEP_S, PredictedTips, judged_ahead, memory_of, predicted_tips
 from contid_identify.answer import CommandedTrace
 from contid_identify.estimate import estimate
+from contid_identify.remembered import RememberedMotion, remember
 from contid_identify.split import Mask, split_time
 from contid_identify.tip_answer import LEAST_TIPS
 from contid_identify.tip_motion import SwingHalves, TipMotion, features, swung
@@ -93,7 +94,7 @@ def fit_tip_motion(
         np.zeros(1), (), source, halves,
     )  # fmt: skip
     left = fit.left_out(own, degree, penalty)
-    found = replace(found, memory=memory_of(left))
+    found = replace(found, memory=memory_of(left), remembered=fit.remembered(found))
     kept: list[tuple[PredictedTips, Mask]] = []
     for each in traces:
         trace = each.trace
@@ -345,6 +346,16 @@ class _Fit:
                 steps = np.arange(float(at_s[rows][0]), float(at_s[rows][-1]), STEP_S)
                 out.append(np.column_stack([np.interp(steps, at_s[rows], c) for c in part[rows].T]))
         return out
+
+    def remembered(self, found: TipMotion) -> RememberedMotion | None:
+        """What the map leaves over of its rows."""
+        states, left, loads = [], [], []
+        for trace, load_kg, own in zip(self.traces, self.loads, self.rows, strict=True):
+            at_s = trace.at_s[own]
+            states.append(found.states(trace.sent, trace.period_s, at_s, load_kg))
+            left.append(trace.measured[own] - found.predict(trace.sent, trace.period_s, at_s, load_kg))
+            loads.append(np.full(len(own), found.load_share(load_kg)))
+        return remember(np.concatenate(states), np.concatenate(left), np.concatenate(loads), self._fold())
 
     def map_of(self, parameters: Array, degree: int, penalty: float) -> tuple[Array, Array]:
         """Weights ``(monomials, 3)`` without load, and per mass of it [m/kg]."""

@@ -66,7 +66,10 @@ def trace_of(seed: int, load_kg: float = 0.0, duration_s: float = 30.0, **change
 @pytest.fixture(scope="module")
 def model() -> TipMotion:
     traces = [LoadedTrace(trace_of(1, 0.0), 0.0), LoadedTrace(trace_of(2, 0.2), 0.2)]
-    return fit_tip_motion("arm", ("a", "b"), traces, None, "a test")
+    with pytest.MonkeyPatch.context() as few:
+        # Fewer centres cost less; what is remembered has its own tests.
+        few.setattr("contid_identify.remembered.MOST", 200)
+        return fit_tip_motion("arm", ("a", "b"), traces, None, "a test")
 
 
 def test_delay_swing_and_other_commands(model: TipMotion) -> None:
@@ -156,7 +159,7 @@ def test_outside_of_the_recordings_nothing_grows(model: TipMotion) -> None:
     far = np.full((200, 2), 30.0)
     far[:100] = 0.0
     assert np.linalg.norm(model.predict(far, PERIOD_S), axis=1).max() < 0.5
-    assert model.outside(model.inputs(far, PERIOD_S, np.arange(200, dtype=np.float64) * PERIOD_S, 0.0)) > 0.3
+    assert model.outside(far, PERIOD_S, np.arange(200, dtype=np.float64) * PERIOD_S) > 0.3
 
 
 def test_errors_go_on_by_their_recursion() -> None:

@@ -1,0 +1,1 @@
+"""Arms of pneumatic sections in motion: each section an arc that its chambers bend and lengthen."""
