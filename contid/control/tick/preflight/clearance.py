@@ -72,8 +72,8 @@ class ClearancePreflight:
 
         Infinite with another force, which is a step.
 
-        On a way d the speed of an axis is at most sqrt(a d). In a stop from there it goes half its speed times
-        the duration, which is that of the axis with the longest stop: sqrt(d / a) at most.
+        On a way d the speed of an axis is at most sqrt(a d). In a stop from there it goes half its speed
+        times the duration, which is that of the axis with the longest stop: sqrt(d / a) at most.
         """
         config, speeds = self._configs[name], self._guard.arms[name].speed
         if start[1] != goal[1]:
