@@ -1,4 +1,4 @@
-"""A live stream takes at most one and a half times what a timed path does, in every part of it, on every robot.
+"""A live stream takes at most 1.5 times what a timed path does, in every part of it, on every shipped robot.
 
 Times of the processor are compared within a run, never with those of another machine. A tick does the same in
 every look at the same motion, so of each the shortest counts: neighbours on the machine disturb some looks.
