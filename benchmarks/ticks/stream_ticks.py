@@ -1,4 +1,4 @@
-"""Ticks of shipped robots on a live stream: ``python -m benchmarks.stream_ticks [LOOKS] [ROBOT ...]``.
+"""Ticks of shipped robots on a live stream: ``python -m benchmarks.ticks.stream_ticks [LOOKS] [ROBOT ...]``.
 
 Processor time of the tick of the robots of a file, without their buses [us], over 2 s of a timed path and the
 first 2 s of a live stream of the same motion at 50 rows/s (`contid.control.daemon.tick_times`). Of each tick
