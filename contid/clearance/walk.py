@@ -71,6 +71,15 @@ class Walk:
         other.__dict__.update(self.__dict__ | {"_bounds": dict(self._bounds)})
         return other
 
+    def has_room(self, ways_m: Mapping[str, float]) -> bool:
+        """True when no pair can come too near by motions of at most these lengths, by robot [m]."""
+        sides = ((self._bounds, self._floors), (self._near_bounds, self._near_floors))
+        return all(
+            bounds[pair] - ways_m.get(pair[0], 0.0) - ways_m.get(pair[1], 0.0) >= floors[pair]
+            for bounds, floors in sides
+            for pair in bounds
+        )
+
     def to(self, goal: Configuration) -> str:
         """Move on to a configuration; returns why that comes too near, or "".
 

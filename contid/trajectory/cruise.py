@@ -1,4 +1,6 @@
-"""Jerk-limited motions to a rest without ruckig, every axis at rest at the same instant.
+"""Jerk-limited motions to a rest of axes whose limits differ, every axis at rest at the same instant.
+
+On straight lines, which ruckig leaves for such axes.
 
 An axis goes from its velocity u to a cruise velocity c, cruises, and stops:
 

@@ -1,43 +1,52 @@
 """Jerk-limited motion of several axes to a goal that moves: the state after a time, from any state.
 
 The motion is that of ruckig in the frame that moves with the goal at its present velocity, where the goal
-rests: time-optimal, with every axis there at the same instant. Velocity limits are shifted by the velocity of
-the frame; acceleration and jerk are the same in both. Its state is asked anew in every tick, from the state
-before, so the motion is continuous to the acceleration and its jerk stays within its limit, whatever the goal
-does.
-
-`contid.trajectory.planned_motion` plans the motion in the frame, on a straight line where it may.
-
-Source: L. Berscheid, T. Kroeger, "Jerk-limited Real-time Trajectory Generation with Arbitrary Target
-States", RSS 2021 (the ruckig library).
+rests: time-optimal, with every axis there at the same instant. Its state is asked anew in every tick, from
+the state before, so the motion is continuous to the acceleration and its jerk stays within its limit,
+whatever the goal does. It is compiled: ``contid/kernels/motion/pursuit.hpp``.
 """
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import NamedTuple
 
+from contid.kernels import load
 from contid.targets import Actuation
-from contid.trajectory.planned_motion import (
-    AxisRates,
-    Lines,
-    MovingAxes,
-    planned,
-    rounded,
-    shares_of_line,
-    state_at,
-)
 
-#: Share of the velocity limit that a frame moves at most: the axes can still come nearer.
-_FRAME_SHARE: Final = 0.95
+
+class Lines(enum.IntEnum):
+    """Straight lines of axes whose present rates allow them, by versions of the rules of motions.
+
+    ``Lines`` of ``contid/kernels/motion/pursuit.hpp``.
+    """
+
+    NONE = 0
+    ROUNDED = 1
+    EXACT = 2
+
+
+class MovingAxes(NamedTuple):
+    """Position [m or Pa], velocity [m/s or Pa/s] and acceleration [m/s^2 or Pa/s^2] of every axis."""
+
+    position: Actuation
+    velocity: Actuation
+    acceleration: Actuation
+
+
+class AxisRates(NamedTuple):
+    """Greatest velocity, acceleration and jerk of every axis [m or Pa, per s, s^2 and s^3]."""
+
+    velocity: Sequence[float]
+    acceleration: Sequence[float]
+    jerk: Sequence[float]
 
 
 def frame_velocity(pace: Sequence[float], rates: AxisRates) -> Actuation:
     """Velocity of the frame of a goal that moves by a pace [m/s or Pa/s]; 0 where an axis has jumped."""
-    if any(abs(v) > limit for v, limit in zip(pace, rates.velocity, strict=True)):
-        return (0.0,) * len(pace)
-    pairs = zip(pace, rates.velocity, strict=True)
-    return tuple([min(max(v, -_FRAME_SHARE * limit), _FRAME_SHARE * limit) for v, limit in pairs])
+    found: Actuation = load("limiter").frame_velocity(pace, rates)
+    return found
 
 
 def pursued(
@@ -61,54 +70,13 @@ def pursued(
         together: every axis arrives at the same instant, else each as early as it can.
         straight: the straight line where the present rates allow it, with ``together``.
     """
-    import ruckig
-
-    gaps = zip(state.position, goal, frame, strict=True)
-    found = planned(
-        [at - there + v * time_s for at, there, v in gaps],
-        state,
-        frame,
-        rates,
-        ruckig.ControlInterface.Position,
-        ruckig.Synchronization.Phase if together else ruckig.Synchronization.No,
-        straight=straight,
-    )
-    return None if found is None else state_at(found, time_s, goal, frame, rates)
-
-
-def kept_line(
-    state: MovingAxes, goal: Actuation, rates: AxisRates, time_s: float, straight: Lines
-) -> MovingAxes | None:
-    """The state after ``time_s`` on the straight line of the present motion, to its point nearest to a goal.
-
-    None where the axes are not on a line.
-    """
-    scale = rates.velocity
-    velocity = rounded([v / unit for v, unit in zip(state.velocity, scale, strict=True)])
-    acceleration = rounded([a / unit for a, unit in zip(state.acceleration, scale, strict=True)])
-    most = [a / unit for a, unit in zip(rates.acceleration, scale, strict=True)]
-    shares = shares_of_line(velocity, velocity, acceleration, most)
-    if not shares:
-        return None
-    gaps = zip(shares, goal, state.position, scale, strict=True)
-    way = sum([share * (there - at) / unit for share, there, at, unit in gaps]) / sum([s * s for s in shares])
-    ends = zip(state.position, shares, scale, strict=True)
-    end = tuple([at + way * share * unit for at, share, unit in ends])
-    return pursued(state, end, (0.0,) * len(end), rates, time_s, straight=straight)
+    found = load("limiter").pursued(state, goal, frame, rates, time_s, together, straight)
+    return None if found is None else MovingAxes(*found)
 
 
 def braked(
     state: MovingAxes, rates: AxisRates, time_s: float, together: bool, straight: Lines = Lines.NONE
 ) -> MovingAxes | None:
     """The state after ``time_s`` of the shortest stop, ``together`` or of every axis by itself."""
-    found = _stop(state, rates, together, straight)
-    still = (0.0,) * len(state.position)
-    return None if found is None else state_at(found, time_s, state.position, still, rates)
-
-
-def _stop(state: MovingAxes, rates: AxisRates, together: bool, straight: Lines) -> Any:
-    import ruckig
-
-    kind = ruckig.Synchronization.Time if together else ruckig.Synchronization.No
-    still = (0.0,) * len(state.position)
-    return planned(still, state, still, rates, ruckig.ControlInterface.Velocity, kind, straight=straight)
+    found = load("limiter").braked(state, rates, time_s, together, straight)
+    return None if found is None else MovingAxes(*found)

@@ -12,7 +12,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits
 from contid.kinematics.array import Array
 from contid.robot_file.load import load_named
-from contid.trajectory.planned_motion import MovingAxes
+from contid.trajectory.pursuit import MovingAxes
 
 
 def config_of(robot: str) -> RobotConfig:

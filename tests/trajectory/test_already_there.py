@@ -7,7 +7,6 @@ import random
 
 import pytest
 
-from contid.trajectory import approach
 from contid.trajectory.approach import Approach
 from contid.trajectory.standstill import JerkLimitedStop
 from contid.trajectory.straight_stop import StraightStop
@@ -17,14 +16,7 @@ def tiny(rng: random.Random, low: float, high: float) -> float:
     return rng.choice((-1.0, 1.0)) * math.pow(10.0, rng.uniform(low, high))
 
 
-@pytest.fixture(params=["ruckig", "cruise"])
-def solver(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    if request.param == "cruise":
-        monkeypatch.setattr(approach, "optimal", lambda: False)
-    return str(request.param)
-
-
-def test_the_motion_of_the_report_exists(solver: str) -> None:
+def test_the_motion_of_the_report_exists() -> None:
     """`tendon3` at rest, the first jog: 5e-18 of way on one axis."""
     here = 0.000264651
     motion = Approach((here, 0.0), (0.0, 1e-17), (here + 5e-18, 0.0), (0.05,) * 2, (0.5,) * 2, (5.0,) * 2)
@@ -33,9 +25,9 @@ def test_the_motion_of_the_report_exists(solver: str) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_motions_of_next_to_nothing_exist_and_stay_between_their_ends(solver: str, seed: int) -> None:
+def test_motions_of_next_to_nothing_exist_and_stay_between_their_ends(seed: int) -> None:
     rng = random.Random(seed)
-    for _ in range(700 if solver == "ruckig" else 60):
+    for _ in range(700):
         axes = rng.choice((1, 2, 3, 6, 9))
         if rng.random() < 0.7:
             speed = [rng.choice((0.03, 0.2, 1.0, 3e5))] * axes

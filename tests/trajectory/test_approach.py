@@ -1,30 +1,19 @@
-"""Approach: limits are kept, everything arrives, from any state; with ruckig and without it."""
+"""Approach: limits are kept, everything arrives, from any state, as by the package of ruckig."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+import ruckig
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contid.trajectory.approach import Approach, MotionError, optimal
+from contid.trajectory.approach import Approach, MotionError
 
 VELOCITY, ACCELERATION, JERK = 0.1, 1.0, 20.0
 lengths = st.integers(0, 200_000).map(lambda micrometres: micrometres / 1e6)
-
-
-@pytest.fixture(autouse=True, params=["ruckig", "without ruckig"])
-def solver(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """Every test of this file twice: as installed, and with the package hidden."""
-    if request.param != "ruckig":
-        monkeypatch.setitem(sys.modules, "ruckig", None)
-    optimal.cache_clear()
-    assert optimal() == (request.param == "ruckig")
-    yield request.param
-    optimal.cache_clear()
 
 
 def approach(
@@ -46,7 +35,7 @@ def derivatives(motion: Approach, rate: float = 2000.0) -> tuple[np.ndarray, np.
     return positions, velocities, np.diff(velocities, axis=0) * rate
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, deadline=None)
 @given(start=st.tuples(lengths, lengths, lengths), goal=st.tuples(lengths, lengths, lengths))
 def test_an_approach_starts_and_ends_at_rest_within_its_limits(
     start: tuple[float, ...], goal: tuple[float, ...]
@@ -135,3 +124,36 @@ def test_a_way_that_just_reaches_the_acceleration_has_a_motion(
     assert motion.duration_s == pytest.approx(max(each.duration_s for each in alone), rel=1e-4)
     jerks = np.diff([motion.at(t)[1] for t in np.linspace(0, motion.duration_s, 2000)], n=2, axis=0)
     assert np.abs(jerks).max() / (motion.duration_s / 1999) ** 2 <= 20.0 * 1.01
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_its_bits_are_those_of_the_package_of_ruckig(seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    for _ in range(40):
+        axes, straight = int(draw.integers(1, 7)), bool(draw.integers(2))
+        most, jerk = draw.uniform(2.0, 20.0, axes).tolist(), draw.uniform(40.0, 400.0, axes).tolist()
+        start, goal = draw.uniform(-1.0, 1.0, axes).tolist(), draw.uniform(-1.0, 1.0, axes).tolist()
+        velocity = draw.uniform(-0.9, 0.9, axes).tolist()
+        acceleration = (0.1 * draw.uniform(-1.0, 1.0, axes)).tolist()
+        given = ruckig.InputParameter(axes)
+        given.current_position, given.target_position = start, goal
+        given.current_velocity, given.current_acceleration = velocity, acceleration
+        given.max_velocity, given.max_acceleration, given.max_jerk = [1.0] * axes, most, jerk
+        kinds = ruckig.Synchronization
+        given.synchronization = kinds.Phase if straight else kinds.Time
+        way = ruckig.Trajectory(axes)
+        ruckig.Ruckig(axes).calculate(given, way)
+        motion = Approach(
+            start,
+            velocity,
+            goal,
+            (1.0,) * axes,
+            most,
+            jerk,
+            straight=straight,
+            start_acceleration=acceleration,
+        )
+        assert motion.duration_s == way.duration
+        for share in (0.01, 0.3, 0.5, 0.99):
+            position, speed, _ = way.at_time(share * way.duration)
+            assert motion.at(share * way.duration) == (tuple(position), tuple(speed))

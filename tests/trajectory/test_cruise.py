@@ -1,4 +1,4 @@
-"""Motions without ruckig: as fast as ruckig's from standstill, within the limits from any velocity."""
+"""Motions of axes whose limits differ: as fast as ruckig's from rest, within the limits from motion."""
 
 from __future__ import annotations
 
@@ -91,8 +91,8 @@ def test_a_straight_motion_stays_on_its_line_as_ruckigs_does() -> None:
         assert velocity == pytest.approx(list(expected[1]), abs=1e-4)
 
 
-def test_a_robot_moves_without_the_package(tmp_path: Path) -> None:
-    """The whole command with the package hidden: the first row is approached, and the rest pose."""
+def test_a_robot_moves_without_the_package_of_ruckig(tmp_path: Path) -> None:
+    """Its motions are in the kernel: the first row is approached, and the rest pose."""
     (tmp_path / "ruckig.py").write_text("raise ImportError('hidden')")
     rows = "t_s,left_mm,right_mm\n0,60,70\n1,62,68\n"
     done = subprocess.run(

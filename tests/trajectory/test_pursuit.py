@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+import ruckig
 
 from contid.targets import Actuation
-from contid.trajectory.planned_motion import AxisRates, Lines, MovingAxes
-from contid.trajectory.pursuit import braked, frame_velocity, pursued
+from contid.trajectory.pursuit import AxisRates, Lines, MovingAxes, braked, frame_velocity, pursued
 
 H_S = 0.005
 RATES = AxisRates((0.06, 0.1, 0.06), (1.0, 0.9, 1.0), (20.0, 18.0, 25.0))
@@ -65,6 +65,36 @@ def test_limits_hold_for_a_goal_that_jumps_in_every_tick(seed: int) -> None:
         state = found
         positions.append(state.position)
     assert max(shares(positions)) <= 1.0 + 1e-6
+
+
+@pytest.mark.parametrize("together", [True, False])
+def test_its_bits_are_those_of_the_package_of_ruckig(together: bool) -> None:
+    """In the frame of the goal, with the velocity limits of the axes as units."""
+    draw, scale = np.random.default_rng(7), np.array(RATES.velocity)
+    given, way, kinds = ruckig.InputParameter(3), ruckig.Trajectory(3), ruckig.Synchronization
+    given.synchronization = kinds.Phase if together else kinds.No
+    given.target_position = given.target_velocity = given.target_acceleration = [0.0] * 3
+    given.max_acceleration = (np.array(RATES.acceleration) / scale).tolist()
+    given.max_jerk = ((1.0 - 1e-6) * (np.array(RATES.jerk) / scale)).tolist()
+    for _ in range(100):
+        at, goal = draw.uniform(-0.02, 0.02, (2, 3))
+        velocity, frame = draw.uniform(-0.9, 0.9, (2, 3)) * scale
+        acceleration = draw.uniform(-0.1, 0.1, 3)
+        given.current_position = ((at - goal + frame * H_S) / scale).tolist()
+        given.current_velocity = ((velocity - frame) / scale).tolist()
+        given.current_acceleration = (acceleration / scale).tolist()
+        given.max_velocity, given.min_velocity = (
+            (1.0 - frame / scale).tolist(),
+            (-1.0 - frame / scale).tolist(),
+        )
+        ruckig.Ruckig(3).calculate(given, way)
+        p, v, a = (np.array(each) for each in way.at_time(H_S)[:3])
+        state = MovingAxes(*(tuple(each.tolist()) for each in (at, velocity, acceleration)))
+        after = pursued(state, tuple(goal.tolist()), tuple(frame.tolist()), RATES, H_S, together)
+        assert after is not None
+        assert after.position == tuple((goal + p * scale).tolist())
+        assert after.velocity == tuple((frame + v * scale).tolist())
+        assert after.acceleration == tuple((a * scale).tolist())
 
 
 def test_a_goal_beyond_the_velocity_is_one_that_jumped() -> None:

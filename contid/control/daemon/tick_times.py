@@ -11,10 +11,10 @@ import io
 import logging
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 from zlib import crc32
 
 from contid.control.daemon.budget import Budget, TickCost
@@ -67,6 +67,14 @@ class _Counting:
         pass
 
 
+class _TickTimes(NamedTuple):
+    """Time of a whole tick, and of its robots and buses [s]."""
+
+    whole_s: float
+    robots_s: tuple[float, ...]
+    buses_s: tuple[float, ...]
+
+
 class _Measured:
     """A simulated run with stopwatches."""
 
@@ -107,30 +115,40 @@ class _Measured:
         while not over() and self.process.tick < last and time.monotonic() < ends_s:
             self._turn()
 
-    def _ticks(self, motion: str, rows: bool, virtual_s: float) -> TickCost:
-        """Turn and count; the slower half of the ticks is left out, as what the machine does besides."""
-        names = [config.name for config in self._engine.robots.configs]
+    def _ticks(self, rows: bool, virtual_s: float) -> list[_TickTimes]:
+        """Turn and count."""
         ends_s, began = time.monotonic() + self._longest_s, self.process.tick
         last, row = began + max(virtual_s * self._rate_hz, LEAST_TICKS), 0
-        found: list[tuple[float, tuple[float, ...], tuple[float, ...]]] = []
+        found: list[_TickTimes] = []
         while self.process.tick < last and (time.monotonic() < ends_s or len(found) < 2):
             begin_s, due = time.thread_time(), (self.process.tick - began) / self._rate_hz * ROWS_HZ
             self._turn(row if rows and due >= row else None)
             row += rows and due >= row
             robots_s = tuple(self._engine.costs.robots_s)
-            found.append((time.thread_time() - begin_s, robots_s, tuple(self._buses_s.values())))
+            found.append(_TickTimes(time.thread_time() - begin_s, robots_s, tuple(self._buses_s.values())))
+        return found
+
+    def cost(self, motion: str, virtual_s: float) -> TickCost:
+        """Of a motion; the slower half of the ticks is left out, as what the machine does besides."""
+        found = self.ticks(motion, virtual_s)
         kept = sorted(found)[: (len(found) + 1) // 2]
         count = len(kept)
-        robots = {name: sum(each[1][k] for each in kept) / count for k, name in enumerate(names)}
-        buses = {name: sum(each[2][k] for each in kept) / count for k, name in enumerate(self._buses_s)}
-        rest_s = sum(each[0] for each in kept) / count - sum(robots.values()) - sum(buses.values())
+        names = [config.name for config in self._engine.robots.configs]
+        robots = {name: sum(each.robots_s[k] for each in kept) / count for k, name in enumerate(names)}
+        buses = {name: sum(each.buses_s[k] for each in kept) / count for k, name in enumerate(self._buses_s)}
+        rest_s = sum(each.whole_s for each in kept) / count - sum(robots.values()) - sum(buses.values())
         return TickCost(motion, robots, buses, max(rest_s, 0.0))
 
-    def hold(self, virtual_s: float) -> TickCost:
-        """Robots that stand."""
-        return self._ticks("hold", False, virtual_s)
+    def ticks(self, motion: str, virtual_s: float) -> list[_TickTimes]:
+        """Of one of `MOTIONS`."""
+        times: list[_TickTimes] = getattr(self, motion)(virtual_s)
+        return times
 
-    def path(self, virtual_s: float) -> TickCost:
+    def hold(self, virtual_s: float) -> list[_TickTimes]:
+        """Robots that stand."""
+        return self._ticks(False, virtual_s)
+
+    def path(self, virtual_s: float) -> list[_TickTimes]:
         """Robots that follow a timed trajectory."""
         header, columns = ["t_s"], []
         times_s = [k / ROWS_HZ for k in range(int(virtual_s * ROWS_HZ) + 2)]
@@ -144,9 +162,9 @@ class _Measured:
         text = io.StringIO("\n".join([",".join(header), *rows]) + "\n")
         self._engine.obey(Play(read_trajectory(text, "budget", self._loaded.driven)), self.process.tick)
         self._until(self._runs)
-        return self._ticks("path", False, virtual_s)
+        return self._ticks(False, virtual_s)
 
-    def stream(self, virtual_s: float) -> TickCost:
+    def stream(self, virtual_s: float) -> list[_TickTimes]:
         """Robots that follow a live stream."""
         self._engine.obey(Hold(), self.process.tick)
         self._turn()
@@ -154,7 +172,7 @@ class _Measured:
         self._engine.obey(Resume(), self.process.tick)
         self._turn(0)
         self._until(self._runs)
-        return self._ticks("stream", True, virtual_s)
+        return self._ticks(True, virtual_s)
 
     def _runs(self) -> bool:
         return all(state.mode in (Mode.RUN, Mode.FAULT) for state in self._engine.robots.states)
@@ -211,19 +229,41 @@ def measure_budget(
     )
     wires = {name: exchange_time(bus) for name, bus in loaded.buses.items()}
     wires_s = {name: wire.least_s for name, wire in wires.items() if wire is not None}
+    with _measured(loaded, rate_hz, longest_s) as measured:
+        costs = tuple(measured.cost(motion, virtual_s) for motion in motions)
+        if records is not None:
+            measured.sink.records = records
+            measured.ticks(motions[-1], virtual_s)
+    return Budget(rate_hz, wires_s, own, costs)
+
+
+def robot_times(loaded: LoadedFile, virtual_s: float, motion: str, longest_s: float) -> list[float]:
+    """Time of the processor that the robots of a file take in each tick of a motion, from its first on [s].
+
+    Args:
+        loaded: the robot file; its devices are simulated, at its own rate.
+        virtual_s: robot time of the motion.
+        motion: of `MOTIONS`.
+        longest_s: time of measuring.
+    """
+    with _measured(loaded, loaded.file.rate_hz, longest_s) as measured:
+        return [sum(each.robots_s) for each in measured.ticks(motion, virtual_s)]
+
+
+@contextmanager
+def _measured(loaded: LoadedFile, rate_hz: float, longest_s: float) -> Iterator[_Measured]:
+    """A simulated run, without collections of garbage."""
     collects = gc.isenabled()
     gc.disable()
     try:
         measured = _Measured(_plain(loaded), rate_hz, longest_s)
-        with closing(measured.process):
-            costs = tuple(getattr(measured, motion)(virtual_s) for motion in motions)
-            if records is not None:
-                measured.sink.records = records
-                getattr(measured, motions[-1])(virtual_s)
+        try:
+            yield measured
+        finally:
+            measured.process.close()
     finally:
         if collects:
             gc.enable()
-    return Budget(rate_hz, wires_s, own, costs)
 
 
 def _plain(loaded: LoadedFile) -> LoadedFile:

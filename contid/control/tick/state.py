@@ -17,7 +17,7 @@ from contid.records import record
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
 from contid.trajectory.approach import Approach
-from contid.trajectory.planned_motion import MovingAxes
+from contid.trajectory.pursuit import MovingAxes
 from contid.trajectory.standstill import JerkLimitedStop
 from contid.trajectory.straight_stop import StraightStop
 

@@ -1,4 +1,4 @@
-// contid.kernels._finger: many rows of a two-rack finger for Python; single calls are fast enough in Python.
+// contid.kernels._finger: one or many rows of a two-rack finger for Python.
 #include "finger.hpp"
 #include "../batch_python.hpp"
 
@@ -40,15 +40,32 @@ void inverse_many(const Finger& self, Matrix tip, Table out, int threads) {
   });
 }
 
+// x and y of the tip, its direction (sin, cos); short calls, under the GIL.
+nb::tuple forward(const Finger& self, double left, double right) {
+  const double racks[2] = {left, right};
+  double xy[2], direction[2];
+  self.forward(racks, xy, direction);
+  return nb::make_tuple(xy[0], xy[1], direction[0], direction[1]);
+}
+
+// Racks for a tip within every limit, and its residual; None for any other.
+nb::object inverse(const Finger& self, double x, double y) {
+  double racks[2], residual;
+  if (!self.inverse(x, y, racks, residual)) return nb::none();
+  return nb::make_tuple(nb::make_tuple(racks[0], racks[1]), residual);
+}
+
 }  // namespace
 
 NB_MODULE(KERNEL_MODULE, module) {
-  module.doc() = "Two-rack fingers: many rows at once.";
+  module.doc() = "Two-rack fingers, one row or many at once.";
   nb::class_<Finger>(module, "Finger")
       .def(nb::init<double, double, double, double, double, double, double, double, double, double>(),
            nb::arg("spacing"), nb::arg("tip"), nb::arg("gain_per_m"), nb::arg("gain_offset"), nb::arg("gain_low"),
            nb::arg("gain_high"), nb::arg("length_min"), nb::arg("length_max"), nb::arg("curvature_max"),
            nb::arg("arc_length_min"))
+      .def("forward", &forward, nb::arg("left"), nb::arg("right"))
+      .def("inverse", &inverse, nb::arg("x"), nb::arg("y"))
       .def("forward_many", &forward_many, nb::arg("actuations"), nb::arg("out"), nb::arg("threads"))
       .def("inverse_many", &inverse_many, nb::arg("tip"), nb::arg("out"), nb::arg("threads"));
 }

@@ -1,6 +1,5 @@
-// Many rows of a two-rack finger. The equations are those of
-// contid/kinematics/rack/{finger,finger_limits,planar_arc}.py, which answer single rows; same operations in the same
-// order, same bits. Units: m, rad.
+// A two-rack finger. The equations are those of contid/kinematics/rack/{finger,finger_limits,planar_arc}.py, which
+// answer what is out of reach; same operations in the same order, same bits. Units: m, rad.
 #pragma once
 
 #include <algorithm>

@@ -3,11 +3,11 @@
 
 #include <nanobind/nanobind.h>
 
+#include "../python.hpp"
 #include "axis.hpp"
+#include "axis_numbers.hpp"
 
 namespace contid {
-
-constexpr int kMostAxes = 256;
 
 inline Axis axis_of(nanobind::handle limits) {
   static PyObject* const names[4] = {PyUnicode_InternFromString("lower"), PyUnicode_InternFromString("upper"),
@@ -29,6 +29,12 @@ inline int axes_of(nanobind::handle limits, Axis* axes) {
   if (count > kMostAxes) throw nanobind::value_error("limits: too many axes");
   for (Py_ssize_t k = 0; k < count; ++k) axes[k] = axis_of(PySequence_Fast_GET_ITEM(fast.ptr(), k));
   return static_cast<int>(count);
+}
+
+// A `contid.trajectory.pursuit.MovingAxes`.
+inline void read_moving(nanobind::handle state, Moving& out, int axes, const char* what) {
+  read(state[0], out.position, axes, what), read(state[1], out.velocity, axes, what);
+  read(state[2], out.acceleration, axes, what);
 }
 
 }  // namespace contid

@@ -7,6 +7,7 @@
 
 #include "../python.hpp"
 #include "axis_records.hpp"
+#include "catch_up.hpp"
 #include "shared_bend.hpp"
 #include "shared_lengths.hpp"
 #include "taut_pulls.hpp"
@@ -102,9 +103,10 @@ class RobotGuard {
     return excess(at);
   }
 
-  // See `contid.control.tick.jerk_guard.guarded`: whether the axes may be on their answer, and its pace.
-  nb::tuple on(nb::handle answer, nb::handle last, nb::handle steps, nb::handle last_steps, nb::handle reference,
-               nb::handle last_paces) const {
+  // See `contid.control.tick.jerk_guard.guarded`: the paces of the answer, the state of axes that are not on it or
+  // None, whether a tendon robot stops before it goes on, and flags per axis.
+  nb::tuple guarded(nb::handle answer, nb::handle last, nb::handle steps, nb::handle last_steps, nb::handle reference,
+                    nb::handle last_paces, nb::object motion, bool brakes) const {
     const int n = guard_.axes;
     Moving to;
     AxisNumbers at, step, before, from, paces, paces_before;
@@ -118,20 +120,49 @@ class RobotGuard {
       to.velocity[k] = (next + 0.5 * change) / h, to.acceleration[k] = change / (h * h);
     }
     const bool is_on = guard_.on_answer(to.position, at, step, before, paces, paces_before) && inside(to, at);
-    return nb::make_tuple(is_on, contid::tuple_of(paces, n));
+    // By motion rules 0 the limiter of tendons alone keeps their limits, without that of jerk.
+    if (is_on || (pulls_ && guard_.motion_rules == 0))
+      return nb::make_tuple(contid::tuple_of(paces, n), nb::none(), false, nb::tuple());
+    Moving now, found;
+    const bool goes_on = !motion.is_none();
+    if (goes_on) contid::read_moving(motion, now, n, kPerAxis);
+    if (!goes_on || !std::equal(at, at + n, now.position))
+      for (int k = 0; k < n; ++k) {
+        const double change = step[k] - before[k];
+        now.position[k] = at[k], now.velocity[k] = (step[k] + 0.5 * change) / h, now.acceleration[k] = change / (h * h);
+      }
+    AxisNumbers pace;
+    for (int k = 0; k < n; ++k) pace[k] = paces[k] / h;
+    const auto moves = [n](const double* rates) {
+      return std::any_of(rates, rates + n, [](double v) { return v != 0.0; });
+    };
+    const bool stops = brakes && (moves(now.velocity) || moves(now.acceleration));
+    const auto viable = [&](const Moving& state) { return guard_.all_viable(state) && inside(state, at); };
+    const bool stopped = contid::CatchUp(guard_, pulls_ != nullptr).after(now, to.position, pace, stops, viable, found);
+    nb::tuple flags = nb::steal<nb::tuple>(PyTuple_New(n));
+    for (int k = 0; k < n; ++k) {
+      double& x = found.position[k];
+      // The limiter would brake all axes by their whole acceleration for one that rounding has put 1e-6 Pa too far.
+      if (guard_.motion_rules > 1)
+        x = std::max(std::min(x, std::max(guard_.limits[k].upper, at[k])), std::min(guard_.limits[k].lower, at[k]));
+      PyTuple_SET_ITEM(flags.ptr(), k, PyLong_FromLong(x != to.position[k] ? contid::kAcceleration : 0));
+    }
+    const nb::tuple state = nb::make_tuple(contid::tuple_of(found.position, n), contid::tuple_of(found.velocity, n),
+                                           contid::tuple_of(found.acceleration, n));
+    return nb::make_tuple(contid::tuple_of(paces, n), state, stopped, flags);
   }
 
   bool stops_inside(nb::handle state, nb::handle last) const {
     Moving at;
     AxisNumbers before;
-    moving(state, at), read(last, before, guard_.axes, kPerAxis);
+    contid::read_moving(state, at, guard_.axes, kPerAxis), read(last, before, guard_.axes, kPerAxis);
     return inside(at, before);
   }
 
   bool stays_viable(nb::handle state, nb::handle last) const {
     Moving at;
     AxisNumbers before;
-    moving(state, at), read(last, before, guard_.axes, kPerAxis);
+    contid::read_moving(state, at, guard_.axes, kPerAxis), read(last, before, guard_.axes, kPerAxis);
     return guard_.all_viable(at) && inside(at, before);
   }
 
@@ -144,12 +175,6 @@ class RobotGuard {
   bool inside(const Moving& at, const double* last) const {
     if (!pulls_ && shared_.is_none()) return true;
     return guard_.stops_inside(at, last, pulls_ != nullptr, [this](const double* axes) { return excess(axes); });
-  }
-
-  // A `contid.trajectory.pursuit.MovingAxes`.
-  void moving(nb::handle state, Moving& out) const {
-    read(state[0], out.position, guard_.axes, kPerAxis), read(state[1], out.velocity, guard_.axes, kPerAxis);
-    read(state[2], out.acceleration, guard_.axes, kPerAxis);
   }
 
   contid::Guard guard_;
@@ -189,8 +214,8 @@ void bind_guard(nb::module_& module) {
            nb::arg("extra_axes"), nb::arg("motion_rules"), nb::arg("shared").none(), nb::arg("taut").none(),
            nb::arg("lower"), nb::arg("upper"))
       .def("excess", &RobotGuard::excess_at, nb::arg("axes"))
-      .def("on", &RobotGuard::on, nb::arg("answer"), nb::arg("last"), nb::arg("steps"), nb::arg("last_steps"),
-           nb::arg("reference"), nb::arg("last_paces"))
+      .def("guarded", &RobotGuard::guarded, nb::arg("answer"), nb::arg("last"), nb::arg("steps"), nb::arg("last_steps"),
+           nb::arg("reference"), nb::arg("last_paces"), nb::arg("motion").none(), nb::arg("brakes"))
       .def("stops_inside", &RobotGuard::stops_inside, nb::arg("state"), nb::arg("last"))
       .def("stays_viable", &RobotGuard::stays_viable, nb::arg("state"), nb::arg("last"))
       .def("viable", &RobotGuard::viable, nb::arg("axis"), nb::arg("at"), nb::arg("speed"), nb::arg("acceleration"));

@@ -14,8 +14,6 @@
 
 namespace contid {
 
-using AxisNumbers = double[kMostAxes];
-
 // A bound counts as kept up to this share of it: rounding.
 constexpr double kKept = 1.0 + 1e-6;
 // Greatest slope of a shared limit along one axis, which SharedLimits of contid/control/tick/shared_limits.py promises.
@@ -27,14 +25,8 @@ constexpr double kSlow = 0.05;
 // States of a stop that are compared with shared limits, and where it comes close to their bounds: an axis that still
 // accelerates leads beyond them early in its stop, and tensions have corners.
 constexpr int kLookedAt = 4, kLookedAtClosely = 32;
-// Values below this share of the velocity limit are rounding, and rates are parallel within this share of their limits.
-constexpr double kNone = 1e-9, kParallel = 1e-9;
-// Share of the jerk that a stop uses: the pursuit that leads into it (contid/trajectory/pursuit.py) uses no more.
+// Share of the jerk that a stop uses: the pursuit that leads into it (contid/kernels/motion/pursuit.cpp) uses no more.
 constexpr double kJerkShare = 1.0 - 1e-6;
-
-struct Moving {
-  AxisNumbers position, velocity, acceleration;  // [m, Pa or rad], 1/s and 1/s^2 of it
-};
 
 // Way of a stop from a speed without acceleration: half the speed times its duration. The deceleration stays at
 // `change` for a while, or returns to zero before it gets there.

@@ -177,10 +177,11 @@ void nearest_step(Grid slopes, Row along, double size, Row asked, double pace, R
 
 namespace contid {
 void bind_guard(nb::module_& module);
+void bind_motion(nb::module_& module);
 }
 
 NB_MODULE(KERNEL_MODULE, module) {
-  module.doc() = "The limits of a tick: of axes, of taut tendons, and along a chord.";
+  module.doc() = "The limits of a tick, of axes, of taut tendons and along a chord, and motions within them.";
   module.def("brake_step", &contid::brake_step, nb::arg("room"), nb::arg("change"));
   module.def("stops_within", &contid::stops_within, nb::arg("room"), nb::arg("step"), nb::arg("change"));
   module.def("allowed_steps", &allowed_steps, nb::arg("limits"), nb::arg("last"), nb::arg("last_step"));
@@ -201,4 +202,5 @@ NB_MODULE(KERNEL_MODULE, module) {
       .def("lifted", &lifted, nb::arg("pulls"), nb::arg("upper"), nb::arg("width"))
       .def("greatest_excess", &greatest_excess, nb::arg("pulls"), nb::arg("lower"), nb::arg("upper"));
   contid::bind_guard(module);
+  contid::bind_motion(module);
 }

@@ -68,6 +68,12 @@ class RackFingerModel:
             self.rack_spacing_m, self.envelope.curvature_max_per_m, self.envelope.arc_length_min_m,
             self.gain_per_m, self.gain_offset, *self.gain_range_m,
         )  # fmt: skip
+        #: One row or many, within the limits (``contid/kernels/finger/finger.hpp``).
+        self.kernel: Any = load("finger").Finger(
+            self.rack_spacing_m, self.tip_length_m, self.gain_per_m, self.gain_offset, *self.gain_range_m,
+            self.envelope.length_min_m, self.envelope.length_max_m, self.envelope.curvature_max_per_m,
+            self.envelope.arc_length_min_m,
+        )  # fmt: skip
         self._rest_m = robot.section_lengths[0].rest_m
 
     def curvature_gain(self, arc_length_m: float) -> float:
@@ -83,16 +89,9 @@ class RackFingerModel:
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Tip of the finger for rack lengths [m] (Eq. 4); a load does not bend racks in this model."""
-        arc_length_m, theta = self.arc(actuation)
-        sin, cos = math.sin(theta), math.cos(theta)
-        tip = (*self._tip(arc_length_m, theta), 0.0)
+        x, y, sin, cos = self.kernel.forward(*actuation)
+        tip = (x, y, 0.0)
         return Pose(tip, (cos, sin, 0.0, -sin, cos, 0.0, 0.0, 0.0, 1.0), (sin, cos, 0.0), tip)
-
-    def _tip(self, arc_length_m: float, theta: float) -> tuple[float, float]:
-        return (
-            arc_length_m * cosc(theta) + self.tip_length_m * math.sin(theta),
-            arc_length_m * sinc(theta) + self.tip_length_m * math.cos(theta),
-        )
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Derivative of the tip by the racks, shape (3, 2); regular on the straight line, unlike Eq. 6."""
@@ -183,19 +182,18 @@ class RackFingerModel:
             return self._clamped(target.actuation)
         if target.tip_m is None:
             raise ValueError("a rack finger takes a tip position or rack lengths")
+        met = self.kernel.inverse(*target.tip_m[:2])
+        if met is not None:
+            actuation, residual_m = met
+            return Solution(actuation, residual_m, converged=True)
         arc = self.solve_arc(*target.tip_m[:2])
         if arc is None:
             return self._nearest(target.tip_m, ("no_arc",), "no arc of this finger ends there")
-        arc_length_m, curvature = arc
-        exceeded = self.envelope.exceeded(arc_length_m, curvature)
-        if exceeded:
-            return self._nearest(target.tip_m, tuple(exceeded), "; ".join(exceeded.values()))
-        bend = 0.5 * self.rack_spacing_m * curvature / self.curvature_gain(arc_length_m) * arc_length_m
-        actuation = self.envelope.snap((arc_length_m - bend, arc_length_m + bend))
-        return Solution(actuation, self._distance(actuation, target.tip_m), converged=True)
+        exceeded = self.envelope.exceeded(*arc)
+        return self._nearest(target.tip_m, tuple(exceeded), "; ".join(exceeded.values()))
 
     def _distance(self, actuation: Actuation, tip_m: Vec3) -> float:
-        x, y = self._tip(*self.arc(actuation))
+        x, y, *_ = self.kernel.forward(*actuation)
         return math.hypot(x - tip_m[0], y - tip_m[1])
 
     def _nearest(self, tip_m: Vec3, limits: tuple[str, ...], note: str) -> Solution:

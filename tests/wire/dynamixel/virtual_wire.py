@@ -16,7 +16,7 @@ class InlineEmulator(DynamixelEmulator):
     """Serves its port when its host waits."""
 
     def start(self) -> None:
-        now = wire.time.monotonic()
+        now = wire.time.monotonic()  # type: ignore[attr-defined]  # the time in its place
         for servo in self.servos:
             servo.now = servo.booted_at = servo.fed_at = now
         self._plug()

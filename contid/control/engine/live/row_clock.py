@@ -14,9 +14,7 @@ import math
 from typing import Final
 
 from contid.control.tick.config import MOTION_RULES
-from contid.trajectory.approach import optimal
-from contid.trajectory.planned_motion import AxisRates, MovingAxes
-from contid.trajectory.pursuit import pursued
+from contid.trajectory.pursuit import AxisRates, MovingAxes, pursued
 
 #: Rows further apart are targets of their own; they have no clock [s].
 SPARSE_S: Final = 0.25
@@ -199,9 +197,7 @@ class RowClock:
                 )
             now = MovingAxes((self.phase,), (rate,), (bend,))
         top = 2.0 * max(abs(now.velocity[0]), 1.0 / self.period_s)
-        after = None
-        if optimal():
-            after = pursued(now, (row,), (0.0,), AxisRates((top,), (acceleration,), (jerk,)), h)
+        after = pursued(now, (row,), (0.0,), AxisRates((top,), (acceleration,), (jerk,)), h)
         there = after is None or (
             abs(after.position[0] - row) < _THERE and abs(after.velocity[0]) < _THERE * top
         )
