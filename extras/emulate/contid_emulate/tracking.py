@@ -29,23 +29,35 @@ class DaemonTracker:
     def __init__(self, socket: str | None, notify: Callable[[str], None]) -> None:
         self._socket, self._notify = socket, notify
         self._told: set[str] = set()
+        self._known: set[str] = set()
         self._client: Client | None = None
         self._next_try_s = self._since_s = 0.0
 
     def send(self, tips: Sequence[TipMeasured]) -> None:
         """Hand tips on; without a daemon, or where it refuses them, they are lost."""
-        if not tips or (self._client is None and not self._reached()):
+        # Of a robot's tips that arrive together the newest is of use, none that is older than the connection.
+        newest = {tip.robot: tip for tip in tips}
+        if not newest or (self._client is None and not self._reached()):
             return
         assert self._client is not None
         try:
-            for tip in tips:
-                if tip.time_s < self._since_s:
-                    continue  # captured while the daemon was called
-                tip_mm = [MM_PER_M * each for each in tip.tip_in_world_m]
-                for refused in self._client.track(tip_mm, tip.time_s, robot=tip.robot):
-                    self._tell(refused)
+            for tip in newest.values():
+                if tip.time_s >= self._since_s:
+                    self._hand(self._client, tip)
         except ConnectionLostError:
             self.close()  # this daemon has ended; the next one is tracked as well
+        except RemoteError as error:
+            self._tell(error)
+
+    def _hand(self, client: Client, tip: TipMeasured) -> None:
+        """The first of each robot waits for its answer, the others do not."""
+        tip_mm = [MM_PER_M * each for each in tip.tip_in_world_m]
+        if tip.robot not in self._known:
+            client.measure(tip_mm, robot=tip.robot, time_s=tip.time_s)
+            self._known.add(tip.robot)
+            return
+        for refused in client.track(tip_mm, tip.time_s, robot=tip.robot):
+            self._tell(refused)
 
     def close(self) -> None:
         """Leave the daemon."""
@@ -59,12 +71,13 @@ class DaemonTracker:
         self._next_try_s = time.monotonic() + _AGAIN_S
         try:
             self._client = Client(self._socket, name="emulated tracker")
-        except NoDaemonError:
-            return False
+            self._client.status()  # a daemon that starts takes its time
         except ContidError as error:
-            self._tell(error)
+            self.close()
+            if not isinstance(error, (NoDaemonError, ConnectionLostError)):
+                self._tell(error)
             return False
-        self._since_s = time.monotonic()
+        self._known, self._since_s = set(), time.monotonic()
         return True
 
     def _tell(self, error: Exception) -> None:

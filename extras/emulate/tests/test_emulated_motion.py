@@ -77,7 +77,8 @@ def test_tracker_and_currents_show_the_swing_of_a_guided_beam() -> None:
     rows, currents = rig.tip(0.4), np.array(rig.currents)[100:, 0]
     assert np.ptp(rows[:, 1]) > 5e-3
     assert swing_hz(rows[:, 0], rows[:, 1]) == pytest.approx(beam_hz, rel=0.04)
-    assert swing_hz(LOOK_S * np.arange(len(currents)), currents) == pytest.approx(beam_hz, rel=0.04)
+    times = LOOK_S * np.arange(len(currents), dtype=np.float64)
+    assert swing_hz(times, currents) == pytest.approx(beam_hz, rel=0.04)
     assert np.ptp(currents) > 5.0
 
 
