@@ -46,15 +46,17 @@ class DaemonTracker:
                     self._hand(self._client, tip)
         except ConnectionLostError:
             self.close()  # this daemon has ended; the next one is tracked as well
-        except RemoteError as error:
-            self._tell(error)
 
     def _hand(self, client: Client, tip: TipMeasured) -> None:
-        """The first of each robot waits for its answer, the others do not."""
+        """The first of each robot waits for its answer: with a daemon that starts it is too old."""
         tip_mm = [MM_PER_M * each for each in tip.tip_in_world_m]
         if tip.robot not in self._known:
-            client.measure(tip_mm, robot=tip.robot, time_s=tip.time_s)
             self._known.add(tip.robot)
+            try:
+                client.measure(tip_mm, robot=tip.robot, time_s=tip.time_s)
+            except RemoteError as error:
+                if error.code != Code.BAD_MEASUREMENT:
+                    self._tell(error)
             return
         for refused in client.track(tip_mm, tip.time_s, robot=tip.robot):
             self._tell(refused)
