@@ -98,11 +98,9 @@ class _Picture:
                 radii=rr.Radius.ui_points([1.0, 1.5]),
             )
             self._stream.static(paths.body(entity, "rest"), still)
-            ratio = f"damping ratio {mode.ratio:.3f}"
-            text = f"{name} {k + 1}: {mode.frequency_hz:.2f} Hz, {ratio}"
             label = rr.Points3D(
                 [self._line(number, 0.0)[0] - 0.12 * self._length_mm * self._up],
-                labels=[text], colors=colours.TEXT, radii=rr.Radius.ui_points(0.5), show_labels=True,
+                labels=[f"{name} {k + 1}: {mode.frequency_hz:.2f} Hz"], colors=colours.TEXT, radii=rr.Radius.ui_points(0.5), show_labels=True,
             )  # fmt: skip
             self._stream.static(paths.body(entity, "label"), label)
 
