@@ -1,4 +1,4 @@
-"""The body at a pose, swinging in one of its modes: lines for drawings."""
+"""The body at a pose, swinging in one of its modes: lines for what draws them."""
 
 from __future__ import annotations
 

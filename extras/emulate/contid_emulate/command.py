@@ -69,8 +69,8 @@ def command(driver: str, robot_file: str, faults: Path | None, track: bool, sock
         for line in bodies.lines:
             click.echo(line)
         if bodies:
-            tell = partial(click.echo, err=True)
-            stack.enter_context(moving(bodies, DaemonTracker(socket, tell) if track else None, tell))
+            notify = partial(click.echo, err=True)
+            stack.enter_context(moving(bodies, DaemonTracker(socket, notify) if track else None, notify))
         click.echo("ready; Ctrl-C ends it", err=True)
         if not early:
             signal.sigwait(ends)

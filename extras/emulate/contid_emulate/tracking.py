@@ -28,7 +28,7 @@ class DaemonTracker:
 
     def __init__(self, socket: str | None, notify: Callable[[str], None]) -> None:
         self._socket, self._notify = socket, notify
-        self._told: set[str] = set()
+        self._named: set[str] = set()
         self._known: set[str] = set()
         self._client: Client | None = None
         self._next_try_s = self._since_s = 0.0
@@ -56,10 +56,10 @@ class DaemonTracker:
                 client.measure(tip_mm, robot=tip.robot, time_s=tip.time_s)
             except RemoteError as error:
                 if error.code != Code.BAD_MEASUREMENT:
-                    self._tell(error)
+                    self._name(error)
             return
         for refused in client.track(tip_mm, tip.time_s, robot=tip.robot):
-            self._tell(refused)
+            self._name(refused)
 
     def close(self) -> None:
         """Leave the daemon."""
@@ -77,20 +77,20 @@ class DaemonTracker:
         except ContidError as error:
             self.close()
             if not isinstance(error, (NoDaemonError, ConnectionLostError)):
-                self._tell(error)
+                self._name(error)
             return False
         self._known, self._since_s = set(), time.monotonic()
         return True
 
-    def _tell(self, error: Exception) -> None:
+    def _name(self, error: Exception) -> None:
         # A tip out of reach or too old: its numbers differ each time.
         kind = (
             "measurement"
             if isinstance(error, RemoteError) and error.code == Code.BAD_MEASUREMENT
             else str(error)
         )
-        if kind not in self._told:
-            self._told.add(kind)
+        if kind not in self._named:
+            self._named.add(kind)
             self._notify(f"tracker: {error}")
 
 

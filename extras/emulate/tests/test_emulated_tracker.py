@@ -77,11 +77,11 @@ def test_a_daemon_that_comes_later_or_again_is_tracked(daemon: Any) -> None:
     assert [x for _, x in daemon.tips] == [2.0, 4.0]
 
 
-def test_a_refusal_is_told_once(daemon: Any) -> None:
-    told: list[str] = []
-    tracker = DaemonTracker(None, told.append)
+def test_a_refusal_is_named_once(daemon: Any) -> None:
+    named: list[str] = []
+    tracker = DaemonTracker(None, named.append)
     daemon.refuses = "old"
     for k in range(4):
         tracker.send([tip("a", 0.001 * k)])
-    assert len(told) == 1
-    assert told[0].endswith("s old")
+    assert len(named) == 1
+    assert named[0].endswith("s old")

@@ -52,12 +52,12 @@ def draw_swings(loaded: LoadedFile, swinging: Mapping[str, SwingingPose], path: 
     frames = round(rate_hz * float(np.clip(_PERIODS / min(moving), *_PLAYS_S)))
     scene = build_scene(loaded, rate_hz)
     recording = rr.RecordingStream(f"contid modes of {loaded.file.name}")
-    picture = _Picture(scene, swinging, RerunStream(recording, rate_hz))
+    drawing = _Drawing(scene, swinging, RerunStream(recording, rate_hz))
     try:
-        recording.save(path, default_blueprint=picture.layout())
+        recording.save(path, default_blueprint=drawing.layout())
         rr.set_log_time_enabled(False, recording=recording)
         rr.set_log_tick_enabled(False, recording=recording)
-        picture.write(frames)
+        drawing.write(frames)
         recording.flush(timeout_sec=20.0)
     except Exception as error:  # rerun's own classes
         raise ViewError(f"{path}: cannot write it: {error}") from error
@@ -65,7 +65,7 @@ def draw_swings(loaded: LoadedFile, swinging: Mapping[str, SwingingPose], path: 
         recording.disconnect()
 
 
-class _Picture:
+class _Drawing:
     """All modes of all robots, in a row across the view."""
 
     def __init__(self, scene: Scene, swinging: Mapping[str, SwingingPose], stream: RerunStream) -> None:
@@ -100,8 +100,11 @@ class _Picture:
             self._stream.static(paths.body(entity, "rest"), still)
             label = rr.Points3D(
                 [self._line(number, 0.0)[0] - 0.12 * self._length_mm * self._up],
-                labels=[f"{name} {k + 1}: {mode.frequency_hz:.2f} Hz"], colors=colours.TEXT, radii=rr.Radius.ui_points(0.5), show_labels=True,
-            )  # fmt: skip
+                labels=[f"{name} {k + 1}: {mode.frequency_hz:.2f} Hz"],
+                colors=colours.TEXT,
+                radii=rr.Radius.ui_points(0.5),
+                show_labels=True,
+            )
             self._stream.static(paths.body(entity, "label"), label)
 
     def layout(self) -> rrb.Blueprint:
