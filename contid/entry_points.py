@@ -7,6 +7,7 @@ contid imports no extra: the metadata of a distribution names what it adds, and 
 | ``contid.commands`` | a table of commands, see `contid.cli.support.table` |
 | ``contid.observers`` | options of `contid run`: `contid.cli.support.added_options.RunOption` |
 | ``contid.exports`` | an option of `contid session export`: `contid.cli.support.added_options.ExportOption` |
+| ``contid.modes`` | options of `contid modes`, with ``options`` and ``write`` as an export has them |
 | ``contid.goals`` | options of `contid move`: `contid.cli.support.added_options.GoalOption` |
 | ``contid.workspaces`` | `contid.api.workspace.MeasureWorkspace`, of robots in the plane and in space |
 | ``contid.emulators`` | by the name of a driver, a function like `contid.hal.Emulates.emulator` |
@@ -27,6 +28,7 @@ COMMANDS: Final = "contid.commands"
 OBSERVERS: Final = "contid.observers"
 GOALS: Final = "contid.goals"
 EXPORTS: Final = "contid.exports"
+MODES: Final = "contid.modes"
 WORKSPACES: Final = "contid.workspaces"
 ADDRESSES: Final = "contid.addresses"
 EMULATORS: Final = "contid.emulators"

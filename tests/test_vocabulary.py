@@ -121,7 +121,9 @@ def test_the_map_names_every_package() -> None:
 EXTRAS = "|".join(path.name for path in ROOT.glob("extras/*/contid_*"))
 REFERENCE = re.compile(rf"`((?:contid|contid_drivers|{EXTRAS}|studies)(?:\.\w+)+)`")
 # Names like modules: groups of entry points, and compiled kernels.
-GROUPS = "bodies|drivers|emulators|models|commands|addresses|observers|exports|goals|stages|tools|workspaces"
+GROUPS = (
+    "bodies|drivers|emulators|models|commands|addresses|observers|exports|modes|goals|stages|tools|workspaces"
+)
 NOT_MODULES = re.compile(rf"contid\.({GROUPS}|kernels\._\w+)")
 
 

@@ -21,7 +21,7 @@ class ContactRun(Run):
 
     def __init__(self, robot, body, rng):
         super().__init__(robot, body, rng)
-        self.contact = TipContact(robot, self.observer.arm)
+        self.contact = TipContact(robot, self.observer.arm, self.observer.swing)
         self.contacts = []
 
     def tick(self, bar):

@@ -24,6 +24,8 @@ constexpr double kAtRest = 1e-8;      // and those of an equilibrium: sums of ma
 constexpr double kLeastShare = 1e-4;  // of a change of the strains
 constexpr double kDifference = 1e-6;  // of a strain, for derivatives of the balance
 
+double cube(double x) { return x * x * x; }
+
 }  // namespace
 
 RodMotion::RodMotion(MotionSetup setup)
@@ -34,8 +36,8 @@ RodMotion::RodMotion(MotionSetup setup)
   loads.nodes.resize(n), loads.strains.assign(kMaxStrains * n, 0.0), loads.pulls.assign(s_.tendons, 0.0);
   last_.assign(size_, 0.0), trial_ = middle_ = strain;
   right_.resize(size_), force_.resize(size_), matrix_.resize(size_ * size_), mass_ = matrix_, base_.resize(size_);
-  dl_.resize(size_ * std::max(1, s_.tendons));
-  beyond_.resize(n + 1), sums_.resize(n + 1);
+  dl_.resize(size_ * std::max(1, s_.tendons)), weights_.resize(s_.tendons);
+  pulls_.assign(s_.tendons, Pull::SLACK), assumed_ = pulls_;
   for (Placed* p : {&now_, &next_}) p->frames[0] = identity(), p->points[0] = {0.0, 0.0, s_.base};
   place(strain.data(), s_.lengths, s_.rigid, per_, now_);
 }
@@ -69,19 +71,20 @@ bool RodMotion::solve(double h) {
   spread(last_.data(), 1.0, trial_.data());
   std::fill(mass_.begin(), mass_.end(), 0.0);
   mass(now_, 1.0 / h, mass_.data());
-  std::uint64_t taut = 0;  // the tendons that pull in the matrix
   const auto renew = [&] {
     matrix_ = mass_;
-    add_curvature(middle_.data(), 0.25 * h, 0.25 * h + 0.5 * damping_s, matrix_.data());
+    add_curvature(middle_.data(), h, matrix_.data());
     for (int e = 0; e < n; ++e)
       for (int k = 0; k < per_; ++k) {
         const int i = index(e, k);
         matrix_[i * size_ + i] += 0.5 * damping_s * stiffness[kMaxStrains * e + k] + slow(e, k, h);
       }
-    taut = pulling();
+    assumed_ = pulls_;
     return factor(matrix_.data(), size_, size_);
   };
   spread(last_.data(), 0.5, middle_.data());
+  gradient(middle_.data(), force_.data());
+  damp_tendons(h);
   if (!renew()) return false;
   int renewals = 0;
   double change = 0.0;
@@ -90,8 +93,8 @@ bool RodMotion::solve(double h) {
     moved(now_, now_, next_, 1.0 / h, right_.data());
     for (std::size_t i = 0; i < strain.size(); ++i) middle_[i] = 0.5 * (strain[i] + trial_[i]);
     gradient(middle_.data(), force_.data());
-    if (pulling() != taut && renewals++ < kRenewals && !renew()) return false;
     damp_tendons(h);
+    if (pulls_ != assumed_ && renewals++ < kRenewals && !renew()) return false;
     for (int e = 0; e < n; ++e)
       for (int k = 0; k < per_; ++k) {
         const int i = index(e, k), j = kMaxStrains * e + k;
@@ -271,43 +274,56 @@ void RodMotion::gradient(const double* x, double* out) {
     for (int j = 0; j < m; ++j) out[i] += tensions[j] * dl_[i * m + j];
 }
 
-std::uint64_t RodMotion::pulling() const {
-  std::uint64_t taut = 0;
-  for (int j = 0; j < s_.tendons; ++j) taut |= static_cast<std::uint64_t>(tensions[j] > 0.0) << j;
-  return taut;
-}
-
 // Tendons that pull are damped as the backbone is: a tension of the damping time and stiffness times the rate of
-// length.
+// length, up to the tension of the spring. A tendon that tightens has no tension all at once then, which would leave
+// steps without an answer.
 void RodMotion::damp_tendons(double h) {
   for (int j = 0; j < s_.tendons; ++j) {
+    pulls_[j] = Pull::SLACK;
     if (!(tensions[j] > 0.0)) continue;
     double longer = 0.0;
     for (int e = 0; e < s_.elements; ++e)
       for (int k = 0; k < per_; ++k)
         longer += dl_[index(e, k) * s_.tendons + j] * (trial_[kMaxStrains * e + k] - strain[kMaxStrains * e + k]);
-    const double more = damping_s * s_.tendon[j] * longer / h;
+    const double rate = damping_s * s_.tendon[j] * longer / h, more = std::clamp(rate, -tensions[j], tensions[j]);
+    pulls_[j] = more == rate ? Pull::DAMPED : more > 0.0 ? Pull::DOUBLED : Pull::EASED;
     for (int i = 0; i < size_; ++i) force_[i] += more * dl_[i * s_.tendons + j];
   }
 }
 
-// Second derivative of the strains' energy: without the turn of the tendons in their element, which is small.
-void RodMotion::add_curvature(const double* x, double scale, double tendons, double* matrix) {
+// Second derivative of the strains' energy. A tendon of the length h sqrt(a^2 + s t^2) in its element, with a linear in
+// the strains and the twist t, has the second derivative h s / root^3 v v^T there, v = t a' - a t'.
+// The gradient at x comes before, and damp_tendons().
+void RodMotion::add_curvature(const double* x, double h, double* matrix) {
   const int m = s_.tendons;
+  const double scale = 0.25 * h;
   for (int e = 0; e < s_.elements; ++e)
     for (int k = 0; k < per_; ++k) {
       const int i = index(e, k);
       matrix[i * size_ + i] += scale * stiffness[kMaxStrains * e + k];
     }
   if (m == 0) return;
-  gradient(x, force_.data());
+  for (int j = 0; j < m; ++j) {
+    const bool damped = pulls_[j] == Pull::DAMPED, doubled = pulls_[j] == Pull::DOUBLED;
+    weights_[j] = s_.tendon[j] * (damped ? scale + 0.5 * damping_s : doubled ? 2.0 * scale : 0.0);
+  }
   for (int i = 0; i < size_; ++i)
     for (int c = 0; c <= i; ++c) {
       double sum = 0.0;
-      for (int j = 0; j < m; ++j)
-        if (tensions[j] > 0.0) sum += s_.tendon[j] * dl_[i * m + j] * dl_[c * m + j];
-      matrix[i * size_ + c] += tendons * sum;
-      if (c != i) matrix[c * size_ + i] += tendons * sum;
+      for (int j = 0; j < m; ++j) sum += weights_[j] * dl_[i * m + j] * dl_[c * m + j];
+      matrix[i * size_ + c] += sum;
+      if (c != i) matrix[c * size_ + i] += sum;
+    }
+  for (int e = 0; e < s_.elements; ++e)
+    for (int j = 0; j < m; ++j) {
+      const double *arm = &s_.arms[2 * (e * m + j)], *strains = x + kMaxStrains * e, l = s_.lengths[e];
+      if (!(tensions[j] > 0.0) || std::isnan(arm[0])) continue;
+      const TendonPiece piece = tendon_piece(strains, l, arm);
+      const double along = piece.ratio * piece.root, twist = strains[2];
+      const double weight = scale * tensions[j] * (arm[0] * arm[0] + arm[1] * arm[1]) / (l * cube(piece.root));
+      const double v[4] = {-twist * arm[0] / l, -twist * arm[1] / l, -along, twist};
+      for (int k = 0; k < std::min(per_, 4); ++k)
+        for (int c = 0; c < std::min(per_, 4); ++c) matrix[index(e, k) * size_ + index(e, c)] += weight * v[k] * v[c];
     }
 }
 

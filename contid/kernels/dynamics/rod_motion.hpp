@@ -15,7 +15,8 @@
 // It is symplectic, of second order, stable for stiff strains, and rests where U' = J^T f: in the equilibrium of the
 // statics. U has the stiffness of the backbone, the moments of chambers (tau) and tendons as springs that only pull.
 // The first equation is solved by Newton's method with the matrix M(q) / h + h/4 U'' + D/2 of the step's beginning,
-// whose U'' is renewed where another set of tendons pulls.
+// whose U'' is renewed where tendons begin to pull in another way. Their damping is at most the tension of their
+// spring.
 //
 // Loads act for half a step at its beginning and at its end, so that the momentum is that of the time of q.
 // Twist and stretch of thin rods ring at 10^4 Hz, far above what a step resolves, and with almost no inertia their
@@ -24,7 +25,6 @@
 // kept.
 #pragma once
 
-#include <cstdint>
 #include <vector>
 
 #include "chain.hpp"
@@ -48,6 +48,9 @@ struct MotionLoads {
   std::vector<Wrench6> nodes;          // dead force and moment on the end of each element [N, N m]
   std::vector<double> strains, pulls;  // tau: elements x 6 [N m, N]; pulls of the tendons [m]
 };
+
+// How a tendon pulls: with its spring and its damping, twice or not at all where damping has reached its limit.
+enum class Pull : unsigned char { SLACK, DAMPED, DOUBLED, EASED };
 
 class RodMotion {
  public:
@@ -86,9 +89,8 @@ class RodMotion {
   const int per_, size_;
   Placed now_, next_;
   std::vector<double> last_, trial_, middle_, right_, force_, matrix_, mass_, base_;
-  std::vector<double> dl_;
-  std::vector<Together> beyond_;
-  std::vector<Wrench6> sums_;
+  std::vector<double> dl_, weights_;
+  std::vector<Pull> pulls_, assumed_;  // of the tendons, now and in the matrix
 
   int index(int e, int k) const { return per_ * e + k; }
   // Inertia of the rate of a strain over h: twist and stretch only.
@@ -106,8 +108,7 @@ class RodMotion {
   void external(const Placed& at, double* out);
   void gradient(const double* strains, double* out);
   void damp_tendons(double h);
-  std::uint64_t pulling() const;  // one bit for each tendon with a tension
-  void add_curvature(const double* strains, double scale, double tendons, double* matrix);
+  void add_curvature(const double* strains, double h, double* matrix);
   void mass(const Placed& at, double scale, double* matrix);
   void spread(const double* free, double share, double* strains) const;
 };

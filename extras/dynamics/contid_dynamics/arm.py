@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -30,19 +29,48 @@ if TYPE_CHECKING:
 GRAM: Final = 1e-3
 
 
-@dataclass(frozen=True)
 class Chambers:
-    """A pneumatic section whose pressures stiffen, stretch and bend its elements; N, mm and bar.
+    """Pneumatic sections whose pressures stiffen, stretch and bend their elements; N, mm and bar.
+
+    Pressure shifts the strains at which an element is free of stress, `Section.inflated`; a moment of
+    stiffness times that shift does the same, and is linear in the pressures.
+
+    Args:
+        sections: of the statics.
+        elements: of each.
 
     Attributes:
-        section: of the statics.
-        rows: its elements.
-        length_mm: of an element.
+        moments_per_bar: what each pressure adds to the strains' moments, ``(axes, elements, 6)`` [N m, N].
     """
 
-    section: Section
-    rows: slice
-    length_mm: float
+    def __init__(self, sections: Sequence[Section], elements: int) -> None:
+        self._sections = tuple(sections)
+        self._of = np.repeat(np.arange(len(sections)), elements)
+        count = len(self._of)
+        #: Stiffness of the strains per modulus [N/mm^2].
+        self._per_modulus = np.zeros((count, STRAINS))
+        self.moments_per_bar = np.zeros((3 * len(sections), count, STRAINS))
+        for i, section in enumerate(self._sections):
+            rows, h = slice(i * elements, (i + 1) * elements), section.length / elements
+            found = section.inflated(np.zeros(3))
+            # N mm of a turn become N m; N times mm of a strain become N m. Curvature (x, y) turns by (-v, u).
+            rigidity = np.array(
+                [1.0 / found.bend / h, 1.0 / found.bend / h, 1.0 / found.twist / h, h / found.axial,
+                 h / found.shear, h / found.shear]
+            ) / MM_PER_M  # fmt: skip
+            self._per_modulus[rows] = rigidity / section.modulus(0.0)[0]
+            for k in range(3):
+                x, y, _ = section.pair_moment[:, k]
+                moments = np.array([y, -x, 0.0, section.pair_force * h, 0.0, 0.0]) / MM_PER_M
+                self.moments_per_bar[3 * i + k, rows] = moments
+
+    def inflated(self, bars: Sequence[float]) -> tuple[Array, Array]:
+        """Stiffness and moments of the strains, both ``(elements, 6)`` [N m, N], for pressures [bar]."""
+        moduli = np.array(
+            [each.modulus(sum(bars[3 * i : 3 * i + 3]) / 3.0)[0] for i, each in enumerate(self._sections)]
+        )
+        stiffness: Array = moduli[self._of, None] * self._per_modulus
+        return stiffness, np.tensordot(np.asarray(bars), self.moments_per_bar, 1)
 
 
 class MovingArm:
@@ -91,8 +119,7 @@ class MovingArm:
                 pulls_m=np.array(actuation, dtype=np.float64),
             )
             return
-        bars = np.array(self._model.regulators.chambers(tuple(actuation)))
-        stiffness, strains = _inflated(self._chambers, bars, self.rod.count)
+        stiffness, strains = self._chambers.inflated(self._model.regulators.chambers(tuple(actuation)))
         self.rod.stiffen(stiffness)
         self.rod.load(gravity_m_s2=self._gravity, wrenches={self.rod.count - 1: wrench}, strains=strains)
 
@@ -124,19 +151,13 @@ class MovingArm:
             return self.robot.geometry.sections[0].radius_mm / MM_PER_M
         return _mean_arm(self.rod.elements.arms)
 
+    @property
     def moments_per_bar(self) -> Array:
         """What each pressure of a pneumatic arm adds to the strains' moments, ``(axes, elements, 6)``.
 
         The stiffness is the present one: moments are linear in the pressures beside it.
         """
-        out = np.zeros((len(self.robot.axis_names), self.rod.count, STRAINS))
-        for i, each in enumerate(self._chambers):
-            push, h = each.section.pair_force, each.length_mm
-            for k in range(3):
-                x, y, _ = each.section.pair_moment[:, k]
-                # N mm of the turns and N times mm of the stretch become N m.
-                out[3 * i + k, each.rows] = np.array([y, -x, 0.0, push * h, 0.0, 0.0]) / MM_PER_M
-        return out
+        return self._chambers.moments_per_bar
 
     def tips_of(self, poses: Array) -> Array:
         """Tips ``(n, 3)`` of poses of the last node ``(n, 12)``."""
@@ -184,14 +205,13 @@ def _mean_arm(arms: Array) -> float:
 
 def _pneumatic_rod(
     robot: Cosserat, dynamics: Dynamics, tip_kg: float
-) -> tuple[list[Chambers], CosseratModel, MovingRod]:
+) -> tuple[Chambers, CosseratModel, MovingRod]:
     model = build_model(robot)
     assert isinstance(model, CosseratModel)
     n = dynamics.elements
-    chambers, lengths, rigid, masses, radii = [], [], [], [], []
+    lengths, rigid, masses, radii = [], [], [], []
     sections = model.setup.rod.sections
     for i, (section, described) in enumerate(zip(sections, robot.geometry.sections, strict=True)):
-        chambers.append(Chambers(section, slice(i * n, (i + 1) * n), section.length / n))
         lengths += [section.length / n / MM_PER_M] * n
         rigid += [0.0] * (n - 1) + [section.link / MM_PER_M]
         if dynamics.mass_g_per_m is None:
@@ -209,25 +229,6 @@ def _pneumatic_rod(
         np.array(lengths), np.array(rigid), 6, middles, ends,
         np.zeros((count, 0, 2)), np.zeros(0), np.zeros(0),
     )  # fmt: skip
-    stiffness, _ = _inflated(chambers, np.zeros(3 * len(sections)), count)
+    chambers = Chambers(sections, n)
+    stiffness, _ = chambers.inflated((0.0,) * (3 * len(sections)))
     return chambers, model, MovingRod(elements, stiffness, dynamics.damping_ms * 1e-3)
-
-
-def _inflated(chambers: Sequence[Chambers], bars: Array, count: int) -> tuple[Array, Array]:
-    """Stiffness and moments of the strains, both ``(elements, 6)`` [N m, N], for pressures [bar].
-
-    Pressure shifts the strains at which an element is free of stress, `Section.inflated`; a moment of
-    stiffness times that shift does the same. Curvature (x, y) turns by w = (-v, u).
-    """
-    stiffness, strains = np.zeros((count, STRAINS)), np.zeros((count, STRAINS))
-    for i, each in enumerate(chambers):
-        found = each.section.inflated(bars[3 * i : 3 * i + 3])
-        h = each.length_mm
-        # N mm of a turn become N m; N times mm of a strain become N m.
-        rigidity = np.array(
-            [1.0 / found.bend / h, 1.0 / found.bend / h, 1.0 / found.twist / h, h / found.axial,
-             h / found.shear, h / found.shear]
-        ) / MM_PER_M  # fmt: skip
-        free = np.array([found.curvature[1] * h, -found.curvature[0] * h, 0.0, found.strain, 0.0, 0.0])
-        stiffness[each.rows], strains[each.rows] = rigidity, rigidity * free
-    return stiffness, strains

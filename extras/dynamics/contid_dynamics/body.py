@@ -59,7 +59,10 @@ class MovingBody:
         if self._time_s is None:
             self._time_s = t_s
             acting = self._actuators.begin(actuators, t_s)
-            self._arm.settle(acting, steps=_PARTS)
+            try:
+                self._arm.settle(acting, steps=_PARTS)
+            except ArithmeticError:
+                self.lost = True
             return
         if (payload_kg := self._sim.payload_kg(t_s)) != self._payload_kg:
             self._payload_kg = payload_kg
@@ -80,6 +83,10 @@ class MovingBody:
         """Where the tip is [m]; ``t_s`` is the time of the last `follow`."""
         tip: Vec3 = vec3(self._arm.tip_m.tolist())
         return self._frame.point_in_world(tip)
+
+    def tensions_n(self) -> tuple[float, ...]:
+        """With what each tendon pulls on its actuator, 0 where it is slack; empty without tendons."""
+        return tuple(self._arm.rod.tensions_n.tolist())
 
 
 class _Actuators:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from contid import entry_points
+from contid.cli.support.added_options import ExtendedCommand
 from contid.cli.support.parameters import NumberRange, robot_names
 from contid_dynamics.pose_option import POSE, actuation_at, moving_robots
 
@@ -17,7 +20,7 @@ if TYPE_CHECKING:
     from contid_dynamics.report import PoseModes
 
 
-@click.command()
+@click.command(cls=ExtendedCommand, group=entry_points.MODES)
 @click.argument("robot_file", shell_complete=robot_names)
 @POSE
 @click.option("--count", type=click.IntRange(1, 24), default=4, show_default=True, help="Modes of a pose.")
@@ -41,6 +44,7 @@ def command(
     schedule: int | None,
     write: bool,
     as_json: bool,
+    **outputs: str | None,
 ) -> None:
     """How fast the body of each robot of ROBOT_FILE swings, and how soon it stops.
 
@@ -49,15 +53,21 @@ def command(
     `contid modes stiffflop2 --at s1.p1_bar=0.6 --payload-g 10 --poses 100`
 
     `contid modes my_arm.yaml --schedule 300 --payload-g 10 --write`
+
+    `contid modes tendon3 --at s1.t1_mm=3 --save modes.rrd`
     """
-    from contid_dynamics.report import pose_modes, range_over_poses
+    from contid.robot_file.load import load_named
+    from contid_dynamics.report import range_over_poses
+    from contid_dynamics.swing import SwingingPose
 
     if write and schedule is None:
         raise click.UsageError("--write needs --schedule COUNT, the poses whose frequencies are written")
     found: dict[str, object] = {}
+    swinging: dict[str, SwingingPose] = {}
     for name, robot in moving_robots(robot_file).items():
         actuation = actuation_at(robot, name, at)
-        modes = pose_modes(robot, actuation, count, payload_g)
+        swinging[name] = SwingingPose(robot, actuation, count, payload_g)
+        modes = swinging[name].modes
         ranges = range_over_poses(robot, poses, count, payload_g) if poses else None
         if as_json:
             found[name] = {**modes.to_json(), **({} if ranges is None else {"ranges_hz": ranges})}
@@ -69,6 +79,10 @@ def command(
                 found[f"{name}.shape"] = shape
     if as_json:
         click.echo(json.dumps(found))
+    for output, path in outputs.items():
+        if path is not None:
+            command.added[output].write(load_named(robot_file), swinging, Path(path))
+            click.echo(f"  written to {path}; contid view {path} plays it", err=True)
 
 
 def _schedule(

@@ -151,7 +151,7 @@ def _chambers(root: ElementTree.Element, arm: MovingArm) -> None:
     """Moments per bar of every pressure on the joints, from those of the statics at the actuation."""
     tendons = ElementTree.SubElement(root, "tendon")
     actuators = ElementTree.SubElement(root, "actuator")
-    per_bar = arm.moments_per_bar()
+    per_bar = arm.moments_per_bar
     for j, axis in enumerate(arm.robot.axis_names):
         cable = ElementTree.SubElement(tendons, "fixed", name=axis)
         for e in range(arm.rod.count):

@@ -34,6 +34,7 @@ class VibrationMode:
         settles_s: time until 1 % of a swing is left.
         direction: unit vector along which the tip moves, empty where it stands.
         shape_mm: displacement of every node for a displacement of 1 mm of the one that moves most.
+        per_unit_m: displacement of that node at unit modal mass [m / (sqrt(kg) m)].
     """
 
     frequency_hz: float
@@ -41,6 +42,7 @@ class VibrationMode:
     settles_s: float
     direction: tuple[float, ...]
     shape_mm: tuple[tuple[float, ...], ...]
+    per_unit_m: float
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,11 @@ def pose_modes(
     """
     arm = pose_arm(robot, payload_g)
     arm.settle(actuation)
-    found = arm.rod.modes()
+    return modes_of(arm, arm.rod.modes(), count)
+
+
+def modes_of(arm: MovingArm, found: Modes, count: int) -> PoseModes:
+    """The numbers of the slowest modes that were found of an arm at rest."""
     nodes = arm.rod.poses
     strain = arm.rod.strain
     modes = tuple(_mode(arm, found, k, nodes, strain) for k in range(min(count, len(found.ratio))))
@@ -134,4 +140,5 @@ def _mode(arm: MovingArm, found: Modes, k: int, nodes: Array, strain: Array) -> 
         math.log(100.0) / decay if decay > 0.0 else math.inf,
         tuple((tip / length).tolist()) if length > _STANDS * most else (),
         tuple(tuple(point) for point in (moved[:, :3] / most).tolist()),
+        most,
     )

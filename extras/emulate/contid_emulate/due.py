@@ -7,7 +7,7 @@ import math
 import signal
 import subprocess
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Literal, Self, TypeAlias, get_args
 
@@ -227,25 +227,48 @@ def _follow(control: ControlFile, ended: threading.Event) -> None:
         control.poll()
 
 
-@contextlib.contextmanager
+class BoardBench:
+    """Context manager that serves the board of one bus at the port of its options (`contid.hal.Emulates`)."""
+
+    def __init__(
+        self, name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], control: Path | None
+    ) -> None:
+        self._name, self._options, self._axes = name, options, axes
+        self.emulator = DueEmulator(options, axes)
+        self._control = None if control is None else ControlFile(control, self.emulator.switch)
+        self._stack = contextlib.ExitStack()
+
+    def __enter__(self) -> Sequence[str]:
+        """Start; returns a description of the bus."""
+        path = Path(self._options.port)
+        if path.exists() and path.is_char_device() and not path.is_symlink():
+            raise DeviceError(self._name, f"{path} is a real device", "name a path that does not exist yet")
+        self._stack.enter_context(self.emulator)
+        if self._control is not None:
+            ended = threading.Event()
+            follower = threading.Thread(target=_follow, args=(self._control, ended), daemon=True)
+            follower.start()
+            self._stack.callback(follower.join)
+            self._stack.callback(ended.set)
+        channels = ", ".join(f"{axis_options(axis).channel} {axis.name}" for axis in self._axes)
+        return [f"{self._name}: {self._options.role} board at {self._options.port}: {channels}"]
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def actuators(self, now_s: float) -> dict[str, float]:
+        """Where shafts [rad] and pressures [Pa] are; the board's own clock has moved them."""
+        found = {}
+        for axis in self._axes:
+            options = axis_options(axis)
+            shaft, _, pressure, *_ = self.emulator.command(f"get {options.number}").split()
+            motor = options.kind is DeviceKind.MOTOR
+            found[axis.name] = float(shaft) * math.tau / options.counts_per_rev if motor else float(pressure)
+        return found
+
+
 def emulate(
     name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], control: Path | None = None
-) -> Iterator[Sequence[str]]:
-    """Emulate a bus (`contid.hal.Emulates`): the board of one bus at the port of its options."""
-    path = Path(options.port)
-    if path.exists() and path.is_char_device() and not path.is_symlink():
-        raise DeviceError(name, f"{path} is a real device", "name a path that does not exist yet")
-    ended = threading.Event()
-    with DueEmulator(options, axes) as board:
-        follower = None
-        if control is not None:
-            arguments = (ControlFile(control, board.switch), ended)
-            follower = threading.Thread(target=_follow, args=arguments, daemon=True)
-            follower.start()
-        channels = ", ".join(f"{axis_options(axis).channel} {axis.name}" for axis in axes)
-        try:
-            yield [f"{name}: {options.role} board at {options.port}: {channels}"]
-        finally:
-            ended.set()
-            if follower is not None:
-                follower.join()
+) -> BoardBench:
+    """Emulate the board of one bus (`contid.hal.Emulates`)."""
+    return BoardBench(name, options, axes, control)

@@ -38,6 +38,17 @@ def test_it_is_the_envelope_of_a_swing_about_an_equilibrium_that_moves() -> None
     assert np.all(np.array(found)[late] > 0.98 * about[late])
 
 
+def test_a_detector_that_begins_during_a_swing_has_all_of_it() -> None:
+    """It was armed when the load was known, seconds after a motion: a false contact once."""
+    sees_all, begins = BodySwing((1.5, 3.0), 8e-3, 0.3), BodySwing((1.5, 3.0), 8e-3, 0.3)
+    for k in range(100):
+        pressures = np.array([min(0.02 * k, 0.4), 0.0])
+        sees_all.to(0.02 * k, pressures, BY_PRESSURE)
+    begins.go_on_from(sees_all)
+    assert begins.to(1.98, pressures, BY_PRESSURE) == sees_all.amplitude_mm > 3.0  # the newest was seen
+    assert begins.to(2.0, pressures, BY_PRESSURE) == sees_all.to(2.0, pressures, BY_PRESSURE)
+
+
 def test_an_arm_without_dynamics_does_not_swing() -> None:
     robot = shipped_robot().model_copy(update={"dynamics": None})
     assert swing_of(robot).to(0.0, np.ones(6), np.ones((3, 6))) == 0.0

@@ -15,6 +15,7 @@ from contid.cli.support.parameters import NewFile
 if TYPE_CHECKING:
     from contid.robot_file.load import LoadedFile
     from contid.session.read import Session
+    from contid_dynamics.swing import SwingingPose
     from contid_view.view_target import ViewTarget
 
 
@@ -92,6 +93,27 @@ class FoxgloveExport:
             write_foxglove(file, entries, loaded, session.layout)
 
 
+class SwingsExport:
+    """Modes that swing, for the Rerun viewer; an object of the group ``contid.modes``."""
+
+    options = (
+        click.Option(
+            ["--save"],
+            type=NewFile(dir_okay=False),
+            metavar="FILE.rrd",
+            help="The modes, swinging side by side, for `contid view`.",
+        ),
+    )
+
+    def write(self, loaded: LoadedFile, swinging: Mapping[str, SwingingPose], path: Path) -> None:
+        """Draw the modes of robots into a file."""
+        os.environ.setdefault("RUST_LOG", "off")  # contid reports errors itself
+        from contid_view.rerun.swings import draw_swings
+
+        draw_swings(loaded, swinging, path)
+
+
 VIEW: Final = ViewOption()
 RRD: Final = RrdExport()
 FOXGLOVE: Final = FoxgloveExport()
+SWINGS: Final = SwingsExport()

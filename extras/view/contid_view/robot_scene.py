@@ -103,9 +103,9 @@ class RobotScene:
         if isinstance(robot, RackFinger):
             self._spacing_m = robot.geometry.rack_spacing_mm / MM_PER_M
             self.outline = self._outline(robot)
-            self.workspace = np.vstack([self._world(lines[0]), self.outline])
+            self.workspace = np.vstack([self.in_world_mm(lines[0]), self.outline])
         else:
-            self.workspace = self._world(_swayed(np.vstack(lines)))
+            self.workspace = self.in_world_mm(_swayed(np.vstack(lines)))
         model = build_model(robot) if isinstance(robot, TendonRobot) else None
         self._tendons = model if isinstance(model, TendonModel) else None
 
@@ -117,7 +117,7 @@ class RobotScene:
     @property
     def base(self) -> Array:
         """The base frame: origin and axes of length 1, (4, 3)."""
-        return np.vstack([self._world(np.zeros((1, 3))), self._rotation.T])
+        return np.vstack([self.in_world_mm(np.zeros((1, 3))), self._rotation.T])
 
     def drawing(self, actuation: Actuation, load_in_world: Vec3 = ZERO3) -> RobotDrawing | None:
         """The robot at an actuation and a known tip load.
@@ -132,7 +132,7 @@ class RobotScene:
             pose = self.config.model.forward(actuation, load)
         except (ValueError, ArithmeticError):
             return None
-        frames = [np.vstack([self._world(np.array([pose.tip_m])), self._turned(pose.rotation)])]
+        frames = [np.vstack([self.in_world_mm(np.array([pose.tip_m])), self._turned(pose.rotation)])]
         sections = [line]
         cut = int(np.argmin(np.linalg.norm(line - np.array(pose.mid_m), axis=1)))
         if 0 < cut < POINTS - 1:
@@ -141,13 +141,13 @@ class RobotScene:
             x, y, z = (axes[0] for axes in transported(sections[0][None], across, along))
             begin, end = (np.stack([x[k], y[k], z[k]], axis=1) for k in (0, -1))
             turned = self._turned((end @ begin.T).ravel().tolist())
-            frames.insert(0, np.vstack([self._world(line[cut : cut + 1]), turned]))
+            frames.insert(0, np.vstack([self.in_world_mm(line[cut : cut + 1]), turned]))
         around = (
             self._edges(line)
             if self._tendons is None
             else tendon_lines(self._tendons, np.array(actuation[: len(self._tendons.axis_names)]))
         )
-        strips = [self._world(part) for part in (*sections, *around)]
+        strips = [self.in_world_mm(part) for part in (*sections, *around)]
         return RobotDrawing(actuation, strips, frames, len(sections))
 
     def _edges(self, line: Array) -> Sequence[Array]:
@@ -161,14 +161,14 @@ class RobotScene:
     def _outline(self, robot: RackFinger) -> Array:
         model = RackFingerModel(robot)
         racks = list(model.envelope.outline(OUTLINE))
-        return self._world(np.array([model.forward(pair).tip_m for pair in (*racks, racks[0])]))
+        return self.in_world_mm(np.array([model.forward(pair).tip_m for pair in (*racks, racks[0])]))
 
     def _turned(self, rotation: Sequence[float]) -> Array:
         """Axes of a frame given in the base frame, as rows in the world."""
         turned: Array = np.array(rotation).reshape(3, 3).T @ self._rotation.T
         return turned
 
-    def _world(self, points_in_base: Array) -> Array:
+    def in_world_mm(self, points_in_base: Array) -> Array:
         """Points [m] in the base frame -> [mm] in the world."""
         world: Array = (points_in_base @ self._rotation.T + self._origin) * MM_PER_M
         return world

@@ -14,6 +14,7 @@ from contid.hal import AxisOnBus, SpooledTendon
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.models import BY_NAME
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions, SingleTurn, Tensioning
+from contid_emulate.dynamixel.body_tendons import BodyTendons, Spool
 from contid_emulate.dynamixel.servo import Servo
 from contid_emulate.dynamixel.tendon_friction import FrictionPlant
 from contid_emulate.dynamixel.tendons import TendonPlant
@@ -105,6 +106,8 @@ class Bench:
     ) -> None:
         self._name = name
         self._control = control
+        self._axes = tuple(axes)
+        self._pulling: list[BodyTendons] = []
         servos = [servo_of(axis, options.baud) for axis in axes]
         self.emulator = DynamixelEmulator(servos, options.port, control)
         self.emulator.tendons = tendons_of(servos, axes)
@@ -117,6 +120,36 @@ class Bench:
         if self._control is not None:
             lines.append(f"{self._name}: fault switches from {self._control}, one JSON object per line")
         return lines
+
+    def actuators(self, now_s: float) -> dict[str, float]:
+        """Where the shafts are [rad] at a time; that of a snapped tendon has unwound it."""
+        shafts = self.emulator.shafts(now_s)
+        for plant in self._pulling:
+            shafts = [
+                at + plant.unwound(servo) for at, servo in zip(shafts, self.emulator.servos, strict=True)
+            ]
+        return {axis.name: at * reg.RAD_PER_TICK for axis, at in zip(self._axes, shafts, strict=True)}
+
+    def carry(self, spools: Sequence[Spool]) -> BodyTendons:
+        """The tendons of a moving body, which pull on its spools from now on.
+
+        Servos without a homing stand where the body is at rest, if their first turn has that.
+        """
+        of_axis = dict(zip([axis.name for axis in self._axes], self.emulator.servos, strict=True))
+        servos = [of_axis[spool.axis] for spool in spools]
+        options = {axis.name: axis.options for axis in self._axes}
+        for servo, spool in zip(servos, spools, strict=True):
+            own = options[spool.axis]
+            assert isinstance(own, DynamixelAxisOptions)
+            if own.homing is None and 0.0 <= spool.rest_rad < math.tau:
+                servo.motion.position = servo.motion.goal = spool.rest_rad / reg.RAD_PER_TICK
+        mine = {servo.device for servo in servos}
+        standing = [plant for plant in self.emulator.tendons if mine & set(plant.devices)]
+        plant = BodyTendons(servos, [each.ma_per_n for each in spools], standing[0] if standing else None)
+        others = [each for each in self.emulator.tendons if each not in standing]
+        self.emulator.tendons = (*others, plant)
+        self._pulling.append(plant)
+        return plant
 
     def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:
         self.emulator.stop()

@@ -108,6 +108,13 @@ class DynamixelEmulator:
             servo.advance(time.monotonic())
             return servo
 
+    def shafts(self, now_s: float) -> list[float]:
+        """True positions of the servos [ticks], advanced to a time."""
+        with self._lock:
+            for servo in self.servos:
+                servo.advance(now_s)
+            return [servo.motion.position for servo in self.servos]
+
     def set(self, kind: str, device: int | None = None, **values: object) -> None:
         """Set a fault switch by the keys of a control file."""
         with self._lock:

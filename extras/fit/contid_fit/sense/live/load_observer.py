@@ -82,7 +82,9 @@ class LoadObserver:
     def __init__(self, robot: Cosserat, period_s: float) -> None:
         assert robot.sense is not None
         _rehearse(_Estimation(robot, robot.sense.load, period_s, NoSwing()), len(robot.axis_names))
-        self._estimation = _Estimation(robot, robot.sense.load, period_s, swing_of(robot))
+        #: How far the body may swing, from every measurement on.
+        self.swing = swing_of(robot)
+        self._estimation = _Estimation(robot, robot.sense.load, period_s, self.swing)
         self.arm, self.trace = self._estimation.arm, self._estimation.trace
         # The estimation must not hold its own generator: such a ring outlives the process's clean-up.
         self._work = self._estimation.forever()

@@ -44,7 +44,8 @@ class LoadSensingStage(TickStage):
         self._parts = parts
         self._config = config = parts.robots.configs[index]
         self._observer = LoadObserver(sensing, config.period_s)
-        self._tip = None if config.contact is None else TipContact(sensing, self._observer.arm)
+        swing = self._observer.swing
+        self._tip = None if config.contact is None else TipContact(sensing, self._observer.arm, swing)
         # The load that is added to targets; None where the solver is not to have the estimate.
         self._fed = FedLoad() if sensing.load == "estimated" else None
         # The newest estimate that the added load follows, and the newest that is shown.

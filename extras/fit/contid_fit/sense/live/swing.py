@@ -53,16 +53,22 @@ class BodySwing:
         self._last: tuple[float, Array] | None = None
         self.amplitude_mm = 0.0
 
+    def go_on_from(self, other: BodySwing) -> None:
+        """Take the swing of another object for the same arm, which saw measurements that this one did not."""
+        self._state, self._last, self.amplitude_mm = other._state, other._last, other.amplitude_mm
+
     def to(self, time_s: float, pressures_bar: Array, by_pressure: Array) -> float:
         """The amplitude at a measurement [mm].
 
         Args:
-            time_s: its capture, later than the one before.
+            time_s: its capture; one that is not later than the last adds nothing.
             pressures_bar: of the axes then.
             by_pressure: derivative of the tip by them [mm/bar], ``(3, axes)``.
         """
         if self._last is not None:
             before_s, before = self._last
+            if time_s <= before_s:
+                return self.amplitude_mm
             # The equilibrium moves at once half-way between two measurements: a push on the distance.
             moved = by_pressure @ (pressures_bar - before)
             half = np.exp(-(self._decay + 1j * self._turning) * 0.5 * (time_s - before_s))[:, None]

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from copy import copy
 from dataclasses import dataclass
 from typing import Final
 
@@ -34,7 +35,7 @@ from contid_fit.sense.live.innovation_test import (
 from contid_fit.sense.live.known_load import KnownLoad
 from contid_fit.sense.live.load_observer import LoadFound
 from contid_fit.sense.live.pressure_trace import PressurePose, PressureTrace
-from contid_fit.sense.live.swing import swing_of
+from contid_fit.sense.live.swing import BodySwing
 
 #: This long after a contact the present load becomes the known one [s].
 REARM_S: Final = 1.0
@@ -74,9 +75,10 @@ class TipContact:
     Args:
         robot: its description, with a ``sense``.
         arm: its model with the error that was identified.
+        swing: that of the load estimate, which also sees the measurements before a load is known.
     """
 
-    def __init__(self, robot: Cosserat, arm: IdentifiedArm) -> None:
+    def __init__(self, robot: Cosserat, arm: IdentifiedArm, swing: BodySwing) -> None:
         assert robot.sense is not None
         sensing = robot.sense.load
         _rehearse(sensing.noise_mm)
@@ -85,7 +87,7 @@ class TipContact:
         self._loop = np.array(sensing.calibration.loop_bar)
         self._axis_sigma = sensing.calibration.axis_sigma_bar
         self._test = InnovationTest(sensing.noise_mm)
-        self._swing = swing_of(robot)
+        self._swing_before, self._swing = swing, copy(swing)
         self._known: KnownLoad | None = None
         #: The known load before the newest contact.
         self._before: KnownLoad | None = None
@@ -157,6 +159,9 @@ class TipContact:
         if here is None:
             self._forget()
             return None
+        if not self._poses:
+            # The body may swing from motions that were not compared.
+            self._swing.go_on_from(self._swing_before)
         self._moment = here.base_moment_nmm
         seen = MM_PER_M * np.array(self._frame.point_in_base(measurement.tip_in_world))
         by_force, by_pressure = (
