@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contid.kinematics.array import Array
-from studies.moving.pneumatic_tip import PERIOD_S, arc_to, filled, tips_of
+from contid_identify.chambers.motion import filled
+from studies.moving.recordings import PERIOD_S
 from studies.moving.trunk_predictive import steered
 from studies.moving.trunk_program import PredictiveRun, of_jump
 from studies.moving.trunk_twin import LIMIT_DEG, Motors, MovingTrunk, TrunkMode, terms, violations
@@ -59,26 +59,9 @@ def test_without_a_solution_the_motors_go_to_the_path_within_their_limits(model:
     assert np.linalg.norm(run.tips[-1] - [40.0, 0.0]) < 2.0
 
 
-def test_two_arcs_are_found_again_from_their_ends() -> None:
-    arcs: Array = np.array([[0.5, 147.0, 0.8, 135.0], [-0.3, 170.0, 1e-9, 140.0]])
-    for bend, length in (arcs[:, :2].T, arcs[:, 2:].T):
-        straight = np.zeros_like(arcs)
-        straight[:, 0], straight[:, 1] = bend, length
-        tip = tips_of(straight, 0.0)
-        assert arc_to(tip[:, 0], tip[:, 2]) == pytest.approx(straight[:, :2], abs=1e-9)
-    # The lower arc alone, turned by the end of the upper one.
-    middle = tips_of(np.column_stack((arcs[:, :2], np.zeros((2, 2)))), 0.0)
-    lower = tips_of(np.column_stack((arcs[:, 2:], np.zeros((2, 2)))), 0.0)
-    turned = [
-        np.array([[np.cos(a), 0, -np.sin(a)], [0, 1, 0], [np.sin(a), 0, np.cos(a)]]) @ v
-        for a, v in zip(arcs[:, 0], lower, strict=True)
-    ]
-    assert tips_of(arcs, 0.0) == pytest.approx(middle + np.array(turned), abs=1e-9)
-
-
 def test_filling_and_venting_have_time_constants_of_their_own() -> None:
     steps = np.concatenate((np.zeros((1, 1)), np.ones((40, 1)), np.zeros((40, 1))))
-    out = filled(steps, 0.5, 2.0)[:, 0]
+    out = filled(steps, PERIOD_S, 0.5, 2.0)[:, 0]
     at_s = PERIOD_S * np.arange(1, 41)
     assert out[1:41] == pytest.approx(1.0 - np.exp(-at_s / 0.5))
     assert out[41:] == pytest.approx(out[40] * np.exp(-at_s / 2.0))
