@@ -178,7 +178,7 @@ void nearest_step(Grid slopes, Row along, double size, Row asked, double pace, R
 namespace contid {
 void bind_guard(nb::module_& module);
 void bind_motion(nb::module_& module);
-}
+}  // namespace contid
 
 NB_MODULE(KERNEL_MODULE, module) {
   module.doc() = "The limits of a tick, of axes, of taut tendons and along a chord, and motions within them.";
