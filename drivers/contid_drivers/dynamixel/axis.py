@@ -184,7 +184,7 @@ class Axis:
             self.latch_reset()
         self.misses = 0
         if not self.reset:
-            self._detect_faults(reading)
+            self.detect_faults(reading)
         value = self.to_rad(reading.position)
         if not self.reset and self.turn_known and self.seen is not None:
             elapsed_s = time_s - self.time_s
@@ -244,7 +244,8 @@ class Axis:
             f"a taut one carries {least_ma:.0f}; look at the tendon, then run `contid home`"
         )
 
-    def _detect_faults(self, reading: ServoReading) -> None:
+    def detect_faults(self, reading: ServoReading) -> None:
+        """Detect what a reading reports as a fault; with the newest `hardware_error` where it has none."""
         if reading.hardware_error is not None:
             self.hardware_error = reading.hardware_error
         if reading.alert or reading.hardware_error:

@@ -135,7 +135,7 @@ def port(monkeypatch: pytest.MonkeyPatch) -> IsolatedPort:
 
 
 def sent(port: IsolatedPort) -> list[bytes]:
-    return cast(Any, port._link).sent
+    return list(cast(Any, port._link).sent)
 
 
 def test_after_an_error_every_robot_of_an_isolated_bus_comes_to_rest(port: IsolatedPort) -> None:
@@ -151,7 +151,7 @@ def test_a_bus_process_that_is_started_anew_gets_the_limits_of_effort(port: Isol
     port.limit_effort({"f.left": 0.25})
     cast(Any, port._link).ended = "was ended by SIGSEGV"
     port.limit_effort({"g.left": 0.5})
-    sent(port).clear()
+    cast(Any, port._link).sent.clear()
     port.start(BusJob({}, reopen=True))
     kinds = [HEAD.unpack_from(message)[0] for message in sent(port)]
     assert kinds == [BusRequest.JOB, BusRequest.EFFORT]
