@@ -79,7 +79,8 @@ class DueBus:
         """
         if self._session is not None:
             self._session.close()
-            if self._session.memory is not None:
+            # Where `open` failed, motors may not have lost the position that they have to lose.
+            if self._session.memory is not None and self._boot_id == self._session.hello.boot_id:
                 identity.keep(self._session.hello, self._session.memory, self._positions())
         self._session = None
         self._lost = "it is closed"
