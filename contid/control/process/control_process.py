@@ -193,6 +193,8 @@ def _serve(
         for each in isolated.values():
             each.begin_opening()
         buses = open_buses(setup.loaded, RealClock())
+        # To be closed if an isolated one does not open.
+        ports |= {name: BusPort(bus, threaded=False) for name, bus in buses.items()}
         for each in isolated.values():
             each.finish_opening()
         log.debug("open: %s", ", ".join([*isolated, *buses]))

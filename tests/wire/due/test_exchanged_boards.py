@@ -76,9 +76,10 @@ def test_an_opening_that_fails_does_not_make_an_arm_parked(world, monkeypatch):
         raise DeviceError("board", "no answer")
 
     other = again(emulator)
-    with monkeypatch.context() as patch, pytest.raises(DeviceError, match="no answer"):
+    with monkeypatch.context() as patch:
         patch.setattr(DueBus, "_park", silent)
-        other.open()
+        with pytest.raises(DeviceError, match="no answer"):
+            other.open()
     other.close()
     last = again(emulator)
     assert lost(last) == [True] * 3
