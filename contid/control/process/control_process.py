@@ -213,6 +213,7 @@ def _serve(
         try:
             process.run()
         except BaseException:
+            process.engine.costs.running = -1  # an error in a tick leaves its alarm on
             process.engine.exchange.abandon()
             raise
         for name, fields in robot_reports(process.engine).items():
