@@ -1,4 +1,4 @@
-"""What becomes of the buses when one does not open, and after an internal error in a tick."""
+"""What becomes of the buses when one does not open or has a defect, and after an internal error in a tick."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import pytest
 from contid.control.engine.tick_costs import TickCosts
 from contid.control.process import control_process
 from contid.control.process.isolation.port import IsolatedPort
+from contid.control.process.other_devices import other_devices
 from contid.control.process.tick_alarm import ProcessorWait, TickAlarm
 from contid.errors import DriverDefectError
 
@@ -47,6 +48,23 @@ def test_a_bus_in_this_process_is_closed_when_an_isolated_one_does_not_open(
     assert code == events[0].exit_code != 0
     assert isolated.closed
     assert closed == ["board"]
+
+
+@pytest.mark.parametrize("error", [ValueError("no idea"), SystemExit(0)])
+def test_a_defect_of_a_driver_that_names_its_devices_is_an_error_of_its_bus(error: BaseException) -> None:
+    class Bad:
+        def wiring(self, *_: Any) -> dict[str, object]:
+            return {}
+
+        def devices(self, *_: Any) -> None:
+            raise error
+
+    wiring = SimpleNamespace(name="servos", driver="bad", options=None)
+    bus = SimpleNamespace(driver=Bad(), wiring=wiring, axes=(SimpleNamespace(name="f.left"),))
+    loaded = SimpleNamespace(file=SimpleNamespace(bringup={"f.left": None}))
+    words = f"bus servos: driver 'bad': {type(error).__name__}: {error}"
+    with pytest.raises(DriverDefectError, match=words):
+        list(other_devices(cast(Any, loaded), cast(Any, bus)))
 
 
 def test_no_alarm_of_the_tick_interrupts_what_follows_an_error_in_it(
