@@ -244,6 +244,11 @@ class DueBus:
         report = self._axis(axis).report
         return report is not None and report.state is BoardState.HOMING
 
+    def homed(self, axis: str) -> bool:
+        """True when the axis had found its end stop in the newest telemetry."""
+        report = self._axis(axis).report
+        return report is not None and report.homed
+
     def _request_for(self, session: DueConnection, kind: Type, what: str, axes: Sequence[BoardAxis]) -> None:
         """Send a request whose body is the mask of the axes' channels."""
         body = messages.mask_body(session.config_crc, (axis.channel for axis in axes))
