@@ -204,16 +204,15 @@ def rest(client: ServoClient, axis: Axis, position: int | None) -> None:
         NoAnswerError: it is silent again.
     """
     device, present = axis.device, reg.PRESENT_POSITION
-    if axis.pending_rest is not Rest.HOLD:
-        if torque_off(client, [axis]):
-            return
-    else:
-        if position is None:
-            position = present.decode(client.read_block(device, present.address, present.size, tries=1))
+    if position is None:
+        position = present.decode(client.read_block(device, present.address, present.size, tries=1))
+    if axis.pending_rest is Rest.HOLD:
         goal = reg.GOAL_POSITION.encode(position)
         client.port.send(sync_write(reg.GOAL_POSITION.address, 4, [(device, goal)]))
-        if axis.reset:
-            turns.adopt(client, axis, position)
+    elif torque_off(client, [axis]):
+        return
+    if axis.reset:
+        turns.adopt(client, axis, position)
     axis.pending_rest = None
 
 

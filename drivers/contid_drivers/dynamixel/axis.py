@@ -131,16 +131,19 @@ class Axis:
         return round(angle / reg.RAD_PER_TICK) - self.turns * reg.TICKS_PER_REV
 
     def latch(self, fault: str) -> bool:
-        """Latch a fault, stop commanding the servo and hold it; False when one is latched already."""
+        """Latch a fault, stop commanding the servo and hold it; False when one is latched already.
+
+        A servo that still has to relax does that.
+        """
         if self.fault:
             return False
-        self.fault, self.enabled, self.pending_rest = fault, False, Rest.HOLD
+        self.fault, self.enabled, self.pending_rest = fault, False, self.pending_rest or Rest.HOLD
         return True
 
     def latch_reset(self, fault: str = RESET_FAULT) -> None:
         """The servo lost its turn count: it reset itself, or its position jumped."""
         if not self.reset:
-            self.reset, self.turn_known, self.pending_rest = True, False, Rest.HOLD
+            self.reset, self.turn_known, self.pending_rest = True, False, self.pending_rest or Rest.HOLD
         self.latch(fault)
 
     @property

@@ -17,6 +17,7 @@ from contid.hal import Rest
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.packets import Instruction
 from contid_emulate.dynamixel import InjectedFault, machine, replies
+from tests.wire.dynamixel.conftest import servos
 
 pytestmark = pytest.mark.realtime
 
@@ -79,6 +80,24 @@ def test_a_silent_servo_is_invalid_at_once_and_the_others_stay_valid(running: An
         assert [s.valid for s in running.tick().values()] == [True, False, True]
     running.emulator.set("silent", 2, on=False)
     assert all(s.valid for s in running.tick().values())
+
+
+def test_a_servo_that_was_to_relax_does_so_also_when_it_returns_with_a_fault(rig: Make) -> None:
+    """A supply that is too low need not switch the torque off (Shutdown, register 63)."""
+    made = servos(2)
+    made[1].put(reg.SHUTDOWN, 0x34)
+    r = rig(2, made=made, usb_latency_ms=10.0)
+    r.bus.open()
+    r.bus.enable(r.bus.axes)
+    r.tick(2)
+    r.emulator.set("silent", 2)
+    r.tick(3)
+    r.bus.disable(r.bus.axes, Rest.RELAX)
+    assert r.emulator.servo(2).torque
+    r.emulator.set("alert", 2, bits=0x01)
+    r.emulator.set("silent", 2, on=False)
+    r.tick(4)
+    assert not r.emulator.servo(2).torque
 
 
 def test_a_late_answer_is_a_miss_and_never_taken_for_the_next_one(rig: Make) -> None:
