@@ -22,7 +22,7 @@ from contid.hal.isolated import IsolatedBusOptions
 from contid.robot_file.document import BusWiring
 
 AXES = ("f.left", "g.left")
-NOBODY = 65534
+UNPRIVILEGED = 65534
 
 
 class Servos:
@@ -66,7 +66,7 @@ def test_devices_rest_whenever_the_control_process_dies(when: str) -> None:
         control.send(BusWire(AXES).job(1, BusJob({})))
     process = bus_process(served, bus)
     if when == "before it takes the answer":
-        served.send(b"an answer that nobody takes")
+        served.send(b"an answer that is not taken")
     if when != "during a job":
         control.close()
     with served:
@@ -95,7 +95,7 @@ def test_a_user_without_rights_may_give_up_real_time_priority() -> None:
         try:
             os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
             if os.geteuid() == 0:
-                os.setuid(NOBODY)
+                os.setuid(UNPRIVILEGED)
             process = BusProcess(cast(Any, None), b"")
             process._looked_s, process._ran_s = 1e-9, -1e9 * MOST_SHARE  # it has computed most of the time
             process._look()
