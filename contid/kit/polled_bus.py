@@ -159,7 +159,7 @@ class PolledBus(ABC):
                 if not on:
                     return
                 if rest is Rest.HOLD:  # where nothing confirms a goal, it is repeated
-                    if goals and all(_has_goal(found.get(a), goal, False) for a, goal in goals.items()):
+                    if all(a in goals and _has_goal(found.get(a), goals[a], False) for a in on):
                         return
                     goals |= {a: found[a].value for a in on if a in found and a not in goals}
                 with self._reaching():
@@ -167,8 +167,11 @@ class PolledBus(ABC):
                         self.send(goals)
                     else:
                         self.power(on, False)
-            if rest is not Rest.HOLD:
-                log.warning("%s: power off is not confirmed by %s", self.name, ", ".join(on))
+            what, silent = "power off", on
+            if rest is Rest.HOLD:  # a device that reports no goal cannot confirm one
+                what, silent = "hold", [a for a in on if a not in found or not _has_goal(found[a], goals[a])]
+            if silent:
+                log.warning("%s: %s is not confirmed by %s", self.name, what, ", ".join(silent))
         except DeviceLostError:
             return
 

@@ -121,6 +121,34 @@ def test_a_device_that_reports_no_goal_is_powered_after_one_was_sent(bus: Script
     assert len(bus.sent) == 2 + 6  # repeated, because nothing confirms it
 
 
+@pytest.mark.parametrize("silent", [False, True])
+def test_a_hold_that_is_not_confirmed_is_named(
+    bus: ScriptedBus, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, silent: bool
+) -> None:
+    bus.enable(bus.axes)
+    a = bus.devices["a"]
+    monkeypatch.setattr(a, "settle", lambda: None)  # it is on its way
+    a.deaf, a.silent, a.goal = 100, silent, 3.0
+    bus.disable(bus.axes, Rest.HOLD)
+    assert [record.getMessage() for record in caplog.records] == ["bus: hold is not confirmed by a"]
+
+
+def test_an_axis_whose_first_answers_are_lost_is_held_too(
+    bus: ScriptedBus, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    bus.enable(bus.axes)
+    a, lost = bus.devices["a"], iter([True, True, True])
+
+    def on_its_way() -> None:
+        a.silent = next(lost, False)
+
+    monkeypatch.setattr(a, "settle", on_its_way)
+    a.goal = 3.0
+    bus.disable(bus.axes, Rest.HOLD)
+    assert a.goal == a.value == 1.0
+    assert not caplog.records
+
+
 def test_power_that_does_not_come_is_an_error_and_costs_the_holding_axis_nothing(bus: ScriptedBus) -> None:
     bus.devices["b"].powered, bus.devices["b"].goal = True, 1.0  # holds a weight
     bus.devices["a"].lost_power = True

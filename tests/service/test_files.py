@@ -82,6 +82,24 @@ def test_the_shipped_files_satisfy_the_doctor(tmp_path: Path) -> None:
         assert not finding.remedy
 
 
+def test_the_doctor_reads_what_systemctl_edit_wrote(tmp_path: Path) -> None:
+    """A drop-in in /etc belongs to a unit in another folder as well (systemd.unit(5))."""
+    packaged = tmp_path / host_files.UNIT_FOLDERS[-1].lstrip("/")
+    edited = tmp_path / host_files.UNIT_FOLDERS[0].lstrip("/") / f"{host_files.UNIT}.d"
+    program = tmp_path / "opt/contid/bin/contid"
+    for folder in (packaged, edited, program.parent):
+        folder.mkdir(parents=True)
+    shutil.copy(UNIT, packaged)
+    program.touch(0o755)
+    (edited / "override.conf").write_text(
+        "[Service]\nExecStart=\nExecStart=/opt/contid/bin/contid run %i --disarmed\n"
+    )
+    assert host_checks.unit(tmp_path).ok
+    assert [finding.message for finding in host_checks.clients(tmp_path)] == [
+        "the service's own user and root"
+    ]
+
+
 @pytest.mark.parametrize("group", ["own", "none", "absent"])
 def test_the_doctor_names_who_may_give_orders_to_the_service(group: str, tmp_path: Path) -> None:
     where = tmp_path / host_files.UNIT_FOLDERS[0].lstrip("/")

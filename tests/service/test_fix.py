@@ -106,3 +106,11 @@ def test_options_that_need_fix(tmp_path: Path) -> None:
     done = contid_in(tmp_path, "doctor", "finger", "--yes")
     assert done.returncode == 2
     assert "--service and --yes go with --fix" in done.stderr
+
+
+def test_a_file_that_cannot_be_installed_leaves_nothing_behind(tmp_path: Path) -> None:
+    path = tmp_path / "99-contid.rules"
+    path.mkdir()
+    with pytest.raises(ContidError, match="cannot write it"):
+        HostFile("access", path, "SUBSYSTEM").install()
+    assert list(tmp_path.iterdir()) == [path]

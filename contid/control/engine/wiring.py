@@ -106,7 +106,7 @@ def open_buses(loaded: LoadedFile, clock: Clock) -> Mapping[str, Bus]:
     buses = build_buses(loaded, clock)
     try:
         for name, bus in buses.items():
-            with _as_bus_error(loaded.buses[name]):
+            with as_bus_error(loaded.buses[name]):
                 bus.open()
     except BaseException:
         for bus in buses.values():
@@ -117,13 +117,13 @@ def open_buses(loaded: LoadedFile, clock: Clock) -> Mapping[str, Bus]:
 
 
 @contextmanager
-def _as_bus_error(wiring: BusWiring) -> Iterator[None]:
+def as_bus_error(wiring: BusWiring) -> Iterator[None]:
     """Raise a defect of the driver of a bus as an error of that bus."""
     try:
         yield
     except ContidError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         text = f"bus {wiring.name}: driver {wiring.driver!r}: {type(error).__name__}: {error}"
         raise DriverDefectError(text) from error
 
@@ -132,7 +132,7 @@ def build_buses(loaded: LoadedFile, clock: Clock) -> dict[str, Bus]:
     """Every bus that carries an axis; accesses no device."""
     buses = {}
     for each in wired_buses(loaded):
-        with _as_bus_error(each.wiring):
+        with as_bus_error(each.wiring):
             name = each.wiring.name
             buses[name] = each.driver.open_bus(name, each.wiring.options, each.axes, clock)
     for name, robot, carriers in simulated_bodies(loaded):

@@ -193,6 +193,8 @@ def _serve(
         for each in isolated.values():
             each.begin_opening()
         buses = open_buses(setup.loaded, RealClock())
+        # To be closed if an isolated one does not open.
+        ports |= {name: BusPort(bus, threaded=False) for name, bus in buses.items()}
         for each in isolated.values():
             each.finish_opening()
         log.debug("open: %s", ", ".join([*isolated, *buses]))
@@ -211,6 +213,7 @@ def _serve(
         try:
             process.run()
         except BaseException:
+            process.engine.costs.running = -1  # an error in a tick leaves its alarm on
             process.engine.exchange.abandon()
             raise
         for name, fields in robot_reports(process.engine).items():

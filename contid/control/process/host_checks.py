@@ -77,7 +77,7 @@ def unit(root: Path) -> Finding:
     if path is None:
         message = f"{UNIT} is not installed; needed only for robots that run without a logged-in user"
         return Finding("service", True, message, "docs/service.md; contid doctor ROBOT.yaml --fix --service")
-    text = _with_drop_ins(path)
+    text = _with_drop_ins(root, path)
     missing = [line for line in UNIT_REQUIRES if line not in text]
     if missing:
         message = f"{path} lacks {', '.join(missing)}"
@@ -95,7 +95,7 @@ def clients(root: Path) -> list[Finding]:
     path = installed(root, UNIT_FOLDERS, UNIT)
     if path is None:
         return []
-    command = _command(_with_drop_ins(path))
+    command = _command(_with_drop_ins(root, path))
     if "--socket-group" not in command[:-1]:
         return [Finding("service clients", True, "the service's own user and root")]
     name = command[command.index("--socket-group") + 1]
@@ -114,9 +114,11 @@ def clients(root: Path) -> list[Finding]:
     ]
 
 
-def _with_drop_ins(path: Path) -> str:
-    """The text of a unit and its drop-ins."""
-    parts = [path, *sorted(Path(f"{path}.d").glob("*.conf"))]
+def _with_drop_ins(root: Path, path: Path) -> str:
+    """The text of a unit and its drop-ins, which may be in another folder (systemd.unit(5))."""
+    folders = [root / each.lstrip("/") / f"{UNIT}.d" for each in UNIT_FOLDERS]
+    found = (part for folder in folders for part in folder.glob("*.conf"))
+    parts = [path, *sorted(found, key=lambda part: part.name)]
     return "\n".join(part.read_text(errors="replace") for part in parts)
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -49,15 +49,17 @@ class HostFile:
         Raises:
             ContidError: it cannot be written, or a command failed.
         """
+        part = self.path.with_name(f".{self.path.name}.part")
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            with tempfile.NamedTemporaryFile("w", dir=self.path.parent, delete=False) as file:
-                file.write(self.text)
-            Path(file.name).chmod(0o644)
+            part.write_text(self.text, encoding="utf-8")
+            part.chmod(0o644)
             if self.path.exists():
                 shutil.copy2(self.path, f"{self.path}.before")
-            Path(file.name).replace(self.path)
+            part.replace(self.path)
         except OSError as error:
+            with suppress(OSError):
+                part.unlink()
             raise ContidError(f"{self.path}: cannot write it: {error.strerror}") from error
         for command in self.then:
             try:

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from contid.control.engine.wiring import WiredBus, wired_buses
+from contid.control.engine.wiring import WiredBus, as_bus_error, wired_buses
 from contid.errors import ContidError
 from contid.hal.pulses import Proves
 from contid.robot_file.edit import Change, edited
@@ -27,11 +27,13 @@ def other_devices(loaded: LoadedFile, bus: WiredBus) -> Iterator[OtherDevice]:
     """Axes of a bus with another device or firmware than at their bring-up; opens the bus, moves nothing.
 
     Raises:
-        ContidError: the bus cannot be opened.
+        ContidError: the bus cannot be opened, or its driver has a defect.
     """
     proven = loaded.file.bringup
     if isinstance(bus.driver, Proves) and any(axis.name in proven for axis in bus.axes):
-        for axis, device in bus.driver.devices(bus.wiring.name, bus.wiring.options, bus.axes).items():
+        with as_bus_error(bus.wiring):
+            devices = bus.driver.devices(bus.wiring.name, bus.wiring.options, bus.axes)
+        for axis, device in devices.items():
             if axis in proven and (change := device_change(proven[axis], device)):
                 yield OtherDevice(axis, change)
 

@@ -8,8 +8,8 @@
 A level is left upwards after a window of `WINDOW_S` in which more than `OVERLOADED` of the ticks were
 skipped, level 0 after two, level 1 only where the ticks themselves take too long. It is left downwards
 after calm windows in which a tick took at most `FITS` of the period of the level below. The period changes
-by a ramp, so that robots brake and speed up again within `RAMP_S`. Ticks that come later are not skipped
-ones; a recording has them all, and replays. Pure arithmetic on given times.
+by a ramp, by its length at level 0 in `RAMP_S`: robots brake and speed up within twice that. Ticks that come
+later are not skipped ones; a recording has them all, and replays. Pure arithmetic on given times.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FITS: Final = 0.6
 #: How long ticks have to fit before a level is left [s]; twice as long after each return of the overload.
 CALM_S: Final = 5.0
 LONGEST_CALM_S: Final = 80.0
-#: How many times the period, by level; time of a change between two.
+#: How many times the period, by level; time in which it changes by one period.
 FACTORS: Final = (1.0, 1.0, 2.0, 4.0)
 RAMP_S: Final = 0.5
 

@@ -81,7 +81,8 @@ class DueBus:
         """
         if self._session is not None:
             self._session.close()
-            if self._session.memory is not None:
+            # Where `open` failed, motors may not have lost the position that they have to lose.
+            if self._session.memory is not None and self._boot_id == self._session.hello.boot_id:
                 identity.keep(self._session.hello, self._session.memory, self._positions())
         self._session = None
         self._lost = "it is closed"
@@ -244,6 +245,11 @@ class DueBus:
         """True while the newest telemetry has the axis searching its end stop."""
         report = self._axis(axis).report
         return report is not None and report.state is BoardState.HOMING
+
+    def homed(self, axis: str) -> bool:
+        """True when the axis had found its end stop in the newest telemetry."""
+        report = self._axis(axis).report
+        return report is not None and report.homed
 
     def _request_for(self, session: DueConnection, kind: Type, what: str, axes: Sequence[BoardAxis]) -> None:
         """Send a request whose body is the mask of the axes' channels."""

@@ -80,6 +80,8 @@ def _home_one(bus: DueBus, axis: AxisOnBus, report: Report) -> Homed:
         if not bus.homing(axis.name):
             break
         time.sleep(_TICK_S)
+    if not bus.homed(axis.name):
+        raise DeviceError(device, "its search was stopped through the board's other port", "home it again")
     report(f"{axis.name}: stop found, backed off to {sample.value:.3f} rad")
     return Homed(axis.name, at_rad, method.at_mm, "end stop, found twice by the Due board")
 

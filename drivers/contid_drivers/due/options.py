@@ -192,7 +192,7 @@ class MotorOptions(Strict):
     stall_percent: Percent = 40.0
     stall_ms: int = Field(default=200, ge=10, le=10_000)
     stall_current_ma: NonNegative = 0.0
-    current_ma_per_v: Positive = 1000.0
+    current_ma_per_v: Annotated[float, Field(gt=0, le=19_800)] = 1000.0  # 16 bits on the wire, at 3.3 V
     follow_deg: Positive = 45.0
     bridge: Bridge = Bridge.PWM_IN_IN
     encoder_reversed: bool = False

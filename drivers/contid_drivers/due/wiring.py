@@ -134,7 +134,7 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions, adc: Adc) -> bytes:
         "stall_duty": max(1, _duty(o.stall_percent)),
         "stall_ms": o.stall_ms,
         "stall_current_ma": round(o.stall_current_ma),
-        "full_scale_ma": min(0xFFFF, round(o.current_ma_per_v * adc.mv / 1000.0)),
+        "full_scale_ma": round(o.current_ma_per_v * adc.mv / 1000.0),
         "follow": max(1, round(o.follow_deg * per_deg)),
         "power_up": round(o.power_up_deg * per_deg),
         "home_velocity": max(1, round(home.speed_deg_s * per_deg)),

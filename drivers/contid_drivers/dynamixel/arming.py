@@ -39,8 +39,8 @@ def settings(axis: Axis, options: DynamixelBusOptions) -> list[tuple[Register, i
         # Bit 0 switches torque on after a brown-out, in an unchecked turn.
         (reg.STARTUP, 0),
         (reg.CURRENT_LIMIT, _units(axis, a.current_limit_ma)),
-        (reg.PROFILE_VELOCITY, round(a.profile_velocity_deg_s / reg.DEG_S_PER_UNIT)),
-        (reg.PROFILE_ACCELERATION, round(a.profile_acceleration_deg_s2 / reg.DEG_S2_PER_UNIT)),
+        (reg.PROFILE_VELOCITY, _profile(a.profile_velocity_deg_s / reg.DEG_S_PER_UNIT)),
+        (reg.PROFILE_ACCELERATION, _profile(a.profile_acceleration_deg_s2 / reg.DEG_S2_PER_UNIT)),
         (reg.GOAL_CURRENT, _goal_current(axis)),
         # Limits the torque in position modes as well.
         (reg.GOAL_PWM, axis.own_pwm),
@@ -49,6 +49,11 @@ def settings(axis: Axis, options: DynamixelBusOptions) -> list[tuple[Register, i
         (reg.POSITION_D, a.position_d),
     ]
     return [(register, value) for register, value in values if value is not None]
+
+
+def _profile(units: float) -> int:
+    """Value of a profile register, in which 0 is no limit: a slower one than the slowest is the slowest."""
+    return max(1, round(units)) if units else 0
 
 
 def _goal_current(axis: Axis) -> int | None:
@@ -199,16 +204,15 @@ def rest(client: ServoClient, axis: Axis, position: int | None) -> None:
         NoAnswerError: it is silent again.
     """
     device, present = axis.device, reg.PRESENT_POSITION
-    if axis.pending_rest is not Rest.HOLD:
-        if torque_off(client, [axis]):
-            return
-    else:
-        if position is None:
-            position = present.decode(client.read_block(device, present.address, present.size, tries=1))
+    if position is None:
+        position = present.decode(client.read_block(device, present.address, present.size, tries=1))
+    if axis.pending_rest is Rest.HOLD:
         goal = reg.GOAL_POSITION.encode(position)
         client.port.send(sync_write(reg.GOAL_POSITION.address, 4, [(device, goal)]))
-        if axis.reset:
-            turns.adopt(client, axis, position)
+    elif torque_off(client, [axis]):
+        return
+    if axis.reset:
+        turns.adopt(client, axis, position)
     axis.pending_rest = None
 
 

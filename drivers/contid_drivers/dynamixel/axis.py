@@ -131,16 +131,19 @@ class Axis:
         return round(angle / reg.RAD_PER_TICK) - self.turns * reg.TICKS_PER_REV
 
     def latch(self, fault: str) -> bool:
-        """Latch a fault, stop commanding the servo and hold it; False when one is latched already."""
+        """Latch a fault, stop commanding the servo and hold it; False when one is latched already.
+
+        A servo that still has to relax does that.
+        """
         if self.fault:
             return False
-        self.fault, self.enabled, self.pending_rest = fault, False, Rest.HOLD
+        self.fault, self.enabled, self.pending_rest = fault, False, self.pending_rest or Rest.HOLD
         return True
 
     def latch_reset(self, fault: str = RESET_FAULT) -> None:
         """The servo lost its turn count: it reset itself, or its position jumped."""
         if not self.reset:
-            self.reset, self.turn_known, self.pending_rest = True, False, Rest.HOLD
+            self.reset, self.turn_known, self.pending_rest = True, False, self.pending_rest or Rest.HOLD
         self.latch(fault)
 
     @property
@@ -184,7 +187,7 @@ class Axis:
             self.latch_reset()
         self.misses = 0
         if not self.reset:
-            self._detect_faults(reading)
+            self.detect_faults(reading)
         value = self.to_rad(reading.position)
         if not self.reset and self.turn_known and self.seen is not None:
             elapsed_s = time_s - self.time_s
@@ -244,7 +247,8 @@ class Axis:
             f"a taut one carries {least_ma:.0f}; look at the tendon, then run `contid home`"
         )
 
-    def _detect_faults(self, reading: ServoReading) -> None:
+    def detect_faults(self, reading: ServoReading) -> None:
+        """Detect what a reading reports as a fault; with the newest `hardware_error` where it has none."""
         if reading.hardware_error is not None:
             self.hardware_error = reading.hardware_error
         if reading.alert or reading.hardware_error:

@@ -193,8 +193,7 @@ class DynamixelBus:
         if reading is not None and reading.alert and not axis.hardware_error:
             try:
                 axis.hardware_error = client.read(axis.device, reg.HARDWARE_ERROR)
-                axis.fault = ""
-                axis.take(reading, now)
+                axis.detect_faults(reading)
                 sample = axis.sample(now, not axis.reset)
             except NoAnswerError:
                 pass

@@ -19,7 +19,7 @@ from contid_drivers.dynamixel.port import RETURN_DELAY_MAX_S, ServoPort
 READS: Final = 12
 #: Reads at every start of a run, which must not take long.
 QUICK_READS: Final = 4
-#: A second servo answers within this time after the first: its return delay, and a margin.
+#: A second servo answers within this time after the first, and the adapter's: its return delay, and a margin.
 SECOND_S: Final = RETURN_DELAY_MAX_S + 1e-3
 _SIZE: Final = reg.PRESENT_POSITION.address + reg.PRESENT_POSITION.size - reg.REALTIME_TICK.address
 #: Broken or double answers that are no noise any more.
@@ -58,7 +58,7 @@ def count_answers(port: ServoPort, device: int, reads: int = READS) -> AnswerCou
     for _ in range(reads):
         port.flush()
         deadline = port.send(request) + answer_s + allowance_s
-        intact, damaged = _receive(port, device, request, deadline, answer_s + SECOND_S)
+        intact, damaged = _receive(port, device, request, deadline, answer_s + SECOND_S + port.latency_s)
         if intact == 1 and not damaged:
             single += 1
         elif intact or damaged:
@@ -78,13 +78,13 @@ def _receive(
     intact, used = 0, 0
     while data := port.receive(deadline):
         stream += data
-        if not intact:
-            # A second answer follows the first within its own return delay.
-            deadline = min(deadline, time.monotonic() + second_s)
         copy = bytearray(stream)
         intact = used = 0
         while (packet := take(copy)) is not None:
             used += len(packet.wire)
             if packet.wire != request:
                 intact += packet.instruction == Instruction.STATUS and packet.device == device
+        if intact:
+            # A second answer follows the first within its own return delay; a first one may come in parts.
+            deadline = min(deadline, time.monotonic() + second_s)
     return intact, len(stream) > used

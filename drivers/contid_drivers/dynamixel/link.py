@@ -101,7 +101,10 @@ class BusLink:
         self._identity = identity_of(path) or self._identity
         if layout is PLAIN:
             log.warning("%s: no common indirect addresses; reading %d bytes per servo", self.name, PLAIN.full)
-        cyclic.fast = self.probe_fast()
+        try:
+            cyclic.fast = self.probe_fast()
+        except DeviceLostError as error:
+            raise self.mark_lost(error) from None
 
     def _name_left_over(self, client: ServoClient) -> None:
         """Log the limits that other programs have changed."""

@@ -44,7 +44,8 @@ class ServoModel:
         ma_per_unit: unit of the current registers [mA]; None without current registers.
         current_limit: greatest Current Limit (register 38) [units]; 0 without.
         supply_v: recommended supply.
-        supply_min_v, supply_max_v: limits of the supply.
+        supply_min_v, supply_max_v: limits of the supply; of models for more than 5 V the widest that the
+            servo's own limits (registers 34 and 32) can be, which is more than the specification.
         gains: gains of a new servo.
     """
 
@@ -101,7 +102,7 @@ def _x(
 
 #: Of a whole number of units [units], so that a current made from one becomes the same one.
 _ROUNDING: Final = 1e-6
-_5V: Final = (5.0, 3.7, 7.0)
+_5V: Final = (5.0, 3.7, 6.0)
 _T330: Final = (12.0, 5.5, 14.0)
 _L430: Final = (11.1, 6.0, 14.0)
 _C430: Final = (12.0, 6.0, 16.0)

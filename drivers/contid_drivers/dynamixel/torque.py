@@ -58,7 +58,7 @@ def enable(link: BusLink, axes: Sequence[Axis]) -> None:
     except DeviceLostError as error:
         raise link.mark_lost(error) from None
     except DeviceError:
-        _back_out(opened, chosen, started)
+        _back_out(link, opened, chosen, started)
         raise
 
 
@@ -83,14 +83,34 @@ def _start_watchdogs(opened: Opened, chosen: Sequence[Axis], watchdog_ms: int) -
         turns.require_kept(client, axis)
 
 
-def _back_out(opened: Opened, chosen: Sequence[Axis], started: Sequence[Axis]) -> None:
+def _back_out(link: BusLink, opened: Opened, chosen: Sequence[Axis], started: Sequence[Axis]) -> None:
     """Undo a failed `enable`: torque it switched on goes off, axes held before stay held."""
     if started:
-        arming.torque_off(opened.client, started)
-    for axis in chosen:
-        axis.enabled = False
-        if axis.watchdog_units and axis not in started:
+        _relax(link, opened, started)
+    _hold(opened, [axis for axis in chosen if axis.watchdog_units and axis not in started])
+
+
+def _relax(link: BusLink, opened: Opened, axes: Sequence[Axis]) -> None:
+    """Torque off; where it is not confirmed it stays pending."""
+    silent = arming.torque_off(opened.client, axes)
+    for axis in axes:
+        axis.pending_rest = Rest.RELAX if axis.name in silent else None
+    if silent:
+        log.error("%s: torque off not confirmed by %s", link.name, ", ".join(silent))
+
+
+def _hold(opened: Opened, axes: Sequence[Axis]) -> None:
+    """Goal := present position, watchdog off; where that fails it stays pending."""
+    for axis in axes:
+        axis.enabled, axis.pending_rest = False, Rest.HOLD
+        try:
             arming.hold_position(opened.client, axis)
+            axis.pending_rest = None
+        except DeviceLostError:
+            raise
+        except DeviceError as error:
+            # Its watchdog stays on; without further instructions it trips and stops the servo.
+            log.error("%s", error)
 
 
 def disable(link: BusLink, axes: Sequence[Axis], rest: Rest) -> None:
@@ -105,22 +125,9 @@ def disable(link: BusLink, axes: Sequence[Axis], rest: Rest) -> None:
         return
     try:
         if rest is not Rest.HOLD:
-            silent = arming.torque_off(opened.client, axes)
-            for axis in axes:
-                axis.pending_rest = Rest.RELAX if axis.name in silent else None
-            if silent:
-                log.error("%s: torque off not confirmed by %s", link.name, ", ".join(silent))
+            _relax(link, opened, axes)
             return
-        for axis in axes:
-            axis.enabled, axis.pending_rest = False, Rest.HOLD
-            try:
-                arming.hold_position(opened.client, axis)
-                axis.pending_rest = None
-            except DeviceLostError:
-                raise
-            except DeviceError as error:
-                # Its watchdog stays on; without further instructions it trips and stops the servo.
-                log.error("%s", error)
+        _hold(opened, axes)
     except DeviceLostError as error:
         link.mark_lost(error)
     except DeviceError as error:

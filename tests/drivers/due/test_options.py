@@ -39,6 +39,7 @@ BAD = [
     ({"channel": "p0", **REGULATOR, "bridge": "in_in"}, "it has no bridge"),
     ({"channel": "m0", "ceiling_bar": 2}, "is a motor; it has no ceiling_bar"),
     ({"channel": "p0", **REGULATOR, "stall_ms": 100}, "is a regulator; it has no stall_ms"),
+    ({"channel": "m0", "current_ma_per_v": 25_000}, "less than or equal to 19800"),  # ACS758-050B: 40 mV/A
     ({"channel": "p0"}, "needs calibration, readback, ceiling_bar"),
     ({"channel": "p0", **REGULATOR, "ceiling_bar": 3.5}, "must reach from 0 bar to ceiling_bar 3.5"),
     ({"channel": "p0", **REGULATOR, "calibration": [[0, 0], [0, 3]]}, "must both rise"),

@@ -8,11 +8,12 @@ from typing import cast
 import pytest
 
 from contid.errors import DeviceError
-from contid_drivers.dynamixel.arming import TRAVEL_SLACK_RAD, require_inside_travel, torque_off
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.arming import TRAVEL_SLACK_RAD, require_inside_travel, settings, torque_off
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.models import BY_NAME
-from contid_drivers.dynamixel.options import DynamixelAxisOptions
+from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.dynamixel.registers import Register
 
@@ -44,6 +45,19 @@ def test_a_position_more_than_the_slack_outside_the_travel_is_refused(degrees: f
 
 def test_without_a_travel_every_position_is_accepted() -> None:
     require_inside_travel(CLIENT, axis(None), 1 << 20)
+
+
+@pytest.mark.parametrize(
+    ("deg_s", "units"), [(0.0, 0), (0.1, 1), (0.6, 1), (1.374, 1), (2.1, 2), (137.4, 100)]
+)
+def test_a_slow_profile_is_never_written_as_no_limit(deg_s: float, units: int) -> None:
+    """Registers 112 and 108: 0 is an infinite velocity and acceleration (e-manual of the XL330)."""
+    options = DynamixelAxisOptions(
+        id=1, profile_velocity_deg_s=deg_s, profile_acceleration_deg_s2=deg_s * 21.4577 / 1.374
+    )
+    servo = Axis("finger.left", options, TRAVEL, 4, 1, BY_NAME[options.model])
+    written = dict(settings(servo, DynamixelBusOptions(port="/dev/ttyUSB0")))
+    assert (written[reg.PROFILE_VELOCITY], written[reg.PROFILE_ACCELERATION]) == (units, units)
 
 
 class QuietPort:

@@ -15,10 +15,11 @@ from click.testing import CliRunner
 from contid.cli.commands.home import command as home_command
 from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError
-from contid.hal import AxisOnBus, load_driver
+from contid.hal import AxisOnBus, Rest, load_driver
 from contid.robot_file.load import load_robot_file
 from contid_devices.due.board import doctor
 from contid_devices.firmware import command as firmware_command
+from contid_drivers.due.bus import DueBus
 from contid_drivers.due.homing import home
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
 from contid_emulate.due import emulate
@@ -59,6 +60,22 @@ def test_homing_ends_when_the_channel_falls_silent(world):
 
     with pytest.raises(DeviceError, match="does not answer"):
         home("board", options, axes, ["arm.l1"], silence_soon)
+
+
+def test_a_search_that_is_stopped_is_no_reference(world, monkeypatch):
+    """A stop is the one order that the board takes on its other port (firmware/PROTOCOL.md)."""
+    axes = [AxisOnBus("arm.l1", DueAxisOptions(channel="m0", homing=EndStop(direction=-1, speed_deg_s=5.0)))]
+    _, emulator = world(axes)
+    options = DueBusOptions(port=str(emulator.port), role=Role.MOTOR, latency_ms=60.0)
+    homing = DueBus.homing
+
+    def stopped(bus: DueBus, axis: str) -> bool:
+        bus.disable([axis], Rest.HOLD)
+        return homing(bus, axis)
+
+    monkeypatch.setattr(DueBus, "homing", stopped)
+    with pytest.raises(DeviceError, match="search was stopped"):
+        home("board", options, axes, ["arm.l1"], lambda line: None)
 
 
 def test_doctor_without_a_board(tmp_path):

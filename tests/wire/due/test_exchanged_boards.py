@@ -65,6 +65,27 @@ def test_a_board_that_was_off_with_its_arm_out_has_lost_its_position(world):
     other.close()
 
 
+def test_an_opening_that_fails_does_not_make_an_arm_parked(world, monkeypatch):
+    """The board does not take that its position is lost; the next process must not take it for known."""
+    bus, emulator = world()
+    drive(bus, 2.5)
+    bus.close()
+    emulator.switch({"fault": "power_cycle"})
+
+    def silent(*_, **__):
+        raise DeviceError("board", "no answer")
+
+    other = again(emulator)
+    with monkeypatch.context() as patch:
+        patch.setattr(DueBus, "_park", silent)
+        with pytest.raises(DeviceError, match="no answer"):
+            other.open()
+    other.close()
+    last = again(emulator)
+    assert lost(last) == [True] * 3
+    last.close()
+
+
 def test_a_process_that_did_not_close_leaves_the_position_unknown_after_a_start_only(world):
     bus, emulator = world()
     bus.open()

@@ -38,6 +38,15 @@ def test_problems_of_a_person_have_a_remedy(rig: Callable[..., Any]) -> None:
 
 
 @pytest.mark.process
+@pytest.mark.parametrize(("volts", "ok"), [(5.0, True), (6.0, True), (6.5, False), (3.6, False)])
+def test_a_supply_beyond_that_of_the_manual_is_found(rig: Callable[..., Any], volts: float, ok: bool) -> None:
+    """XL330: 3.7 to 6.0 V (e-manual, Specifications); the servo itself objects above 7.0 V only."""
+    r = rig(1)
+    r.emulator.servo(1).supply_decivolt = round(10 * volts)
+    assert doctor(r)["id 1 voltage"].ok == ok
+
+
+@pytest.mark.process
 def test_what_arming_changes_is_a_warning_until_torque_locks_it(rig: Callable[..., Any]) -> None:
     r = rig(1)
     servo = r.emulator.servo(1)

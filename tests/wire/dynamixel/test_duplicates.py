@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from contid.errors import DeviceError, DeviceNotFoundError
 from contid_devices.dynamixel.commission import set_baud, set_id
+from contid_drivers.dynamixel import duplicates
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.packets import STATUS_OVERHEAD, build_status
+from contid_drivers.dynamixel.port import ServoPort
 from contid_emulate.dynamixel import DynamixelEmulator, Servo
 
 pytestmark = pytest.mark.realtime
@@ -58,3 +61,44 @@ def test_opening_a_bus_names_the_two_servos(rig: Callable[..., Any]) -> None:
     with pytest.raises(DeviceNotFoundError, match=r"id 1 \(r.a1\): .*two servos have this id") as raised:
         r.bus.open()
     assert "one servo at a time" in raised.value.remedy
+
+
+class SlowAdapter:
+    """Hands bytes on when its latency timer ends, so an answer comes in two parts; nothing waits."""
+
+    return_delay_s, byte_s = 5e-4, 10 / 57600
+    latency_s = 0.02
+
+    def __init__(self, twins: bool) -> None:
+        self.now = 0.0
+        self._twins = twins
+        self._due: list[tuple[float, bytes]] = []
+
+    def status_s(self, size: int) -> float:
+        return (size + STATUS_OVERHEAD) * self.byte_s
+
+    def flush(self) -> None:
+        self._due.clear()
+
+    def send(self, request: bytes) -> float:
+        first, second = build_status(1, 0, bytes(16)), build_status(1, 0, bytes(range(16)))
+        self._due = [(self.now + 0.002, first[:20]), (self.now + 0.018, first[20:])]
+        if self._twins:
+            self._due.append((self.now + 0.034, second))
+        return self.now
+
+    def receive(self, deadline: float) -> bytes:
+        if not self._due or self._due[0][0] > deadline:
+            return b""
+        self.now, data = self._due.pop(0)
+        return data
+
+
+@pytest.mark.parametrize("twins", [False, True])
+def test_an_answer_in_two_parts_is_one_servo(monkeypatch: pytest.MonkeyPatch, twins: bool) -> None:
+    """FTDI's latency timer is 16 ms unless it is set (AN232B-04); new servos have 57600 baud."""
+    port = SlowAdapter(twins)
+    monkeypatch.setattr("time.monotonic", lambda: port.now)
+    found = duplicates.count_answers(cast(ServoPort, port), 1)
+    assert found.duplicated == twins
+    assert found.single == (0 if twins else duplicates.READS)

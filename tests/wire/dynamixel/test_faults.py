@@ -14,9 +14,13 @@ from pydantic import ValidationError
 
 from contid.errors import DeviceError
 from contid.hal import Rest
+from contid_drivers.dynamixel import arming
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.packets import Instruction
 from contid_emulate.dynamixel import InjectedFault, machine, replies
+from tests.wire.dynamixel.conftest import servos
 
 pytestmark = pytest.mark.realtime
 
@@ -79,6 +83,68 @@ def test_a_silent_servo_is_invalid_at_once_and_the_others_stay_valid(running: An
         assert [s.valid for s in running.tick().values()] == [True, False, True]
     running.emulator.set("silent", 2, on=False)
     assert all(s.valid for s in running.tick().values())
+
+
+def test_a_servo_that_was_to_relax_does_so_also_when_it_returns_with_a_fault(rig: Make) -> None:
+    """A supply that is too low need not switch the torque off (Shutdown, register 63)."""
+    made = servos(2)
+    made[1].put(reg.SHUTDOWN, 0x34)
+    r = rig(2, made=made, usb_latency_ms=10.0)
+    r.bus.open()
+    r.bus.enable(r.bus.axes)
+    r.tick(2)
+    r.emulator.set("silent", 2)
+    r.tick(3)
+    r.bus.disable(r.bus.axes, Rest.RELAX)
+    assert r.emulator.servo(2).torque
+    r.emulator.set("alert", 2, bits=0x01)
+    r.emulator.set("silent", 2, on=False)
+    r.tick(4)
+    assert not r.emulator.servo(2).torque
+
+
+def test_a_servo_that_is_silent_while_enable_is_undone_relaxes_when_it_returns(
+    rig: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    r = rig(2, usb_latency_ms=10.0)
+    r.bus.open()
+    arm = arming.arm
+
+    def arm_the_first(client: ServoClient, axis: Axis) -> None:
+        if axis.device == 2:
+            r.emulator.set("silent", 1)
+            raise DeviceError("r.a2", "torque does not come on")
+        arm(client, axis)
+
+    monkeypatch.setattr(arming, "arm", arm_the_first)
+    with pytest.raises(DeviceError, match="does not come on"):
+        r.bus.enable(r.bus.axes)
+    assert r.emulator.servo(1).torque
+    r.emulator.set("silent", 1, on=False)
+    r.tick(4)
+    assert not r.emulator.servo(1).torque
+
+
+def test_axes_that_were_held_are_held_again_also_beside_a_silent_one(
+    rig: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hold lasts without anybody: the watchdog of a failed enable is off again."""
+    r = rig(2, usb_latency_ms=10.0)
+    r.bus.open()
+    r.bus.enable(r.bus.axes)
+    r.bus.disable(r.bus.axes, Rest.HOLD)
+    start = arming.start_watchdogs
+
+    def start_and_lose_one(client: ServoClient, axes: list[Axis], watchdog: int) -> None:
+        start(client, axes, watchdog)
+        time.sleep(0.02)
+        r.emulator.set("silent", 1)
+
+    monkeypatch.setattr(arming, "start_watchdogs", start_and_lose_one)
+    with pytest.raises(DeviceError, match="no answer"):
+        r.bus.enable(r.bus.axes)
+    assert r.emulator.servo(2).torque
+    assert r.emulator.servo(2).get(reg.BUS_WATCHDOG) == 0
 
 
 def test_a_late_answer_is_a_miss_and_never_taken_for_the_next_one(rig: Make) -> None:

@@ -47,6 +47,18 @@ def test_a_jump_of_one_turn_is_a_fault_in_the_same_exchange_and_clear_fault_find
     assert r.tick()["r.a1"].value == pytest.approx(9000 * TICK, abs=2 * TICK)
 
 
+def test_a_jump_with_an_alert_is_a_fault_with_its_cause(rig: Make) -> None:
+    """An encoder that fails does both at once; the cause is not in the block of this exchange."""
+    r = rig(1, servo={"position_ticks": 500.0}, telemetry_every=1000)
+    r.bus.open()
+    r.bus.enable(r.bus.axes)
+    r.tick(3)
+    r.emulator.set("jump", 1, degrees=400)
+    r.emulator.set("alert", 1, bits=0x08)
+    assert "encoder fault" in r.tick()["r.a1"].fault
+    assert "encoder fault" in r.tick()["r.a1"].fault
+
+
 def test_a_jammed_shaft_is_a_fault_and_is_no_longer_pushed(rig: Make) -> None:
     r = rig(2, axis={"current_limit_ma": 600})
     r.bus.open()

@@ -13,6 +13,7 @@ from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import Rest
 from contid.kit import serial_ports
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.link import BusLink
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
@@ -68,6 +69,27 @@ def test_the_watchdog_that_tripped_during_an_unplug_is_reported_and_not_armed_ov
         r.bus.enable(["r.a1"])
     r.bus.clear_fault(["r.a1"])
     r.bus.enable(["r.a1"])
+
+
+@pytest.mark.process
+def test_a_cable_pulled_at_the_end_of_open_leaves_the_bus_lost(
+    rig: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    r = rig(1)
+
+    def pulled(link: BusLink) -> bool:
+        r.emulator.set("unplug")
+        return bool(link.need_open().cyclic.run({}, full=True))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(BusLink, "probe_fast", pulled)
+        with pytest.raises(DeviceLostError):
+            r.bus.open()
+    with pytest.raises(DeviceNotFoundError):
+        r.bus.open()
+    r.emulator.set("replug")
+    r.bus.open()
+    assert r.tick()["r.a1"].valid
 
 
 def test_an_adapter_is_found_again_by_its_serial_number(monkeypatch: pytest.MonkeyPatch) -> None:

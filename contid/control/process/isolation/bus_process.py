@@ -50,18 +50,22 @@ class BusProcess:
 
     def serve(self) -> None:
         """Answer requests until the control process closes the bus, or dies."""
-        while message := self._connection.recv(LONGEST):
-            if os.getpid() != self._pid:  # a copy of the process that the driver made must not use the bus
-                os._exit(0)
-            kind, number, _ = HEAD.unpack_from(message)
-            answer = self._answer(kind, number, message[HEAD.size :])
-            if os.getpid() != self._pid:
-                os._exit(0)
-            if answer:
-                self._connection.send(answer)
-            self._look()
-            if kind == BusRequest.CLOSE:
-                return
+        # A control process that dies during a job, or before it takes an answer, is an error of the socket.
+        with suppress(ConnectionError):
+            while message := self._connection.recv(LONGEST):
+                if (
+                    os.getpid() != self._pid
+                ):  # a copy of the process that the driver made must not use the bus
+                    os._exit(0)
+                kind, number, _ = HEAD.unpack_from(message)
+                answer = self._answer(kind, number, message[HEAD.size :])
+                if os.getpid() != self._pid:
+                    os._exit(0)
+                if answer:
+                    self._connection.send(answer)
+                self._look()
+                if kind == BusRequest.CLOSE:
+                    return
         self._rest()
 
     def _rest(self) -> None:
@@ -88,8 +92,13 @@ class BusProcess:
                 return _json(kind, number, {})
 
     def _counts(self) -> dict[str, Any]:
-        bus = self._build()
-        return dict(bus.answer_counts()) if isinstance(bus, CountsAnswers) else {}
+        try:
+            bus = self._build()
+            counts = bus.answer_counts() if isinstance(bus, CountsAnswers) else {}
+            return {what: int(count) for what, count in counts.items()}
+        except Exception as error:
+            log.warning("nothing is counted: %s", _defect(error))
+            return {}
 
     def _limit_effort(self, shares: dict[str, float]) -> None:
         try:
@@ -173,7 +182,8 @@ class BusProcess:
         self._looked_s, self._ran_s = now_s, ran_s
         if share > MOST_SHARE:
             self._looked_s = 0.0
-            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+            # Without CAP_SYS_NICE the kernel refuses to clear the flag that `_hurry` has set (sched(7)).
+            os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
             log.warning("the driver computes %.0f %% of the time: no real-time priority", 100.0 * share)
 
 

@@ -59,6 +59,7 @@ class IsolatedBus:
         effect = next(each for each in Effect if each.value is rest)
         robot = 0  # no robot takes the answer
         self._port.start(BusJob({}, ((robot, effect, tuple(axes)),)))
+        self._port.busy = False  # for another robot on this bus
 
     def clear_fault(self, axes: Sequence[str]) -> None:
         """The port sends it with a job."""
@@ -103,6 +104,7 @@ class IsolatedPort(BusPort):
         options = wiring.options
         assert isinstance(options, IsolatedBusOptions)
         self._link = KeptProcess(wiring.name, options.body)
+        self._shares: dict[str, float] = {}  # limits of effort
 
     # -- opening and closing -----------------------------------------------------------------------------
 
@@ -148,9 +150,12 @@ class IsolatedPort(BusPort):
         """Begin a job; `take` returns its result."""
         self.busy = True
         self.exempt = job.reopen or bool(job.effects)
-        if self._link.ended and job.reopen:
+        anew = self._link.ended and job.reopen
+        if anew:
             self._link.start_process()
         self._link.write(self._wire.job(self._link.next_number(), job))
+        if anew and self._shares:
+            self._send_shares()
 
     def take(self, timeout_s: float) -> BusReply | None:
         """The result of the job that was begun, or None when it is not done within the time."""
@@ -194,10 +199,17 @@ class IsolatedPort(BusPort):
         return self._link.ask(COUNTS_S) or {}
 
     def limit_effort(self, shares: Mapping[str, float]) -> None:
-        """Send limits of effort, shares of the greatest by axis; they hold from the next exchange on."""
+        """Send limits of effort, shares of the greatest by axis; they hold from the next exchange on.
+
+        A bus process that is started anew gets them too.
+        """
+        self._shares |= shares
+        self._send_shares()
+
+    def _send_shares(self) -> None:
         number, has_json = 0, True  # it has no answer
         head = HEAD.pack(BusRequest.EFFORT, number, has_json)
-        self._link.write(head + json.dumps(dict(shares)).encode())
+        self._link.write(head + json.dumps(self._shares).encode())
 
 
 def isolated_ports(buses: Mapping[str, BusWiring]) -> dict[str, IsolatedPort]:

@@ -110,7 +110,7 @@ def _examine_servo(
         _protections(client, device),
         finding(
             "voltage",
-            kind.supply_min_v < volts / 10 <= kind.supply_max_v,
+            kind.supply_min_v <= volts / 10 <= kind.supply_max_v,
             f"{volts / 10:.1f} V",
             f"check supply and cable: {kind.supply_v:g} V nominal",
         ),
