@@ -57,7 +57,7 @@ class RowClock:
 
     def __init__(self, tick_s: float, rules: int = MOTION_RULES) -> None:
         """``tick_s``: period of the ticks, at which rows arrive; ``rules``: of motion."""
-        self._tells_queued = rules > 3
+        self._rejects_queued = rules > 3
         self._tick_s = tick_s
         self._margin_s = MARGIN * tick_s
         self.newest = -1
@@ -120,7 +120,7 @@ class RowClock:
 
         Rows that waited while their producer or its host stood still come at once as well, but late.
         """
-        if self._tells_queued and gap_s < self.period_s <= now_s - self._meant_s + self._tick_s:
+        if self._rejects_queued and gap_s < self.period_s <= now_s - self._meant_s + self._tick_s:
             return False
         gaps_s = (*self._gaps_s, gap_s)
         other = min(abs(each - self.period_s) for each in gaps_s) > 0.25 * self.period_s + 0.5 * self._tick_s
@@ -135,8 +135,8 @@ class RowClock:
         if self.period_s and abs(off_s) > max(OFF_PERIODS * period_s, OFF_S) + self.late_s:
             self._restart(now_s, self.period_s)
             return
-        if self.period_s and self._tells_queued:
-            # One late row tells of itself only, and those that waited behind it tell nothing new.
+        if self.period_s and self._rejects_queued:
+            # One late row has a bounded weight; those that waited behind it are the same lateness again.
             off_s = min(off_s, self._tick_s if gap_s <= self._tick_s else period_s)
         k = min(float(self._seen), max(8.0, WINDOW_S / period_s) if period_s > 0.0 else float(self._seen))
         self._meant_s = ahead_s + 2.0 * (2.0 * k - 1.0) / (k * (k + 1.0)) * off_s

@@ -31,7 +31,7 @@ _KEPT: Final = 100
 #: How long the curve takes from expected rows to those that came [s]; this many rows at least.
 RETURN_S: Final = 0.15
 _LEAST_RETURN: Final = 4.0
-#: Half of the time over which rows tell the second difference of a path [s]; this many rows at least.
+#: Half of the time whose rows give the second difference of a path [s]; this many rows at least.
 BEND_S: Final = 0.05
 _LEAST_BEND: Final = 2
 
