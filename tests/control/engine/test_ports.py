@@ -12,7 +12,7 @@ import pytest
 
 from contid.control.engine.cycle import Timing
 from contid.control.engine.engine import Engine
-from contid.control.engine.messages import Estop, Finish
+from contid.control.engine.messages import Estop, Finish, Resume, Stop
 from contid.control.engine.ports import BusJob, BusPort, perform
 from contid.control.engine.wiring import build_robot_configs, open_buses
 from contid.control.tick.faults import Fault
@@ -20,8 +20,9 @@ from contid.control.tick.state import Effect
 from contid.control.tick.supervisor import Mode
 from contid.errors import DeviceError
 from contid.hal import Bus, Rest, Sample
+from contid.robot_file.load import parse_robot_file
 from contid_drivers.sim.bus import SimBus
-from tests.support.fingers import Collector, load
+from tests.support.fingers import Collector, fingers, load
 
 
 class Blocking:
@@ -148,6 +149,57 @@ def test_an_estop_that_meets_a_late_bus_is_waited_for_before_the_run_ends() -> N
     finally:
         bus.free.set()
         port.close(5.0)
+
+
+def test_an_answer_to_an_older_request_does_not_arm_a_robot() -> None:
+    """Armed, stopped and armed again while one of its two buses still enables: both have to be asked anew."""
+    text = fingers(1, buses=2).replace("right: {bus: bus0", "right: {bus: bus1")
+    loaded = parse_robot_file(text, "two.yaml")
+    clock = Ticking()
+
+    class Slow(Blocking):
+        def enable(self, axes: Sequence[str]) -> None:
+            enabling.acquire()
+            super().enable(axes)
+
+        def disable(self, axes: Sequence[str], rest: Rest) -> None:
+            resting.wait()
+            super().disable(axes, rest)
+
+    enabling, resting = threading.Semaphore(0), threading.Event()
+    buses = open_buses(loaded, clock)
+    slow = Slow(buses["bus1"])
+    ports = {"bus0": BusPort(buses["bus0"], threaded=False), "bus1": BusPort(slow, threaded=True)}
+    engine = Engine(build_robot_configs(loaded, 200.0), ports, 200.0, Collector(), clock.now, attended=True)
+    tick = 0
+
+    def cycles(count: int, timeout_s: float = 0.0) -> None:
+        nonlocal tick
+        for _ in range(count):
+            clock.now_s = tick / 200.0
+            engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s + timeout_s))
+            tick += 1
+
+    engine.arm()
+    try:
+        while engine.robots.states[0].mode is not Mode.ARMING:
+            cycles(1, 5.0 if tick < 2 else 0.0)
+        for message in (Stop(), Resume()):
+            engine.obey(message, tick)
+            cycles(2)
+        assert engine.robots.states[0].mode is Mode.ARMING
+        enabling.release()  # the first request; the others wait
+        cycles(1, 5.0)
+        assert not engine.robots.states[0].enabled
+        enabling.release()
+        resting.set()
+        cycles(2, 5.0)
+        assert engine.robots.states[0].mode is Mode.HOLD
+    finally:
+        enabling.release(9)
+        resting.set()
+        for port in ports.values():
+            port.close(5.0)
 
 
 def test_a_refusal_of_one_robot_is_not_a_loss_of_the_bus() -> None:
