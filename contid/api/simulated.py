@@ -71,7 +71,7 @@ class Sim:
         self._unreachable = Unreachable(unreachable)
         robots = loaded.driven
         self.names, self.units = tuple(robots), Units(si)
-        self.rate_hz = float(rate_hz or loaded.file.rate_hz)
+        self.rate_hz = float(loaded.file.rate_hz if rate_hz is None else rate_hz)
         if not 0.0 < self.rate_hz <= 1000.0:
             raise ArgumentError(f"rate_hz={rate_hz}: allowed: above 0, up to 1000")
         self.events: list[RunEvent] = []
