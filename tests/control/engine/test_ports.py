@@ -221,6 +221,25 @@ def test_a_refusal_of_one_robot_is_not_a_loss_of_the_bus() -> None:
     bus.close()
 
 
+def test_a_defect_in_the_rest_of_one_robot_does_not_keep_the_others_from_theirs() -> None:
+    (bus,) = open_buses(load(2), Ticking()).values()
+    assert isinstance(bus, SimBus)
+
+    class Broken(Blocking):
+        def disable(self, axes: Sequence[str], rest: Rest) -> None:
+            if "f0.left" in axes:
+                raise ZeroDivisionError("oh")
+            super().disable(axes, rest)
+
+    bus.enable(bus.axes)
+    effects = tuple((i, Effect.RELAX, (f"f{i}.left", f"f{i}.right")) for i in range(2))
+    answer = perform(Broken(bus), BusJob({}, effects))
+    assert answer.lost == "bus0: ZeroDivisionError: oh"
+    assert answer.done == [(1, Effect.RELAX)]
+    assert {axis for axis, device in bus.devices.items() if device.on} == {"f0.left", "f0.right"}
+    bus.close()
+
+
 def test_a_defect_of_a_driver_is_reported_as_a_lost_bus() -> None:
     loaded = load(1)
     (bus,) = open_buses(loaded, Ticking()).values()
