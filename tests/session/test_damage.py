@@ -224,7 +224,7 @@ def test_compaction_does_not_drop_what_follows_damage(growing: Path, tmp_path: P
     data = bytearray(growing.read_bytes())
     data[data.index(b'"tick":50,')] ^= 1
     path.write_bytes(data)
-    with pytest.raises(ContidError, match="s.mcap: damaged inside \\(at byte .*checksum of a chunk"):
+    with pytest.raises(ContidError, match=r"s\.mcap: damaged inside \(at byte .*checksum of a chunk"):
         compact(path)
     assert path.read_bytes() == data
 

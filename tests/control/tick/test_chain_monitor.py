@@ -221,9 +221,7 @@ def test_a_check_that_fails_does_not_take_the_place_of_an_order_to_stop(
     monkeypatch.setattr(ChainMonitor, "_forbids", broken)
     loaded = chain()
     seen = Collector(loaded)
-    orders: dict[int, list[msg.Message]] = {
-        100: [msg.Goto("left", Target(tip_m=HIGH)), ending, msg.Mark(1)]
-    }
+    orders: dict[int, list[msg.Message]] = {100: [msg.Goto("left", Target(tip_m=HIGH)), ending, msg.Mark(1)]}
     run_virtual(loaded, RATE, None, sinks=[seen], orders=orders, ticks=110)
     assert not any(robot.flags & ENABLED for robot in seen.records[-1].robots)
     assert seen.modes("left")[-1] == seen.modes("right")[-1] == "OFF"
