@@ -233,6 +233,6 @@ def test_invalid_messages_are_damage(wrong: bytes) -> None:
 def test_bits_of_an_axis_whose_name_ends_like_a_unit_are_not_converted() -> None:
     layout = RecordLayout("arm", 200.0, (RobotLayout("arm", "rack_finger", "mm", ("reach_m",)),))
     session = SimpleNamespace(layout=layout, device_units={"arm.reach_m": "rad"})
-    columns = {column.name: column for column in channel_columns(session, "command")}  # type: ignore[arg-type]
+    columns = {column.name: column for column in channel_columns(session, "command")}
     place = layout.axis_place(0, 0, "limits")
     assert columns["arm.limits.reach_m"] == Column("arm.limits.reach_m", place, None, is_integer=True)

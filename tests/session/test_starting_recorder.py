@@ -6,7 +6,7 @@ import asyncio
 import io
 import pickle
 import threading
-from collections.abc import Callable
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -14,8 +14,8 @@ import pytest
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.messages import Play
 from contid.control.process.setup import RunSetup
-from contid.session import recording_observer
 from contid.session.format.header import Header, RecorderJob
+from contid.session.format.metadata import describe
 from contid.session.mcap_recorder import READY
 from contid.session.recordings import Recordings
 from tests.support.fingers import circle, load
@@ -38,17 +38,16 @@ started: list[Recorder] = []
 
 
 async def test_its_job_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    describe: Callable[..., Header] = recording_observer.describe
     reached, ordered = threading.Event(), threading.Event()
 
-    def slow(*given: object, **keys: object) -> Header:
+    def slow(setup: RunSetup, options: Mapping[str, str], virtual: bool, host: str | None = None) -> Header:
         reached.set()
         ordered.wait(10.0)
-        return describe(*given, **keys)
+        return describe(setup, options, virtual, host)
 
-    monkeypatch.setattr(recording_observer.subprocess, "Popen", Recorder)
-    monkeypatch.setattr(recording_observer.os, "set_blocking", lambda *_: None)
-    monkeypatch.setattr(recording_observer, "describe", slow)
+    monkeypatch.setattr("contid.session.recording_observer.subprocess.Popen", Recorder)
+    monkeypatch.setattr("contid.session.recording_observer.os.set_blocking", lambda *_: None)
+    monkeypatch.setattr("contid.session.recording_observer.describe", slow)
     loaded = load(1)
     recordings = Recordings(tmp_path, {})
     recordings.attach(RunSetup(loaded, 200.0, tmp_path / "ring", None, OnEnd.HOLD, attended=True), 1)
