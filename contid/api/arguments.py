@@ -25,14 +25,14 @@ class ArgumentError(ContidError, ValueError):
 
 
 class GivenRows(NamedTuple):
-    """GivenRows as an array ``(N, columns)``, and the shape of the rows as given."""
+    """Rows as an array ``(N, columns)``, and the shape of the rows as given."""
 
     values: Array
     shape: Shape
 
 
 def as_rows(what: str, values: ArrayLike, columns: Sequence[str]) -> GivenRows:
-    """GivenRows of numbers with these columns.
+    """Rows of numbers with these columns.
 
     Raises:
         ArgumentError: not numbers, another last dimension, or not finite.
@@ -53,7 +53,7 @@ def as_rows(what: str, values: ArrayLike, columns: Sequence[str]) -> GivenRows:
 
 
 def as_rows_like(what: str, values: ArrayLike, columns: Sequence[str], shape: Shape) -> Array:
-    """GivenRows beside others: one for all of them, or as many as there are.
+    """Rows beside others: one for all of them, or as many as there are.
 
     Raises:
         ArgumentError: as `as_rows`, or another number of rows.
@@ -69,7 +69,7 @@ def as_rows_like(what: str, values: ArrayLike, columns: Sequence[str], shape: Sh
 
 
 def as_directions(what: str, values: ArrayLike, columns: Sequence[str], shape: Shape) -> Array:
-    """GivenRows normalised to unit vectors.
+    """Rows normalised to unit vectors.
 
     Raises:
         ArgumentError: as `as_rows_like`, or a zero vector.

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contid.api.arguments import ArgumentError, as_rows
+from contid.api.arguments import ArgumentError, as_rows_like
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import Limits, RodSetup, RodSolver
 from contid.kinematics.cosserat.section import Loads, Rod, Section
@@ -119,12 +119,12 @@ class ElasticRod:
         """
         length_mm = self._section.length
         stations_mm = self._stations_mm(stations)
-        weight = self._mass_kg_mm * as_rows("gravity", gravity, ("gx", "gy", "gz")).values[0]
+        weight = self._mass_kg_mm * as_rows_like("gravity", gravity, ("gx", "gy", "gz"), ())[0]
         tip_force, tip_moment = np.zeros(3), np.zeros(3)
         inside: dict[float, tuple[Array, Array]] = {}
         for load in loads:
-            force = as_rows("force", load.force, ("fx_n", "fy_n", "fz_n")).values[0]
-            moment = self._mm_per_unit * as_rows("moment", load.moment, ("mx", "my", "mz")).values[0]
+            force = as_rows_like("force", load.force, ("fx_n", "fy_n", "fz_n"), ())[0]
+            moment = self._mm_per_unit * as_rows_like("moment", load.moment, ("mx", "my", "mz"), ())[0]
             arc_length_mm = load.at * self._mm_per_unit
             if not 0.0 <= arc_length_mm <= length_mm:
                 raise ArgumentError(f"wrench at {load.at}; allowed: 0 to {self.length} {self.unit}")

@@ -71,11 +71,12 @@ class Sim:
         self._unreachable = Unreachable(unreachable)
         robots = loaded.driven
         self.names, self.units = tuple(robots), Units(si)
-        self.rate_hz = float(rate_hz or loaded.file.rate_hz)
+        self.rate_hz = float(loaded.file.rate_hz if rate_hz is None else rate_hz)
         if not 0.0 < self.rate_hz <= 1000.0:
             raise ArgumentError(f"rate_hz={rate_hz}: allowed: above 0, up to 1000")
         self.events: list[RunEvent] = []
         self._commands = CommandReader(robots, self.units)
+        self._preflight = build_preflight(loaded, self.rate_hz, self._unreachable)
         self._recording: RecordingObserver | None = None
         sinks: list[Sink] = [self]
         if record is not None:
@@ -89,7 +90,12 @@ class Sim:
         self._closed = False
         self._refused: dict[str, str] = {}
         self._values: list[float] = []
-        self.state = self._begin(loaded)
+        try:
+            self.state = self._begin(loaded)
+        except BaseException:
+            if self._recording is not None:
+                self._recording.detach()
+            raise
 
     def step(self, u: Command | None = None, *, ticks: int = 1) -> SimState:
         """Advance by some ticks towards a target; without one the robots go on to the previous target.
@@ -135,6 +141,7 @@ class Sim:
             loaded = with_seed(loaded, seed)
         self._process.close()
         self.events.clear()
+        self._preflight = build_preflight(self._loaded, self.rate_hz, self._unreachable)
         self.state = self._begin(loaded)
         return self.state
 
@@ -190,7 +197,6 @@ class Sim:
 
     def _begin(self, loaded: LoadedFile) -> SimState:
         """Open the devices of a file, and arm."""
-        self._preflight = build_preflight(self._loaded, self.rate_hz, self._unreachable)
         self._refused, self._values = {}, []
         self._process = VirtualProcess(loaded, self.rate_hz, self._sink, on_end=OnEnd.HOLD, attended=True)
         return self._arm()

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
+from contid.errors import SessionError
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import TICK_CHANNELS
 from contid.session.format.entries import DAMAGED, GROWING
@@ -44,7 +45,8 @@ def compact(
         The new file.
 
     Raises:
-        ContidError: ``target`` exists or cannot be written; ``source`` is unchanged.
+        ContidError: ``target`` exists or cannot be written, or ``source`` is damaged before ``max_ticks``;
+            ``source`` is unchanged.
     """
     if target is not None and target.exists():
         raise exists_error(target)
@@ -53,7 +55,10 @@ def compact(
         try:
             measured = MeasuredChannel.of(source) if with_measured else None
             with replacing(target, PRIVATE) as new, source.open("rb") as old:
-                _Compactor(IndexedWriter(new), max_ticks, measured).copy(RecordStream(old), note or {})
+                stream = RecordStream(old)
+                _Compactor(IndexedWriter(new), max_ticks, measured).copy(stream, note or {})
+                if stream.damage and max_ticks is None:  # the copy would be whole, without what follows
+                    raise SessionError(f"{source}: {DAMAGED} ({stream.damage})")
             break
         except ModelFailedError as error:  # the recording is worth more than what is computed from it
             log.warning("%s: without the channel measured: %s", source, error)
@@ -132,7 +137,6 @@ def repair(source: Path, output: Path | None, progress: Callable[[int], None] = 
         ContidError: it is still being recorded; it is damaged inside and ``output`` is None; ``output``
             exists or cannot be written.
     """
-    from contid.errors import SessionError
     from contid.session.info import summarize  # with numpy, which the recorder does without
     from contid.session.read import Session
 

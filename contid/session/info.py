@@ -39,7 +39,8 @@ class Info:
         ticks: number of recorded ticks.
         rate_hz: ticks per second.
         virtual: recorded in virtual time.
-        late: ticks that started more than a tenth of a period after their deadline; 0 in virtual time.
+        late: ticks that started more than a tenth of a period after their deadline; in virtual time those
+            behind a simulated device that answered late.
         skipped: ticks that were not started.
         waited: periods that passed while devices were connected, armed or cleared.
         longest_gap_ms: longest time between two recorded ticks with skipped or waited ones between them; 0

@@ -2,7 +2,8 @@
 
 The tick does not compute it, and neither does the recorder while it records: compaction adds it, from the
 samples of each tick, by transmission and model of the recorded robot file. A session that was not compacted,
-or that an older version recorded, has no such channel; `contid session repair` adds it.
+or that an older version recorded, has no such channel; `contid session repair` adds it, to a compacted one
+in a copy only (``--output``).
 """
 
 from __future__ import annotations

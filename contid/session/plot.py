@@ -21,11 +21,13 @@ def plot_axes(session: RecordedTicks) -> Figure:
 
     Raises:
         MissingExtraError: matplotlib is not installed.
+        SessionError: this version of contid refuses the robot file, which measured values need.
     """
     try:
         import matplotlib.pyplot as plt
     except ImportError:
         raise MissingExtraError("plot", "matplotlib", "plots") from None
+    session.robot_file()
     table, robots = TickTable(session), session.layout.robots
     # Of every axis the index of its robot, and its column without channel and robot.
     axes = [

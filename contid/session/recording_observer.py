@@ -184,9 +184,12 @@ class RecordingObserver:
     def detach(self) -> Sequence[str]:
         """Wait until the session is complete; returns errors."""
         if self._writer is not None:
-            self._writer.finish()
+            writer, self._writer = self._writer, None
+            try:
+                writer.finish()
+            finally:
+                writer.close()
             compact(self.path)
-            self._writer = None
         if self._process is None:
             return ()
         return self._close(COMPACTION_TIMEOUT_S)

@@ -230,7 +230,8 @@ class Recordings:
 
     def before_order(self, message: Message) -> None:
         """Keep the trajectory of an order in the present recording."""
-        if self._current is not None:
+        # A line before the job of a recorder that is being started would make its start fail.
+        if self._current is not None and self._current.started:
             self._current.observer.before_order(message)
 
     def detach(self) -> Sequence[str]:

@@ -25,6 +25,9 @@ MIN_ROW_INTERVAL_S: Final = 1e-4
 _ROUNDING: Final = 1.0 - 1e-3
 #: Cosine of 150 degrees: directions of neighbouring rows further apart have no unique path between them.
 _MIN_COSINE: Final = -0.866
+#: Vectors without a component as large are made larger, by a power of two, which is exact.
+_SMALL: Final = 1e-140
+_LARGER: Final = 2.0**600
 
 
 def read_trajectory(
@@ -163,6 +166,9 @@ def _check_directions(reader: RowReader, rows: Floats, lines: array[int], name: 
         if not columns.direction:
             continue
         along, beside = list(columns.direction), list(columns.x_axis)
+        for index in (along, beside):  # squares of small numbers vanish
+            small = np.abs(rows[:, index]).max(axis=1, initial=0.0, keepdims=True) < _SMALL
+            rows[:, index] *= np.where(small, _LARGER, 1.0)
         rows[:, along] /= np.linalg.norm(rows[:, along], axis=1)[:, None]
         if beside:
             inner = np.einsum("ij,ij->i", rows[:, along], rows[:, beside])

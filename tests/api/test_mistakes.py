@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import contid
-from contid import Robot
+from contid import Robot, Sim
 from contid.errors import BadInputError, ContidError
 
 HAND, ARM = Robot("hand"), Robot("stiffflop2")
@@ -46,6 +46,7 @@ MISTAKES: dict[str, tuple[Callable[[], object], str]] = {
         "direction: row 1 is the zero vector",
     ),
     "load": (lambda: FINGER.fk([1, 2], load=[0, 0, 1]), "model rack_finger of left takes no load"),
+    "rate": (lambda: Sim("finger", rate_hz=0), "rate_hz=0: allowed: above 0, up to 1000"),
     "points": (lambda: FINGER.backbone([60, 60], 1), "points=1: a backbone needs at least 2"),
 }
 

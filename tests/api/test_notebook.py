@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from contid import Client, ElasticRod, Robot, Session, Sim
+from contid.errors import ContidError
 from contid.html import html_table
 
 
@@ -105,6 +106,14 @@ def test_a_plot_has_the_numbers_of_the_table(recording: Path) -> None:
         assert np.array_equal(t_s, [row["t_s"] for row in rows])
         assert np.array_equal(values, [row[name] for row in rows], equal_nan=True)
     figure.clear()
+
+
+def test_a_plot_of_a_session_whose_robot_file_is_refused_names_it(recording: Path) -> None:
+    pytest.importorskip("matplotlib").use("Agg")
+    session = Session(recording)
+    session.metadata["robot_file"]["text"] = "contid: 1\nnam: hand\n"
+    with pytest.raises(ContidError, match="its robot file is refused"):
+        session.plot()
 
 
 def _types_of_the_public_interface() -> None:

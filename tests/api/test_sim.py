@@ -13,8 +13,11 @@ import numpy as np
 import psutil
 import pytest
 
-from contid import Robot, Sim
+from contid import Robot, Session, Sim
+from contid.api import simulated
 from contid.errors import ContidError
+from contid.session.format.entries import GROWING
+from contid.session.write import SessionWriter
 from tests.support.command import contid_in
 
 
@@ -66,6 +69,34 @@ def test_a_recording_replays_bit_for_bit(tmp_path: Path) -> None:
     assert "bit for bit" in contid(tmp_path, "replay", str(file))
     with pytest.raises(ContidError, match="file exists; recordings are never overwritten"):
         Sim("hand", record=file)
+
+
+def test_a_refused_simulation_leaves_no_recording(tmp_path: Path) -> None:
+    with pytest.raises(ContidError, match="nearest points"):
+        Sim("hand", unreachable="nearest", record=tmp_path / "run.mcap")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("at", ["begin", "end"])
+def test_a_simulation_that_fails_releases_its_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at: str
+) -> None:
+    """A file that stayed locked would be taken for one that is being recorded, and not be repaired."""
+
+    def fails(*_: object, **__: object) -> None:
+        raise ContidError("it fails")
+
+    sim = Sim("finger")
+    if at == "begin":
+        monkeypatch.setattr(simulated, "VirtualProcess", fails)
+    else:
+        monkeypatch.setattr(SessionWriter, "flush", fails)
+    with pytest.raises(ContidError, match="it fails"):
+        Sim("finger", record=tmp_path / "run.mcap").close()
+    session = Session(tmp_path / "run.mcap")
+    assert not list(session.ticks())
+    assert session.end.cut != GROWING
+    sim.close()
 
 
 @pytest.mark.parametrize("name", ["finger", "tendon3"])

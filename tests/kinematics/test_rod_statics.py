@@ -112,6 +112,8 @@ def test_a_column_carries_no_more_than_its_critical_load() -> None:
         (lambda r: r.statics([2, 1]), "ascend"),
         (lambda r: r.statics([1], loads=[Wrench(601)]), "wrench at 601; allowed: 0 to 600 mm"),
         (lambda r: r.statics([1], loads=[Wrench(600, [1, 2])]), "force has shape"),
+        (lambda r: r.statics([1], loads=[Wrench(600, [[0, 0, 1], [1, 0, 0]])]), r"force has shape \(2, 3\)"),
+        (lambda r: r.statics([1], gravity=[[]] * 3), "gravity has shape"),
         (lambda r: r.statics([1], loads=[Wrench(k) for k in range(1, 9)]), "8 points inside .* at most 7"),
         (lambda r: ElasticRod(0, 1, modulus_pa=1e9, poisson=0.3), "length=0: a positive number"),
         (lambda r: ElasticRod(1, 1, modulus_pa=1e9, poisson=0.6), "poisson=0.6; allowed"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from jsonschema import Draft202012Validator
 
 from contid.control.engine.tick_layout import AXIS, DEADLINE, HEAD, ROBOT, RecordLayout, RobotLayout
 from contid.control.tick.supervisor import Mode
+from contid.session.export.columns import Column, channel_columns
 from contid.session.format.channels import INFINITE, TICK_CHANNELS, fields, schema
 from contid.session.format.decode import MAX_COUNT, Decoder
 from contid.session.format.encode import Encoder
@@ -226,3 +228,11 @@ def test_invalid_messages_are_damage(wrong: bytes) -> None:
     messages[TICK_CHANNELS.index("target")] = wrong
     with pytest.raises(_DAMAGE):
         _decoded(messages)
+
+
+def test_bits_of_an_axis_whose_name_ends_like_a_unit_are_not_converted() -> None:
+    layout = RecordLayout("arm", 200.0, (RobotLayout("arm", "rack_finger", "mm", ("reach_m",)),))
+    session = SimpleNamespace(layout=layout, device_units={"arm.reach_m": "rad"})
+    columns = {column.name: column for column in channel_columns(session, "command")}
+    place = layout.axis_place(0, 0, "limits")
+    assert columns["arm.limits.reach_m"] == Column("arm.limits.reach_m", place, None, is_integer=True)

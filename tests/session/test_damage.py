@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from contid.errors import ContidError
-from contid.session.compact import repair
+from contid.session.compact import compact, repair
 from contid.session.format import mcap_records as mcap
 from contid.session.format import record_stream
 from contid.session.format.channels import CHANNELS, EVENT
@@ -217,6 +217,16 @@ def test_damage_inside_is_repaired_in_a_copy_only(
         assert "clean, repaired" in repair(path, copy)
         assert sum(1 for _ in Session(copy).ticks()) == ticks
         copy.unlink()
+
+
+def test_compaction_does_not_drop_what_follows_damage(growing: Path, tmp_path: Path) -> None:
+    path = tmp_path / "s.mcap"
+    data = bytearray(growing.read_bytes())
+    data[data.index(b'"tick":50,')] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(ContidError, match=r"s\.mcap: damaged inside \(at byte .*checksum of a chunk"):
+        compact(path)
+    assert path.read_bytes() == data
 
 
 def test_an_unknown_mode_is_printed_as_a_number(plain: Path, tmp_path: Path) -> None:

@@ -91,9 +91,9 @@ def test_sessions_of_older_versions_get_it_in_a_copy(path: Path, tmp_path: Path)
     assert len(list(Session(copy).ticks())) == len(list(Session(path).ticks()))
 
 
-def test_a_robot_file_that_is_refused_leaves_it_out(growing: Path, tmp_path: Path) -> None:
+def test_a_robot_file_that_is_refused_leaves_it_out(plain: Path, tmp_path: Path) -> None:
     source = tmp_path / "s.mcap"
-    source.write_bytes(growing.read_bytes().replace(b"model: rack_finger", b"model: rack_linger"))
+    source.write_bytes(plain.read_bytes().replace(b"model: rack_finger", b"model: rack_linger"))
     whole = ticks(compact(source, tmp_path / "copy.mcap"))
     assert len(whole) > 100
     assert all(MEASURED not in tick for tick in whole)

@@ -162,6 +162,13 @@ def test_rows_are_hit_exactly_at_their_times_and_directions_stay_units(
         assert math.hypot(*between) == pytest.approx(1.0, abs=1e-15)
 
 
+@pytest.mark.parametrize("size", ["1e-200", "5e-324"])
+def test_directions_whose_squares_vanish_are_directions(arm: dict[str, RobotDescription], size: str) -> None:
+    rows = f"t_s,x_mm,y_mm,z_mm,ax,ay,az\n0,0,0,110,0,-{size},{size}\n1,0,0,110,0,-2,2\n"
+    found = read(rows, arm, Interpolation.CUBIC).targets_at(0.0)["arm"].direction
+    assert found == pytest.approx((0.0, -math.sqrt(0.5), math.sqrt(0.5)))
+
+
 def test_pressures_mid_points_and_loads_become_si(arm: dict[str, RobotDescription]) -> None:
     pressures = ",".join(f"s{s}.p{p}_bar" for s in (1, 2) for p in (1, 2, 3))
     text = f"t_s,{pressures},load.fx_n,load.fy_n,load.fz_n\n0,0.1,0.2,0.3,0.4,0.5,1.5,0,0,0.1\n"

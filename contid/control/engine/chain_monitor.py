@@ -150,6 +150,8 @@ class ChainMonitor(TickStage):
                 message = self._forbids(chain, trial, begun, now_s)
             except OrderRefusedError as error:
                 message = str(error)
+            except Exception as error:  # an order to stop may come behind the gotos
+                message = _defect(chain, error)
             if not message:
                 states[:] = trial
             for i in ordered if message else ():
@@ -164,7 +166,10 @@ class ChainMonitor(TickStage):
                 if stopped:
                     self._hold_others(chain, states, stopped, now_s)
             resting = [i for i in chain.arms if _resting(states[i])]
-            message = self._forbids(chain, states, {}, now_s) if resting else ""
+            try:
+                message = self._forbids(chain, states, {}, now_s) if resting else ""
+            except Exception as error:  # the others have to stop all the same
+                message = _defect(chain, error)
             for i in resting if message else ():
                 states[i] = transitions.stop(configs[i], states[i], StopPolicy.HOLD, now_s)
                 self._refuse(i, f"{message}; it stops where it is instead of at its rest pose")
@@ -259,6 +264,10 @@ def _begins(state: RobotState, target: Target | None) -> bool:
     """True for an arm that may begin an approach in the next tick, to its target or inside its limits."""
     follows = state.follow and state.goto is None and target is not None
     return state.mode in (Mode.ARMING, Mode.HOLD) and (state.recovering or follows)
+
+
+def _defect(chain: Chained, error: Exception) -> str:
+    return f"{chain.guard.name}: not checked, {type(error).__name__}: {error}"
 
 
 def _resting(state: RobotState) -> bool:

@@ -192,6 +192,8 @@ class Exchange:
                 self._device_faults[axis] = sample.fault
                 self._sink.event(DeviceFaultChanged(tick=self._tick, axis=axis, fault=sample.fault))
         for index, effect in answer.done:
+            if any(index == each for each, *_ in self._queued[name]):
+                continue  # an older request of the robot: the newest one waits for the bus
             self._outstanding[index].discard(name)
             if not self._outstanding[index]:
                 self._done(index, effect, now_s)

@@ -21,11 +21,11 @@ from contid.errors import ContidError
 from contid.robot_file.base import StopPolicy
 from contid.targets import ZERO3, Target
 
-#: Orders whose event has the fields of the message, by name; a limit of effort is no input of a tick.
+#: Orders whose event has the fields of the message, by name.
 _AS_THEY_ARE: Final[dict[str, type[msg.Message]]] = {
     kind.NAME: kind
     for kind in get_args(msg.Message)
-    if hasattr(kind, "NAME") and kind not in (msg.Rows, msg.Goto, msg.Measured, msg.Play, msg.Grip)
+    if hasattr(kind, "NAME") and kind not in (msg.Rows, msg.Goto, msg.Measured, msg.Play)
 }
 
 

@@ -62,7 +62,8 @@ class OrderHandler:
             self._chains.begin_gotos(now_s)
         # A client that gives orders may give more: the run then waits even if every robot is in FAULT.
         selector.attended = selector.attended or not isinstance(message, msg.Measured | msg.EndOfRows)
-        if selector.finishing and isinstance(message, msg.Resume | msg.Recover | msg.Goto | msg.Play):
+        moving = msg.Resume | msg.Recover | msg.Goto | msg.Play | msg.Begin
+        if selector.finishing and isinstance(message, moving):
             robot = message.robot if isinstance(message, msg.Goto) else ""
             self._sink.event(OrderRefused(robot=robot, message="the run is ending; motions are refused"))
             return

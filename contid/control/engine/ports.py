@@ -68,14 +68,21 @@ def perform(bus: Bus, job: BusJob) -> BusReply:
                 _apply(bus, effect, axes)
             except ContidError as error:
                 answer.refused.append((robot, effect, str(error)))
+            except (Exception, SystemExit) as error:  # the devices of the others have to rest all the same
+                answer.lost = answer.lost or _defect(bus, error)
             else:
                 answer.done.append((robot, effect))
-        answer.samples = checked_samples(bus, bus.exchange(job.commands))
+        if not answer.lost:
+            answer.samples = checked_samples(bus, bus.exchange(job.commands))
     except ContidError as error:
         answer.lost = str(error)
     except (Exception, SystemExit) as error:  # a driver's defect ends its bus, not the process of all
-        answer.lost = f"{bus.name}: {type(error).__name__}: {error}"
+        answer.lost = _defect(bus, error)
     return answer
+
+
+def _defect(bus: Bus, error: BaseException) -> str:
+    return f"{bus.name}: {type(error).__name__}: {error}"
 
 
 def _apply(bus: Bus, effect: Effect, axes: tuple[str, ...]) -> None:

@@ -16,7 +16,7 @@ from contid.control.tick.contact.squeeze_way import Squeeze
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
 from contid.control.tick.supervisor import REST_OF, Event, Mode, allowed, move
-from contid.hal import Sample
+from contid.hal import Rest, Sample
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
 
@@ -171,8 +171,10 @@ def fail(config: RobotConfig, state: RobotState, fault: Fault, message: str, now
         return state
     after = faulted(config, state, fault, message, now_s)
     if fault in (Fault.DEVICE_LOST, Fault.BUS_STALLED, Fault.DRIVER_ENDED) or not state.enabled:
-        # The bus is lost or nothing is enabled: only the devices' own watchdogs can act.
-        return replace(after, enabled=False, motion=None)
+        # The bus is lost or nothing is enabled: only the devices' own watchdogs can act. A rest that an order
+        # asked for in this tick, such as an emergency stop, is asked of the devices all the same.
+        resting = state.pending if isinstance(state.pending.value, Rest) else Effect.NONE
+        return replace(after, enabled=False, motion=None, pending=resting)
     if config.stops.on_fault is StopPolicy.HOLD and state.command:
         brake = braking_at_once if fault in _WITHOUT_MODEL else braking
         return brake(config, after, now_s)

@@ -97,7 +97,7 @@ def _columns(field: Field) -> Iterator[Column]:
         yield Column(front + key.removesuffix("_rad") + "_deg", field.slots[0], Quantity.ANGLE)
         return
     for end, new, unit in _UNITS:
-        if key.endswith(end):
+        if field.kind == "number" and key.endswith(end):  # bits and flags may have the name of an axis
             yield Column(front + key.removesuffix(end) + new, field.slots[0], unit)
             return
     yield Column(front + key, field.slots[0], is_integer=field.kind in ("integer", "boolean"))

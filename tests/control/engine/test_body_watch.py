@@ -7,17 +7,22 @@ import math
 import random
 from collections.abc import Mapping
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from contid.control.engine.messages import Goto, Message
 from contid.control.engine.report import RunReport
+from contid.control.engine.robots import Robots
 from contid.control.engine.virtual import run_virtual
+from contid.control.engine.watch.arrivals import Arrivals
+from contid.control.engine.watch.watched_body import AxisPlace, WatchedBody, has_arrived
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.faults import Fault
 from contid.control.tick.follow.expected_range import AxisResponse, ExpectedRange
 from contid.control.tick.follow.tip_path import TipPath
+from contid.control.tick.supervisor import Mode
 from contid.hal import Sample
 from contid.robot_file.load import LoadedFile, find_robot_file, load_robot_file, parse_robot_file
 from contid.targets import Target
@@ -279,3 +284,37 @@ def test_a_tip_is_measured_from_the_way_of_the_newest_commands() -> None:
     assert path.distance((26.5, 3.0, 4.0)) == pytest.approx(5.0)
     assert path.distance((oldest - 2.0, 0.0, 0.0)) == pytest.approx(2.0)
     assert 8 <= len(path.tips) <= 12
+
+
+def test_an_axis_that_is_not_there_has_not_arrived_by_a_missed_read() -> None:
+    """Neither for a goto, nor for the report of a run that ends in that tick or while it settles."""
+    (config,) = build_robot_configs(load(1), RATE)
+    there, far = (Sample(value, time_s=0.0, valid=True, age_s=0.0) for value in (8.0, 2.0))
+    missed = replace(far, valid=False)
+    body = WatchedBody(config)
+    body.command((8.0, 8.0), [there, far])
+    body.goal = body.device
+    assert [has_arrived(body.places([there, each])) for each in (far, missed, there)] == [False, False, True]
+    for samples in ([there, missed], [there, replace(missed, value=None)]):
+        body.leave(samples, holds=True, now_s=1.0)
+        assert body.settles_s is not None
+        body.settle(samples, 1.0)
+        assert body.settles_s is not None
+    body.settle([there, far], 1.1)
+    body.settle([there, replace(missed, value=None)], 10.0)
+    assert body.settles_s is None
+    assert body.last is not None
+    assert not has_arrived(body.last)
+
+
+@pytest.mark.parametrize(("mode", "arrived"), [(Mode.HOLD, True), (Mode.FAULT, False)])
+def test_a_goto_has_not_arrived_in_fault(mode: Mode, arrived: bool) -> None:
+    configs, collector = build_robot_configs(load(1), RATE), Collector()
+    robots = Robots(configs, collector)
+    robots.states[0] = replace(robots.states[0], mode=mode)
+    places = [AxisPlace("left_mm", 1.0, 1.0, arrived=True)]
+    watch = SimpleNamespace(places=lambda index: places, bodies=[WatchedBody(configs[0])])
+    arrivals = Arrivals(robots, watch, collector)  # type: ignore[arg-type]
+    arrivals.commanded(0)
+    arrivals.settle(1.0)
+    assert [event["arrived"] for event in collector.events] == [arrived]

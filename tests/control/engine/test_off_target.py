@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import pytest
 
+from contid.control.engine.cycle import OnEnd
+from contid.control.engine.messages import Begin
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.faults import Fault
@@ -18,7 +20,7 @@ from contid.robot_file.base import Quantity
 from contid.robot_file.load import parse_robot_file
 from contid.targets import Actuation, Solution, Target
 from contid.trajectory.read import read_trajectory
-from tests.support.fingers import circle, fingers, load
+from tests.support.fingers import Collector, circle, fingers, load
 
 RATE = 200.0
 TOLERANCE_M = tip_tolerance_m(Quantity.LENGTH)
@@ -46,6 +48,16 @@ def test_a_model_whose_residual_is_wrong_ends_the_run_with_a_fault(wrong_by_m: f
     assert report.robots["f0"]["fault"] == Fault.TIP_OFF_TARGET
     assert "off its targets, the tolerance is 1e-06 mm" in report.robots["f0"]["message"]
     assert report.robots["f0"]["tip_error_max_mm"] > 1e3 * TOLERANCE_M
+
+
+@pytest.mark.parametrize("wrong_by_m", [3.0 * TOLERANCE_M], indirect=True)
+def test_a_stream_that_begins_while_the_run_ends_does_not_hide_it(wrong_by_m: float) -> None:
+    loaded, collector = load(1), Collector()
+    path, orders = circle(loaded), {335: [Begin()]}
+    report = run_virtual(loaded, RATE, path, on_end=OnEnd.REST, sinks=[collector], orders=orders)
+    (ended,) = [event for event in collector.events if event["event"] == "end"]
+    assert ended["tick"] < 335 < report.ticks
+    assert report.exit_code == 3
 
 
 @pytest.mark.parametrize("wrong_by_m", [0.1 * TOLERANCE_M], indirect=True)

@@ -31,7 +31,7 @@ TARGET = Target(
         msg.Finish(StopPolicy.RELAX, "on_host_loss"), msg.Goto("thumb", TARGET),
         msg.Goto("thumb", Target(actuation=(0.07, 0.03))), msg.Rows({"thumb": TARGET}),
         msg.Rows({"thumb": None}), msg.Rows({}), msg.Rows({"a": TARGET, "b": None}),
-        msg.Measured("thumb", (0.1, 1 / 3, 0.0)),
+        msg.Measured("thumb", (0.1, 1 / 3, 0.0)), msg.Grip(0.3), msg.Grip(1 / 3, ("thumb",)),
         msg.Measured("thumb", (0.1, 0.2, 0.0), (0.6, 0.8, 0.0), 1 / 300),
     ],
     ids=repr,

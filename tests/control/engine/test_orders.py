@@ -152,6 +152,19 @@ def test_an_order_that_fails_inside_is_that_robots_fault_and_the_run_goes_on(
     assert collector.modes("f1")[-2:] == ["HOLD", "FAULT"], "it cannot be brought to rest either"
 
 
+@pytest.mark.parametrize("order", [Estop(), Stop(None, StopPolicy.VENT)])
+def test_a_fault_in_the_tick_of_an_order_to_rest_does_not_take_its_place(
+    order: Message, tmp_path: Path
+) -> None:
+    jump = "faults:\n  - {at_s: 0.5, axis: f0.left, kind: jump, by_deg: 12}\n"
+    (found,) = events_of(run({}, 120, jump), "fault")
+    path = tmp_path / "journal.jsonl"
+    went = run({found["tick"]: [order]}, 130, f"journal_file: {path}\n{jump}")  # type: ignore[dict-item]
+    assert went.modes("f0")[-1] == "FAULT", "both come in one tick"
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert not any(axis["on"] for axis in lines[-1]["axes"].values())
+
+
 @pytest.mark.slow
 def test_estop_rests_the_devices_in_the_tick_it_comes_in_every_state(tmp_path: Path) -> None:
     """By the journal of the devices, at the deadline of that very tick every axis is off."""

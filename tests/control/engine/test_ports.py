@@ -12,7 +12,7 @@ import pytest
 
 from contid.control.engine.cycle import Timing
 from contid.control.engine.engine import Engine
-from contid.control.engine.messages import Estop, Finish
+from contid.control.engine.messages import Estop, Finish, Resume, Stop
 from contid.control.engine.ports import BusJob, BusPort, perform
 from contid.control.engine.wiring import build_robot_configs, open_buses
 from contid.control.tick.faults import Fault
@@ -20,8 +20,9 @@ from contid.control.tick.state import Effect
 from contid.control.tick.supervisor import Mode
 from contid.errors import DeviceError
 from contid.hal import Bus, Rest, Sample
+from contid.robot_file.load import parse_robot_file
 from contid_drivers.sim.bus import SimBus
-from tests.support.fingers import Collector, load
+from tests.support.fingers import Collector, fingers, load
 
 
 class Blocking:
@@ -150,6 +151,57 @@ def test_an_estop_that_meets_a_late_bus_is_waited_for_before_the_run_ends() -> N
         port.close(5.0)
 
 
+def test_an_answer_to_an_older_request_does_not_arm_a_robot() -> None:
+    """Armed, stopped and armed again while one of its two buses still enables: both have to be asked anew."""
+    text = fingers(1, buses=2).replace("right: {bus: bus0", "right: {bus: bus1")
+    loaded = parse_robot_file(text, "two.yaml")
+    clock = Ticking()
+
+    class Slow(Blocking):
+        def enable(self, axes: Sequence[str]) -> None:
+            enabling.acquire()
+            super().enable(axes)
+
+        def disable(self, axes: Sequence[str], rest: Rest) -> None:
+            resting.wait()
+            super().disable(axes, rest)
+
+    enabling, resting = threading.Semaphore(0), threading.Event()
+    buses = open_buses(loaded, clock)
+    slow = Slow(buses["bus1"])
+    ports = {"bus0": BusPort(buses["bus0"], threaded=False), "bus1": BusPort(slow, threaded=True)}
+    engine = Engine(build_robot_configs(loaded, 200.0), ports, 200.0, Collector(), clock.now, attended=True)
+    tick = 0
+
+    def cycles(count: int, timeout_s: float = 0.0) -> None:
+        nonlocal tick
+        for _ in range(count):
+            clock.now_s = tick / 200.0
+            engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s + timeout_s))
+            tick += 1
+
+    engine.arm()
+    try:
+        while engine.robots.states[0].mode is not Mode.ARMING:
+            cycles(1, 5.0 if tick < 2 else 0.0)
+        for message in (Stop(), Resume()):
+            engine.obey(message, tick)
+            cycles(2)
+        assert engine.robots.states[0].mode is Mode.ARMING
+        enabling.release()  # the first request; the others wait
+        cycles(1, 5.0)
+        assert not engine.robots.states[0].enabled
+        enabling.release()
+        resting.set()
+        cycles(2, 5.0)
+        assert engine.robots.states[0].mode.name == "HOLD"
+    finally:
+        enabling.release(9)
+        resting.set()
+        for port in ports.values():
+            port.close(5.0)
+
+
 def test_a_refusal_of_one_robot_is_not_a_loss_of_the_bus() -> None:
     loaded = load(2)
     (bus,) = open_buses(loaded, Ticking()).values()
@@ -166,6 +218,25 @@ def test_a_refusal_of_one_robot_is_not_a_loss_of_the_bus() -> None:
     assert answer.samples is not None
     assert [(robot, message) for robot, _, message in answer.refused] == [(0, "f0.left: not today")]
     assert answer.done == [(1, Effect.ENABLE)]
+    bus.close()
+
+
+def test_a_defect_in_the_rest_of_one_robot_does_not_keep_the_others_from_theirs() -> None:
+    (bus,) = open_buses(load(2), Ticking()).values()
+    assert isinstance(bus, SimBus)
+
+    class Broken(Blocking):
+        def disable(self, axes: Sequence[str], rest: Rest) -> None:
+            if "f0.left" in axes:
+                raise ZeroDivisionError("oh")
+            super().disable(axes, rest)
+
+    bus.enable(bus.axes)
+    effects = tuple((i, Effect.RELAX, (f"f{i}.left", f"f{i}.right")) for i in range(2))
+    answer = perform(Broken(bus), BusJob({}, effects))
+    assert answer.lost == "bus0: ZeroDivisionError: oh"
+    assert answer.done == [(1, Effect.RELAX)]
+    assert {axis for axis, device in bus.devices.items() if device.on} == {"f0.left", "f0.right"}
     bus.close()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from pydantic import BaseModel
@@ -16,10 +17,13 @@ from contid.control.tick.faults import Fault
 from contid.control.tick.follow.expected_range import AxisResponse
 from contid.hal import DeviceResponse
 from contid.robot_file.load import parse_robot_file
+from contid.session.read import Session
 from contid.trajectory.read import read_trajectory
 from contid_drivers.dynamixel.driver import DynamixelDriver
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_drivers.sim import SimDriver
+from contid_sessions.replay.replay import replay
+from tests.session.runs import record_virtual
 from tests.support.fingers import fingers
 
 RATE = 200.0
@@ -68,6 +72,16 @@ def test_one_that_is_elsewhere_without_that_current_does_not_follow(fault: str) 
 @pytest.mark.usefixtures("yielding")
 def test_a_grip_limits_the_current_that_counts() -> None:
     assert follow("kind: scaled, share: 0.0", share=0.0).exit_code == 0
+
+
+@pytest.mark.usefixtures("yielding")
+def test_a_grip_is_replayed(tmp_path: Path) -> None:
+    """An axis that holds with the limited current would be a fault without the limit."""
+    text = fingers(1, options="faults:\n  - {at_s: 1.5, axis: f0.left, kind: scaled, share: 0.0}\n")
+    loaded = parse_robot_file(text.replace("device: servo,", "device: servo, overload_s: 60,"), "f.yaml")
+    way = read_trajectory(io.StringIO(WAY), "way", loaded.driven)
+    path = record_virtual(tmp_path / "s.mcap", loaded, way, {20: [Grip(0.0)]})
+    assert replay(Session(path), loaded).divergence is None
 
 
 @pytest.mark.usefixtures("yielding")

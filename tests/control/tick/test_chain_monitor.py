@@ -9,12 +9,14 @@ from itertools import pairwise
 import pytest
 
 from contid.control.engine import messages as msg
+from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.tick_layout import TickRecord
+from contid.control.engine.tick_layout import ENABLED, TickRecord
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_preflight
 from contid.control.tick.faults import Fault
 from contid.control.tick.preflight.rows import Unreachable
+from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
 from contid.kinematics.model import build_model
 from contid.robot_file.base import StopPolicy
@@ -205,6 +207,39 @@ def test_an_order_that_stops_one_arm_holds_the_other(order: type) -> None:
     assert seen.modes("right")[-1] == "HOLD"
     before, after = (tips(loaded, seen)["right"][k] for k in (-50, -1))
     assert before == after
+
+
+@pytest.mark.parametrize("ending", [msg.Estop(), msg.Finish(StopPolicy.REST)], ids=["estop", "finish"])
+def test_a_check_that_fails_does_not_take_the_place_of_an_order_to_stop(
+    monkeypatch: pytest.MonkeyPatch, ending: msg.Message
+) -> None:
+    """Gotos of the same tick are checked before the order, and the way to rest behind it."""
+
+    def broken(*_: object) -> str:
+        raise ZeroDivisionError("a defect of the rope")
+
+    monkeypatch.setattr(ChainMonitor, "_forbids", broken)
+    loaded = chain()
+    seen = Collector(loaded)
+    orders: dict[int, list[msg.Message]] = {100: [msg.Goto("left", Target(tip_m=HIGH)), ending, msg.Mark(1)]}
+    run_virtual(loaded, RATE, None, sinks=[seen], orders=orders, ticks=110)
+    assert not any(robot.flags & ENABLED for robot in seen.records[-1].robots)
+    assert seen.modes("left")[-1] == seen.modes("right")[-1] == "OFF"
+    assert message(seen, "refused")[0] == "rope: not checked, ZeroDivisionError: a defect of the rope"
+
+
+def test_a_run_ends_though_the_check_of_the_way_to_rest_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    forbids = ChainMonitor._forbids
+
+    def broken(self: ChainMonitor, *given: object) -> str:
+        if any(state.mode is Mode.STOPPING for state in self._robots.states):
+            raise ZeroDivisionError("a defect of the rope")
+        return forbids(self, *given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(ChainMonitor, "_forbids", broken)
+    loaded = chain()
+    report = run_virtual(loaded, RATE, rows(loaded, UP, UP), on_end=OnEnd.REST, ticks=900)
+    assert [robot["mode"] for robot in report.robots.values()] == ["OFF", "OFF"]
 
 
 def test_resumed_alone_an_arm_waits_for_the_other() -> None:

@@ -40,7 +40,7 @@ class Arrivals(TickStage):
             state = self._robots.states[index]
             places = self._body_watch.places(index)
             until_s = self._waiting[index] = until_s or now_s + self._body_watch.bodies[index].settle_s
-            arrived = has_arrived(places)
+            arrived = bool(places) and has_arrived(places) and state.mode is not Mode.FAULT
             if not arrived and now_s < until_s and state.mode is Mode.HOLD and state.goto is None:
                 continue
             del self._waiting[index]

@@ -201,14 +201,14 @@ class WatchedBody:
                 at, tolerance = sample.value, self.checks[i][1]
                 self._on_way[i] |= at is None or not self.awake or self._range.excess(i, at) <= tolerance
         self.last = self._left(samples)
-        if holds and not has_arrived(self.last):
+        if holds and not (self.last and has_arrived(self.last)):
             self.settles_s = now_s + self.settle_s
 
     def settle(self, samples: Sequence[Sample], now_s: float) -> None:
         """Decide whether the axes arrived, once they did or their time is over."""
         assert self.settles_s is not None
-        self.last = self._left(samples)
-        if has_arrived(self.last) or now_s >= self.settles_s:
+        self.last = self._left(samples) or self.last
+        if (self.last and has_arrived(self.last)) or now_s >= self.settles_s:
             self.settles_s = None
 
     def _left(self, samples: Sequence[Sample]) -> list[AxisPlace]:
@@ -230,11 +230,15 @@ class WatchedBody:
         )
 
     def places(self, samples: Sequence[Sample]) -> list[AxisPlace]:
-        """Command and measurement of every axis; empty before the first of both."""
+        """Command and last measurement of every axis; empty before the first of both.
+
+        An axis that is not there has not arrived by a read that failed, which keeps the value before it.
+        """
         config, device = self.config, self.goal
-        measured = config.measured_actuation(samples)
-        if not device or measured is None:
+        values = [each.value for each in samples if each.value is not None and math.isfinite(each.value)]
+        if not device or len(values) < len(device):
             return []
+        measured = config.transmission.to_actuation(values)
         commanded = config.transmission.to_actuation(device)
         out = []
         columns = zip(config.axis_names, config.quantities, strict=True)
