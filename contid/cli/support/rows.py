@@ -68,15 +68,17 @@ def convert_rows(
         BadInputError: at the first wrong row; the results of the rows before it are printed.
     """
     conversion: _Conversion | None = None
+    before = ""
     with open_rows(path) as source:
         name = _name(source)
         for number, lines in line_blocks(source):
             begin = 0
             if conversion is None:
                 begin = next((k for k, line in enumerate(lines) if not is_comment(line)), len(lines))
+                before = lines[begin - 1] if begin else before
                 if begin == len(lines):
                     continue
-                names = names_in_comment(lines[begin - 1], lines[begin]) if begin else ""
+                names = names_in_comment(before, lines[begin])
                 reader = RowReader(
                     names or lines[begin], name, loaded.file.robots, number + begin - bool(names)
                 )
