@@ -16,6 +16,8 @@ import pytest
 
 from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.control.daemon.inputs import Stream, read_file, read_stdin
+from contid.control.daemon.run import run
+from contid.control.daemon.run_request import RunRequest
 from contid.errors import BadInputError, ContidError
 from contid.robot_file.load import load_named
 from contid.trajectory.timed import Trajectory
@@ -103,3 +105,14 @@ def test_a_stream_behind_a_byte_order_mark_and_a_comment() -> None:
     found = from_stdin(b"\xef\xbb\xbf# live\nx_mm,y_mm\n20,80\n")
     assert isinstance(found, Stream)
     assert (found.number, found.pending, found.parser.columns) == (2, (), ("x_mm", "y_mm"))
+
+
+def test_a_virtual_run_without_an_input_leaves_no_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The corrected command was refused: the log existed."""
+    monkeypatch.setattr("sys.stdin", None)
+    log = tmp_path / "log.csv"
+    with pytest.raises(ContidError, match="nothing to follow"):
+        run(RunRequest(robot_file="finger", virtual=True, log=log))
+    assert not log.exists()
