@@ -7,7 +7,7 @@ import socket
 import struct
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TextIO
 
@@ -116,3 +116,13 @@ def test_a_virtual_run_without_an_input_leaves_no_log(
     with pytest.raises(ContidError, match="nothing to follow"):
         run(RunRequest(robot_file="finger", virtual=True, log=log))
     assert not log.exists()
+
+
+def test_a_blank_line_after_a_header_in_a_comment_is_none_on_stdin_either(tmp_path: Path) -> None:
+    text = ROWS.replace(b"t_s,x_mm,y_mm\n", b"# t_s,x_mm,y_mm\n\n")
+    path = tmp_path / "rows.csv"
+    path.write_bytes(text)
+    with piped(text) as stdin, closing(CancellableReader()) as reader:
+        found = read_stdin(stdin, ROBOTS, reader)
+    assert isinstance(found, Trajectory)
+    assert np.array_equal(found.rows, read_file(str(path), ROBOTS).rows)
