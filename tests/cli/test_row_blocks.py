@@ -155,3 +155,12 @@ def test_line_ends_may_be_split_between_blocks(monkeypatch: pytest.MonkeyPatch) 
         blocks = list(row_blocks.line_blocks(io.TextIOWrapper(io.BytesIO(text))))
         lines = {number + k: line for number, lines in blocks for k, line in enumerate(lines)}
         assert lines == {1: "a,b", 2: "1,2", 3: "3,4", 4: "\u00e4,6"}, size
+
+
+def test_a_header_in_a_comment_may_come_before_its_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pipe delivers lines as they are written; what they mean does not depend on that."""
+    text = "# left_mm,right_mm\n\n60,70\n61,70\n"
+    whole = output(fk, "finger", stdin=text)
+    assert whole[0] == 0
+    monkeypatch.setattr(row_blocks, "_BYTES", 1)
+    assert output(fk, "finger", stdin=text) == whole

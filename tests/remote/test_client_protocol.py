@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from hypothesis import given
@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from contid.remote.client.async_client import AsyncClient
 from contid.remote.client.client_protocol import ClientProtocol, Request
+from contid.remote.client.wires import AsyncSocketWire
 from contid.remote.protocol.wire import Code, ConnectionLostError, RemoteError, encode
 
 
@@ -116,3 +117,19 @@ def test_a_request_that_waits_ends_with_the_connection(tmp_path: Path) -> None:
         await silent.wait_closed()
 
     asyncio.run(close_while_waiting())
+
+
+def test_a_request_that_cannot_be_sent_ends_in_its_time(tmp_path: Path) -> None:
+    """A daemon that is stopped by a signal takes nothing any more; its socket fills."""
+
+    class FullWire:
+        async def send(self, request: Request) -> None:
+            await asyncio.sleep(3600.0)
+
+    async def ask() -> None:
+        client = AsyncClient(tmp_path / "socket", timeout_s=0.05)
+        client._waiting, client._wire = {}, cast(AsyncSocketWire, FullWire())
+        with pytest.raises(ConnectionLostError, match="no response within"):
+            await asyncio.wait_for(client.request("hold"), 5.0)
+
+    asyncio.run(ask())

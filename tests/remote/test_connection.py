@@ -6,8 +6,12 @@ import asyncio
 import errno
 import itertools
 import json
+import os
 import random
+import signal
 import socket
+import threading
+import time
 from contextlib import AsyncExitStack
 from typing import Any, cast
 
@@ -83,6 +87,35 @@ def test_a_stop_is_obeyed_when_it_arrives_and_again_in_its_order(parts: int) -> 
 
     got = asyncio.run(asyncio.wait_for(order(), 10.0))
     assert got == ["estop before its turn", "status", "resume", "estop"]
+
+
+def test_a_client_that_never_ceases_to_send_is_disconnected() -> None:
+    """The rest of what it sent is read for a stop; what it sends meanwhile is not."""
+
+    async def flooded() -> float:
+        server, client = socket.socketpair()
+        connection = Connection(1, cast(RequestHandler, OrderHandler()), Turns())
+        await asyncio.get_running_loop().connect_accepted_socket(lambda: connection.receiver, server)
+        run = asyncio.create_task(connection.run())
+        if not (child := os.fork()):
+            try:
+                chunk = (b"x" * 255 + b"\n") * 256
+                while True:
+                    os.write(client.fileno(), chunk)
+            finally:
+                os._exit(0)
+        client.close()
+        killer = threading.Timer(5.0, os.kill, (child, signal.SIGKILL))
+        killer.start()
+        await asyncio.sleep(0.05)
+        begin_s = time.monotonic()
+        connection.disconnect("enough")
+        await run
+        killer.cancel()
+        os.waitpid(child, 0)
+        return time.monotonic() - begin_s
+
+    assert asyncio.run(flooded()) < 2.0
 
 
 def test_a_request_that_fails_with_any_error_is_answered(caplog: pytest.LogCaptureFixture) -> None:

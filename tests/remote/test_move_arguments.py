@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from pathlib import Path
 
@@ -41,3 +42,13 @@ def test_a_mistake_in_rows_is_named_with_file_line_and_column(row: str, place: s
     path.write_text(f"x_mm,y_mm\n{row}\n")
     with path.open() as file, pytest.raises(ContidError, match=re.escape(f"{path}:{place}")):
         list(columns_and_rows(file)[1])
+
+
+def test_a_live_row_that_is_cut_off_is_not_followed() -> None:
+    """As of `contid run`: a killed producer may leave ``50,7`` of ``50,75``."""
+    text = io.StringIO("x_mm,y_mm\n50,75\n50,7")
+    text.name = "<stdin>"  # as click.File has it
+    _, rows = columns_and_rows(text)
+    assert next(rows) == [50.0, 75.0]
+    with pytest.raises(ContidError, match="stdin:3:1: the last row has no end of line"):
+        next(rows)

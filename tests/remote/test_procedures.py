@@ -105,6 +105,23 @@ def test_a_refusal_of_a_row_under_way_ends_the_stream() -> None:
     assert not connection._protocol._open, "the responses that still come are dropped"
 
 
+def test_more_timed_rows_than_a_daemon_takes_are_refused_by_it() -> None:
+    """Their credit never grows: a client that waited for more waited for ever."""
+
+    class Full(MemoryConnection):
+        async def _wait_notice(self, seconds: float) -> None:
+            assert self.waits < 1000, "waits for rows that are never granted"
+            await super()._wait_notice(seconds)
+
+        async def _post(self, request: Request) -> None:
+            self.under_way.append(request)
+
+    connection = Full(True, 1024)
+    connection.refuse = 50_176  # the first whole batch beyond 50 000 rows
+    with pytest.raises(RemoteError, match="another client held"):
+        completed(connection.stream(["t_s", "x_mm"], [(0.0, 0.0)] * 60_000))
+
+
 def test_asynchronous_rows_are_refused_by_a_blocking_client() -> None:
     class Suspend:
         def __await__(self) -> Generator[None, None, None]:

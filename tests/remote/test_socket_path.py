@@ -42,6 +42,24 @@ def test_a_stale_socket_is_removed_and_another_file_is_not(own_folder: Path) -> 
     assert path.read_text() == "a file"
 
 
+@pytest.mark.parametrize("number", [errno.EACCES, errno.EMFILE])
+def test_a_socket_that_cannot_be_looked_at_is_not_removed(
+    own_folder: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    """The socket of a daemon of root, in a folder of this user, or a process without descriptors left."""
+
+    def refused(path: Path) -> socket.socket:
+        raise OSError(number, os.strerror(number))
+
+    path = own_folder / "s"
+    with closing(Endpoint(path)):
+        monkeypatch.setattr(socket_path, "connect", refused)
+        with pytest.raises(SocketError, match="another daemon listens"):
+            Endpoint(path)
+        assert path.exists()
+        assert not is_listening(path, trusted=True)
+
+
 def test_an_endpoint_removes_only_its_own_socket(own_folder: Path) -> None:
     path = own_folder / "s"
     first = Endpoint(path)

@@ -43,7 +43,7 @@ def _head(status: Fields) -> Text:
     if status.get("longest_gap_ms"):
         text.append(f", longest gap {status['longest_gap_ms']:.0f} ms")
     text.append(
-        f"  late p50 {_shown(late['p50'], '.0f')} us, max {_shown(late['max'], '.0f')} us (last second)"
+        f"  late p50 {_shown(late['p50'], '.0f')} us, max {_shown(late['max'], '.0f')} us (last 200 ticks)"
     )
     text.append(f"\n{status['clients']} clients, lease: {lease['holder'] or 'free'}")
     if lease.get("stopped_by"):

@@ -68,18 +68,20 @@ def convert_rows(
         BadInputError: at the first wrong row; the results of the rows before it are printed.
     """
     conversion: _Conversion | None = None
+    comment = 0, ""
     with open_rows(path) as source:
         name = _name(source)
         for number, lines in line_blocks(source):
             begin = 0
             if conversion is None:
                 begin = next((k for k, line in enumerate(lines) if not is_comment(line)), len(lines))
+                comments = [(k, line) for k, line in enumerate(lines[:begin], number) if line.strip()]
+                comment = comments[-1] if comments else comment
                 if begin == len(lines):
                     continue
-                names = names_in_comment(lines[begin - 1], lines[begin]) if begin else ""
-                reader = RowReader(
-                    names or lines[begin], name, loaded.file.robots, number + begin - bool(names)
-                )
+                names = names_in_comment(comment[1], lines[begin])
+                place = comment[0] if names else number + begin
+                reader = RowReader(names or lines[begin], name, loaded.file.robots, place)
                 conversion = _Conversion(loaded, reader, robots, as_json)
                 begin += not (reader.is_json or names)
             conversion.take(number + begin, lines[begin:])

@@ -78,15 +78,17 @@ def read_stdin(
     descriptor = stdin.fileno()
     name = "stdin"
     skipped: list[str] = []
+    comment = 0, ""
     for number, raw in _lines(descriptor, reader):
         line = raw.decode("utf-8", errors="replace")
         if number == 1:
             line = line.removeprefix("\ufeff")  # it would hide that a comment is one
         if not line.strip() or line.lstrip().startswith("#"):
             skipped.append(line)
+            comment = (number, line) if line.strip() else comment
             continue
-        names = names_in_comment(skipped[-1], line) if skipped else ""
-        parser = RowReader(names or line, name, robots, number - bool(names))
+        names = names_in_comment(comment[1], line)
+        parser = RowReader(names or line, name, robots, comment[0] if names else number)
         if parser.timed:
             return _read_timed(descriptor, "".join(skipped) + line, robots, reader)
         if stat.S_ISREG(os.fstat(descriptor).st_mode):

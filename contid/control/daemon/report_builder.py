@@ -36,7 +36,8 @@ class ReportBuilder:
     def interrupted(self) -> None:
         """A user or a client ended the run."""
         self._interrupted = True
-        self.report.ending, self.report.exit_code = "interrupted", 130
+        if not self.report.exit_code:  # a failure that has ended the run stays its end
+            self.report.ending, self.report.exit_code = "interrupted", 130
 
     def problem(self, message: str) -> None:
         """Add a problem to the report."""

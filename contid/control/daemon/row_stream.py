@@ -90,6 +90,8 @@ class StreamFollower:
     async def follow(self) -> None:
         """Follow until the stream ends."""
         for number, line in self._stream.pending:
+            if self._reader.ends(line, number):
+                return
             self._row(line, number)
         async for lines in _lines(self._stream.descriptor):
             if lines and self._reader.ends(lines[-1], self._number + len(lines)):
@@ -137,7 +139,7 @@ async def _lines(descriptor: int) -> AsyncIterator[list[str]]:
     ready = asyncio.Event()
     blocking = os.get_blocking(descriptor)
     os.set_blocking(descriptor, False)
-    buffer = b""
+    buffer, cut = b"", False
     try:
         while True:
             # Watched only while waiting: a full pipe would wake the loop during a pause without end.
@@ -150,6 +152,9 @@ async def _lines(descriptor: int) -> AsyncIterator[list[str]]:
             except BlockingIOError:
                 continue
             *complete, buffer = (buffer + chunk).split(b"\n")
+            if cut:  # the rest of a line that was given already
+                cut = not complete
+                complete, buffer = complete[1:], b"" if cut else buffer
             # 64 kB may have ten thousand lines: divided in one call, at line feeds only.
             text = b"\n".join((*complete, b""))
             lines = io.StringIO(text.decode("utf-8", errors="replace"), newline="\n").readlines()
@@ -158,7 +163,7 @@ async def _lines(descriptor: int) -> AsyncIterator[list[str]]:
                     lines.append(buffer.decode("utf-8", errors="replace"))
             elif len(buffer) > MAX_LINE:  # the parser rejects it
                 lines.append(buffer.decode("utf-8", errors="replace") + "\n")
-                buffer = b""
+                buffer, cut = b"", True
             yield lines
             if not chunk:
                 return

@@ -62,14 +62,14 @@ def _virtual(request: RunRequest) -> RunReport:
     rate_hz = rate_of(request, loaded)
     with closing(CancellableReader()) as reader:
         source = read_input(request, loaded, reader)
+    if source is None:
+        raise ContidError("--virtual has nothing to follow: give --trajectory, or a trajectory on stdin")
     with ExitStack() as stack:
         sinks: list[Sink] = [TerminalSink(request.log_level)]
         if request.log is not None:
             log = CommandLog(request.log, record_layout(loaded, rate_hz))
             stack.callback(log.close)
             sinks.append(log)
-        if source is None:
-            raise ContidError("--virtual has nothing to follow: give --trajectory, or a trajectory on stdin")
         timed = source if isinstance(source, Trajectory) else None
         setup = RunSetup(loaded, rate_hz, Path(), timed, request.on_end, attended=False)
         for observer in request.observers:

@@ -47,7 +47,8 @@ class ShutdownSequence:
     def relax(self, now_s: float) -> None:
         """Relaxing was ordered; only the end of the process is outstanding."""
         self._relax_at_s = None
-        self._kill_at_s = now_s + KILL_GRACE_S
+        if self._kill_at_s is None:  # repeating the order postpones nothing
+            self._kill_at_s = now_s + KILL_GRACE_S
 
     def due(self, now_s: float) -> Escalation:
         """The action due at ``now_s``."""

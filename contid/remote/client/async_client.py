@@ -68,8 +68,8 @@ class AsyncClient(Procedures):
         future: asyncio.Future[Fields] = asyncio.get_running_loop().create_future()
         self._waiting[request.number] = request, future
         try:
-            await self._post(request)
             async with asyncio.timeout(request.timeout_s):
+                await self._post(request)
                 return await future
         except TimeoutError:
             # An error with the daemon's reason, if it gave one; the connection itself is left as it is.

@@ -73,7 +73,7 @@ def columns_and_rows(file: Iterable[str]) -> tuple[list[str], Iterator[list[floa
     """
     name = str(getattr(file, "name", "trajectory")).strip("<>")  # <stdin>
     lines = (
-        (number, line.strip())
+        (number, line)
         for number, line in enumerate(file, 1)
         if line.strip() and not line.lstrip().startswith("#")
     )
@@ -81,11 +81,15 @@ def columns_and_rows(file: Iterable[str]) -> tuple[list[str], Iterator[list[floa
     if first is None:
         raise ContidError(f"{name}: empty: a header and at least one row are needed")
     columns = [column.strip().strip('"') for column in first[1].removeprefix("\ufeff").split(",")]
-    return columns, (_row(Located(name, number, 1, ""), line, columns) for number, line in lines)
+    live = name == "stdin" and "t_s" not in columns
+    return columns, (_row(Located(name, number, 1, ""), line, columns, live) for number, line in lines)
 
 
-def _row(place: Located, line: str, columns: Sequence[str]) -> list[float]:
-    cells = line.split(",")
+def _row(place: Located, line: str, columns: Sequence[str], live: bool) -> list[float]:
+    if live and not line.endswith("\n"):
+        message = "the last row has no end of line and may be cut off: not followed"
+        raise BadInputError([replace(place, message=message)])
+    cells = line.rstrip().split(",")
     if len(cells) != len(columns):
         message = f"the row has {len(cells)} values, the header {len(columns)} columns"
         raise BadInputError([replace(place, message=message)])

@@ -87,9 +87,9 @@ class RowStream:
         await self._client._post(request)
 
     def _may_send(self, rows: int) -> bool:
-        """Whether this number of further rows is granted."""
-        granted = self._protocol.granted.get(self._move, 0)
-        return self._sent + rows <= granted and len(self._unanswered) < MAX_UNANSWERED
+        """Whether further rows may be sent; too many timed rows are refused by the daemon, not waited for."""
+        granted = self._timed or self._sent + rows <= self._protocol.granted.get(self._move, 0)
+        return granted and len(self._unanswered) < MAX_UNANSWERED
 
     def _take(self) -> None:
         """Take in the responses that have come, the oldest first."""

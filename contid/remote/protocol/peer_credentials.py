@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
-_CREDENTIALS: Final = struct.Struct("3i")  # pid, uid, gid
+_CREDENTIALS: Final = struct.Struct("iII")  # pid, uid, gid
 #: Linux's SO_PEERGROUPS (asm-generic/socket.h), absent from the socket module.
 _SO_PEERGROUPS: Final = 59
 #: Bytes for 256 groups, the maximum of Python's getsockopt.

@@ -76,10 +76,10 @@ def is_listening(path: Path, trusted: bool = False) -> bool:
         connect(path).close()
     except BlockingIOError:  # it listens, with a full backlog
         return True
-    except NoDaemonError:  # of another user
-        return not trusted
-    except OSError:
+    except (ConnectionRefusedError, FileNotFoundError):
         return False
+    except (NoDaemonError, OSError):  # of another user, or this process may not look
+        return not trusted
     return True
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+import socket
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, Final
@@ -126,8 +127,10 @@ class Connection:
 
     def _take_rest(self) -> None:
         """Read what the kernel still holds, before the transport closes the socket."""
-        descriptor = self._transport.get_extra_info("socket").fileno()
+        connected = self._transport.get_extra_info("socket")
+        descriptor = connected.fileno()
         with suppress(OSError):
+            connected.shutdown(socket.SHUT_RD)  # a client that goes on sending would never be read to its end
             while descriptor >= 0 and not self.receiver.too_long and (chunk := os.read(descriptor, MAX_LINE)):
                 self.receiver.feed(chunk)
 

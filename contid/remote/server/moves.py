@@ -177,6 +177,7 @@ class Moves:
             # They moved while it was checked: which answers a robot reaches depends on where it stands.
             trajectory = await asyncio.to_thread(check, move.reader, move.timed_rows, stands)
         self._not_stopped(move)
+        self._preconditions.armed(robots)  # the check and the standstill take seconds
         check_pause()
         await self._pending.confirmed(self._pending.send_bulk(Play(trajectory, move.waits)), BULK_TIMEOUT_S)
         if self._stream is None:  # a stop has overtaken it: a later resume must not follow it
@@ -262,7 +263,8 @@ class Moves:
         elif isinstance(event, SourceEnded) and self._stream is not None and self._stream.playing:
             played, self._stream = self._stream, None
             self._control.send(Begin())
-            played.end(True, "")
+            faults = self._view.faults(self._control.newest(), played.reader.robots)
+            played.end(not faults, f"{', '.join(faults)} did not arrive" if faults else "", faults)
         elif isinstance(event, OrderRefused) and event.message == NOT_AT_START and self._stream is not None:
             self.abort(self._stream, event.message)
         elif isinstance(event, OrderGiven) and event.order["order"] == "go" and self._stream is not None:

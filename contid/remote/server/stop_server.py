@@ -109,13 +109,16 @@ class StopServer:
     def _response(self, line: bytes) -> Fields:
         number = None
         try:
-            fields = decode(line)
+            try:
+                fields = decode(line)
+            except RemoteError:
+                if is_estop(line):
+                    self._stop()
+                raise
             number = fields.get("id")
             verb = ESTOP if is_estop(line) else fields.get("verb")
             return {"id": number, "ok": True, "result": self._result(verb)}
         except RemoteError as error:
-            if is_estop(line):
-                self._stop()
             return {"id": number, "ok": False, "error": error.as_fields()}
 
     def _result(self, verb: object) -> Fields:

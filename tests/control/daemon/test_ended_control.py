@@ -48,3 +48,11 @@ def test_what_a_person_ended_keeps_its_exit_code() -> None:
     assert report.report.exit_code == 130
     report.add(RunFailed(message="the port is locked", exit_code=4))
     assert report.report.exit_code == 4
+
+
+def test_ctrl_c_after_a_failure_hides_nothing() -> None:
+    """A run that has failed takes a while to end; a person who presses Ctrl-C meanwhile has not ended it."""
+    report = ReportBuilder(200.0)
+    report.add(RunFailed(message="the port is gone", exit_code=4))
+    report.interrupted()
+    assert (report.report.ending, report.report.exit_code) == ("the port is gone", 4)

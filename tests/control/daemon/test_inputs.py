@@ -7,7 +7,7 @@ import socket
 import struct
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TextIO
 
@@ -16,6 +16,8 @@ import pytest
 
 from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.control.daemon.inputs import Stream, read_file, read_stdin
+from contid.control.daemon.run import run
+from contid.control.daemon.run_request import RunRequest
 from contid.errors import BadInputError, ContidError
 from contid.robot_file.load import load_named
 from contid.trajectory.timed import Trajectory
@@ -103,3 +105,24 @@ def test_a_stream_behind_a_byte_order_mark_and_a_comment() -> None:
     found = from_stdin(b"\xef\xbb\xbf# live\nx_mm,y_mm\n20,80\n")
     assert isinstance(found, Stream)
     assert (found.number, found.pending, found.parser.columns) == (2, (), ("x_mm", "y_mm"))
+
+
+def test_a_virtual_run_without_an_input_leaves_no_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The corrected command was refused: the log existed."""
+    monkeypatch.setattr("sys.stdin", None)
+    log = tmp_path / "log.csv"
+    with pytest.raises(ContidError, match="nothing to follow"):
+        run(RunRequest(robot_file="finger", virtual=True, log=log))
+    assert not log.exists()
+
+
+def test_a_blank_line_after_a_header_in_a_comment_is_none_on_stdin_either(tmp_path: Path) -> None:
+    text = ROWS.replace(b"t_s,x_mm,y_mm\n", b"# t_s,x_mm,y_mm\n\n")
+    path = tmp_path / "rows.csv"
+    path.write_bytes(text)
+    with piped(text) as stdin, closing(CancellableReader()) as reader:
+        found = read_stdin(stdin, ROBOTS, reader)
+    assert isinstance(found, Trajectory)
+    assert np.array_equal(found.rows, read_file(str(path), ROBOTS).rows)

@@ -15,17 +15,18 @@ from contid.control.daemon.row_stream import BUDGET_S, LiveRowReader, StreamFoll
 from contid.control.engine.messages import Message, Rows
 from contid.robot_file.load import parse_robot_file
 from contid.trajectory.rows import RowReader
+from contid.units import MAX_LINE
 from tests.support.fingers import fingers
 
 #: Rows of the flood; the pipe takes about 5000 at a time.
 ROWS = 20_000
 
 
-def follow(text: str, row_s: float) -> tuple[list[float], int]:
+def follow(text: str, row_s: float, pending: tuple[tuple[int, str], ...] = ()) -> tuple[list[float], int]:
     """Follow a text from a pipe, with a clock that advances per look: x of the sent rows [mm], loop turns."""
     robots = parse_robot_file(fingers(1), "fingers.yaml").driven
     inside, outside = os.pipe()
-    stream = Stream(RowReader("x_mm,y_mm", "stdin", robots), "stdin", inside, (), 1)
+    stream = Stream(RowReader("x_mm,y_mm", "stdin", robots), "stdin", inside, pending, 1 + len(pending))
     sent: list[float] = []
     beats = 0
 
@@ -90,3 +91,18 @@ def test_a_wrong_row_holds(caplog: pytest.LogCaptureFixture) -> None:
     assert len(sent) == 2
     assert sent[1] != sent[1]
     assert "holding" in caplog.text
+
+
+def test_the_rest_of_a_line_that_is_too_long_is_no_row(caplog: pytest.LogCaptureFixture) -> None:
+    """It came in as a line of its own, and its end was followed."""
+    sent, _ = follow("40,75\n" + "1" * (3 * MAX_LINE) + "\n41,75\n" + ",50,75" * 60_000 + "\n42\n", 0.0)
+    numbers = [float("nan") if x != x else round(x) for x in sent]
+    assert [x for x in numbers if x == x] == [40, 41], numbers
+    assert "stdin:5:1: " in caplog.text, "lines keep their numbers"
+
+
+def test_a_first_row_that_is_cut_off_is_not_followed_either(caplog: pytest.LogCaptureFixture) -> None:
+    """`numpy.savetxt` has its header in a comment; the line after it is read with it."""
+    sent, _ = follow("", BUDGET_S / 1000, ((2, "50,7"),))
+    assert not sent
+    assert "stdin:2:1: the last row has no end of line" in caplog.text

@@ -29,3 +29,11 @@ def test_the_reported_stopping_time_is_granted() -> None:
     shutdown.stop_takes(5.0, 0.1)
     assert shutdown.due(5.1 + STOP_GRACE_S) is Escalation.NOTHING
     assert shutdown.due(5.2 + STOP_GRACE_S) is Escalation.RELAX
+
+
+def test_pressing_ctrl_c_again_and_again_does_not_postpone_the_end() -> None:
+    shutdown = ShutdownSequence()
+    shutdown.stop(0.0)
+    for press in range(1, 10):
+        shutdown.relax(0.2 * press)
+    assert shutdown.due(0.21 + KILL_GRACE_S) is Escalation.KILL

@@ -147,6 +147,27 @@ def test_a_fault_is_explained_latched_and_cleared_without_motion() -> None:
         assert states(client) == {"HOLD"}
 
 
+def test_a_trajectory_that_a_fault_interrupts_is_no_success() -> None:
+    """Its clock goes on in FAULT, and its end counted as arrival: `contid move` exited with 0."""
+    with daemon(options=SILENT) as running, running.client() as client:
+        armed(client)
+        rows = [(0.0, HERE["x_mm"], HERE["y_mm"]), (3.0, HERE["x_mm"] + 1.0, HERE["y_mm"])]
+        with pytest.raises(RemoteError, match="f0 did not arrive") as ended:
+            client.stream(["t_s", "x_mm", "y_mm"], rows)
+        assert ended.value.faults["f0"]["number"] == 102
+
+
+def test_a_trajectory_is_not_played_after_a_fault_while_it_was_sent() -> None:
+    with daemon(options=SILENT) as running, running.client() as client:
+        armed(client)
+        move = client.request("move", columns=["t_s", "x_mm", "y_mm"])["move"]
+        client.request("rows", move=move, rows=[[0.0, *HERE.values()], [1.0, *HERE.values()]])
+        until(lambda: states(client) == {"FAULT"}, "the axis falls silent")
+        with pytest.raises(RemoteError, match="fault 102") as refused:
+            client.request("end", move=move)
+        assert refused.value.code == Code.FAULT
+
+
 def test_a_killed_daemon_is_noticed_and_its_socket_taken_over() -> None:
     with daemon() as running:
         client = running.client()
