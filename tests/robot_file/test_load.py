@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
 from contid.errors import BadInputError, ContidError, Located
 from contid.hal import DeviceKind, load_driver
+from contid.robot_file import model_plugins
 from contid.robot_file.load import find_robot_file, load_robot_file, parse_robot_file, with_mock
 
 
@@ -245,3 +247,21 @@ def test_a_robot_file_is_found_without_its_suffix(
     with pytest.raises(ContidError, match=r"finger: could be one of finger\.yaml, .*configs/finger\.yaml"):
         find_robot_file("finger")
     assert find_robot_file("finger.yaml") == Path("finger.yaml")
+
+
+@pytest.mark.parametrize("body", ["raise OSError('no licence')", "def", "PLUGIN = 1 / 0", "x = 1"])
+def test_a_model_whose_import_fails_is_a_finding(
+    body: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = "broken_" + "".join(filter(str.isalnum, body))
+    (tmp_path / f"{module}.py").write_text(body + "\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    point = EntryPoint("broken", f"{module}:PLUGIN", model_plugins.ENTRY_POINT_GROUP)
+    monkeypatch.setattr(model_plugins, "entry_points", lambda **_: [point])
+    with pytest.raises(
+        BadInputError, match=r"a\.yaml:\d+:\d+: model 'broken' .* cannot be imported: \w+Error: "
+    ):
+        parse_robot_file(
+            "contid: 1\nname: a\nrate_hz: 100\nbuses: {b: {driver: sim}}\nrobots: {r: {model: broken}}\n",
+            "a.yaml",
+        )
