@@ -50,15 +50,21 @@ def edited(text: str, changes: Sequence[Change]) -> str:
     """The text with the changes made.
 
     Raises:
-        ContidError: a key is not in the text, or the text cannot be written without another change.
+        ContidError: a key is not in the text, the text is not YAML, or it cannot be written without another
+            change.
     """
     from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
 
     yaml = YAML()
     yaml.preserve_quotes = True
     yaml.width = 4096
     yaml.indent(mapping=2, sequence=4, offset=2)
-    document: Any = yaml.load(text)
+    try:
+        document: Any = yaml.load(text)
+    except YAMLError as error:  # the file was changed since it was checked
+        keys = ", ".join(change.key for change in changes)
+        raise ContidError(f"{keys}: not written, the file is not YAML: {_in_short(error)}") from error
     expected = _plain(document)
     for change in changes:
         *parents, last = _path(document, change.key)
@@ -87,6 +93,13 @@ def edited(text: str, changes: Sequence[Change]) -> str:
         keys = ", ".join(change.key for change in changes)
         raise ContidError(f"{keys}: cannot be written alone; write its aliases (*) out in full")
     return written
+
+
+def _in_short(error: Exception) -> str:
+    """What is wrong, and where."""
+    mark = getattr(error, "problem_mark", None)
+    place = "" if mark is None else f", line {mark.line + 1}, column {mark.column + 1}"
+    return f"{getattr(error, 'problem', None) or error}{place}"
 
 
 def _plain(node: Any) -> Any:
