@@ -1,4 +1,4 @@
-"""Writing single values into a robot file atomically; comments, order, anchors, quotes and style stay.
+"""Writing single values into a robot file atomically; comments, order, anchors, quotes and line ends stay.
 
 ruamel.yaml reads and writes the text. A value that others share through an alias or a merge key is written
 for the given key only: what it shares becomes a copy, and the result is compared with what was asked for.
@@ -42,8 +42,12 @@ def set_values(path: Path, changes: Sequence[Change]) -> None:
         ContidError: a key's mapping is not in the file, or the file cannot be read or written.
     """
     text = edited(read_text(path), changes)
+    try:
+        ends = "\r\n" if b"\r\n" in path.read_bytes() else "\n"
+    except OSError as error:
+        raise ContidError(f"{path}: cannot read it: {error.strerror}") from error
     with replacing(path) as file:
-        file.write(text.encode())
+        file.write(text.replace("\n", ends).encode())
 
 
 def edited(text: str, changes: Sequence[Change]) -> str:

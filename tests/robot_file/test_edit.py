@@ -251,3 +251,10 @@ def test_a_file_that_is_no_longer_yaml_is_refused_with_the_place(text: str, tmp_
     with pytest.raises(ContidError, match=r"robots\.a: not written, the file is not YAML: .*line 2, column"):
         set_values(path, [Change("robots.a", 7)])
     assert path.read_text() == text
+
+
+def test_ends_of_lines_stay(tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_bytes(b"name: a  # mine\r\nother:\r\n  - 1\r\n")
+    set_values(path, [Change("name", "b")])
+    assert path.read_bytes() == b"name: b  # mine\r\nother:\r\n  - 1\r\n"
