@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -265,3 +266,20 @@ def test_a_model_whose_import_fails_is_a_finding(
             "contid: 1\nname: a\nrate_hz: 100\nbuses: {b: {driver: sim}}\nrobots: {r: {model: broken}}\n",
             "a.yaml",
         )
+
+
+@pytest.mark.parametrize(
+    ("key", "allowed"),
+    [
+        ("on_end", "hold, rest, relax"), ("on_fault", "hold, relax"), ("on_host_loss", "hold, relax"),
+        ("estop", "relax"),
+    ],
+)  # fmt: skip
+def test_a_vent_without_regulators_names_what_is_allowed_in_its_place(
+    key: str, allowed: str, finger: str
+) -> None:
+    text = re.sub(rf"(  {key}: )\w+", r"\1vent", finger)
+    (found,) = findings(text)
+    assert found.message.endswith(
+        f"{key}: vent is for pressure regulators and this robot has none; allowed: {allowed}"
+    )
