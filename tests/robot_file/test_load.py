@@ -283,3 +283,8 @@ def test_a_vent_without_regulators_names_what_is_allowed_in_its_place(
     assert found.message.endswith(
         f"{key}: vent is for pressure regulators and this robot has none; allowed: {allowed}"
     )
+
+
+def test_a_name_that_no_file_can_have_is_refused() -> None:
+    with pytest.raises(ContidError, match="cannot read it: File name too long"):
+        find_robot_file("a" * 300)
