@@ -6,7 +6,7 @@ import itertools
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, get_args
 
 from pydantic import BaseModel
 
@@ -205,13 +205,14 @@ def _check_stops(
     if None in kinds or not kinds:
         return
     stop: BaseModel = robot.stop
-    for key in type(stop).model_fields:
+    for key, field in type(stop).model_fields.items():
         policy = getattr(stop, key)
         default = "" if key in stop.model_fields_set else " (the default)"
         place = (*at, "stop", key)
         if policy is StopPolicy.VENT and DeviceKind.REGULATOR not in kinds:
+            allowed = [each.value for each in get_args(field.annotation) or StopPolicy if each is not policy]
             message = f"{key}: vent{default} is for pressure regulators and this robot has none; allowed: "
-            yield document.at_value(place, message + ("relax" if key == "estop" else "hold, rest, relax"))
+            yield document.at_value(place, message + ", ".join(allowed))
         if policy is StopPolicy.RELAX and kinds == {DeviceKind.REGULATOR}:
             message = f"{key}: relax{default} turns torque off and a regulator has none; write {key}: vent"
             yield document.at_value(place, message)

@@ -127,7 +127,7 @@ def _table(definition: Schema, definitions: dict[str, Schema]) -> Iterator[str]:
 
 def _default(value: Schema) -> str:
     default = value.get("default")
-    if default is None or isinstance(default, dict):
+    if default is None or default == "" or isinstance(default, dict):
         return ""
     return f"`{str(default).lower() if isinstance(default, bool) else default}`"
 

@@ -1,4 +1,4 @@
-"""Writing single values into a robot file atomically; comments, order, anchors, quotes and style stay.
+"""Writing single values into a robot file atomically; comments, order, anchors, quotes and line ends stay.
 
 ruamel.yaml reads and writes the text. A value that others share through an alias or a merge key is written
 for the given key only: what it shares becomes a copy, and the result is compared with what was asked for.
@@ -42,23 +42,33 @@ def set_values(path: Path, changes: Sequence[Change]) -> None:
         ContidError: a key's mapping is not in the file, or the file cannot be read or written.
     """
     text = edited(read_text(path), changes)
+    try:
+        ends = "\r\n" if b"\r\n" in path.read_bytes() else "\n"
+    except OSError as error:
+        raise ContidError(f"{path}: cannot read it: {error.strerror}") from error
     with replacing(path) as file:
-        file.write(text.encode())
+        file.write(text.replace("\n", ends).encode())
 
 
 def edited(text: str, changes: Sequence[Change]) -> str:
     """The text with the changes made.
 
     Raises:
-        ContidError: a key is not in the text, or the text cannot be written without another change.
+        ContidError: a key is not in the text, the text is not YAML, or it cannot be written without another
+            change.
     """
     from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
 
     yaml = YAML()
     yaml.preserve_quotes = True
     yaml.width = 4096
     yaml.indent(mapping=2, sequence=4, offset=2)
-    document: Any = yaml.load(text)
+    try:
+        document: Any = yaml.load(text)
+    except YAMLError as error:  # the file was changed since it was checked
+        keys = ", ".join(change.key for change in changes)
+        raise ContidError(f"{keys}: not written, the file is not YAML: {_in_short(error)}") from error
     expected = _plain(document)
     for change in changes:
         *parents, last = _path(document, change.key)
@@ -87,6 +97,13 @@ def edited(text: str, changes: Sequence[Change]) -> str:
         keys = ", ".join(change.key for change in changes)
         raise ContidError(f"{keys}: cannot be written alone; write its aliases (*) out in full")
     return written
+
+
+def _in_short(error: Exception) -> str:
+    """What is wrong, and where."""
+    mark = getattr(error, "problem_mark", None)
+    place = "" if mark is None else f", line {mark.line + 1}, column {mark.column + 1}"
+    return f"{getattr(error, 'problem', None) or error}{place}"
 
 
 def _plain(node: Any) -> Any:

@@ -136,9 +136,13 @@ def find_robot_file(name: str) -> Path:
         ContidError: neither; the message lists the shipped names and the nearest one.
     """
     path = Path(name)
-    if path.is_dir():
+    try:
+        folder, exists = path.is_dir(), path.exists()
+    except OSError as error:  # no permission for a folder on the way, or a name that is too long
+        raise ContidError(f"{name}: cannot read it: {error.strerror}") from error
+    if folder:
         raise ContidError(f"{name}: is a folder; name a robot file in it")
-    if path.exists():  # a pipe as well: contid check <(sed ... hand.yaml)
+    if exists:  # a pipe as well: contid check <(sed ... hand.yaml)
         return path
     beside = [file for suffix in (".yaml", ".yml") if (file := Path(name + suffix)).is_file()]
     shipped = {file.stem: file for file in sorted(configs_folder().glob("*.yaml"))}

@@ -31,6 +31,7 @@ from contid.robot_file.model_plugins import ModelPluginError, load_plugin, plugi
 from contid.robot_file.positions import Data, Document, KeyPath, step_into
 from contid.robot_file.rates import check_shapes
 from contid.robot_file.robot import RobotDescription
+from contid.robot_file.sections import check_rest_poses
 from contid.robot_file.tick_rate import rate_too_high, watchdog_too_short
 
 _Part = TypeVar("_Part", bound=BaseModel)
@@ -92,6 +93,8 @@ class Loader:
         if not self.recorded:
             self.findings += check_ports(self.document, complete.values())
             self.findings += check_one_world(self.document, described)
+            # Values that replace refused ones, and too few numbers of a rest pose, are not compared.
+            self.findings += () if self.findings else check_rest_poses(self.document, described)
         self.findings += check_shapes(
             self.document, whole is not None and whole.clearance is not None, described
         )

@@ -7,7 +7,6 @@ It is imported only when a robot file names it.
 from __future__ import annotations
 
 from functools import cache
-from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final, Protocol, get_args
 
@@ -48,9 +47,10 @@ def load_plugin(name: str) -> ModelPlugin:
         raise ModelPluginError(f"model {name!r} is not installed")
     point = points[0]
     try:
-        plugin: ModelPlugin = getattr(import_module(point.module), point.attr)
-    except (ImportError, AttributeError) as error:
-        raise ModelPluginError(f"model {name!r} ({_origin(point)}) cannot be imported: {error}") from error
+        plugin: ModelPlugin = point.load()
+    except Exception as error:  # an import runs whatever its module does
+        why = f"{type(error).__name__}: {error}"
+        raise ModelPluginError(f"model {name!r} ({_origin(point)}) cannot be imported: {why}") from error
     _check(name, plugin, point)
     return plugin
 

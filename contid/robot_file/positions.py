@@ -174,9 +174,17 @@ def _invisible(text: str, file: str) -> Iterator[Located]:
     if text.isascii():
         return  # the parser refuses control characters, with their places
     for number, line in enumerate(text.removeprefix("\ufeff").split("\n"), 1):
-        if not line.isprintable() and (what := invisible(line)) and not what.startswith("U+00"):
-            column = next(at for at, each in enumerate(line, 1) if _is_invisible(each))
-            yield Located(file, number, column, f"invisible character {what}; delete it")
+        if line.isprintable():
+            continue
+        found = [at for at, each in enumerate(line) if _is_invisible(each) and not _refused(each)]
+        if found:
+            what = invisible(line[found[0]])
+            yield Located(file, number, found[0] + 1, f"invisible character {what}; delete it")
+
+
+def _refused(character: str) -> bool:
+    """True for one that the parser refuses. U+0085 is the end of a line to it, even in a comment."""
+    return character < "\xa0" and character != "\x85"
 
 
 class _Reader:

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
-from typing import Annotated, ClassVar
+from collections.abc import Iterator, Mapping
+from typing import Annotated, ClassVar, Final
 
+import numpy as np
 from pydantic import Field
 
+from contid.errors import Located
 from contid.robot_file.base import LengthInterval, Positive, Quantity, Strict
+from contid.robot_file.positions import Document
 from contid.robot_file.robot import RobotDescription, SectionLength
 from contid.targets import Actuation
 from contid.units import MM_PER_M
 
 #: The kernels have scratch memory on the stack for this many sections.
 MAX_SECTIONS = 8
+_ROUNDED: Final = 1.0 + 1e-9
 
 
 class SectionLimits(Strict):
@@ -109,3 +115,41 @@ class SectionRobot(RobotDescription):
             )
         each = values * self.sections if len(values) == 1 else values
         return tuple(value / MM_PER_M for value in each)
+
+    def rest_beyond(self) -> str:
+        """The limit that several lengths share and the rest pose exceeds, with numbers; "" for none."""
+        rest = self.rest
+        longest_m = max(sum(rest[j::3]) for j in range(3))
+        if longest_m > self.rack_m * _ROUNDED:
+            longest_mm, rack_mm = longest_m * MM_PER_M, self.rack_m * MM_PER_M
+            return (
+                f"a rack has {longest_mm:g} mm in all segments; allowed: at most rack_length_mm, {rack_mm:g}"
+            )
+        for s, (radius_m, angles_deg) in enumerate(zip(self.radius_m, self.tube_angles_deg, strict=True)):
+            angles = np.radians(angles_deg)
+            rows = np.stack((radius_m * np.cos(angles), radius_m * np.sin(angles), np.ones(3)), axis=-1)
+            u, v, length_m = np.linalg.solve(rows, rest[3 * s : 3 * s + 3]).tolist()
+            bend = math.hypot(u, v)
+            if bend > self.curvature_max_per_m * length_m * _ROUNDED:
+                radius_mm = length_m / bend * MM_PER_M
+                least_mm = MM_PER_M / self.curvature_max_per_m
+                return (
+                    f"section {s + 1} has a bend radius of {radius_mm:.4g} mm; allowed: at least "
+                    f"bend_radius_min_mm, {least_mm:g}"
+                )
+        return ""
+
+
+def check_rest_poses(document: Document, robots: Mapping[str, RobotDescription | None]) -> Iterator[Located]:
+    """Findings where a rest pose is outside limits that lengths share: a stop of policy ``rest`` never ends.
+
+    Args:
+        document: the robot file.
+        robots: robots of the file, None for one with mistakes.
+    """
+    for name, robot in robots.items():
+        if isinstance(robot, SectionRobot) and (what := robot.rest_beyond()):
+            key = (
+                "rest_mm" if robot.rest_mm is not None else "rest_mm is missing; half-way between the limits"
+            )
+            yield document.at_value(("robots", name, "rest_mm"), f"{key}: {what}")

@@ -241,3 +241,20 @@ def test_what_cannot_be_written_alone_is_refused() -> None:
     """The library writes a mapping of one pair in a list without braces: its anchor is that of the key."""
     with pytest.raises(ContidError, match=r"list\.1\.m: cannot be written alone"):
         edited("list: [&s {m: 1}, *s, *s]\n", [Change("list.1.m", 7)])
+
+
+@pytest.mark.parametrize("text", ["robots: [1, 2\nb: 3\n", "robots: {}\nrobots: {}\n"])
+def test_a_file_that_is_no_longer_yaml_is_refused_with_the_place(text: str, tmp_path: Path) -> None:
+    """A person may edit it while `contid home` moves the robot."""
+    path = tmp_path / "robot.yaml"
+    path.write_text(text)
+    with pytest.raises(ContidError, match=r"robots\.a: not written, the file is not YAML: .*line 2, column"):
+        set_values(path, [Change("robots.a", 7)])
+    assert path.read_text() == text
+
+
+def test_ends_of_lines_stay(tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_bytes(b"name: a  # mine\r\nother:\r\n  - 1\r\n")
+    set_values(path, [Change("name", "b")])
+    assert path.read_bytes() == b"name: b  # mine\r\nother:\r\n  - 1\r\n"

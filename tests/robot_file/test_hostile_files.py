@@ -81,3 +81,12 @@ def test_a_file_without_an_end_is_refused(command: list[str]) -> None:
     done = contid(*command, "/dev/zero")
     assert done.returncode == 2
     assert "/dev/zero:1:1: more than 4000000 bytes" in done.stderr
+
+
+@pytest.mark.parametrize("code", [0x85, 0xAD])
+def test_a_comment_cannot_hide_the_end_of_its_line(code: int) -> None:
+    """To the parser U+0085 ends a line: what a person sees as a comment would be a key."""
+    text = (configs_folder() / "finger.yaml").read_text(encoding="utf-8")
+    (found,) = findings(text + f"# see the manual{chr(code)}clearance: {{}}\n")
+    assert (found.line, found.column) == (text.count("\n") + 1, 17)
+    assert f"U+{code:04X}" in found.message

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
 from contid.errors import BadInputError, ContidError, Located
 from contid.hal import DeviceKind, load_driver
+from contid.robot_file import model_plugins
 from contid.robot_file.load import find_robot_file, load_robot_file, parse_robot_file, with_mock
 
 
@@ -245,3 +248,43 @@ def test_a_robot_file_is_found_without_its_suffix(
     with pytest.raises(ContidError, match=r"finger: could be one of finger\.yaml, .*configs/finger\.yaml"):
         find_robot_file("finger")
     assert find_robot_file("finger.yaml") == Path("finger.yaml")
+
+
+@pytest.mark.parametrize("body", ["raise OSError('no licence')", "def", "PLUGIN = 1 / 0", "x = 1"])
+def test_a_model_whose_import_fails_is_a_finding(
+    body: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = "broken_" + "".join(filter(str.isalnum, body))
+    (tmp_path / f"{module}.py").write_text(body + "\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    point = EntryPoint("broken", f"{module}:PLUGIN", model_plugins.ENTRY_POINT_GROUP)
+    monkeypatch.setattr(model_plugins, "entry_points", lambda **_: [point])
+    with pytest.raises(
+        BadInputError, match=r"a\.yaml:\d+:\d+: model 'broken' .* cannot be imported: \w+Error: "
+    ):
+        parse_robot_file(
+            "contid: 1\nname: a\nrate_hz: 100\nbuses: {b: {driver: sim}}\nrobots: {r: {model: broken}}\n",
+            "a.yaml",
+        )
+
+
+@pytest.mark.parametrize(
+    ("key", "allowed"),
+    [
+        ("on_end", "hold, rest, relax"), ("on_fault", "hold, relax"), ("on_host_loss", "hold, relax"),
+        ("estop", "relax"),
+    ],
+)  # fmt: skip
+def test_a_vent_without_regulators_names_what_is_allowed_in_its_place(
+    key: str, allowed: str, finger: str
+) -> None:
+    text = re.sub(rf"(  {key}: )\w+", r"\1vent", finger)
+    (found,) = findings(text)
+    assert found.message.endswith(
+        f"{key}: vent is for pressure regulators and this robot has none; allowed: {allowed}"
+    )
+
+
+def test_a_name_that_no_file_can_have_is_refused() -> None:
+    with pytest.raises(ContidError, match="cannot read it: File name too long"):
+        find_robot_file("a" * 300)

@@ -6,6 +6,7 @@ from inspect import cleandoc
 
 from pydantic import BaseModel
 
+from contid.robot_file.docs_page import robot_file_page
 from contid.robot_file.schema import meanings
 
 
@@ -30,3 +31,7 @@ def test_the_indentation_of_a_docstring_does_not_matter():
         "high": "limits.",
     }
     assert meanings(Dedented) == meanings(Indented)
+
+
+def test_every_backtick_of_the_page_is_closed_on_its_line() -> None:
+    assert [line for line in robot_file_page().splitlines() if line.count("`") % 2] == ["```yaml", "```"]

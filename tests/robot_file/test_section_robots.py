@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from pydantic import ValidationError
 
+from contid.errors import BadInputError
+from contid.robot_file.load import parse_robot_file
 from contid.robot_file.tri_rack import TriRack
 from contid.robot_file.tri_tube import TriTube
 
@@ -88,3 +91,32 @@ def test_the_mean_radius_of_a_taper_gives_the_offset_tubes_length():
     inner = np.hypot(length - (start + (end - start) * s) * theta, end - start).mean()
     straight = math.hypot(length, end - start)
     assert inner - straight == pytest.approx(-0.5 * (start + end) * theta, rel=4e-3)
+
+
+@pytest.mark.parametrize(
+    ("rest", "racks_mm", "message"),
+    [
+        (
+            "rest_mm: [600, 600, 600, 600, 600, 600]",
+            790,
+            r":37:14: rest_mm: a rack has 1200 mm .* at most .*790",
+        ),
+        (
+            "rest_mm: [100, 100, 400, 10, 10, 10]",
+            790,
+            r":37:14: rest_mm: section 1 .* radius of 35 mm; .* 120",
+        ),
+        ("", 400, r":16:3: rest_mm is missing; half-way .* a rack has 660 mm .* at most rack_length_mm, 400"),
+    ],
+)
+def test_a_rest_pose_outside_limits_that_lengths_share_is_refused(
+    configs: Path, rest: str, racks_mm: int, message: str
+) -> None:
+    """Its axes never come to rest there, and a stop of policy rest never ended."""
+    text = (
+        (configs / "trirack2.yaml").read_text().replace("rack_length_mm: 790", f"rack_length_mm: {racks_mm}")
+    )
+    text = text.replace("rest_mm: [10, 10, 10, 10, 10, 10]", rest)
+    with pytest.raises(BadInputError, match=message):
+        parse_robot_file(text, "arm.yaml")
+    assert parse_robot_file(text, "arm.yaml", recorded=True), "what was recorded is replayed"

@@ -315,3 +315,25 @@ def test_a_trajectory_of_bends_is_printed_checked_run_recorded_replayed_and_reti
     first = list(map(float, end.splitlines()[1].split(",")[:6]))
     second = [float(targets[-1][f"{name}.s{s}_l{t}_mm"]) for s in (1, 2) for t in (1, 2, 3)]
     assert first == pytest.approx(second, abs=1e-9)
+
+
+def test_bends_printed_under_a_load_do_not_depend_on_how_the_base_is_turned(tmp_path: Path) -> None:
+    """Loads of rows are in the world: turned with the base, they bend the arm alike, and back."""
+    text = load_named("stiffflop1").text
+    seen = []
+    for yaw_deg, load_n in ((0, "0.3,0,0"), (90, "0,0.3,0")):
+        path = tmp_path / f"turned{yaw_deg}.yaml"
+        path.write_text(
+            text.replace("model: cosserat", f"model: cosserat\n    base: {{yaw_deg: {yaw_deg}}}", 1)
+        )
+        loads = "load.fx_n,load.fy_n,load.fz_n"
+        axes = f"s1.p1_bar,s1.p2_bar,s1.p3_bar,{loads}\n0.6,0.3,0.2,{load_n}\n"
+        header, bends = contid("fk", str(path), "--bends", stdin=axes).splitlines()
+        tips = contid("fk", str(path), stdin=f"{header},{loads}\n{bends},{load_n}\n").splitlines()[1]
+        tip, whole = (
+            [float(each) for each in row.split(",")][:3]
+            for row in (tips, contid("fk", str(path), stdin=axes).splitlines()[1])
+        )
+        assert tip == pytest.approx(whole, abs=1e-3)
+        seen.append([float(each) for each in bends.split(",")])
+    assert seen[0] == pytest.approx(seen[1], abs=1e-6)

@@ -190,8 +190,9 @@ class ArcRows(RobotRows[Array]):
     def solve(self, columns: RobotColumns, rows: Array) -> Array:
         """The arithmetic; in a thread, while the block before is printed (`RobotRows`)."""
         actuations = _actuations(self._name, self._robot, self._model, columns, rows)
+        frame = BaseFrame.of(self._robot.base)
         arcs = (
-            self._bends.arcs(tuple(row), columns.target(full).load_n)
+            self._bends.arcs(tuple(row), frame.vector_in_base(columns.target(full).load_n))
             for row, full in zip(actuations.tolist(), rows.tolist(), strict=True)
         )
         return np.array([arc_values(self._robot, each.tolist()) for each in arcs])
@@ -210,7 +211,8 @@ def _actuations(
         ValueError: they state neither.
     """
     if columns.arcs and isinstance(model, Bending):
-        targets, rest = map(columns.target, rows.tolist()), robot.rest
+        frame, rest = BaseFrame.of(robot.base), robot.rest
+        targets = [frame.target_in_base(columns.target(row)) for row in rows.tolist()]
         return np.array([model.of_arcs(each.arcs or (), rest, each.load_n) for each in targets])
     if not columns.actuation:
         axes = ", ".join(f"{axis}_{robot.quantity.unit}" for axis in robot.axis_names)

@@ -188,6 +188,8 @@ class Exchange:
         for axis, sample in answer.samples.items():
             if sample.valid and (sample.value is None or not math.isfinite(sample.value)):
                 self.samples[axis] = replace(sample, value=None, valid=False)
+            elif sample.effort is not None and not math.isfinite(sample.effort):
+                self.samples[axis] = replace(sample, effort=None)  # a sum of currents would stay NaN
             if sample.fault != self._device_faults.get(axis, ""):
                 self._device_faults[axis] = sample.fault
                 self._sink.event(DeviceFaultChanged(tick=self._tick, axis=axis, fault=sample.fault))

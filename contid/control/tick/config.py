@@ -205,7 +205,9 @@ def robot_config(
         jerk=jerk,
         tolerance=tolerance,
         stale_s=tuple(max(ticks * period_s, STALE_S) for ticks in tolerance),
-        watchdog_s=min(watchdog_s_of_bus[robot.axes[axis].bus] for axis in names),
+        watchdog_s=min(
+            filter(None, (watchdog_s_of_bus[robot.axes[axis].bus] for axis in names)), default=0.0
+        ),
         period_s=period_s,
         feedback=None if robot.feedback is None else FeedbackConfig.of(robot.feedback),
         play=None if robot.backlash is None else (*robot.backlash, *(0.0,) * len(robot.extra_axis_names)),

@@ -98,7 +98,8 @@ class Preconditions:
             if command is None or target is None:
                 continue
             tip_m = tip_in_world(config, command, target.load_n)
-            arcs = config.model.arcs(command) if isinstance(config.model, Bending) else None
+            model, load_n = config.model, config.frame.vector_in_base(target.load_n)
+            arcs = model.arcs(command, load_n) if isinstance(model, Bending) else None
             here = Target(tip_m=tip_m, arcs=None if arcs is None else tuple(arcs.ravel().tolist()))
             found[name] = config, target, last.get(name, here), command
         return found

@@ -283,3 +283,27 @@ def test_a_value_that_is_no_number_is_a_failed_read_even_if_marked_valid(value: 
     assert engine.robots.states[0].fault is (no_number if since else Fault.NO_SAMPLE)
     assert bool(engine.robots.states[0].command) == bool(since)
     bus.close()
+
+
+@pytest.mark.parametrize("effort", [math.nan, math.inf])
+def test_an_effort_that_is_no_number_is_none(effort: float) -> None:
+    loaded = load(1)
+    clock = Ticking()
+    ((name, bus),) = open_buses(loaded, clock).items()
+
+    class Lying(Blocking):
+        def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
+            samples = dict(super().exchange(commands))
+            return samples | {"f0.left": replace(samples["f0.left"], effort=effort)}
+
+    port = BusPort(Lying(bus), threaded=False)
+    engine = Engine(
+        build_robot_configs(loaded, 200.0), {name: port}, 200.0, Collector(), clock.now, attended=True
+    )
+    engine.arm()
+    for tick in range(20):
+        clock.now_s = tick / 200.0
+        engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s))
+    left = engine.exchange.samples["f0.left"]
+    assert (left.valid, left.effort) == (True, None)
+    bus.close()

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from contid.control.tick.config import FeedbackConfig, _loops
+from contid.control.tick.config import FeedbackConfig, _loops, robot_config
+from contid.control.tick.transmission import RobotTransmission
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import load_named
 from contid.robot_file.pneumatic.sense import LoadSensing, ModelErrors, Sense
@@ -39,3 +40,23 @@ def test_a_loop_of_a_chamber_that_leads_is_none() -> None:
     calibrated = robot.model_copy(update={"sense": Sense(load=LoadSensing(calibration=errors))})
     assert _loops(calibrated) == pytest.approx((2e3, 0.0, 0.0, 1e2, 0.0, 3e4))
     assert _loops(robot) is None
+
+
+def test_a_bus_without_a_watchdog_does_not_hide_that_of_another() -> None:
+    loaded = load_named("hand")
+    name, robot = next(iter(loaded.driven.items()))
+    left, right = robot.all_axis_names
+    axes = {left: robot.axes[left], right: robot.axes[right].model_copy(update={"bus": "other"})}
+    apart = robot.model_copy(update={"axes": axes})
+    bus = robot.axes[left].bus
+
+    def watchdog_s(of_bus: float, of_other: float) -> float:
+        config = robot_config(
+            name, apart, RobotTransmission(apart), 200.0, {bus: 5, "other": 5},
+            {bus: of_bus, "other": of_other},
+        )  # fmt: skip
+        return config.watchdog_s
+
+    assert [watchdog_s(*each) for each in ((0.2, 0.0), (0.0, 0.2), (0.3, 0.2), (0.0, 0.0))] == [0.2] * 3 + [
+        0.0
+    ]

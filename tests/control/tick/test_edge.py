@@ -11,7 +11,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.preflight.edge import along_the_edge, off_the_reach_m
 from contid.control.tick.preflight.rows import Preflight
 from contid.kinematics.model import Bending
-from contid.robot_file.load import load_named
+from contid.robot_file.load import load_named, parse_robot_file
 from contid.targets import Actuation, Target, Vec3
 
 STEP_M = 1.5e-3
@@ -136,3 +136,26 @@ def test_an_azimuth_of_an_arm_that_bends_in_a_plane_leads_nowhere() -> None:
     assert along_the_edge(config, asked, begin, seed) is None
     longer = Target(arcs=(1.5 * bend, 0.0, 0.1, 0.0, 0.0, 0.1))
     assert off_the_reach_m(config, longer, begin, seed) == 0.0
+
+
+def test_bends_under_a_load_do_not_depend_on_how_the_base_is_turned() -> None:
+    """The load of a target is in the world, and the model takes it in the base frame."""
+    text = load_named("stiffflop1").text
+    answers = []
+    for yaw_deg in (0, 90):
+        turned = text.replace("model: cosserat", f"model: cosserat\n    base: {{yaw_deg: {yaw_deg}}}", 1)
+        config = build_robot_configs(parse_robot_file(turned, "arm.yaml"), 100.0)[0]
+        model, load_n = config.model, (0.3, 0.0, 0.0)
+        assert isinstance(model, Bending)
+        low, high = model.lower, model.upper
+        seed = tuple(a + part * (b - a) for a, b, part in zip(low, high, (0.5, 0.3, 0.5), strict=True))
+        begin = tuple(model.arcs(seed, load_n).ravel().tolist())
+        asked = (begin[0] + 0.01, *begin[1:])
+        here, there = (
+            Target(arcs=arcs, load_n=config.frame.vector_in_world(load_n)) for arcs in (begin, asked)
+        )
+        found = along_the_edge(config, there, here, seed)
+        assert found is not None
+        assert off_the_reach_m(config, there, here, seed) == 0.0
+        answers.append(found.arcs)
+    assert answers[0] == pytest.approx(answers[1], abs=1e-9)

@@ -76,8 +76,9 @@ def _bends_left_m(config: RobotConfig, target: Target, begin: Sequence[float], s
     """What is left of a step of bends, times the lengths [m]; 0 where that is less than `_BESIDE` of it."""
     assert target.arcs is not None
     assert isinstance(config.model, Bending)
-    solved = config.model.inverse(target, seed)
-    found = config.model.arcs(solved.actuation, target.load_n).ravel().tolist()
+    in_base = config.frame.target_in_base(target)
+    solved = config.model.inverse(in_base, seed)
+    found = config.model.arcs(solved.actuation, in_base.load_n).ravel().tolist()
     asked, before, after = (
         [a for k, a in enumerate(each) if k % 3 < 2] for each in (target.arcs, begin, found)
     )
@@ -96,18 +97,19 @@ def _with_lengths(
     asked, model = target.arcs or (), config.model
     if math.dist(begin[2::3], asked[2::3]) > _LONGEST * sum(begin[2::3]):
         return None
-    free = replace(target, arcs=tuple([0.0 if k % 3 == 2 else each for k, each in enumerate(asked)]))
+    in_base = config.frame.target_in_base(target)  # its load; bends are the same in both frames
+    free = replace(in_base, arcs=tuple([0.0 if k % 3 == 2 else each for k, each in enumerate(asked)]))
     found = model.inverse(free, seed)
     if not found.converged or not isinstance(model, Bending):
         return None
-    chosen = model.arcs(found.actuation, target.load_n).ravel().tolist()
+    chosen = model.arcs(found.actuation, in_base.load_n).ravel().tolist()
     outside, inside = 0.0, 1.0
     nearest = target
     for _ in range(_HALVINGS):
         share = 0.5 * (outside + inside)
         lengths = zip(asked, chosen, strict=True)
         arcs = [a + share * (b - a) if k % 3 == 2 else a for k, (a, b) in enumerate(lengths)]
-        if model.inverse(replace(target, arcs=tuple(arcs)), seed).converged:
+        if model.inverse(replace(in_base, arcs=tuple(arcs)), seed).converged:
             inside, nearest = share, replace(target, arcs=tuple(arcs))
         else:
             outside = share
