@@ -147,7 +147,7 @@ Verdict Board::demand(Reader& in) {
       }
     }
     // Only a newer echo feeds the watchdog: the same one again does not show that the host still reads.
-    if (static_cast<int32_t>(echo - echoed_) > 0) {
+    if (now_ - echo < now_ - echoed_) {
       echoed_ = echo;
       feed();
     }
@@ -312,7 +312,7 @@ Verdict Board::pulse(Reader& in) {
   block_tick();
   verdict = check_pulse(channel);
   const bool waited = now_ - echo >= static_cast<uint32_t>(config_.watchdog_ms);
-  if (verdict.refusal == Refusal::NONE && (waited || static_cast<int32_t>(echo - pulsed_) <= 0)) {
+  if (verdict.refusal == Refusal::NONE && (waited || now_ - echo >= now_ - pulsed_)) {
     verdict = Verdict{Refusal::STALE, 0};
   }
   if (verdict.refusal == Refusal::NONE) {
