@@ -102,7 +102,7 @@ Verdict Board::arm(Reader& in) {
     allow_tick();
     return verdict;
   }
-  feed();
+  if (!commanded()) feed();  // what is commanded already needs a host that reads
   demanded_ = now_;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((mask & (1u << i)) == 0 || channel_[i].state == State::ARMED) continue;
@@ -245,7 +245,7 @@ Verdict Board::home(Reader& in) {
     allow_tick();
     return verdict;
   }
-  feed();
+  if (!commanded()) feed();
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((mask & (1u << i)) == 0 || channel_[i].state == State::HOMING) continue;
     motor_[i].home();
