@@ -32,8 +32,8 @@ BRISTLE: Final = 0.3
 _STEP: Final = 20.0
 _SAME: Final = 0.1
 _ITERATIONS: Final = 40
-#: The load on a shaft is solved anew after this time of the servos: they step one after the other, thousands of times
-#: a second.
+#: The load on a shaft is solved anew after this time of the servos: they step one after the other, thousands
+#: of times a second.
 _EVERY_S: Final = 0.01
 _SMALL: Final = 1e-7
 
