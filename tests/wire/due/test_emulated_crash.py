@@ -38,7 +38,7 @@ def test_a_command_to_a_board_that_has_ended_is_refused_as_such(tmp_path):
         process.send_signal(signal.SIGINT)
         process.wait(5.0)
         for _ in range(2):  # the first one may still fit into the pipe
-            with pytest.raises(DeviceError, match="the emulated board .* has ended"):
+            with pytest.raises(DeviceError, match=r"the emulated board .* has ended"):
                 emulator.command("get 0")
 
 
