@@ -304,7 +304,7 @@ def test_missed_encoder_edges_end_the_motion_and_lose_the_position(board):
     assert refused.refusal == Refusal.POSITION_LOST
 
 
-def test_arm_and_home_that_nobody_answers_for_feed_nothing(board):
+def test_arm_and_home_without_an_echo_feed_nothing(board):
     motors = board("motor")
     motors.configure({"m0": {}, "m1": {"homing": {"direction": -1}}})
     motors.arm(0)

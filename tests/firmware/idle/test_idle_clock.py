@@ -1,4 +1,4 @@
-"""A board that nobody commanded for weeks: its clock of 32 bits is beyond half of its range since then."""
+"""A board without a host for weeks: its clock of 32 bits is beyond half of its range since then."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DAY_MS = 24 * 3600 * 1000
 def answers(lines: list[str]) -> list[Answer]:
     """What the board answers to the requests among the lines."""
     flags = ["g++", "-std=gnu++11", *WARNINGS, f"-I{firmware_dir()}"]
-    program = build_once("idle", flags, [*core_sources(), Path(__file__).with_name("idle.cpp")], [])
+    program = build_once("idle", flags, [*core_sources(), Path(__file__).with_name("main.cpp")], [])
     asked = "\n".join(lines)
     found = subprocess.run([program], input=asked, capture_output=True, text=True, check=True).stdout.split()
     return [messages.read_answer(bytes.fromhex(each))[1] for each in found]
