@@ -159,7 +159,7 @@ class ShaftMotion:
 
             T v' = u - v,   x' = v,   u = share top - hold sign(v),   top = supply SPEED_MAX
 
-        with the time constant T and the part ``hold`` of the friction:
+        with ``top`` slowed as well by the fault ``slow``, the time constant T and the part ``hold`` of the friction:
 
             v(dt) = u + (v(0) - u) exp(-dt / T),   x(dt) = x(0) + u dt + (v(0) - u) T (1 - exp(-dt / T))
 
@@ -171,7 +171,7 @@ class ShaftMotion:
             supply: voltage of the supply as a share of the one at which `SPEED_MAX` holds.
             dt: the time.
         """
-        top = supply * SPEED_MAX
+        top = supply * self.slowed * SPEED_MAX
         hold = FRICTION_SHARE * top
         standing = self.velocity == 0.0
         if standing and abs(share * top) <= hold:
