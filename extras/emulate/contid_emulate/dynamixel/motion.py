@@ -157,9 +157,9 @@ class ShaftMotion:
 
         The motion is the solution of
 
-            T v' = u - v,   x' = v,   u = share top - hold sign(v),   top = supply SPEED_MAX
+            T v' = u - v,   x' = v,   u = share top - hold sign(v),   top = supply slowed SPEED_MAX
 
-        with ``top`` slowed as well by the fault ``slow``, the time constant T and the part ``hold`` of the friction:
+        with the time constant T and the part ``hold`` of the friction:
 
             v(dt) = u + (v(0) - u) exp(-dt / T),   x(dt) = x(0) + u dt + (v(0) - u) T (1 - exp(-dt / T))
 
