@@ -302,3 +302,15 @@ def test_missed_encoder_edges_end_the_motion_and_lose_the_position(board):
     refused = motors.masked(Type.ARM, 0)
     assert isinstance(refused, Refused)
     assert refused.refusal == Refusal.POSITION_LOST
+
+
+def test_arm_and_home_without_an_echo_feed_nothing(board):
+    motors = board("motor")
+    motors.configure({"m0": {}, "m1": {"homing": {"direction": -1}}})
+    motors.arm(0)
+    began = motors.telemetry.uptime_ms
+    for kind, channel in ((Type.ARM, 0), (Type.HOME, 1)) * 4:
+        motors.step(30)
+        motors.masked(kind, channel)
+    assert motors.trip(0)["reason"] == "watchdog"
+    assert motors.trip(0)["world_ms"] - began <= 110

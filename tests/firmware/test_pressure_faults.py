@@ -7,9 +7,12 @@ import random
 
 import pytest
 
-from contid_drivers.due.codes import BoardState, Reason, Refusal, Type
+from contid.hal import AxisOnBus
+from contid_drivers.due import frames, messages, wiring
+from contid_drivers.due.codes import BoardState, Reason, Refusal, RestCode, Type
 from contid_drivers.due.messages import Refused, Telemetry
-from contid_drivers.due.options import SafeState
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role, SafeState
+from tests.firmware.conftest import REGULATOR
 
 pytestmark = pytest.mark.process
 
@@ -121,11 +124,6 @@ def test_a_vent_that_does_not_fall(board):
 
 
 def test_hold_is_no_safe_state_of_a_chamber(board):
-    from contid.hal import AxisOnBus
-    from contid_drivers.due import frames, wiring
-    from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
-    from tests.firmware.conftest import REGULATOR
-
     axis = AxisOnBus("p0", DueAxisOptions.model_validate({"channel": "p0", **REGULATOR}))
     blob = bytearray(wiring.board_config("b", DueBusOptions(port="x", role=Role.PRESSURE), [axis]))
     air = board("pressure")
@@ -184,3 +182,36 @@ def test_a_reading_that_lags_is_no_fault(board, lag, slew_bar_s):
         else:
             swing(air, rng.randrange(200, 2000, 50), rng.uniform(0.05, 0.5), rng.choice((300, 1000, 3000)))
         assert air.telemetry.channels[0].state is BoardState.ARMED, air.telemetry.channels[0].reason
+
+
+def test_a_channel_that_was_left_out_for_a_while_gets_no_pressure_when_it_returns(board):
+    air = pressed(board, 100_000)
+    air.ask(Type.STOP, messages.stop([0], RestCode.HOLD))
+    air.configure({"p1": {}})
+    air.step(1500)
+    assert air.truth(0)[2] < 2000
+    air.configure({"p0": {}, "p1": {}})
+    highest = 0.0
+    for _ in range(40):
+        air.step(5)
+        highest = max(highest, air.truth(0)[2])
+    assert highest < 2000
+
+
+VALVES = {"calibration": None, "valves": {"outlet": "normally_open"}}
+
+
+@pytest.mark.parametrize("options", [{}, VALVES])
+def test_a_value_out_of_range_of_a_regulator_is_named_as_one(board, options):
+    keys = {"channel": "p0", **REGULATOR, **options}
+    axis = AxisOnBus("p0", DueAxisOptions.model_validate(keys))
+    blob = bytearray(wiring.board_config("b", DueBusOptions(port="x", role=Role.PRESSURE), [axis]))
+    air = board("pressure")
+    blob[7:11] = bytes(4)  # the ceiling
+    refused = air.ask(Type.CONFIGURE, wiring.config_body(bytes(blob)))
+    assert isinstance(refused, Refused)
+    assert (refused.refusal, refused.detail) == (Refusal.BAD_VALUE, 3 + 2 + 11)
+    whole = wiring.board_config("b", DueBusOptions(port="x", role=Role.PRESSURE), [axis])
+    short = air.ask(Type.CONFIGURE, wiring.config_body(whole[:-1]))
+    assert isinstance(short, Refused)
+    assert short.refusal == Refusal.WRONG_LENGTH

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import queue
 import sys
 import threading
@@ -85,6 +86,7 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
         write_page(written, path, loaded, records, when)
         click.echo(f"written: bringup: in {path}; {written}", err=True)
     wrong = [record.axis for record in records if record.name != "ok"]
+    wrong += [axis for axis in axes if axis not in {record.axis for record in records}]
     if wrong:
         click.echo(f"not proven: {', '.join(wrong)}", err=True)
         sys.exit(4)
@@ -100,10 +102,13 @@ class Person:
             f"{axis}: the highest that a gauge at its chamber shows [bar]? Enter: there is none", hold
         )
         try:
-            return float(text.replace(",", ".")) if text else None
+            bar = float(text.replace(",", ".")) if text else None
         except ValueError:
-            click.echo(f"{text!r} is no number")
-            return self.gauge_bar(axis, hold)
+            bar = math.nan
+        if bar is None or math.isfinite(bar):
+            return bar
+        click.echo(f"{text!r} is no number")
+        return self.gauge_bar(axis, hold)
 
     def dumped(self, axis: str, hold: Callable[[], object]) -> bool:
         """Ask for the dump valve; "" when it was opened."""
@@ -143,7 +148,10 @@ def _answered(prompt: str, hold: Callable[[], object]) -> str:
     threading.Thread(target=lambda: answers.put(sys.stdin.readline()), daemon=True).start()
     while answers.empty():
         hold()
-    return answers.get().strip()
+    line = answers.get()
+    if not line:  # the end of stdin is no answer
+        raise click.Abort
+    return line.strip()
 
 
 def _provable(bus: WiredBus, axes: tuple[str, ...]) -> Mapping[str, DriveFacts | None]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import re
 import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner
 
@@ -16,7 +18,7 @@ from contid.control.daemon.run_request import RunRequest, load
 from contid.control.engine.cycle import RealClock
 from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file, parse_robot_file
-from contid_bringup.command import command
+from contid_bringup.command import Person, command
 from contid_devices.doctor import command as doctor
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.options import DueBusOptions
@@ -167,3 +169,30 @@ def test_a_file_of_simulated_buses_is_refused_before_anything_is_asked(tmp_path:
     refused = CliRunner().invoke(command, [str(path)])
     assert "no driver of this file can be brought up" in str(refused.exception)
     assert "cannot be brought up" in refused.output
+
+
+def test_an_axis_that_was_named_and_not_examined_is_not_proven(robot: tuple[Path, DueEmulator]) -> None:
+    path, _ = robot
+    text = path.read_text().replace("\nrobots:", "  simulated:\n    driver: sim\n\nrobots:", 1)
+    path.write_text(
+        re.sub(r"l3: {bus: motors, channel: m2, (.*?), .*}", r"l3: {bus: simulated, device: motor, \1}", text)
+    )
+    done = CliRunner().invoke(command, [str(path), FIRST, "arm.s1.l3", "--yes", "--dry-run"])
+    assert f"{FIRST}: ok" in done.output, (done.output, done.exception)
+    assert "arm.s1.l3 not examined" in done.output
+    assert "not proven: arm.s1.l3" in done.output
+    assert done.exit_code == 4
+
+
+@pytest.mark.parametrize(("typed", "bar"), [("nan\n0,5\n", 0.5), ("inf\nx\n\n", None)])
+def test_a_gauge_shows_a_finite_number(
+    typed: str, bar: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO(typed))
+    assert Person().gauge_bar(FIRST, lambda: time.sleep(0.001)) == bar
+
+
+def test_the_end_of_stdin_is_no_opened_dump_valve(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    with pytest.raises(click.Abort):
+        Person().dumped(FIRST, lambda: time.sleep(0.001))

@@ -153,10 +153,14 @@ def _replaced(text: str, values: Mapping[KeyPath, str]) -> str:
     """The text with scalars replaced."""
     found = _scalars_by_path(text)
     places = sorted(
-        ((found[path].start_mark.index, found[path].end_mark.index, value) for path, value in values.items()),
+        (
+            (found[path].start_mark.index, found[path].end_mark.index, value, path[-1] == "id")
+            for path, value in values.items()
+        ),
         reverse=True,
     )
-    for start, end, value in places:
-        plain = _PLAIN.fullmatch(value) is not None
+    for start, end, value, number in places:
+        # A name such as 123 or null is a text.
+        plain = _PLAIN.fullmatch(value) is not None and (number or yaml.safe_load(value) == value)
         text = text[:start] + (value if plain else json.dumps(value, ensure_ascii=False)) + text[end:]
     return text

@@ -49,6 +49,14 @@ def test_only_name_port_and_ids_change(tmp_path: Path, configs: Path) -> None:
     assert (checked.returncode, checked.stdout.startswith("mine: 2 robots")) == (0, True)
 
 
+@pytest.mark.parametrize("name", ["123", "null", "1e3", ".5", "yes"])
+def test_a_name_that_yaml_takes_for_something_else_is_a_text(name: str, tmp_path: Path) -> None:
+    from contid_devices.new_file import file_of, read_template, write_copy
+
+    path = file_of(str(tmp_path / f"{name}.yaml"))
+    assert write_copy(read_template("hand"), path, {}, {"left.left": 7}).file.name == name
+
+
 @pytest.mark.parametrize("name", shipped_templates())
 def test_every_shipped_file_can_be_copied(name: str, tmp_path: Path, configs: Path) -> None:
     from contid_devices.new_file import file_of, read_template, write_copy

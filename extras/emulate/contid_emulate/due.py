@@ -206,13 +206,22 @@ class DueEmulator:
         return self._process.wait(timeout=10)
 
     def command(self, line: str) -> str:
-        """Send one command of firmware/host/README.md; return its answer."""
+        """Send one command of firmware/host/README.md; return its answer.
+
+        Raises:
+            DeviceError: there is no such command, or the board has ended.
+        """
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         with self._lock:
-            self._process.stdin.write(line + "\n")
-            self._process.stdin.flush()
-            answer = self._process.stdout.readline().strip()
+            try:
+                self._process.stdin.write(line + "\n")
+                self._process.stdin.flush()
+                answer = self._process.stdout.readline().strip()
+            except BrokenPipeError:
+                answer = ""
+        if not answer:
+            raise DeviceError("due emulator", f"the emulated board at {self.port} has ended")
         if not answer.startswith("ok"):
             raise DeviceError("due emulator", f"unknown command {line!r}")
         return answer[3:]

@@ -108,7 +108,9 @@ def moving(
             next_s = max(next_s + LOOK_S, now_s)
             try:
                 tips = bodies.advance(now_s)
-            except OSError as error:  # its emulated board has crashed, which the end of the command reports
+            except (
+                ContidError
+            ) as error:  # its emulated board has crashed, which the end of the command reports
                 notify(f"bodies no longer move: {error}")
                 return
             if tracker is not None:

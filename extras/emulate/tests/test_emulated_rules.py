@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.packets import Instruction, StatusError, build, take
 from contid_emulate.dynamixel import Servo
+from contid_emulate.dynamixel.motion import ShaftMotion
 from contid_emulate.dynamixel.replies import answers
 
 
@@ -53,3 +56,11 @@ def test_a_watchdog_that_trips_moves_a_servo_by_its_homing_offset(offset: int) -
     assert servo.tripped
     assert servo.tripped_goal == 2048.0 + offset
     assert servo.position_ticks == 2048.0 + offset
+
+
+def test_a_slow_servo_is_slow_under_a_pwm_as_well() -> None:
+    sound, slow = (ShaftMotion(0.0, (-math.inf, math.inf)) for _ in range(2))
+    slow.slowed = 0.1
+    for shaft in (sound, slow):
+        shaft.drive(1.0, 1.0, 1.0)
+    assert slow.velocity == pytest.approx(0.1 * sound.velocity)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from contid_drivers.due import messages
-from contid_drivers.due.codes import BoardState, Reason, Refusal, Type
+from contid_drivers.due.codes import BoardState, Reason, Refusal, RestCode, Type
 from contid_drivers.due.messages import Configured, Refused
 from tests.firmware.tendons.trials import AMPLIFIER, CONVERTER, MOVES, configure, repeat, run
 
@@ -106,6 +106,26 @@ def test_a_demand_that_slackens_stops_at_the_floor(board, cell):
     assert not channels[1].limited
     # What tightens is followed as ever.
     assert follow(motors, 1500, m0=5.0)[0].position == pytest.approx(5 * DEGREE, abs=4)
+
+
+def test_a_relaxed_motor_is_at_no_limit(board):
+    motors = armed(board)
+    assert follow(motors, 1500, m0=-20.0)[0].limited
+    motors.ask(Type.STOP, messages.stop([0, 1], RestCode.RELAX))
+    motors.step(5)
+    motors.demand()
+    assert not motors.telemetry.channels[0].limited
+
+
+def test_a_parked_count_is_no_way_of_the_shaft(board):
+    motors = armed(board)
+    assert follow(motors, 1500, m0=6.0)[0].position == pytest.approx(6 * DEGREE, abs=4)
+    motors.ask(Type.STOP, messages.stop([0, 1], RestCode.RELAX))
+    motors.command("set 0 cell_noise 0")
+    motors.step(500)  # the readings are alike to the last bit
+    motors.ask(Type.PARK, messages.park(motors.crc, [0], parked=True))
+    motors.step(5)
+    assert not isinstance(motors.arm(0), Refused)
 
 
 def test_a_telemetry_without_cells_is_as_before(board):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 
 import psutil
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from contid.errors import DeviceError
 from contid_drivers.due.options import DueBusOptions, Role
 from contid_emulate.due import DueEmulator
+from contid_emulate.tracking import moving
 from tests.wire.due.boards import MOTORS
 
 pytestmark = pytest.mark.process
@@ -27,6 +29,30 @@ def test_a_crash_is_reported(tmp_path, fault):
         DueEmulator(options, MOTORS),
     ):
         board_process().send_signal(fault)
+
+
+def test_a_command_to_a_board_that_has_ended_is_refused_as_such(tmp_path):
+    options = DueBusOptions(port=str(tmp_path / "board"), role=Role.MOTOR)
+    with DueEmulator(options, MOTORS) as emulator:
+        process = board_process()
+        process.send_signal(signal.SIGINT)
+        process.wait(5.0)
+        for _ in range(2):  # the first one may still fit into the pipe
+            with pytest.raises(DeviceError, match=r"the emulated board .* has ended"):
+                emulator.command("get 0")
+
+
+def test_bodies_whose_board_has_ended_are_reported():
+    class Ended:
+        def advance(self, now_s: float) -> list[object]:
+            raise DeviceError("due emulator", "the emulated board has ended")
+
+    lines: list[str] = []
+    with moving(Ended(), None, lines.append):  # type: ignore[arg-type]
+        until = time.monotonic() + 5.0
+        while not lines and time.monotonic() < until:
+            time.sleep(0.01)
+    assert lines == ["bodies no longer move: due emulator: the emulated board has ended"]
 
 
 def test_an_end_from_outside_is_none(tmp_path):

@@ -157,7 +157,7 @@ class ShaftMotion:
 
         The motion is the solution of
 
-            T v' = u - v,   x' = v,   u = share top - hold sign(v),   top = supply SPEED_MAX
+            T v' = u - v,   x' = v,   u = share top - hold sign(v),   top = supply slowed SPEED_MAX
 
         with the time constant T and the part ``hold`` of the friction:
 
@@ -171,7 +171,7 @@ class ShaftMotion:
             supply: voltage of the supply as a share of the one at which `SPEED_MAX` holds.
             dt: the time.
         """
-        top = supply * SPEED_MAX
+        top = supply * self.slowed * SPEED_MAX
         hold = FRICTION_SHARE * top
         standing = self.velocity == 0.0
         if standing and abs(share * top) <= hold:

@@ -14,7 +14,6 @@ and the bends are where the moments of all pieces balance the backbone, found st
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from typing import Final
 
@@ -33,8 +32,8 @@ BRISTLE: Final = 0.3
 _STEP: Final = 20.0
 _SAME: Final = 0.1
 _ITERATIONS: Final = 40
-#: The load on a shaft is solved anew after this time: servos step one after the other, thousands of times
-#: a second.
+#: The load on a shaft is solved anew after this time of the servos: they step one after the other, thousands
+#: of times a second.
 _EVERY_S: Final = 0.01
 _SMALL: Final = 1e-7
 
@@ -110,7 +109,7 @@ class FrictionPlant(TendonPlant):
         """
         if self.held:
             return super().load_ma(number)
-        now_s = time.monotonic()
+        now_s = self._servos[number].now
         if self._at is None or now_s - self._solved_s > _EVERY_S:
             self._solved_s = now_s
             self.tensions_ma()

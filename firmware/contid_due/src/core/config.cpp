@@ -198,7 +198,9 @@ Verdict read_config(Reader& in, Role role, int32_t adc_steps, BoardConfig& out) 
       out.regulator[channel].adc_steps = adc_steps;
       read_regulator(in, check, out.regulator[channel]);
     }
-    const bool keeps = role == Role::PRESSURE && in.ok() && out.regulator[channel].keeps();
+    // Whether it keeps its pressure stands behind the values that were read.
+    if (role == Role::PRESSURE && (!in.ok() || check.bad())) break;
+    const bool keeps = role == Role::PRESSURE && out.regulator[channel].keeps();
     if (!same_in_reset(static_cast<Safe>(safe), static_cast<Safe>(start), keeps))
       return Verdict{Refusal::SAFE_IS_NOT_START, channel};
   }

@@ -46,7 +46,7 @@ void Motor::configure(const MotorConfig& config) {
   fault_ = Reason::NONE;
   phase_ = Phase::IDLE;
   watch_.start(position_, config.stall_duty);
-  if (config.tension.fitted) tendon_.configure(config.tension);
+  if (config.tension.fitted) tendon_.configure(config.tension, position_);
 }
 
 void Motor::sense(int32_t raw_count, int32_t raw_analog, uint32_t raw_missed, const CellReading& cell) {
@@ -85,7 +85,7 @@ void Motor::begin() {
   limited_ = false;
   watch_.start(position_, config_->stall_duty);
   disowned_ = false;
-  if (config_->tension.fitted) tendon_.arm();
+  if (config_->tension.fitted) tendon_.arm(position_);
 }
 
 void Motor::end_homing() {

@@ -102,7 +102,7 @@ Verdict Board::arm(Reader& in) {
     allow_tick();
     return verdict;
   }
-  feed();
+  if (!commanded()) feed();  // what is commanded already needs a host that reads
   demanded_ = now_;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((mask & (1u << i)) == 0 || channel_[i].state == State::ARMED) continue;
@@ -147,7 +147,7 @@ Verdict Board::demand(Reader& in) {
       }
     }
     // Only a newer echo feeds the watchdog: the same one again does not show that the host still reads.
-    if (static_cast<int32_t>(echo - echoed_) > 0) {
+    if (now_ - echo < now_ - echoed_) {
       echoed_ = echo;
       feed();
     }
@@ -245,7 +245,7 @@ Verdict Board::home(Reader& in) {
     allow_tick();
     return verdict;
   }
-  feed();
+  if (!commanded()) feed();
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((mask & (1u << i)) == 0 || channel_[i].state == State::HOMING) continue;
     motor_[i].home();
@@ -312,7 +312,7 @@ Verdict Board::pulse(Reader& in) {
   block_tick();
   verdict = check_pulse(channel);
   const bool waited = now_ - echo >= static_cast<uint32_t>(config_.watchdog_ms);
-  if (verdict.refusal == Refusal::NONE && (waited || static_cast<int32_t>(echo - pulsed_) <= 0)) {
+  if (verdict.refusal == Refusal::NONE && (waited || now_ - echo >= now_ - pulsed_)) {
     verdict = Verdict{Refusal::STALE, 0};
   }
   if (verdict.refusal == Refusal::NONE) {

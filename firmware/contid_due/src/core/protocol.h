@@ -96,7 +96,7 @@ enum class Refusal : uint8_t {
   WRONG_CRC = 4,      // detail: the board's configuration CRC
   NOT_CONFIGURED = 5,
   BAD_CHANNEL = 6,        // detail: the channel or mask
-  BAD_VALUE = 7,          // detail: offset in the configuration after the offending field
+  BAD_VALUE = 7,          // detail: offset of the byte behind it in the payload; the value of a stop or park
   SAFE_IS_NOT_START = 8,  // detail: the channel
   WRONG_ROLE = 9,         // detail: the board's role
   ARMED_NOW = 10,

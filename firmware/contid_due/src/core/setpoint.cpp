@@ -30,6 +30,8 @@ void SetPoint::start(int32_t position) {
   smooth_ = 0;
   left_ = 0;
   goal_ = position;
+  fenced_ = false;
+  spent_ = false;
 }
 
 void SetPoint::demand(int32_t goal, uint32_t since, int32_t velocity) {

@@ -12,8 +12,11 @@ namespace contid {
 class Regulator {
  public:
   void configure(const RegulatorConfig& config);
-  // The channel is not part of the configuration any more: reads only.
-  void unconfigure() { config_ = nullptr; }
+  // The channel is not part of the configuration any more: reads only. Its chamber is empty when it returns.
+  void unconfigure() {
+    config_ = nullptr;
+    set_q8_ = 0;
+  }
   void sense(int32_t raw_analog);
 
   void arm();

@@ -20,6 +20,12 @@ class LoadCell {
   // One tick; `position` is that of the shaft [counts].
   void sense(const CellReading& reading, int32_t position);
 
+  // The count of the shaft begins anew: its jump is no way.
+  void place(int32_t position) {
+    least_ = position;
+    most_ = position;
+  }
+
   // The newest reading is a tension. False from the first reading on that is none.
   bool ok() const { return primed_ && bad_ticks_ == 0 && !frozen_; }
   // Why it has been none for long enough; NONE while it may be a disturbance.

@@ -14,14 +14,15 @@ const uint32_t CONVERTED = 2;  // readings of a converter in the time of a snap
 const int64_t FAR_Q16 = static_cast<int64_t>(1) << 40;
 }  // namespace
 
-void Tendon::configure(const TensionConfig& config) {
+void Tendon::configure(const TensionConfig& config, int32_t position) {
   config_ = &config;
   give_q16_ = static_cast<int64_t>(config.give) * 256 / 1000;
   cell_.configure(config);
-  arm();
+  arm(position);
 }
 
-void Tendon::arm() {
+void Tendon::arm(int32_t position) {
+  cell_.place(position);
   known_ = false;
   kept_ = 0;
   slack_ticks_ = 0;

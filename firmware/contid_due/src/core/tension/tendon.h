@@ -14,9 +14,9 @@ namespace contid {
 // stiffness of the file above the true one makes the estimate approach in several steps, one below it overshoots.
 class Tendon {
  public:
-  void configure(const TensionConfig& config);
-  // Timers and history start anew; the tendon is under power from now on.
-  void arm();
+  void configure(const TensionConfig& config, int32_t position);
+  // Timers and history start anew; the tendon is under power from now on, its shaft at `position`.
+  void arm(int32_t position);
   // One tick, before the drive; `position` is that of the shaft [counts].
   void sense(const CellReading& reading, int32_t position);
   // One tick under power; `spent` when the shaft has taken up all that it may.
