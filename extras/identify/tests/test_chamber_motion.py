@@ -74,6 +74,7 @@ def model() -> ChamberMotion:
     return fit_chamber_motion("arm", AXES, ARM, [plant(each) for each in PATTERNS], "a test")
 
 
+@pytest.mark.slow
 def test_a_pattern_that_was_not_recorded() -> None:
     trace = plant("100010", stuck=0.2)
     found = predicted_tips(model(), trace.sent, PERIOD_S, trace.at_s, trace.measured, 0.0)

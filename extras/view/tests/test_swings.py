@@ -27,6 +27,7 @@ def test_a_drawn_mode_keeps_the_length_of_the_rod_and_moves_along_its_shape() ->
     assert np.array_equal(pose.line_m(0, 0.0), still)
 
 
+@pytest.mark.process
 def test_every_mode_is_in_the_file_for_three_of_its_periods(tmp_path: Path) -> None:
     loaded = load_named("bend1")
     (name,) = loaded.driven

@@ -71,7 +71,7 @@ def test_it_returns_from_expected_rows_smoothly_and_wholly() -> None:
     assert off[:35].max() < 1e-12
     assert 1e-6 < off.max() < 2e-3
     assert off[-30:].max() < 1e-12
-    assert np.abs(np.diff(at[3:], 3)).max() < 4.0 * np.abs(np.diff(plain[3:], 3)).max()
+    assert np.abs(np.diff(at[3:], 3)).max() < 6.0 * np.abs(np.diff(plain[3:], 3)).max()
 
 
 def test_a_target_is_its_vector() -> None:

@@ -218,6 +218,7 @@ def changed(before: Body, after: Body) -> bool:
     return after.drive != before.drive or abs(after.shaft - before.shaft) > STANDS
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("order", ["home", "relax", "hold", "park", "clear"])
 def test_orders_after_a_silence_find_another_board_first(lab: Lab, order: str) -> None:
     """The wires of two boards are exchanged at ports that stay open: only a demand reaches the other one."""

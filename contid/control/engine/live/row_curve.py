@@ -4,12 +4,11 @@ At the phase ``i + u`` the curve is the mean of the rows i-1 .. i+2 with the wei
 continuous to the acceleration, stays between the rows, and ends at rest on a row that is repeated. It leaves
 rows by a sixth of their second difference: on a circle by ``T^2 a / 6``.
 
-A row that is missing when the curve gets to it is the one expected after those before: with their last
-difference, and the mean second difference of the last `BEND_S`. A row that was used stays as it was; where
-another came in its place, the curve goes from it to the rows within `RETURN_S`, by the quintic polynomial
-that begins with the distance and its slope and ends at rest on the rows. By motion rules before 4
-the curve beyond the last row is a straight line, and returns at once, by a bend that exceeds the jerk of an
-easy path after 10 ms without a row.
+A row that is missing when the curve gets to it is the one expected after those that came: with their last
+difference, and the second difference on which the last three and those of `BEND_S` agree. A row that was used
+stays as it was; where another came in its place, the curve goes to the rows within `RETURN_S` by a quintic
+polynomial of their distance, which only shrinks. By motion rules before 4 the curve beyond the last row is a
+straight line, and returns at once, by a bend that exceeds the jerk of an easy path after 10 ms without a row.
 
 Sources: C. de Boor, "A Practical Guide to Splines", Springer 2001, chapter IX; L. Biagiotti and C.
 Melchiorri, "Trajectory Planning for Automatic Machines and Robots", Springer 2008, section 2.1.5 (quintics).
@@ -34,6 +33,8 @@ _LEAST_RETURN: Final = 4.0
 #: Half of the time whose rows give the second difference of a path [s]; this many rows at least.
 BEND_S: Final = 0.05
 _LEAST_BEND: Final = 2
+#: What that may add, as a share of the way straight on.
+_MOST_BEND: Final = 0.25
 
 
 class _Return(NamedTuple):
@@ -42,21 +43,18 @@ class _Return(NamedTuple):
     Attributes:
         number: of the last row that was used.
         off: how far it was from the one that came.
-        slope: change of that in a row.
         rows: length of the way.
     """
 
     number: int
     off: Vector
-    slope: Vector
     rows: float
 
     def at(self, number: int) -> Vector:
-        """How far the curve is from the row of a number on this way."""
+        """How far the curve is from the row of a number on this way; never farther than at its begin."""
         x = (number - self.number) / self.rows
-        off = 1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
-        slope = self.rows * (x - x**3 * (6.0 - 8.0 * x + 3.0 * x * x))
-        return tuple([off * d + slope * v for d, v in zip(self.off, self.slope, strict=True)])
+        share = 1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+        return tuple([share * each for each in self.off])
 
 
 class RowCurve:
@@ -72,6 +70,7 @@ class RowCurve:
         self._period_s = 0.0
         self._return: _Return | None = None
         self._rows: dict[int, Vector] = {number: row}
+        self._came: dict[int, Vector] = {number: row}
         self._first = number
         self._oldest = row
         self._last, self._before = row, row
@@ -107,13 +106,12 @@ class RowCurve:
 
     def _take(self, number: int, row: Vector) -> None:
         """A row comes; the one that was used in its place stays, and is left behind smoothly."""
+        self._came[number] = row
         used = self._rows.get(number)
         if used is not None and self._expects_bends:
             off = tuple([a - b for a, b in zip(used, row, strict=True)])
-            before = self._off(number - 1) or (0.0,) * len(row)
-            slope = tuple([a - b for a, b in zip(off, before, strict=True)])
             length = RETURN_S / self._period_s if self._period_s else 0.0
-            self._return = _Return(number, off, slope, max(_LEAST_RETURN, length))
+            self._return = _Return(number, off, max(_LEAST_RETURN, length))
         elif used is None:
             left = self._off(number)
             self._rows[number] = (
@@ -149,22 +147,37 @@ class RowCurve:
         return row
 
     def _expected(self, on: int) -> Vector:
-        """The row that comes ``on`` rows after the newest."""
+        """The row that comes ``on`` rows after the newest, on the way from rows that were used."""
+        straight = tuple([b + on * (b - a) for a, b in zip(self._before, self._last, strict=True)])
         if not self._expects_bends:
-            return tuple([b + on * (b - a) for a, b in zip(self._before, self._last, strict=True)])
+            return straight
         over = max(_LEAST_BEND, round(BEND_S / self._period_s)) if self._period_s else _LEAST_BEND
-        new, old, *bends = (self._row(self.newest - k) for k in (0, 1, over, 2 * over))
-        share = 0.5 * on * (on + 1) / over**2
-        each = zip(new, old, *bends, strict=True)
-        return tuple([a + on * (a - b) + share * (a - 2.0 * c + d) for a, b, c, d in each])
+        share = 0.5 * on * (on + 1)
+        bend = [share * agreed(near, far) for near, far in zip(self._bend(1), self._bend(over), strict=True)]
+        size = math.hypot(*bend)
+        most = _MOST_BEND * on * math.dist(self._before, self._last)
+        bent = min(1.0, most / size) if size > 0.0 else 0.0
+        left = self._off(self.newest + on) or (0.0,) * len(bend)
+        return tuple([a + bent * b + c for a, b, c in zip(straight, bend, left, strict=True)])
+
+    def _bend(self, over: int) -> Vector:
+        """Second difference per row of the last rows that came, each ``over`` rows after the one before."""
+        new, mid, old = (self._came.get(self.newest - k, self._oldest) for k in (0, over, 2 * over))
+        return tuple([(a - 2.0 * b + c) / over**2 for a, b, c in zip(new, mid, old, strict=True)])
 
     def _forget(self, before: int) -> None:
         """Rows that the curve has left behind."""
         while self._first < before:
             row = self._rows.pop(self._first, None)
+            self._came.pop(self._first, None)
             if row is not None:
                 self._oldest = row
             self._first += 1
+
+
+def agreed(near: float, far: float) -> float:
+    """The smaller of two second differences that have one sign, else 0: a corner is no bend."""
+    return 0.0 if near * far <= 0.0 else min(near, far) if near > 0.0 else max(near, far)
 
 
 def blended(u: float, rows: Sequence[Vector]) -> Vector:

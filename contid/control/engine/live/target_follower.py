@@ -22,6 +22,8 @@ from contid.targets import Target
 
 #: How long rows are expected before the stream counts as stopped [s]; it is one row at least.
 EXPECTED_S: Final = 0.05
+#: How many rows are expected at most.
+EXPECTED_ROWS: Final = 10.0
 #: Share of the limits of acceleration and jerk that a stop on the last row uses.
 _STOP_SHARE: Final = 0.35
 #: Axes slower than this share of their limit stop as if they were as fast.
@@ -121,7 +123,10 @@ class TargetFollower:
         if not clock.period_s or curve.rests(clock.phase):
             return clock.play(now_s)
         if not clock.stopping:
-            if not self._ended and clock.missing() <= max(1.0, EXPECTED_S / clock.period_s):
+            most = EXPECTED_S / clock.period_s
+            if self._config.motion_rules > 3:  # a period that is learnt too short leads no farther
+                most = min(most, EXPECTED_ROWS)
+            if not self._ended and clock.missing() <= max(1.0, most):
                 return clock.play(now_s)
             self._rates = self._phase_rates(state)
         if clock.stop(*self._rates, forward=self._config.motion_rules > 1):
