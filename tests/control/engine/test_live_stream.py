@@ -69,6 +69,26 @@ def test_a_writer_that_stood_still_is_not_felt(rate_hz: float, held_s: float) ->
     assert np.abs(radii - CIRCLE_M).max() < 1e-4
 
 
+@pytest.mark.parametrize(
+    ("rate_hz", "jitter_s"), [(20.0, 0.01), (50.0, 0.01), (50.0, 0.02), (100.0, 0.01), (200.0, 0.01)]
+)
+@pytest.mark.parametrize("seed", [1, 4])
+def test_a_stream_that_ends_amid_a_motion_goes_no_farther_than_its_stop(
+    rate_hz: float, jitter_s: float, seed: int
+) -> None:
+    """10 mm/s for 50 ms and the way to rest from there: below a millimetre; rows come late and together."""
+    run, random, before_s = Run("finger"), np.random.default_rng(seed), 0.0
+    x, y, z = middle(run)
+    run.at_rest_on((x, y, z))
+    rows = []
+    for k in range(int(0.6 * rate_hz)):
+        before_s = max(before_s, 0.0031 + k / rate_hz + float(random.uniform(0.0, jitter_s)))
+        rows.append((before_s, (x + 0.01 * k / rate_hz, y, z)))
+    followed = run.follow(rows, 2.0)
+    assert followed.tip_m[:, 0].max() < rows[-1][1][0] + 1e-3
+    assert followed.tip_m[-1, 0] == pytest.approx(rows[-1][1][0], abs=1e-6)
+
+
 @pytest.mark.parametrize("robot", ["finger", "cbha", "trirack"])
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.slow

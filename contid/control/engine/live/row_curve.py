@@ -33,7 +33,9 @@ _LEAST_RETURN: Final = 4.0
 #: Half of the time whose rows give the second difference of a path [s]; this many rows at least.
 BEND_S: Final = 0.05
 _LEAST_BEND: Final = 2
-#: What that may add, as a share of the way straight on.
+#: Rows after the newest beyond which the curve stands: where the clock runs away, it does not.
+_FARTHEST: Final = 25
+#: What a bend may add, as a share of the way straight on.
 _MOST_BEND: Final = 0.25
 
 
@@ -151,6 +153,8 @@ class RowCurve:
         straight = tuple([b + on * (b - a) for a, b in zip(self._before, self._last, strict=True)])
         if not self._expects_bends:
             return straight
+        if on > _FARTHEST:
+            return self._row(self.newest + _FARTHEST)
         over = max(_LEAST_BEND, round(BEND_S / self._period_s)) if self._period_s else _LEAST_BEND
         share = 0.5 * on * (on + 1)
         bend = [share * agreed(near, far) for near, far in zip(self._bend(1), self._bend(over), strict=True)]
