@@ -59,6 +59,8 @@ def resume(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     if state.mode is Mode.OFF:
         state = connect(config, state, now_s)
     state = released(config, state, now_s)
+    if state.goto is not None and state.mode is Mode.APPROACH and config.motion_rules > 3:
+        state = stay(config, state, now_s)  # its way leads elsewhere
     return replace(state, arm_requested=True, follow=True, goto=None)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from contid.control.engine.messages import (
     Rows,
     Stop,
 )
+from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.supervisor import Mode
 from contid.robot_file.base import StopPolicy
 from contid.targets import Target
@@ -79,6 +81,23 @@ def test_a_played_trajectory_and_a_stream_end_without_ending_the_run() -> None:
     assert collector.modes("f0")[-2:] == ["APPROACH", "RUN"]
     last = collector.records[-1].robots[0]
     assert last.tip_error_m == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_trajectory_begins_where_it_begins_though_the_robot_was_on_its_way_elsewhere() -> None:
+    loaded = load(1)
+    collector = Collector(loaded)
+    path = circle(loaded, period_s=0.8)
+    orders: dict[int, list[Message]] = {
+        50: [Goto("f0", Target(tip_m=(0.06, 0.06, 0.0)))],
+        80: [Play(path), Resume(("f0",))],
+    }
+    run_virtual(loaded, 200.0, None, sinks=[collector], orders=orders, ticks=900)
+    assert [event["arrived"] for event in events_of(collector, "goto")] == [False]
+    began = next(record for record in collector.records if record.robots[0].mode == Mode.RUN)
+    (target,) = path.targets_of_row(0).values()
+    axes = [axis.command for axis in began.robots[0].axes]
+    model = build_robot_configs(loaded, 200.0)[0].model
+    assert math.dist(model.forward(tuple(axes)).tip_m, target.tip_m or ()) < 1e-3
 
 
 def test_a_trajectory_that_waits_begins_in_the_tick_of_its_order() -> None:
