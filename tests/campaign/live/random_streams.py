@@ -132,7 +132,7 @@ def rows_of(stage: Stage, number: int) -> list[Row]:
             case _:  # the path turns back
                 pulse, phases = -pulse, phases + 2.0 * pulse * at_s
         before_s = max(before_s, now_s)
-    return rows
+    return rows or [(0.0, stage.tip_m)]  # all were lost
 
 
 def followed(stage: Stage, rows: list[Row]) -> tuple[list[Actuation], RobotState]:
