@@ -89,6 +89,7 @@ def test_a_stop_is_obeyed_when_it_arrives_and_again_in_its_order(parts: int) -> 
     assert got == ["estop before its turn", "status", "resume", "estop"]
 
 
+@pytest.mark.slow
 def test_a_client_that_never_ceases_to_send_is_disconnected() -> None:
     """The rest of what it sent is read for a stop; what it sends meanwhile is not."""
 
