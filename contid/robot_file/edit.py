@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from contid.errors import ContidError
-from contid.robot_file.positions import read_text
+from contid.robot_file.positions import decoded, read_raw
 from contid.whole_file import replacing
 
 Value: TypeAlias = float | int | str | bool | list[float] | list[str] | Mapping[str, Any]
@@ -41,11 +41,9 @@ def set_values(path: Path, changes: Sequence[Change]) -> None:
     Raises:
         ContidError: a key's mapping is not in the file, or the file cannot be read or written.
     """
-    text = edited(read_text(path), changes)
-    try:
-        ends = "\r\n" if b"\r\n" in path.read_bytes() else "\n"
-    except OSError as error:
-        raise ContidError(f"{path}: cannot read it: {error.strerror}") from error
+    raw = read_raw(path)
+    ends = "\r\n" if b"\r\n" in raw else "\n"
+    text = edited(decoded(raw, path), changes)
     with replacing(path) as file:
         file.write(text.replace("\n", ends).encode())
 

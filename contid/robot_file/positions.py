@@ -102,11 +102,28 @@ def read_text(path: Path) -> str:
         BadInputError: not UTF-8, with the place; longer than any robot file.
         ContidError: the file cannot be read.
     """
+    return decoded(read_raw(path), path)
+
+
+def read_raw(path: Path) -> bytes:
+    """The bytes of a file, one beyond the most that a robot file has where it is longer.
+
+    Raises:
+        ContidError: the file cannot be read.
+    """
     try:
         with path.open("rb") as file:
-            raw = file.read(_MAX_BYTES + 1)  # devices and pipes have no end
+            return file.read(_MAX_BYTES + 1)  # devices and pipes have no end
     except OSError as error:
         raise ContidError(f"{path}: cannot read it: {error.strerror}") from error
+
+
+def decoded(raw: bytes, path: Path) -> str:
+    """The text of bytes, with lines that end in a line feed.
+
+    Raises:
+        BadInputError: not UTF-8, with the place; longer than any robot file.
+    """
     if len(raw) > _MAX_BYTES:
         message = f"more than {_MAX_BYTES} bytes; a robot file has at most {MAX_CHARACTERS} characters"
         raise BadInputError([Located(str(path), 1, 1, message)])
