@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from contid.errors import ContidError
 from contid.kinematics.array import Array
 
 
@@ -108,3 +109,17 @@ def smoothly_between(values: Array, places: Array) -> Array:
     bend = 2.0 * before - 5.0 * here + 4.0 * after - then
     turn = 3.0 * (here - after) + then - before
     return np.asarray(here + 0.5 * s * (slope + s * (bend + s * turn)))
+
+
+def checked_commands(sent: Array, period_s: float, robot: str, axes: int) -> Array:
+    """Commands ``(ticks, axes)`` as numbers.
+
+    Raises:
+        ContidError: commands of another number of axes, not finite, fewer than two, or without a period.
+    """
+    sent = np.asarray(sent, dtype=float)
+    if sent.ndim != 2 or sent.shape[1] != axes:
+        raise ContidError(f"{robot}: commands of shape {sent.shape}; needed: (ticks, {axes})")
+    if len(sent) < 2 or not np.isfinite(sent).all() or not period_s > 0.0:
+        raise ContidError(f"{robot}: commands must be finite, two at least, with a period above 0")
+    return sent

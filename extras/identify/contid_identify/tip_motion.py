@@ -16,9 +16,8 @@ from typing import Final, Protocol, Self
 
 import numpy as np
 
-from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid_identify.answer import smoothly_between
+from contid_identify.answer import checked_commands, smoothly_between
 from contid_identify.remembered import RememberedMotion
 from contid_identify.tip_answer import monomials, swing
 
@@ -154,13 +153,7 @@ class TipMotion:
         Raises:
             ContidError: commands of another number of axes, or not finite.
         """
-        sent = np.asarray(sent, dtype=float)
-        if sent.ndim != 2 or sent.shape[1] != len(self.axes):
-            raise ContidError(
-                f"{self.robot}: commands of shape {sent.shape}; needed: (ticks, {len(self.axes)})"
-            )
-        if len(sent) < 2 or not np.isfinite(sent).all() or not period_s > 0.0:
-            raise ContidError(f"{self.robot}: commands must be finite, two at least, with a period above 0")
+        sent = checked_commands(sent, period_s, self.robot, len(self.axes))
         at_s = np.arange(float(len(sent))) * period_s if at_s is None else at_s
         tips = self.tips(self.inputs(sent, period_s, at_s, load_kg), load_kg)
         if self.remembered is not None:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid_identify.answer import between
+from contid_identify.answer import between, checked_commands
 from contid_identify.tip_motion import AheadError
 
 #: Steps of the simulation [s] at most.
@@ -138,13 +138,7 @@ class ChamberMotion:
         Raises:
             ContidError: set-points of another number of axes or not finite, or a payload.
         """
-        sent = np.asarray(sent, dtype=float)
-        if sent.ndim != 2 or sent.shape[1] != len(self.axes):
-            raise ContidError(
-                f"{self.robot}: commands of shape {sent.shape}; needed: (ticks, {len(self.axes)})"
-            )
-        if len(sent) < 2 or not np.isfinite(sent).all() or not period_s > 0.0:
-            raise ContidError(f"{self.robot}: commands must be finite, two at least, with a period above 0")
+        sent = checked_commands(sent, period_s, self.robot, len(self.axes))
         if load_kg != 0.0:
             raise ContidError(
                 f"{self.robot}: payloads are not part of the motion of pneumatic arms; leave them out"
