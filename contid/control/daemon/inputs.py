@@ -18,7 +18,7 @@ from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.errors import BadInputError, ContidError, Located
 from contid.robot_file.robot import RobotDescription
 from contid.trajectory.read import read_trajectory
-from contid.trajectory.rows import RowReader, names_in_comment
+from contid.trajectory.rows import RowReader, is_comment, names_in_comment
 from contid.trajectory.timed import Trajectory
 from contid.units import MAX_LINE
 
@@ -83,7 +83,7 @@ def read_stdin(
         line = raw.decode("utf-8", errors="replace")
         if number == 1:
             line = line.removeprefix("\ufeff")  # it would hide that a comment is one
-        if not line.strip() or line.lstrip().startswith("#"):
+        if is_comment(line):
             skipped.append(line)
             comment = (number, line) if line.strip() else comment
             continue

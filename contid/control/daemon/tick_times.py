@@ -12,7 +12,7 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from typing import Any, Final, NamedTuple
 from zlib import crc32
@@ -257,10 +257,8 @@ def _measured(loaded: LoadedFile, rate_hz: float, longest_s: float) -> Iterator[
     gc.disable()
     try:
         measured = _Measured(_plain(loaded), rate_hz, longest_s)
-        try:
+        with closing(measured.process):
             yield measured
-        finally:
-            measured.process.close()
     finally:
         if collects:
             gc.enable()

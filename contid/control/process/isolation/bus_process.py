@@ -53,9 +53,8 @@ class BusProcess:
         # A control process that dies during a job, or before it takes an answer, is an error of the socket.
         with suppress(ConnectionError):
             while message := self._connection.recv(LONGEST):
-                if (
-                    os.getpid() != self._pid
-                ):  # a copy of the process that the driver made must not use the bus
+                # A copy of the process that the driver made must not use the bus.
+                if os.getpid() != self._pid:
                     os._exit(0)
                 kind, number, _ = HEAD.unpack_from(message)
                 answer = self._answer(kind, number, message[HEAD.size :])
