@@ -50,7 +50,6 @@ class Engine:
         body_watch: compares what the axes measure with their commands.
         finished: every robot rests after the end of the source, or after an order to finish.
         costs: where the time of the newest cycle went.
-        overran: by robot the message of its fault, of ticks that did not end in time when they were recorded.
     """
 
     def __init__(
@@ -83,9 +82,8 @@ class Engine:
         """
         self.finished = False
         self._sink = sink
-        self.robots = Robots(configs, sink)
         self.costs = TickCosts(now, len(configs), tuple(ports))
-        self.overran: dict[str, str] = {}
+        self.robots = Robots(configs, sink, self.costs)
         self.exchange = Exchange(self.robots, ports, rate_hz, sink, self.costs)
         chains = ChainMonitor(guards, self.robots, self.exchange, sink)
         self.selector = TargetSelector(
@@ -207,8 +205,8 @@ class Engine:
         for index, (config, state) in enumerate(zip(robots.configs, robots.states, strict=True)):
             name = config.name
             try:
-                if name in self.overran:
-                    raise TickTooLongError(self.overran.pop(name))
+                if name in robots.overran:
+                    raise TickTooLongError(robots.overran.pop(name))
                 costs.begin(index)
                 outcome = tick(
                     config, state, now_s, samples_of(config), targets.get(name), robots.measured.get(name),

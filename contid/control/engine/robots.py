@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events.robots import FaultLatched, ModeChanged, OrderRefused
+from contid.control.engine.tick_costs import TickCosts, TickTooLongError
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, describe
@@ -20,6 +21,7 @@ from contid.targets import Vec3
 
 #: Returns the state of a robot after an order given at a time [s].
 Order: TypeAlias = Callable[[RobotConfig, RobotState, float], RobotState]
+T = TypeVar("T")
 
 
 def stopping(policy: StopPolicy | None, reason: str) -> Order:
@@ -37,14 +39,19 @@ class Robots:
         states: state of each.
         tallies: statistics of each.
         reported: mode of each in its newest event.
+        costs: of the cycles, with the alarm of a model that takes too long.
+        overran: by robot the message of the fault of a model that did not answer in time, for its next tick;
+            a replay puts those of the recording there.
         measured: newest measured tip by name.
         loads: estimated force on the tip and standard deviation of its components by name, world frame [N].
     """
 
-    def __init__(self, configs: Sequence[RobotConfig], sink: Sink) -> None:
+    def __init__(self, configs: Sequence[RobotConfig], sink: Sink, costs: TickCosts) -> None:
         self.configs = tuple(configs)
         self.states = [RobotState() for _ in configs]
         self.tallies = [RobotTally() for _ in configs]
+        self.costs = costs
+        self.overran: dict[str, str] = {}
         self._index = {config.name: index for index, config in enumerate(configs)}
         self.reported = [Mode.OFF for _ in configs]
         self.measured: dict[str, Measurement] = {}
@@ -85,7 +92,8 @@ class Robots:
                 self.change(index, order, now_s)
             except OrderRefusedError as error:
                 # An order to all robots skips those it does not apply to, but for one that moves on.
-                if who is not None or self.states[index].mode is Mode.STOPPING:
+                clears = order is transitions.ask_clear and self.states[index].mode is Mode.FAULT
+                if who is not None or clears or self.states[index].mode is Mode.STOPPING:
                     self._refuse(name, str(error))
 
     def change(self, index: int, order: Order, now_s: float) -> None:
@@ -95,12 +103,38 @@ class Robots:
             OrderRefusedError: its state does not allow it.
         """
         config, state = self.configs[index], self.states[index]
+        self.costs.watch(True)
         try:
-            self.states[index] = order(config, state, now_s)
+            after = self.ask(config.name, now_s, order, config, state, now_s)
+        finally:
+            self.costs.watch(False)
+        if after is not None:
+            self.states[index] = after
+
+    def ask(self, name: str, now_s: float, question: Callable[..., T], /, *arguments: object) -> T | None:
+        """The answer to a question that may need the model of a robot, outside its tick.
+
+        None where the model fails, which is a fault of its robot only: at once for an error, in its next tick
+        where it did not answer in time.
+
+        Raises:
+            OrderRefusedError: the question is an order that the state does not allow.
+        """
+        costs, index = self.costs, self._index[name]
+        try:
+            costs.begin(index)
+            answer = question(*arguments)
+            costs.running = -1
+            return answer
+        except TickTooLongError as error:
+            self.overran[name] = str(error)
         except OrderRefusedError:
+            costs.running = -1
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
+            costs.running = -1
             self.fail(index, Fault.INTERNAL, f"{type(error).__name__}: {error}", now_s)
+        return None
 
     def fail(self, index: int, fault: Fault, message: str, now_s: float) -> None:
         """Latch a fault of one robot."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Final, TypeAlias
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final, Protocol, TypeAlias, TypeVar
 
 from contid.control.engine.live.target_follower import TargetFollower
 from contid.control.tick.config import RobotConfig
@@ -15,6 +15,16 @@ from contid.trajectory.timed import Trajectory
 
 #: How long after the last row the limiter may still need to bring a robot onto it.
 SETTLE_S: Final = 5.0
+T = TypeVar("T")
+
+
+class Ask(Protocol):
+    """Asks the follower of a robot what may need its model: `contid.control.engine.robots.Robots.ask`."""
+
+    def __call__(
+        self, name: str, now_s: float, question: Callable[..., T], /, *arguments: object
+    ) -> T | None:
+        """The answer, None where the model fails."""
 
 
 class Timed:
@@ -133,11 +143,11 @@ class Live:
         return max([follower.delay_s for follower in self._followers.values()], default=0.0)
 
     def put(
-        self, targets: Mapping[str, Target | None], now_s: float, states: Mapping[str, RobotState]
+        self, targets: Mapping[str, Target | None], now_s: float, states: Mapping[str, RobotState], ask: Ask
     ) -> None:
         """A new row; robots it does not name keep their target."""
         for name, target in targets.items():
-            self._followers[name].put(target, now_s, states[name])
+            ask(name, now_s, self._followers[name].put, target, now_s, states[name])
 
     def end(self) -> None:
         """No further row will come."""
@@ -145,10 +155,12 @@ class Live:
         for follower in self._followers.values():
             follower.end()
 
-    def targets(self, now_s: float, states: Mapping[str, RobotState]) -> Mapping[str, Target | None]:
+    def targets(
+        self, now_s: float, states: Mapping[str, RobotState], ask: Ask
+    ) -> Mapping[str, Target | None]:
         """Targets by robot at a tick, in the world frame; none while the stream is paused."""
         given = {
-            name: follower.target(now_s, states[name])
+            name: ask(name, now_s, follower.target, now_s, states[name])
             for name, follower in self._followers.items()
             if follower.follows
         }

@@ -67,7 +67,10 @@ class TargetSelector:
         if source is None:
             return _NOTHING
         if isinstance(source, Live):
-            return source.targets(now_s, self._states())
+            self._robots.costs.watch(True)
+            given = source.targets(now_s, self._states(), self._robots.ask)
+            self._robots.costs.watch(False)
+            return given
         targets = source.targets(step)
         self._note(targets, now_s)
         return targets
@@ -82,7 +85,9 @@ class TargetSelector:
         """A row of a live stream arrived."""
         if not isinstance(self.source, Live):
             self.source = Live(self._robots.configs)
-        self.source.put(targets, now_s, self._states())
+        self._robots.costs.watch(True)
+        self.source.put(targets, now_s, self._states(), self._robots.ask)
+        self._robots.costs.watch(False)
         self._note(targets, now_s)
 
     def end_of_rows(self) -> None:

@@ -37,7 +37,8 @@ if TYPE_CHECKING:
 #: leads to the row itself, and no way is rounded in motion (`contid.trajectory.pursuit.Lines`); a path slows
 #: while a body is behind (`contid.control.engine.watch.path_pace`); how far axes go on that stop is a bound.
 #: 4: late rows of a live stream are expected to go on as those before, and met smoothly; rows that waited are
-#: no new period (`contid.control.engine.live`); a robot on its way to a goto stops before a source moves it.
+#: no new period (`contid.control.engine.live`); a robot on its way to a goto stops before a source moves
+#: it; a fault is not cleared while the robot brakes.
 MOTION_RULES: Final = 4
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1

@@ -43,6 +43,10 @@ class Fault(enum.IntEnum):
     CONTACT = 304
 
 
+#: Faults after which nothing asks the model any more: it may be what failed.
+WITHOUT_MODEL: Final = (Fault.INTERNAL, Fault.MODEL_TOO_SLOW, Fault.NOT_A_NUMBER)
+
+
 @dataclass(frozen=True, slots=True)
 class FaultPage:
     """What a person needs to know about a fault.

@@ -281,7 +281,7 @@ def _move(config: RobotConfig, state: RobotState, now_s: float, load_n: Vec3 = Z
         after = replace(after, motion=None, reference=after.command)
         if after.mode is Mode.APPROACH:
             after = _arrived(config, after, now_s)
-        elif after.mode is Mode.STOPPING:
+        elif after.policy is not None:
             after = stopped(config, after, now_s)
     return TickResult(after, result.device, limits=flags)
 

@@ -13,7 +13,7 @@ from contid.control.tick.axis_motions import braking, braking_at_once, motion_to
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.contact.squeeze import why_not
 from contid.control.tick.contact.squeeze_way import Squeeze
-from contid.control.tick.faults import Fault
+from contid.control.tick.faults import WITHOUT_MODEL, Fault
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
 from contid.control.tick.supervisor import REST_OF, Event, Mode, allowed, move
 from contid.hal import Rest, Sample
@@ -24,8 +24,6 @@ from contid.targets import Actuation, Target
 RETREAT_SHARE: Final = 0.2
 #: Modes in which a tip closes on an object, and holds it.
 _SQUEEZING: Final = (Mode.APPROACH, Mode.HOLD)
-#: Faults after which nothing asks the model any more: it may be what failed.
-_WITHOUT_MODEL: Final = (Fault.INTERNAL, Fault.MODEL_TOO_SLOW, Fault.NOT_A_NUMBER)
 
 
 def moved(config: RobotConfig, state: RobotState, event: Event, now_s: float) -> RobotState:
@@ -122,6 +120,8 @@ def recover(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
             f"{config.name}: recover is for fault {int(Fault.OUTSIDE_LIMITS)}, "
             f"this is fault {int(state.fault)} ({state.message})"
         )
+    if _brakes(config, state):
+        raise OrderRefusedError(f"{config.name}: still braking; recover when it stands")
     after = moved(config, state, Event.RECOVER, now_s)
     return replace(
         after, fault=Fault.NONE, message="", enabled=False, misses=(0,) * len(config.axes),
@@ -139,8 +139,10 @@ def retreat(config: RobotConfig, state: RobotState, goal: Actuation, now_s: floa
 
 
 def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: float) -> RobotState:
-    """Begin to stop by a policy; the devices of a robot in FAULT or not armed rest at once."""
+    """Begin to stop by a policy; the devices of a robot not armed, or standing in FAULT, rest at once."""
     after = _without_orders(moved(config, state, Event.STOP, now_s))
+    if _brakes(config, state) and policy is not StopPolicy.VENT:
+        return replace(after, policy=policy)
     if after.mode in (Mode.OFF, Mode.FAULT):
         resting = _effect(policy) if state.command else Effect.NONE
         return replace(after, pending=resting, enabled=False, motion=None)
@@ -153,9 +155,9 @@ def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: floa
 
 
 def stopped(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """The stop is done: OFF, the devices at the rest of its policy."""
+    """The stop is done: OFF, or still in FAULT, the devices at the rest of its policy."""
     assert state.policy is not None
-    after = moved(config, state, Event.STOPPED, now_s)
+    after = state if state.mode is Mode.FAULT else moved(config, state, Event.STOPPED, now_s)
     return replace(after, pending=_effect(state.policy), enabled=False, motion=None, policy=None)
 
 
@@ -178,7 +180,7 @@ def fail(config: RobotConfig, state: RobotState, fault: Fault, message: str, now
         resting = state.pending if isinstance(state.pending.value, Rest) else Effect.NONE
         return replace(after, enabled=False, motion=None, pending=resting)
     if config.stops.on_fault is StopPolicy.HOLD and state.command:
-        brake = braking_at_once if fault in _WITHOUT_MODEL else braking
+        brake = braking_at_once if fault in WITHOUT_MODEL else braking
         return brake(config, after, now_s)
     return replace(after, enabled=False, motion=None, pending=_effect(config.stops.on_fault))
 
@@ -195,9 +197,15 @@ def too_near(config: RobotConfig, state: RobotState, message: str, now_s: float)
 
 
 def ask_clear(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """Request the devices to clear their faults; their answer leaves FAULT (`clear`)."""
+    """Request the devices to clear their faults; their answer leaves FAULT (`clear`).
+
+    Raises:
+        OrderRefusedError: there is no fault, or the robot still brakes: READY would end its commands at once.
+    """
     if state.mode is not Mode.FAULT:
         return clear(config, state, (), now_s)
+    if _brakes(config, state):
+        raise OrderRefusedError(f"{config.name}: still braking; clear the fault when it stands")
     return replace(state, pending=Effect.CLEAR)
 
 
@@ -213,6 +221,11 @@ def clear(config: RobotConfig, state: RobotState, samples: Sequence[Sample], now
     after = moved(config, state, Event.CLEAR, now_s)
     # The devices may have lost torque: arming starts again from the samples.
     return replace(after, fault=Fault.NONE, message="", enabled=False, misses=(0,) * len(config.axes))
+
+
+def _brakes(config: RobotConfig, state: RobotState) -> bool:
+    """True while a robot in FAULT is commanded to its standstill, which no order but an estop may end."""
+    return state.mode is Mode.FAULT and state.enabled and any(state.increments) and config.motion_rules > 3
 
 
 def _without_orders(state: RobotState) -> RobotState:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import random
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 from types import SimpleNamespace
@@ -15,6 +16,7 @@ import pytest
 from contid.control.engine.messages import Goto, Message
 from contid.control.engine.report import RunReport
 from contid.control.engine.robots import Robots
+from contid.control.engine.tick_costs import TickCosts
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.watch.arrivals import Arrivals
 from contid.control.engine.watch.watched_body import AxisPlace, WatchedBody, has_arrived
@@ -310,7 +312,7 @@ def test_an_axis_that_is_not_there_has_not_arrived_by_a_missed_read() -> None:
 @pytest.mark.parametrize(("mode", "arrived"), [(Mode.HOLD, True), (Mode.FAULT, False)])
 def test_a_goto_has_not_arrived_in_fault(mode: Mode, arrived: bool) -> None:
     configs, collector = build_robot_configs(load(1), RATE), Collector()
-    robots = Robots(configs, collector)
+    robots = Robots(configs, collector, TickCosts(time.monotonic, 1, ()))
     robots.states[0] = replace(robots.states[0], mode=mode)
     places = [AxisPlace("left_mm", 1.0, 1.0, arrived=True)]
     watch = SimpleNamespace(places=lambda index: places, bodies=[WatchedBody(configs[0])])

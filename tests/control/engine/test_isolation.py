@@ -9,8 +9,8 @@ import math
 import signal
 import sys
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -18,14 +18,16 @@ from typing import Any
 import pytest
 
 from contid.control.engine.cycle import VirtualClock
-from contid.control.engine.messages import Estop, Grip, Hold, Message, Stop
+from contid.control.engine.messages import Estop, Grip, Hold, Message, Rows, Stop
 from contid.control.engine.ports import BusTrackers
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.wiring import open_buses
 from contid.control.process.tick_alarm import ProcessorWait, TickAlarm
+from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
 from contid.errors import ContidError
 from contid.hal import Sample
+from contid.targets import Target
 from tests.support.fingers import Collector, circle, load
 
 BROKEN_FROM = 250
@@ -222,21 +224,26 @@ def test_an_order_that_meets_a_defect_ends_nothing(order: Message) -> None:
     """A stop of a robot in motion asks its model; the others obey, and an emergency stop is obeyed by all."""
     run = Run()
     run.break_model(inverse=fail, forward=fail)
-    bad, engine = run.bad[0], run.process.engine
-    engine.arm()
-    for tick in range(TICKS):
-        run.process.begin()
-        if tick == BROKEN_FROM:
-            bad.broken = True
-            engine.obey(order, tick)
-        run.process.turn()
-    run.process.close()
-    states = engine.robots.states
+    states = ordered(run, order)
     assert states[0].mode is (
         Mode.RUN if isinstance(order, Grip) else Mode.HOLD if order == Hold() else Mode.OFF
     )
     assert states[1].mode is (Mode.OFF if order == Estop() else Mode.FAULT)
     assert states[1].enabled is (order != Estop())
+
+
+def ordered(run: Run, order: Message) -> list[RobotState]:
+    """The states at the end of a run that is given an order in the tick in which its model is broken."""
+    engine = run.process.engine
+    engine.arm()
+    for tick in range(TICKS):
+        run.process.begin()
+        if tick == BROKEN_FROM:
+            run.bad[0].broken = True
+            engine.obey(order, tick)
+        run.process.turn()
+    run.process.close()
+    return engine.robots.states
 
 
 def sleep(*_: object) -> Any:
@@ -260,15 +267,9 @@ def compute_in_c(*_: object) -> Any:
 def test_a_tick_that_takes_too_long_costs_its_robot_only(sound: list[str], slow: Callable[..., Any]) -> None:
     run = Run()
     run.break_model(inverse=slow, forward=slow)
-    costs = run.process.engine.costs
-    costs.now = time.monotonic
-    alarm, before = TickAlarm(costs, ProcessorWait(), 200.0), signal.getsignal(signal.SIGALRM)
-    alarm.install()
     began_s = time.monotonic()
-    try:
+    with alarmed(run):
         records = run.go()
-    finally:
-        signal.signal(signal.SIGALRM, before)
     assert time.monotonic() - began_s < 30.0
     assert unharmed(records, sound)
     assert run.fault() == ("MODEL_TOO_SLOW", "its model was interrupted after 100 ms")
@@ -282,10 +283,90 @@ def test_a_tick_that_takes_too_long_costs_its_robot_only(sound: list[str], slow:
     while again.process.tick < TICKS:
         again.process.begin()
         if again.process.tick == event["tick"]:
-            engine.overran["f1"] = event["message"]
+            engine.robots.overran["f1"] = event["message"]
         again.process.turn()
     again.process.close()
     assert repr(again.collector.records) == repr(records)
+
+
+class Streamed(Run):
+    """The two fingers on rows instead: at rest on one, from `BROKEN_FROM` on others far from it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.process.engine.selector.source = None
+
+    def go(self) -> list[Any]:
+        engine = self.process.engine
+        engine.arm()
+        while self.process.tick < TICKS:
+            number = self.process.tick
+            self.process.begin()
+            for bad in self.bad:
+                bad.broken = number >= BROKEN_FROM
+            if number == 0 or (number >= BROKEN_FROM and number % 40 == 10):
+                there = Target(tip_m=(0.05 if number == 0 else 0.04, 0.075, 0.0))
+                engine.obey(Rows({"f1": there, "f0": there}), number)
+            self.process.turn()
+        self.process.close()
+        return self.collector.records
+
+
+@pytest.fixture(scope="module")
+def sound_stream() -> list[str]:
+    """The first finger of a stream without a defect."""
+    run = Streamed()
+    records = run.go()
+    assert {record.robots[1].mode for record in records[BROKEN_FROM:]} == {Mode.RUN}
+    return [repr((record.tick, record.robots[0])) for record in records]
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_a_model_that_fails_at_a_row_costs_its_robot_only(sound_stream: list[str], kind: str) -> None:
+    """A row that jumps asks the model for a way, before the tick."""
+    run = Streamed()
+    run.break_model(**MODELS[kind][0])
+    records = run.go()
+    assert unharmed(records, sound_stream)
+    assert any(words in run.fault()[1] for words in (MODELS[kind][1], "'str'"))
+    assert not [event for event in run.collector.events if event["event"] == "refused"]
+
+
+@contextmanager
+def alarmed(run: Run) -> Iterator[None]:
+    """The alarm of a control process, on the clock of the machine."""
+    costs = run.process.engine.costs
+    costs.now = time.monotonic
+    before = signal.getsignal(signal.SIGALRM)
+    TickAlarm(costs, ProcessorWait(), 200.0).install()
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_a_model_that_is_slow_at_a_row_costs_its_robot_only(sound_stream: list[str]) -> None:
+    run = Streamed()
+    run.break_model(inverse=sleep)
+    began_s = time.monotonic()
+    with alarmed(run):
+        records = run.go()
+    assert time.monotonic() - began_s < 30.0
+    assert unharmed(records, sound_stream)
+    assert run.fault() == ("MODEL_TOO_SLOW", "its model was interrupted after 100 ms")
+
+
+@pytest.mark.parametrize("order", [Hold(), Stop(), Estop()])
+def test_a_model_that_is_slow_at_an_order_costs_its_robot_only(order: Message) -> None:
+    run = Run()
+    run.break_model(inverse=sleep, forward=sleep)
+    began_s = time.monotonic()
+    with alarmed(run):
+        states = ordered(run, order)
+    assert time.monotonic() - began_s < 30.0
+    assert states[0].mode is (Mode.HOLD if order == Hold() else Mode.OFF)
+    assert states[1].mode is (Mode.OFF if order == Estop() else Mode.FAULT)
+    assert states[1].enabled is (order != Estop())
 
 
 class NoDriver:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from contid.control.engine.cycle import Timing
 from contid.control.engine.robots import Robots
 from contid.control.engine.stall_watch import StallWatch
+from contid.control.engine.tick_costs import TickCosts
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.faults import Fault
 from contid.control.tick.robot_tick import TickResult
@@ -22,7 +24,7 @@ TRIP = "f0.left: watchdog tripped: no exchange for 200 ms"
 def fault(starts_s: list[float], fault: Fault = Fault.DEVICE_FAULT, message: str = TRIP) -> RobotState:
     """The explained state of a robot that faults after ticks at given times."""
     config = replace(build_robot_configs(load(1), 200.0)[0], watchdog_s=0.2)
-    robots = Robots([config], Collector())
+    robots = Robots([config], Collector(), TickCosts(time.monotonic, 1, ()))
     watch = StallWatch(robots, 200.0)
     for number, start_s in enumerate(starts_s):
         watch.before({}, Timing(number, 0, start_s, 0.0, start_s + 0.004), start_s)

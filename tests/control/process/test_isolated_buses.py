@@ -29,7 +29,7 @@ from contid.trajectory.read import read_trajectory
 from tests.support.bad_driver import KINDS, installed_in
 from tests.support.fingers import Collector, circle_csv, fingers
 
-pytestmark = [pytest.mark.process, pytest.mark.slow]
+pytestmark = [pytest.mark.process, pytest.mark.slow, pytest.mark.realtime]
 
 RATE_HZ = 200.0
 #: The bus is bad from this tick on; the other robot is on its circle then.

@@ -159,6 +159,30 @@ def test_clear_looks_again_and_never_moves(config: RobotConfig) -> None:
     assert (out.state.mode, out.device, out.state.pending) == (Mode.READY, (), Effect.NONE)
 
 
+@pytest.mark.parametrize("policy", [None, *StopPolicy])
+def test_orders_do_not_end_the_braking_of_a_fault(config: RobotConfig, policy: StopPolicy | None) -> None:
+    """The commands would end at once, in full motion: a stop waits for standstill, clear-fault is refused."""
+    moving = replace(running(config), increments=tuple(each.change * 5.0 for each in config.limits))
+    state = transitions.fail(config, moving, Fault.DEVICE_FAULT, "hot", 1.0)
+    now_s = 1.0
+    with pytest.raises(OrderRefusedError, match="still braking; clear the fault when it stands"):
+        transitions.ask_clear(config, state, now_s)
+    if policy is not None:
+        state = transitions.stop(config, state, policy, 1.0)
+    while state.enabled and any(state.increments):
+        assert state.pending is Effect.NONE
+        now_s += config.period_s
+        state = tick(config, state, now_s, sampled(config), None).state
+        assert now_s < 5.0
+    assert state.mode is Mode.FAULT
+    if policy is None:
+        assert transitions.ask_clear(config, state, now_s).pending is Effect.CLEAR
+        return
+    resting = {"hold": Effect.HOLD, "rest": Effect.HOLD, "relax": Effect.RELAX, "vent": Effect.VENT}
+    assert (state.pending, state.enabled, state.motion) == (resting[policy.value], False, None)
+    assert now_s == 1.0 if policy is StopPolicy.VENT else now_s > 1.0
+
+
 @pytest.mark.parametrize("policy", list(StopPolicy))
 def test_a_stop_ends_in_the_rest_of_its_policy(config: RobotConfig, policy: StopPolicy) -> None:
     state = transitions.stop(config, running(config), policy, 1.0)

@@ -16,6 +16,7 @@ from contid.control.engine.live.row_curve import RowCurve, Vector
 from contid.control.engine.live.target_vector import kind_of, target_of, vector_of
 from contid.control.engine.live.tip_line import TipLine, tip_line
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.faults import WITHOUT_MODEL
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
 from contid.targets import Target
@@ -164,7 +165,7 @@ class TargetFollower:
     def _smooth(self, state: RobotState, row: Target) -> bool:
         """True when the limits of the axes allow the curve from rest to a row."""
         config, period_s = self._config, self._clock.period_s
-        if not state.command:
+        if not state.command or state.fault in WITHOUT_MODEL:
             return True
         answer = config.model.inverse(config.frame.target_in_base(row), state.command).actuation
         limits = zip(answer, state.command, config.velocity, config.acceleration, config.jerk, strict=True)

@@ -192,7 +192,7 @@ def _apply(
                 waits = bool(event.order.get("waits", False))
                 engine.obey(order_of(event) if trajectory is None else Play(trajectory, waits), tick)
             case RobotOverran():
-                engine.overran[event.robot] = event.message
+                engine.robots.overran[event.robot] = event.message
             case BusAnswered():
                 recorded.answers[event.bus] = answer_of(event)
             case BusStalled():
