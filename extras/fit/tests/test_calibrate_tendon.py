@@ -17,9 +17,10 @@ from ruamel.yaml import YAML
 from contid.errors import ContidError
 from contid.robot_file.load import load_named, load_robot_file
 from contid.robot_file.tendon.robot import TendonRobot
+from contid_fit.calibrate.tendon.fit_robot import calibrate
 from contid_fit.commands import command
 from contid_fit.commands.tendon_session import session_recording
-from tests.calibrate.tendon_recordings import excerpt_lines
+from tests.calibrate.tendon_recordings import excerpt, excerpt_lines
 
 pytestmark = pytest.mark.process
 
@@ -135,6 +136,21 @@ def test_another_robot_s_data_are_refused(tmp_path: Path) -> None:
     result = CliRunner().invoke(command, ["tendon", str(data), "--for", "stiffflop2"])
     assert "tendon robot" in str(result.exception)
     assert isinstance(load_named("ftdcr_v4").file.robots["arm"], TendonRobot)
+
+
+def test_other_servos_in_the_rows_kept_out_are_refused(tmp_path: Path) -> None:
+    """Also for tendons in sheaths, whose places are not looked for."""
+    robot = load_named("ftdcr_v4").file.robots["arm"]
+    assert isinstance(robot, TendonRobot)
+    sheaths = robot.model_copy(
+        update={"geometry": robot.geometry.model_copy(update={"routing": "independent"})}
+    )
+    recording = excerpt()
+    for kept in (robot, sheaths):
+        with pytest.raises(ContidError, match="3 servos, the robot has 9 tendons"):
+            calibrate(kept, recording, recording.in_order([0, 1, 2]), 0.0)
+    with pytest.raises(ContidError, match="3 servos, the robot has 9 tendons"):
+        calibrate(sheaths, recording.in_order([0, 1, 2]), None, 0.2)
 
 
 def test_too_few_rows_are_refused(tmp_path: Path) -> None:
