@@ -172,6 +172,15 @@ def test_a_file_that_is_no_text_is_refused_without_a_traceback(kind: str, robot:
     assert "scan.csv: not a table in UTF-8 text" in str(result.exception)
 
 
+def test_rows_kept_out_that_are_no_text_are_named(tmp_path: Path) -> None:
+    data, image = tmp_path / "pulls.csv", tmp_path / "scan.csv"
+    data.write_text("\n".join(excerpt_lines()) + "\n", encoding="utf-8")
+    image.write_bytes(b"\x89PNG\r\n")
+    arguments = ["tendon", str(data), "--for", "ftdcr_v4", "--held-out", str(image)]
+    result = CliRunner().invoke(command, arguments)
+    assert "scan.csv: not a table in UTF-8 text" in str(result.exception)
+
+
 def test_friction_is_added_to_a_file_without_it_where_it_predicts_better(
     thinned: Path, tmp_path: Path
 ) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, TextIO
 import click
 
 from contid.errors import ContidError
-from contid_fit.commands.calibration import MEASUREMENTS, Calibration, calibration
+from contid_fit.commands.calibration import MEASUREMENTS, Calibration, calibration, lines_of, source_of
 
 if TYPE_CHECKING:
     from contid_fit.calibrate.tendon.geometry import FoundGeometry
@@ -46,8 +46,8 @@ def command(request: Calibration, held_out: TextIO | None, keep_out: float) -> N
             f"{name}: drives: contid calibrate tendon fits robots with a motor per tendon; "
             "studies/moving/trunk_statics.py shows a fit of a robot with drives"
         )
-    training = _read(request.data, request.source, name)
-    other = None if held_out is None else _read(held_out, held_out.name, name)
+    training = _read(request.data, name)
+    other = None if held_out is None else _read(held_out, name)
     found = calibrate(robot, training, other, keep_out)
     if request.as_json:
         click.echo(json.dumps(_numbers(found.geometry, found.both, found.stages)))
@@ -65,14 +65,15 @@ def command(request: Calibration, held_out: TextIO | None, keep_out: float) -> N
     request.write_back(name, edits, measured=("geometry.sections",))
 
 
-def _read(data: TextIO, source: str, robot: str) -> TendonRecording:
+def _read(data: TextIO, robot: str) -> TendonRecording:
+    source = source_of(data)
     if source.endswith(".mcap"):
         from contid_fit.commands.tendon_session import session_recording
 
         return session_recording(Path(source), robot)
     from contid_fit.calibrate.tendon.recording import read_recording
 
-    return read_recording(data, source)
+    return read_recording(lines_of(data), source)
 
 
 def _numbers(

@@ -16,7 +16,7 @@ from contid.session.read import Session
 from contid.targets import Vec3
 from contid_fit.calibrate.tendon.recording import TendonRecording
 
-#: A measured tip becomes a row when, since the row before, a tendon moved this far [m] or this time passed [s].
+#: A measured tip becomes a row when since the row before a tendon moved this far [m] or this time passed [s].
 MOTION_M: Final = 0.1e-3
 INTERVAL_S: Final = 0.5
 #: Sessions have no labels; each interval of this length forms one pattern [s].
