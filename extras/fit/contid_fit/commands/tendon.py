@@ -88,11 +88,13 @@ def _numbers(
         value = {"value": each.value, "low": each.low, "high": each.high}
         parameters.setdefault(each.name, {})[each.label] = value
     penalty = last.residual.penalty if last.residual is not None else float("inf")
+    # One section alone has no servos to exchange; JSON has no infinity.
+    margin = None if geometry is None or geometry.margin == float("inf") else geometry.margin
     mu = capstan_coefficient(last.fit, both.pull_m[: last.train.rows])
     return {
         "capstan": None if mu is None else {"value": mu.value, "low": mu.low, "high": mu.high},
         "servos": list(both.servos),
-        "geometry_margin": None if geometry is None else geometry.margin,
+        "geometry_margin": margin,
         "confidence": 0.95,
         "stages": [
             {"name": stage.name, "train": millimetres(stage.train), "held_out": millimetres(stage.held_out)}
