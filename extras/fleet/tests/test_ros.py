@@ -311,7 +311,7 @@ def test_after_a_restart_of_its_machine_a_node_has_another_clock(monkeypatch: py
         now_s, frame = time.time(), {**FRAME, "t_s": time.monotonic() + operator.offset_s}
         view.show("hand1", frame)
         stamp = read(sent[-1]).header.stamp
-        return now_s - stamp.sec - 1e-9 * stamp.nanosec
+        return float(now_s - stamp.sec - 1e-9 * stamp.nanosec)
 
     assert abs(late_s()) < 1.0
     operator.offset_s = -50.0

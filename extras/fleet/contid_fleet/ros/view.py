@@ -116,11 +116,15 @@ class RosView:
         if (forget := self._forget.pop(node, None)) is not None:
             forget()
         # After a restart of its machine its clock counts from another time.
-        self._forget[node] = self._operator.on_leave(node, lambda: self._nodes.pop(node, None))
+        self._forget[node] = self._operator.on_leave(node, lambda: self._left(node))
         self._report(
             f"{node}: {', '.join(response['result']['robots'])} (clock +-{known[1].bound_s * 1e3:.2f} ms)"
         )
         return known
+
+    def _left(self, node: str) -> None:
+        """In a thread of Zenoh."""
+        self._nodes.pop(node, None)
 
     def _put(self, key: str, line: bytes) -> None:
         """In a thread of Zenoh."""
