@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, TextIO
 
 import click
 
+from contid.cli.support.parameters import NumberRange
 from contid.errors import ContidError
 from contid_fit.commands.calibration import MEASUREMENTS, Calibration, calibration, lines_of, source_of
 
@@ -24,7 +25,7 @@ _PRINTED: Final = ("radius_mm", "angle_deg", "length_mm", "stiffness_mm2", "fric
 @click.option("--held-out", type=MEASUREMENTS, help="Rows to predict that follow DATA.")
 @click.option(
     "--keep-out",
-    type=click.FloatRange(0.0, 0.5),
+    type=NumberRange(0.0, 0.5),
     default=0.2,
     show_default=True,
     help="Share of DATA to predict instead, its last rows.",

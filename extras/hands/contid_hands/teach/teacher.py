@@ -158,9 +158,7 @@ class Teacher:
     def _free_name(self, stem: str) -> str:
         """``pose1``, ``motion1`` or the next number that is free."""
         taken: set[str] = set()
-        with suppress(
-            ContidError
-        ):  # none yet, or one that was broken meanwhile: saving reports that
+        with suppress(ContidError):  # none yet, or one that was broken meanwhile: saving reports that
             taken = set(read_pose_file(self._file).contents.poses)
         number = 1
         while f"{stem}{number}" in taken or self._file.with_name(f"{stem}{number}.csv").exists():
