@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from contid.cli.support.moving_commands import interruptible, require_axes, require_writable
-from contid.cli.support.parameters import robot_names
+from contid.cli.support.parameters import NUMBER, robot_names
 from contid.errors import ContidError
 from contid.hal import AxisOnBus, Homed, Homes, Parks, Reference
 from contid.hal.homing import REPEAT_TENDON_M
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     "--parked", is_flag=True, help="AXES without homing stand in their parked pose now; move nothing."
 )
 @click.option("--here", is_flag=True, help="AXES were brought to a known place by hand; turn no motor.")
-@click.option("--at-mm", type=float, default=0.0, help="Length at that place; 0 where left out.")
+@click.option("--at-mm", type=NUMBER, default=0.0, help="Length at that place; 0 where left out.")
 def command(
     robot_file: str, axes: tuple[str, ...], dry_run: bool, force: bool, parked: bool, here: bool, at_mm: float
 ) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from contid.cli.support.parameters import robot_names
+from contid.cli.support.parameters import NewFile, robot_names
 
 
 @click.command()
@@ -17,7 +17,7 @@ from contid.cli.support.parameters import robot_names
 @click.option(
     "--map", "mapping", help="File with at most eight lines of YAML, or `auto` for the one that is proposed."
 )
-@click.option("-o", "--output", type=click.Path(dir_okay=False), help="Where to write the trajectory.")
+@click.option("-o", "--output", type=NewFile(dir_okay=False), help="Where to write the trajectory.")
 def command(table: str, robot_file: str, mapping: str | None, output: str | None) -> None:
     """Make a trajectory for a robot from TABLE: CSV of any dialect, JSON, NumPy, Parquet, MATLAB.
 

@@ -44,6 +44,13 @@ def test_a_plain_table_is_written_as_it_is(made) -> None:
     assert "within reach" in found.accepted
 
 
+def test_a_bend_that_changes_moves(made) -> None:
+    mapping = "t_s: t\ns1.bend_deg: bend\ns1.azimuth_deg: 0\nframe: axes\n"
+    found = made(table(T, X, names="t,bend"), mapping, "bend1")
+    assert found.names == ("t_s", "s1.bend_deg", "s1.azimuth_deg")
+    np.testing.assert_allclose(found.rows[:, 1], X, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("text", "mapping", "place", "words"),
     [

@@ -120,6 +120,8 @@ class TipTracker:
                 if self._moved[tag] < MOVED_IMAGES:
                     continue
                 count, mean = 0, ideal
+                # Where the camera has moved, a tag that is hidden now stands elsewhere in the next images.
+                self._fixed = {other: kept for other, kept in self._fixed.items() if other in seen}
             self._moved[tag] = 0
             weight = min(count + 1, AVERAGED)
             self._fixed[tag] = (weight, mean + (ideal - mean) / weight)

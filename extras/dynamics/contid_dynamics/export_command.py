@@ -25,7 +25,10 @@ command = TableGroup(
     "--elements", type=click.IntRange(2, 64), default=16, show_default=True, help="Links of a section."
 )
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="File to write; stdout without."
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False, allow_dash=True),
+    help="File to write; stdout without, and for `-`.",
 )
 def mjcf(robot_file: str, at: tuple[str, ...], name: str | None, elements: int, output: Path | None) -> None:
     """A robot of ROBOT_FILE with `dynamics` as an MJCF model: links, joints, tendons and actuators.
@@ -50,7 +53,7 @@ def mjcf(robot_file: str, at: tuple[str, ...], name: str | None, elements: int, 
         text = document(moving[chosen], chosen, actuation_at(moving[chosen], chosen, at), elements)
     except ArithmeticError as error:
         raise ContidError(f"{chosen}: no equilibrium at --at: the tendons pull against each other") from error
-    if output is None:
+    if output in (None, Path("-")):
         click.echo(text, nl=False)
     else:
         with replacing(output) as file:

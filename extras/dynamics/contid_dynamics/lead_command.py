@@ -6,14 +6,14 @@ from pathlib import Path
 
 import click
 
-from contid.cli.support.parameters import NumberRange, robot_names
+from contid.cli.support.parameters import NewFile, NumberRange, robot_names
 
 
 @click.command()
 @click.argument("robot_file", shell_complete=robot_names)
 @click.argument("trajectory", type=click.Path(path_type=Path, dir_okay=False, exists=True))
 @click.option(
-    "-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="File to write."
+    "-o", "--output", required=True, type=NewFile(path_type=Path, dir_okay=False), help="File to write."
 )
 @click.option(
     "--ease",

@@ -17,9 +17,10 @@ from ruamel.yaml import YAML
 from contid.errors import ContidError
 from contid.robot_file.load import load_named, load_robot_file
 from contid.robot_file.tendon.robot import TendonRobot
+from contid_fit.calibrate.tendon.fit_robot import calibrate
 from contid_fit.commands import command
 from contid_fit.commands.tendon_session import session_recording
-from tests.calibrate.tendon_recordings import excerpt_lines
+from tests.calibrate.tendon_recordings import excerpt, excerpt_lines
 
 pytestmark = pytest.mark.process
 
@@ -137,6 +138,21 @@ def test_another_robot_s_data_are_refused(tmp_path: Path) -> None:
     assert isinstance(load_named("ftdcr_v4").file.robots["arm"], TendonRobot)
 
 
+def test_other_servos_in_the_rows_kept_out_are_refused(tmp_path: Path) -> None:
+    """Also for tendons in sheaths, whose places are not looked for."""
+    robot = load_named("ftdcr_v4").file.robots["arm"]
+    assert isinstance(robot, TendonRobot)
+    sheaths = robot.model_copy(
+        update={"geometry": robot.geometry.model_copy(update={"routing": "independent"})}
+    )
+    recording = excerpt()
+    for kept in (robot, sheaths):
+        with pytest.raises(ContidError, match="3 servos, the robot has 9 tendons"):
+            calibrate(kept, recording, recording.in_order([0, 1, 2]), 0.0)
+    with pytest.raises(ContidError, match="3 servos, the robot has 9 tendons"):
+        calibrate(sheaths, recording.in_order([0, 1, 2]), None, 0.2)
+
+
 def test_too_few_rows_are_refused(tmp_path: Path) -> None:
     short = tmp_path / "short.csv"
     head, *rows = excerpt_lines()
@@ -153,6 +169,15 @@ def test_a_file_that_is_no_text_is_refused_without_a_traceback(kind: str, robot:
     image.write_bytes(b"\x89PNG\r\n")
     result = CliRunner().invoke(command, [kind, str(image), "--for", robot])
     assert isinstance(result.exception, ContidError)
+    assert "scan.csv: not a table in UTF-8 text" in str(result.exception)
+
+
+def test_rows_kept_out_that_are_no_text_are_named(tmp_path: Path) -> None:
+    data, image = tmp_path / "pulls.csv", tmp_path / "scan.csv"
+    data.write_text("\n".join(excerpt_lines()) + "\n", encoding="utf-8")
+    image.write_bytes(b"\x89PNG\r\n")
+    arguments = ["tendon", str(data), "--for", "ftdcr_v4", "--held-out", str(image)]
+    result = CliRunner().invoke(command, arguments)
     assert "scan.csv: not a table in UTF-8 text" in str(result.exception)
 
 

@@ -188,13 +188,17 @@ def _write(
     pem = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
+    written: list[Path] = []
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # No other user may read it between its creation and a chmod either.
         descriptor = os.open(path.with_suffix(".key"), os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        written = [path.with_suffix(".key"), path]
         with os.fdopen(descriptor, "wb") as file:
             file.write(pem)
         path.write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
     except OSError as error:
+        for each in written:  # half a pair would refuse the next attempt
+            each.unlink(missing_ok=True)
         raise ContidError(f"{error.filename or path}: cannot write it: {error.strerror}") from error
     return path

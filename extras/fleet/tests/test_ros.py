@@ -8,21 +8,29 @@ hand after https://www.omg.org/spec/DDSI-RTPS/2.5/PDF (plain CDR, little endian)
 from __future__ import annotations
 
 import json
+import math
+import queue
 import struct
 import subprocess
+import threading
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from contid.errors import ContidError
 from contid.robot_file.base import Quantity
+from contid_fleet.keys import Keys
 from contid_fleet.net import NetSession
 from contid_fleet.net_settings import NetSettings
+from contid_fleet.operator import FleetOperator
 from contid_fleet.ros.keys import QOS, RosNode, RosTopic, attachment, dds_type, ros_name
 from contid_fleet.ros.messages import NodeMessages, RosMessage, type_hash, type_store
+from contid_fleet.ros.view import RosView
 from tests.support.command import contid
 from tests.support.daemons import armed, arrives, command, daemon
 from tests.support.fleets import bridge
@@ -34,13 +42,13 @@ pytestmark = [pytest.mark.process, pytest.mark.realtime]
 pytest.importorskip("rosbags", reason="needs the extra contid[ros]")
 
 STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
-DESCRIBED = {
+DESCRIBED: dict[str, Any] = {
     "robots": {
-        "f0": {"unit": "mm", "axes": {"left": {}, "right": {}}},
-        "arm-1": {"unit": "bar", "axes": {"a": {}}},
+        "f0": {"unit": "mm", "axes": {axis: {"min_mm": 0.0, "max_mm": 99.0} for axis in ("left", "right")}},
+        "arm-1": {"unit": "bar", "axes": {"a": {"min_bar": 0.0, "max_bar": 2.0}}},
     }
 }
-FRAME = {
+FRAME: dict[str, Any] = {
     "t_s": 5.0,
     "robots": {
         "f0": {"state": "RUN", "fault": 0, "tip_mm": [10.0, -20.5, 85.0], "measured": [60.0, 61.25]},
@@ -162,6 +170,30 @@ def test_the_bytes_by_hand() -> None:
     assert pressure.ended()
 
 
+def test_extra_axes_have_units_of_their_own() -> None:
+    """A turntable below an arm of pressures, and one below a finger, are joints [rad]."""
+    turn = {"turn": {"min_deg": -90.0, "max_deg": 90.0}}
+    described = {
+        "robots": {
+            name: {**robot, "axes": robot["axes"] | turn} for name, robot in DESCRIBED["robots"].items()
+        }
+    }
+    robots = {
+        name: {**robot, "measured": [*robot["measured"], 90.0]} for name, robot in FRAME["robots"].items()
+    }
+    found = {
+        each.topic: each
+        for each in NodeMessages("hand1", described).messages({"t_s": 5.0, "robots": robots}, TIME_NS)
+    }
+    finger = read(found["/contid/hand1/f0/joint_states"])
+    assert finger.name == ["f0_left", "f0_right", "f0_turn"]
+    assert finger.position == pytest.approx([0.060, 0.06125, math.pi / 2.0])
+    arm = read(found["/contid/hand1/arm_1/joint_states"])
+    assert (arm.name, arm.position) == (["arm_1_turn"], pytest.approx([math.pi / 2.0]))
+    assert read(found["/contid/hand1/arm_1/a/pressure"]).fluid_pressure == pytest.approx(150_000.0)
+    assert "/contid/hand1/arm_1/turn/pressure" not in found
+
+
 def read(message: RosMessage) -> Any:
     return type_store().deserialize_cdr(message.payload, message.type_name)
 
@@ -246,3 +278,64 @@ def test_a_router_elsewhere_and_one_that_is_absent_are_refused(tmp_path: Path) -
     absent = contid("fleet", "ros", "--router", f"tcp/127.0.0.1:{free_port()}", "--file", str(path))
     assert absent.returncode == 4
     assert "Unable to connect" in absent.stderr
+
+
+class Watched:
+    """An operator of one node whose clock is ahead by ``offset_s``."""
+
+    def __init__(self) -> None:
+        self.offset_s = 1000.0
+        self.left: list[Callable[[], object]] = []
+        self.net = SimpleNamespace(subscribe=lambda key, received: None)
+        self.keys = Keys("lab")
+
+    def ask(self, *_: object) -> dict[str, Any]:
+        return {"ok": True, "result": DESCRIBED}
+
+    def timed_ask(self, *_: object, **__: object) -> tuple[float, dict[str, Any]]:
+        now_s = time.monotonic()
+        return now_s, {"ok": True, "result": {"monotonic_ns": (now_s + self.offset_s) * 1e9}}
+
+    def on_leave(self, node: str, left: Callable[[], object]) -> Callable[[], None]:
+        self.left.append(left)
+        return lambda: self.left.remove(left)
+
+
+def test_after_a_restart_of_its_machine_a_node_has_another_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("contid_fleet.ros.view.RETRY_S", 0.0)
+    operator, sent = Watched(), []
+    publisher: Any = SimpleNamespace(publish=lambda message: sent.append(message))
+    view = RosView(cast(FleetOperator, operator), publisher, lambda text: None)
+
+    def late_s() -> float:
+        now_s, frame = time.time(), {**FRAME, "t_s": time.monotonic() + operator.offset_s}
+        view.show("hand1", frame)
+        stamp = read(sent[-1]).header.stamp
+        return float(now_s - stamp.sec - 1e-9 * stamp.nanosec)
+
+    assert abs(late_s()) < 1.0
+    operator.offset_s = -50.0
+    for left in operator.left:
+        left()
+    assert abs(late_s()) < 1.0
+    assert len(operator.left) == 1
+
+
+def test_a_queue_that_was_emptied_meanwhile_does_not_block() -> None:
+    view = RosView(cast(FleetOperator, Watched()), cast(Any, None), lambda text: None)
+
+    class Full(queue.Queue[tuple[str, bytes]]):
+        refused = 0
+
+        def put_nowait(self, item: tuple[str, bytes]) -> None:
+            self.refused += 1
+            if self.refused == 1:
+                raise queue.Full
+            super().put_nowait(item)
+
+    view._frames = Full()
+    putting = threading.Thread(target=view._put, args=("key", b"line"), daemon=True)
+    putting.start()
+    putting.join(5.0)
+    assert not putting.is_alive()
+    assert view._frames.get_nowait() == ("key", b"line")

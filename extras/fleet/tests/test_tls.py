@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import shutil
 import stat
@@ -186,6 +187,23 @@ def test_files_are_not_replaced(certificates: Path) -> None:
         make_ca(certificates, "lab")
     with pytest.raises(ContidError, match="not replaced"):
         make_certificate(certificates, certificates, "anna")
+
+
+def test_half_a_pair_is_not_left_behind(
+    certificates: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a full disk the certificate fails behind its key; the next attempt finds no file in its way."""
+
+    def full(self: Path, data: bytes) -> int:
+        self.touch()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "write_bytes", full)
+        with pytest.raises(ContidError, match="cannot write it: No space left"):
+            make_certificate(tmp_path, certificates, "dora")
+    assert not [*tmp_path.iterdir()]
+    assert make_certificate(tmp_path, certificates, "dora").is_file()
 
 
 def test_tls_and_other_endpoints_are_not_mixed(certificates: Path, tmp_path: Path) -> None:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
 from contid.remote.client.described_robot import DescribedRobot
+from contid_hands.teleop.jog_session import JogSession
 from contid_hands.teleop.jog_space import JogSpace, Space
 
 RATES = (20.0, 100.0, 1000.0)
@@ -89,3 +92,12 @@ def test_a_speed_is_kept_by_space() -> None:
     assert space.label(0.1).startswith("axes arm.wrist_deg: 27 deg/s")
     space.go_on()
     assert space.label(0.1).startswith("tip: 10 mm/s")
+
+
+def test_a_digit_that_is_no_number_chooses_nothing() -> None:
+    """The key "²" of a French keyboard."""
+    chosen: list[int] = []
+    session = cast(JogSession, SimpleNamespace(space=SimpleNamespace(choose=chosen.append)))
+    for key in ("²", "0", "2"):
+        JogSession._other(session, key, None)
+    assert chosen == [1]

@@ -38,3 +38,18 @@ def test_no_names_are_all_robots_and_an_unknown_one_is_refused(tmp_path: Path) -
     assert [each.robot for each in session(tmp_path).robots] == ["f0", "f1"]
     with pytest.raises(ContidError, match="no robot 'f9'"):
         session(tmp_path, "f0", "f9")
+
+
+def test_a_recording_is_kept_although_the_pose_file_was_broken_meanwhile(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    teacher = session(tmp_path, "f0")._teacher
+    teacher.press("r")
+    for k in range(100):
+        teacher.take({"t_s": 0.02 * k, "robots": {"f0": {"measured": [50.0 + 0.2 * k, 60.0]}}})
+    (tmp_path / "hand.poses.yaml").write_text("poses: [")
+    teacher.press("s")
+    teacher.press("enter")
+    teacher.press("r")
+    assert (tmp_path / "motion1.csv").is_file()
+    assert "hand.poses.yaml:1:" in capsys.readouterr().out

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid_identify.split import Mask
 from contid_identify.tip_motion import AheadError, MovingTip
@@ -120,7 +121,16 @@ def ahead(model: MovingTip, of: PredictedTips, ahead_s: float) -> tuple[Array, M
 
 
 def judged_ahead(model: MovingTip, of: Sequence[tuple[PredictedTips, Mask]]) -> tuple[AheadError, ...]:
-    """Errors at every time of `AHEAD_S`, then from commands alone, on the steps of a mask each."""
+    """Errors at every time of `AHEAD_S`, then from commands alone, on the steps of a mask each.
+
+    Raises:
+        ContidError: the masks have no step, so that nothing can be judged.
+    """
+    if not any(rows.any() for _, rows in of):
+        raise ContidError(
+            f"no two measured tips within {_GAP_S:g} s of each other to judge predictions by: record with a "
+            f"tracker of {1.0 / _GAP_S:g} Hz or more, for longer"
+        )
     out = []
     for ahead_s in AHEAD_S:
         parts = []

@@ -63,7 +63,7 @@ def _steps(count: int, part_s: float, upper_hz: float, rng: np.random.Generator)
 def _sines(count: int, part_s: float, upper_hz: float, rng: np.random.Generator) -> Motion:
     """Sums of sines; each coordinate has lines of its own, so that their answers can be separated."""
     at_s = np.arange(math.ceil(part_s * ROWS_HZ)) / ROWS_HZ
-    lines = np.geomspace(max(2.0 / part_s, 0.05 * upper_hz), upper_hz, max(_LINES, 3 * count))
+    lines = np.geomspace(min(max(2.0 / part_s, 0.05 * upper_hz), upper_hz), upper_hz, max(_LINES, 3 * count))
     phases = rng.uniform(0.0, 2.0 * math.pi, len(lines))
     # Smaller at higher frequencies: the speed is about the same in each.
     waves = np.sin(2.0 * math.pi * lines * at_s[:, None] + phases) / lines
@@ -75,7 +75,7 @@ def _chirp(count: int, part_s: float, upper_hz: float, rng: np.random.Generator)
     """One coordinate after the other from slow to fast, at about the same speed."""
     each_s = part_s / count
     at_s = np.arange(math.ceil(each_s * ROWS_HZ)) / ROWS_HZ
-    low_hz = max(1.0 / each_s, 0.1 * upper_hz)
+    low_hz = min(max(1.0 / each_s, 0.1 * upper_hz), upper_hz)
     rate = math.log(upper_hz / low_hz) / each_s if upper_hz > low_hz else 1e-9
     phase = 2.0 * math.pi * low_hz * np.expm1(rate * at_s) / rate
     wave = np.sin(phase) * np.exp(-rate * at_s) * _ends(at_s)

@@ -162,7 +162,7 @@ def _without_mean(values: Array) -> Array:
 
 
 def _thinned(trace: CommandedTrace, what: str) -> CommandedTrace:
-    if not len(trace.at_s) or np.ptp(trace.at_s) < _LEAST_BLOCKS * _BLOCK_S:
+    if len(np.unique(_blocks(trace))) < _LEAST_BLOCKS:
         raise ContidError(
             f"{what}: {trace.name} has less than {_LEAST_BLOCKS * _BLOCK_S:g} s of measured tips; "
             "record longer"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -50,9 +51,8 @@ def common_of(model: MovingTip, form: str) -> dict[str, Any]:
         "axes": list(model.axes),
         "source": model.source,
         "errors": [
-            # Infinity is no number of JSON.
-            {"ahead_s": each.ahead_s if math.isfinite(each.ahead_s) else None,
-             "rmse_m": each.rmse_m, "radius_m": each.radius_m}
+            # Infinity is no number of JSON, and what was not judged has none.
+            {name: value if math.isfinite(value) else None for name, value in asdict(each).items()}
             for each in model.errors
         ],
         "memory": model.memory.tolist(),
@@ -64,7 +64,7 @@ def errors_of(data: dict[str, Any]) -> tuple[AheadError, ...]:
     return tuple(
         AheadError(
             float("inf") if each["ahead_s"] is None else float(each["ahead_s"]),
-            float(each["rmse_m"]), float(each["radius_m"]),
+            *(float("nan") if each[name] is None else float(each[name]) for name in ("rmse_m", "radius_m")),
         )
         for each in data["errors"]
     )  # fmt: skip

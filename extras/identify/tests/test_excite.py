@@ -86,3 +86,12 @@ def test_steps_that_are_slower_stand_at_the_same_poses() -> None:
         stands.append(rows[1:][still & ~np.append(False, still[:-1])])
     assert stands[0] == pytest.approx(stands[1], abs=1e-9)
     assert len(stands[0]) == 8  # the middle, two away and back, two together, the middle
+
+
+@pytest.mark.parametrize(("kind", "crossings"), [("sines", 1), ("chirp", 0)])
+def test_short_parts_are_not_faster_than_the_highest_frequency(kind: str, crossings: int) -> None:
+    """A wave of 0.2 Hz crosses zero once at most within 2.5 s, and not at all where it begins there."""
+    for seed in range(20):
+        rows = KINDS[kind](1, 2.5, 0.2, np.random.default_rng(seed))(1.0)[:, 0]
+        signs = np.sign(rows[np.abs(rows) > 1e-9])
+        assert np.count_nonzero(np.diff(signs)) <= crossings

@@ -15,7 +15,7 @@ from contid_identify.answer import CommandedTrace
 from contid_identify.moved_on import payload_of, recover
 from contid_identify.prediction import lines, predicted
 from contid_identify.printed import motion_lines
-from contid_identify.tip_motion import TipMotion
+from contid_identify.tip_motion import AheadError, TipMotion
 from contid_identify.tip_motion_file import read_tip_motion, write_tip_motion
 from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
 
@@ -153,6 +153,26 @@ def test_recovery_after_a_change(model: TipMotion) -> None:
     assert "has changed" in list(lines(model, judged, None, None))[-1]
     with pytest.raises(ContidError, match="it must go on"):
         recover(model, changed, 28.0)
+
+
+def test_a_slow_tracker_does_not_make_the_robot_look_changed(model: TipMotion) -> None:
+    """At 8 Hz no prediction can be judged; that is not a robot that changed."""
+    slow = trace_of(5)
+    slow = slow.picked(np.arange(0, len(slow.at_s), 6))
+    tips = predicted_tips(model, slow.sent, PERIOD_S, slow.at_s, slow.measured, 0.0)
+    with pytest.raises(ContidError, match="tracker of 10 Hz or more"):
+        predicted(model, tips)
+
+
+def test_what_was_not_judged_is_null_in_the_file(model: TipMotion, tmp_path: Path) -> None:
+    file, unjudged = tmp_path / "m.json", AheadError(0.3, float("nan"), float("nan"))
+    write_tip_motion(replace(model, errors=(unjudged, model.open_loop)), file)
+    assert "NaN" not in file.read_text()
+    assert np.isnan(read_tip_motion(file).errors[0].rmse_m)
+
+
+def test_recovery_from_as_few_seconds_as_the_option_allows(model: TipMotion) -> None:
+    assert recover(model, trace_of(9, delay_s=0.05, zero=0.03), 4.0).later_s.value < 0.0
 
 
 def test_outside_of_the_recordings_nothing_grows(model: TipMotion) -> None:

@@ -8,6 +8,7 @@ from typing import Any, Final
 import click
 
 from contid.cli.support.added_options import Watch
+from contid.cli.support.parameters import POSITIVE
 from contid.errors import require_extra
 
 
@@ -27,7 +28,7 @@ class PolicyOption:
         ),
         click.Option(
             ["--policy-for"],
-            type=click.FloatRange(min=0.0, min_open=True),
+            type=POSITIVE,
             metavar="SECONDS",
             help="End the run when --policy has moved the robots for this time.",
         ),

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from contid.cli.support.orders import socket_option
+from contid.cli.support.parameters import NumberRange
 
 if TYPE_CHECKING:
     from contid_mocap.room import RoomStream
@@ -57,7 +58,7 @@ def room_options(command: _Command) -> _Command:
         ),
         click.option("--list", "listing", is_flag=True, help="Print what can be named; needs no setup."),
         click.option("--print", "printing", is_flag=True, help="Print rows as CSV; needs no daemon."),
-        click.option("--for", "seconds", type=click.FloatRange(min=0.1), help="End after this time [s]."),
+        click.option("--for", "seconds", type=NumberRange(min=0.1), help="End after this time [s]."),
         socket_option,
     ]
     for option in reversed(options):

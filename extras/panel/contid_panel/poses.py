@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
@@ -18,6 +19,8 @@ from contid_hands.teach.pose_file import PoseFile, read_pose_file
 from contid_hands.teach.pose_store import default_pose_file, provenance, save_pose
 from contid_hands.teach.present_pose import present_pose
 from contid_panel.hub import Hub
+
+log = logging.getLogger(__name__)
 
 #: How often the file is looked at while a page is open.
 PERIOD_S: Final = 0.5
@@ -53,8 +56,14 @@ class PanelPoses:
 
     async def watch(self) -> None:
         """Read the file when it has changed, and send its poses to the pages."""
+        reported = ""
         while True:
-            await self._look()
+            try:
+                await self._look()
+            except Exception as error:  # such as of a folder that is gone for a moment
+                if repr(error) != reported:
+                    log.exception("panel: the poses cannot be read")
+                reported = repr(error)
             await asyncio.sleep(PERIOD_S)
 
     def target(self, name: str) -> Mapping[str, float]:

@@ -43,6 +43,34 @@ WALKED = """async ([refusal, goal]) => {
     return [rows, refusals.get('f0') ?? ''];
 }"""
 
+#: How far half a second of a walk at a tenth of 100 mm/s goes, whose goal comes anew just after every step.
+DRAGGED = """async () => {
+    const { Walk } = await import('/static/walk.js');
+    let now = 0;
+    const every = window.setInterval, clock = performance.now.bind(performance);
+    window.setInterval = () => 0;
+    performance.now = () => now;
+    try {
+        const jog = {
+            refusals: new Map(), active: null, at: 0,
+            to(robot, columns, values) { this.active = robot; this.at = values[0]; },
+            end() { this.active = null; }, ordered() { return null; }, arrived() {},
+        };
+        const walk = new Walk({}, jog, { share: 0.1 }), columns = ['a'];
+        walk.know(columns, [100], () => [0]);
+        for (let step = 0; step < 10; step++) {
+            now += 1;
+            walk.to('f0', columns, [50]);
+            now += 49;
+            walk.step();
+        }
+        return jog.at;
+    } finally {
+        window.setInterval = every;
+        performance.now = clock;
+    }
+}"""
+
 
 def bends(running: Running) -> list[float]:
     """The commanded bends of the only robot."""
@@ -206,3 +234,8 @@ def test_a_column_without_a_speed_is_refused_with_its_reason(idle: Page) -> None
     rows, left = idle.evaluate(WALKED, ["", [1.0, 5.0]])
     assert rows == []
     assert left.startswith("b has no speed")
+
+
+def test_a_hand_that_moves_on_is_not_faster_than_the_speed(idle: Page) -> None:
+    """Every motion of the hand begins a step anew: 5 mm in half a second, and one step more at most."""
+    assert 4.5 <= float(idle.evaluate(DRAGGED)) <= 5.5

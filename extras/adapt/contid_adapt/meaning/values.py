@@ -23,6 +23,8 @@ _NORM: Final = 0.02
 _ABSURD: Final = 1e20
 _UNIT: Final = re.compile(r"_(mm|cm|m)$")
 _POINT: Final = re.compile(r"^(.*?)([xyz])_mm$")
+#: Directions and loads, which move no robot by themselves.
+_NO_MOTION: Final = re.compile(r"(?:^|\.)(?:[ab][xyz]|f[xyz]_n)$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +225,7 @@ def nothing_moves(values: Values, mapping: Mapping) -> str:
     spans = np.ptp(values.rows, axis=0) if len(values.rows) else np.zeros(len(values.names))
     moving = [
         (name, span) for name, span in zip(values.names, spans, strict=True)
-        if not name.rpartition(".")[2].startswith(("a", "b", "f")) and "meas." not in name
+        if not _NO_MOTION.search(name) and "meas." not in name
     ]  # fmt: skip
     greatest = max((span for _, span in moving), default=0.0)
     lengths = all(name.endswith("_mm") for name, _ in moving)

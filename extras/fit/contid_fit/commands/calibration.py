@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -23,6 +23,24 @@ if TYPE_CHECKING:
 
 #: A table of measurements; spreadsheets write a mark before its first line.
 MEASUREMENTS: Final = click.File("r", encoding="utf-8-sig")
+
+
+def source_of(data: TextIO) -> str:
+    """Name of measurements in messages."""
+    name: str = getattr(data, "name", "<stdin>")
+    return "stdin" if name == "<stdin>" else name
+
+
+def lines_of(data: TextIO) -> Iterator[str]:
+    """Lines of measurements.
+
+    Raises:
+        ContidError: the file is no text.
+    """
+    try:
+        yield from data
+    except UnicodeDecodeError as error:
+        raise ContidError(f"{source_of(data)}: not a table in UTF-8 text ({error.reason})") from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +66,12 @@ class Calibration:
     @property
     def source(self) -> str:
         """Name of the measurements in messages."""
-        name: str = getattr(self.data, "name", "<stdin>")
-        return "stdin" if name == "<stdin>" else name
+        return source_of(self.data)
+
+    @property
+    def lines(self) -> Iterator[str]:
+        """Of the measurements."""
+        return lines_of(self.data)
 
     @property
     def note(self) -> str:
@@ -105,10 +127,7 @@ def calibration(name: str) -> Callable[[Callable[..., None]], click.Command]:
                     "name the robot's file: --write FILE to change it, --for FILE to only read it"
                 )
             request = Calibration(data, str(write or robot_file), robot, write, plot, as_json)
-            try:
-                function(request, **own)
-            except UnicodeDecodeError as error:
-                raise ContidError(f"{request.source}: not a table in UTF-8 text ({error.reason})") from None
+            function(request, **own)
 
         return command
 

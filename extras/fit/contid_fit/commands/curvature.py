@@ -29,7 +29,7 @@ def command(request: Calibration, mm_per_px: float | None) -> None:
 
     name, robot = request.find(RackFinger, "rack finger")
     spacing_mm = robot.geometry.rack_spacing_mm
-    postures = read_postures(request.data, request.source, rack_spacing_mm=spacing_mm, mm_per_px=mm_per_px)
+    postures = read_postures(request.lines, request.source, rack_spacing_mm=spacing_mm, mm_per_px=mm_per_px)
     fit = fit_curvature(postures)
     click.echo(json.dumps(_numbers(fit)) if request.as_json else _text(fit))
     if request.plot is not None:

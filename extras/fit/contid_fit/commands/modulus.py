@@ -34,7 +34,7 @@ def command(request: Calibration) -> None:
 
     name, robot = request.find(Cosserat, "pneumatic arm")
     sections = [build_section(each) for each in robot.geometry.sections]
-    readings = read_readings(request.data, request.source)  # one at least
+    readings = read_readings(request.lines, request.source)  # one at least
     numbers = sorted({reading.section for reading in readings})
     if numbers[-1] > len(sections):
         raise ContidError(f"{request.source}: it has sections {numbers}; the robot has {len(sections)}")

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Final, TextIO
 
 import click
 
+from contid.cli.support.parameters import NumberRange
 from contid.errors import ContidError
-from contid_fit.commands.calibration import MEASUREMENTS, Calibration, calibration
+from contid_fit.commands.calibration import MEASUREMENTS, Calibration, calibration, lines_of, source_of
 
 if TYPE_CHECKING:
     from contid_fit.calibrate.tendon.geometry import FoundGeometry
@@ -24,7 +25,7 @@ _PRINTED: Final = ("radius_mm", "angle_deg", "length_mm", "stiffness_mm2", "fric
 @click.option("--held-out", type=MEASUREMENTS, help="Rows to predict that follow DATA.")
 @click.option(
     "--keep-out",
-    type=click.FloatRange(0.0, 0.5),
+    type=NumberRange(0.0, 0.5),
     default=0.2,
     show_default=True,
     help="Share of DATA to predict instead, its last rows.",
@@ -46,8 +47,8 @@ def command(request: Calibration, held_out: TextIO | None, keep_out: float) -> N
             f"{name}: drives: contid calibrate tendon fits robots with a motor per tendon; "
             "studies/moving/trunk_statics.py shows a fit of a robot with drives"
         )
-    training = _read(request.data, request.source, name)
-    other = None if held_out is None else _read(held_out, held_out.name, name)
+    training = _read(request.data, name)
+    other = None if held_out is None else _read(held_out, name)
     found = calibrate(robot, training, other, keep_out)
     if request.as_json:
         click.echo(json.dumps(_numbers(found.geometry, found.both, found.stages)))
@@ -65,14 +66,15 @@ def command(request: Calibration, held_out: TextIO | None, keep_out: float) -> N
     request.write_back(name, edits, measured=("geometry.sections",))
 
 
-def _read(data: TextIO, source: str, robot: str) -> TendonRecording:
+def _read(data: TextIO, robot: str) -> TendonRecording:
+    source = source_of(data)
     if source.endswith(".mcap"):
         from contid_fit.commands.tendon_session import session_recording
 
         return session_recording(Path(source), robot)
     from contid_fit.calibrate.tendon.recording import read_recording
 
-    return read_recording(data, source)
+    return read_recording(lines_of(data), source)
 
 
 def _numbers(
@@ -87,11 +89,13 @@ def _numbers(
         value = {"value": each.value, "low": each.low, "high": each.high}
         parameters.setdefault(each.name, {})[each.label] = value
     penalty = last.residual.penalty if last.residual is not None else float("inf")
+    # One section alone has no servos to exchange; JSON has no infinity.
+    margin = None if geometry is None or geometry.margin == float("inf") else geometry.margin
     mu = capstan_coefficient(last.fit, both.pull_m[: last.train.rows])
     return {
         "capstan": None if mu is None else {"value": mu.value, "low": mu.low, "high": mu.high},
         "servos": list(both.servos),
-        "geometry_margin": None if geometry is None else geometry.margin,
+        "geometry_margin": margin,
         "confidence": 0.95,
         "stages": [
             {"name": stage.name, "train": millimetres(stage.train), "held_out": millimetres(stage.held_out)}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from pathlib import Path
 from typing import Final
 
@@ -14,18 +16,19 @@ from contid.session.read import Session
 from contid.targets import Vec3
 from contid_fit.calibrate.tendon.recording import TendonRecording
 
-#: A tick becomes a row when its tip was measured in it and, since the row before, a tendon moved this far [m]
-#: or this time passed [s].
+#: A measured tip becomes a row when since the row before a tendon moved this far [m] or this time passed [s].
 MOTION_M: Final = 0.1e-3
 INTERVAL_S: Final = 0.5
 #: Sessions have no labels; each interval of this length forms one pattern [s].
 PATTERN_S: Final = 10.0
+#: Sessions keep measured tips for this time after their capture [s].
+OLDEST_S: Final = 1.0
 
 
 def session_recording(path: Path, robot: str) -> TendonRecording:
     """Rows of one robot of a session, tips in its base frame.
 
-    The model of friction needs rows with some motion between them, so ticks without are left out.
+    The model of friction needs rows with some motion between them, so tips without are left out.
 
     Raises:
         SessionError: not a session.
@@ -37,19 +40,26 @@ def session_recording(path: Path, robot: str) -> TendonRecording:
         raise ContidError(f"{path}: no robot {robot!r}; the session has {', '.join(names)}")
     place = names.index(robot)
     frame = BaseFrame.of(session.robot_file().file.robots[robot].base)
-    period_s = 1.0 / session.rate_hz
+    commanded: deque[tuple[float, Array]] = deque(maxlen=round(OLDEST_S * session.rate_hz) + 1)
+    captured_s = -math.inf
     times: list[float] = []
     pulls: list[Array] = []
     tips: list[Vec3] = []
     for tick in session.ticks():
         record = tick.robots[place]
-        pull = np.array([axis.command for axis in record.axes])
-        fresh = record.measured_age_s < period_s and np.isfinite(record.measured_tip_m).all()
-        if not fresh or not np.isfinite(pull).all():
+        commanded.append((tick.deadline_s, np.array([axis.command for axis in record.axes])))
+        # A measurement stays in the records until the next one; its latency may be many ticks.
+        at_s, before_s = tick.deadline_s - record.measured_age_s, captured_s
+        if not at_s > before_s + 1e-6:
             continue
-        if times and tick.deadline_s - times[-1] < INTERVAL_S and np.abs(pull - pulls[-1]).max() < MOTION_M:
+        captured_s = at_s
+        # The pulls at the capture, not those at which the tip arrived.
+        pull = min(commanded, key=lambda each: abs(each[0] - at_s))[1]
+        if not np.isfinite(record.measured_tip_m).all() or not np.isfinite(pull).all():
             continue
-        times.append(tick.deadline_s)
+        if times and at_s - times[-1] < INTERVAL_S and np.abs(pull - pulls[-1]).max() < MOTION_M:
+            continue
+        times.append(at_s)
         pulls.append(pull)
         tips.append(frame.point_in_base(record.measured_tip_m))
     if not times:

@@ -90,5 +90,6 @@ def rests(
 
 
 def _average(reports: list[list[float]]) -> Actuation:
-    mean: list[float] = np.mean(reports, axis=0).tolist()
-    return tuple(mean)
+    """Of every device over the reports that it made; one lost report does not count."""
+    made = [[value for value in column if not math.isnan(value)] for column in zip(*reports, strict=True)]
+    return tuple(sum(column) / len(column) if column else math.nan for column in made)

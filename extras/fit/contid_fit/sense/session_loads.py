@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -66,11 +67,13 @@ def session_calibration(
         reported: True to use what the regulators reported, as the tick does, instead of the commands.
 
     Raises:
-        CalibrationError: too few rests with measured tips.
+        CalibrationError: too few rests with measured tips, or no reports of a regulator.
     """
     found = list(rests(session, name, robot, build_model(robot)))
     if not found:
         raise CalibrationError(f"{session.path}: {name} never rests with measured tips")
+    if reported and any(math.isnan(value) for each in found for value in each.reported):
+        raise CalibrationError(f"{session.path}: {name} has a rest in which a regulator reports no pressure")
     noise = noise_m / float(np.sqrt(min(len(each.tips) for each in found)))
     return calibrate_without_load(
         rod_family(robot),

@@ -11,8 +11,10 @@ from functools import cache
 from typing import Any, Final
 
 from contid.errors import ContidError, require_extra
+from contid.remote.client.described_robot import unit_of
 from contid.remote.protocol.wire import Fields
-from contid.units import BAR, MM_PER_M, mm_to_m
+from contid.robot_file.base import Quantity
+from contid.units import mm_to_m
 from contid_fleet.ros.keys import ros_name
 
 JOINT_STATE: Final = "sensor_msgs/msg/JointState"
@@ -106,31 +108,37 @@ class NodeMessages:
         yield _message("/diagnostics", DIAGNOSTICS, array)
 
     def _axes(self, robot: str, described: Fields, fields: Fields, time_ns: int) -> Iterator[RosMessage]:
-        """Joint states of lengths, or a message per pressure, which is no joint; none before a sample."""
+        """Joint states of lengths and angles, a message per pressure (no joint); none before a sample.
+
+        Extra axes may have another unit than those of the model.
+        """
         import numpy as np
 
         measured = fields.get("measured")
         if measured is None:
             return
-        axes = [*described["axes"]]
         base = f"{self._base}/{ros_name(robot)}"
-        if described["unit"] == "mm":
-            none = np.zeros(0)
+        joints: dict[str, float] = {}
+        for (axis, limits), value in zip(described["axes"].items(), measured, strict=True):
+            name, unit = f"{ros_name(robot)}_{ros_name(axis)}", unit_of(limits)
+            if unit == Quantity.PRESSURE.unit:
+                header, pascal = _header(name, time_ns), Quantity.PRESSURE.to_si(float(value))
+                pressure = _new(PRESSURE, header=header, fluid_pressure=pascal, variance=0.0)
+                yield _message(f"{base}/{ros_name(axis)}/pressure", PRESSURE, pressure)
+            else:
+                quantity = Quantity.ANGLE if unit == Quantity.ANGLE.unit else Quantity.LENGTH
+                joints[name] = quantity.to_si(float(value))
+        if joints:
+            none, position = np.zeros(0), np.array([*joints.values()], dtype=np.float64)
             state = _new(
                 JOINT_STATE,
                 header=_header("", time_ns),
-                name=[f"{ros_name(robot)}_{ros_name(axis)}" for axis in axes],
-                position=np.array(measured, dtype=np.float64) / MM_PER_M,
+                name=[*joints],
+                position=position,
                 velocity=none,
                 effort=none,
             )
             yield _message(f"{base}/joint_states", JOINT_STATE, state)
-        elif described["unit"] == "bar":
-            for axis, value in zip(axes, measured, strict=True):
-                frame = f"{ros_name(robot)}_{ros_name(axis)}"
-                header, pascal = _header(frame, time_ns), float(value) * BAR
-                pressure = _new(PRESSURE, header=header, fluid_pressure=pascal, variance=0.0)
-                yield _message(f"{base}/{ros_name(axis)}/pressure", PRESSURE, pressure)
 
     def _transform(self, robot: str, tip_m: Sequence[float], time_ns: int) -> Any:
         """Transform from the world to the tip; telemetry has no orientation, so the rotation is identity."""

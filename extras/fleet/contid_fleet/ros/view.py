@@ -9,6 +9,7 @@ from __future__ import annotations
 import queue
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Final
 
 from contid.errors import ContidError
@@ -73,6 +74,8 @@ class RosView:
         self._nodes: dict[str, tuple[NodeMessages, ClockOffset]] = {}
         #: Time on the monotonic clock from which a node that did not answer may be asked again [s].
         self._retry_from_s: dict[str, float] = {}
+        #: Ends the watch over the token of a node.
+        self._forget: dict[str, Callable[[], None]] = {}
         operator.net.subscribe(operator.keys.telemetry("*"), self._put)
 
     def run(self) -> None:
@@ -110,10 +113,18 @@ class RosView:
             self._report(str(error))
             return None
         self._nodes[node] = known
+        if (forget := self._forget.pop(node, None)) is not None:
+            forget()
+        # After a restart of its machine its clock counts from another time.
+        self._forget[node] = self._operator.on_leave(node, lambda: self._left(node))
         self._report(
             f"{node}: {', '.join(response['result']['robots'])} (clock +-{known[1].bound_s * 1e3:.2f} ms)"
         )
         return known
+
+    def _left(self, node: str) -> None:
+        """In a thread of Zenoh."""
+        self._nodes.pop(node, None)
 
     def _put(self, key: str, line: bytes) -> None:
         """In a thread of Zenoh."""
@@ -121,4 +132,5 @@ class RosView:
             try:
                 return self._frames.put_nowait((key, line))
             except queue.Full:
-                self._frames.get()
+                with suppress(queue.Empty):  # all were published meanwhile
+                    self._frames.get_nowait()

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from contid.cli.support.orders import socket_option
-from contid.cli.support.parameters import NumberRange
+from contid.cli.support.parameters import NewFile, NumberRange
 
 
 @click.command()
@@ -16,7 +16,7 @@ from contid.cli.support.parameters import NumberRange
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=NewFile(path_type=Path, dir_okay=False),
     help="Pose file; default ROBOTFILE.poses.yaml beside the robot file of the daemon.",
 )
 @click.option("--grip", type=NumberRange(0.0, 1.0), help="Stay armed with this share of the current.")

@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from contid.client import Client, ConnectionLostError, RemoteError
+from contid.client import Client, Code, ConnectionLostError, RemoteError
 from contid.errors import ContidError
-from contid.remote.client.described_robot import columns_of, unit_of
+from contid.remote.client.described_robot import columns_of
 from contid.remote.client.move_arguments import columns_and_rows
 from contid.robot_file.positions import KeyPath
 from contid_hands.teach.check_targets import check_targets
@@ -22,6 +22,8 @@ PING_PERIOD_S: Final = 0.25
 ROWS_PER_S: Final = 25.0
 MIN_ROWS: Final = 16
 MAX_ROWS: Final = 2000
+#: Columns of a robot, and the field of telemetry with what was commanded of them last.
+_BEGIN: Final = {"axes": "command", "tip": "command_tip_mm", "bends": "bends"}
 
 
 class StepRefusedError(ContidError):
@@ -125,18 +127,17 @@ class Player:
         return ["t_s", *target], rows
 
     def _present(self, target: Mapping[str, float]) -> dict[str, float]:
-        """Present values of the columns of a target; other inputs, as loads, begin at their target."""
-        robots = self._client.status()["robots"]
+        """Commanded values of the columns of a target; other inputs, as loads, begin at their target."""
+        frames = self._client.telemetry(fields=tuple(_BEGIN.values()))
+        robots = next(frames)["robots"]
+        frames.close()
         present = dict(target)
         for name, columns in columns_of(self._describe).items():
-            status = robots[name]
-            commands = [axis[f"command_{unit_of(axis)}"] for axis in status["axes"].values()]
-            values = [*zip(columns.axes, commands, strict=True)]
-            values += [*zip(columns.tip, status["tip_mm"] or (), strict=False)]
-            for column, value in values:
-                for key in (column, column.removeprefix(f"{name}."), f"{name}.{column}"):
-                    if key in present and value is not None and math.isfinite(value):
-                        present[key] = value
+            for group, field in _BEGIN.items():
+                for column, value in zip(getattr(columns, group), robots[name][field] or (), strict=False):
+                    for key in (column, column.removeprefix(f"{name}."), f"{name}.{column}"):
+                        if key in present and value is not None and math.isfinite(value):
+                            present[key] = value
         return present
 
     def _trajectory(self, path: Path) -> None:
@@ -149,9 +150,8 @@ class Player:
         self._last = {}
 
     def _stream(self, columns: list[str], rows: list[Any]) -> None:
-        refused = self._client.stream(columns, rows)
-        for message in refused:
-            self._report(f"refused: {message}")
+        if refused := self._client.stream(columns, rows):
+            raise RemoteError(Code.BAD_TARGET, f"refused: {'; '.join(refused)}")
 
     def _wait(self, seconds: float) -> None:
         """Wait and keep the lease."""

@@ -6,6 +6,7 @@ Keys: ``s`` saves the present pose under a name, ``r`` begins and ends a recordi
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -156,7 +157,9 @@ class Teacher:
 
     def _free_name(self, stem: str) -> str:
         """``pose1``, ``motion1`` or the next number that is free."""
-        taken = set(read_pose_file(self._file).contents.poses) if self._file.exists() else set()
+        taken: set[str] = set()
+        with suppress(ContidError):  # none yet, or one that was broken meanwhile: saving reports that
+            taken = set(read_pose_file(self._file).contents.poses)
         number = 1
         while f"{stem}{number}" in taken or self._file.with_name(f"{stem}{number}.csv").exists():
             number += 1

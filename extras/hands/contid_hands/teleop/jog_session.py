@@ -166,7 +166,7 @@ class JogSession:
                 self._order(lambda: self._client.resume(self.robot.robot, after_stop=True))
             case "h" | "?":
                 self._log(HELP)
-            case _ if key.isdigit() and int(key) > 0:
+            case _ if key.isdecimal() and int(key) > 0:  # "²" is a digit, but no number
                 self.space.choose(int(key) - 1)
 
     def _stop(self) -> None:

@@ -43,8 +43,8 @@ export class Walk {
       this.refusals.set(robot, `${still} has no speed of which this could be a share: choose full speed, or type a number`);
       return;
     }
-    const at = this.goal?.columns === columns ? this.goal.at : present;
-    this.goal = { robot, columns, values, at, ending: false, begun: this.goal?.columns === columns && this.goal.begun, stepped: performance.now() - PERIOD_MS };
+    const before = this.goal?.columns === columns ? this.goal : { at: present, begun: false, stepped: performance.now() - PERIOD_MS };
+    this.goal = { robot, columns, values, at: before.at, ending: false, begun: before.begun, stepped: before.stepped };
   }
 
   end() {

@@ -49,11 +49,16 @@ def calibrate(
     sections = robot.geometry.sections
     through = robot.geometry.routing == "through"
     count = tuple(len(section.angles_deg) for section in sections)
+    for each in (data, *([] if held_out is None else [held_out])):
+        if len(each.servos) != sum(count):
+            raise ContidError(f"{each.name}: {len(each.servos)} servos, the robot has {sum(count)} tendons")
     # In sheaths a tendon alone bends its own section only; its place among the others does not show.
     geometry = find_geometry(data, count) if through else None
     if geometry is not None:
+        if held_out is not None:
+            data.followed_by(held_out)  # refuses other servos
+            held_out = held_out.in_order(geometry.columns)
         data = data.in_order(geometry.columns)
-        held_out = None if held_out is None else held_out.in_order(geometry.columns)
         angles = np.array([each.angle_rad for each in geometry.tendons])
     else:
         angles = np.radians(np.concatenate([section.angles_deg for section in sections]))
