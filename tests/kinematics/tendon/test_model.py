@@ -189,3 +189,16 @@ def test_a_target_that_the_length_keeps_out_of_reach_names_it() -> None:
         assert not missed.converged
         assert missed.limited_by
     assert model.inverse(Target(tip_m=(0.0, 0.0, 0.4)), straight).limited_by == ("length",)
+
+
+def test_the_shape_of_a_robot_whose_tip_is_behind_its_last_disc_covers_the_whole_backbone(configs) -> None:
+    raw = yaml.safe_load((configs / "tendon3.yaml").read_text())["robots"]["arm"]
+    raw["geometry"]["tip_offset_mm"] = [0.0, 0.0, -20.0]
+    model = TendonModel(TendonRobot.model_validate(raw))
+    actuation = model.of_arcs((0.5, 0.2, 0.0) * 3, (0.0,) * 9)
+    shape = model.shape(actuation, 41)
+    geometry = model.geometry
+    whole_m = geometry.base_offset_m + sum(each.length_m + each.rigid_m for each in geometry.sections)
+    steps = np.linalg.norm(np.diff(shape[:-1], axis=0), axis=1)
+    np.testing.assert_allclose(steps, whole_m / 40, rtol=1e-3)
+    assert shape[-1] == pytest.approx(model.forward(actuation).tip_m)
