@@ -131,10 +131,13 @@ def test_out_of_reach_the_answer_stays_taut():
         assert np.max(tensions) <= model.statics.limit_n + 1e-7
 
 
-@pytest.mark.parametrize("count", [1, 2, 8])
-def test_one_to_eight_sections(configs, count):
+@pytest.mark.parametrize(("count", "tendons"), [(1, 3), (2, 3), (8, 3), (8, 8)])
+def test_one_to_eight_sections(configs, count, tendons):
     raw = yaml.safe_load((configs / "tendon3.yaml").read_text())["robots"]["arm"]
-    section = raw["geometry"]["sections"][0] | {"length_mm": 300.0 / count}
+    section = raw["geometry"]["sections"][0] | {
+        "length_mm": 300.0 / count,
+        "angles_deg": [360.0 / tendons * k for k in range(tendons)],
+    }
     raw["geometry"]["sections"] = [section] * count
     raw["limits"]["bend_max_deg"] = [300.0 / count]
     raw["tension"]["max_n"] = 200.0
@@ -143,7 +146,7 @@ def test_one_to_eight_sections(configs, count):
     model = TendonModel(TendonRobot.model_validate(raw))
     for bends in random_bends(model, 10, seed=11):
         tip, _, _ = placed(model, bends)
-        solution = model.inverse(Target(tip_m=vec(tip)), (0.0,) * (3 * count))
+        solution = model.inverse(Target(tip_m=vec(tip)), (0.0,) * (tendons * count))
         assert solution.converged
         assert math.dist(model.forward(solution.actuation).tip_m, tip) <= 1e-6
 
