@@ -54,7 +54,7 @@ def any_target(
             return inverse(self, target, seed)
         if _within(tip) and (mid is None or _within(mid)):
             found = inverse(self, target, seed)
-            if found.converged or found.residual_m > tolerance_of(self):
+            if found.converged or not found.residual_m <= tolerance_of(self):  # NaN included
                 return found
             return replace(found, converged=True)
         mid_near = None if mid is None else _brought_near(mid)

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.model import Bending, Model, build_model_for_ticks
+from contid.kinematics.model import Bending, Compliant, Model, build_model_for_ticks
 from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 
@@ -42,6 +42,10 @@ class WithExtraAxes:
             own, bends = self._own, model.arcs
             self.arcs = lambda actuation, load_n=ZERO3: bends(actuation[:own], load_n)
             self.of_arcs = model.of_arcs
+        self.compliance = None
+        if isinstance(model, Compliant):
+            own, complies = self._own, model.compliance
+            self.compliance = lambda actuation, load_n=ZERO3: complies(actuation[:own], load_n)
         self.straight_approach: bool = getattr(model, "straight_approach", False)
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:

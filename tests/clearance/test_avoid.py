@@ -246,3 +246,24 @@ def test_bends_of_a_tendon_robot_keep_away_too():
     model.avoid([], 0.01, 0.002, 0.0)
     assert free >= 8
     assert kept >= 0.7 * free
+
+
+def test_the_end_of_a_backbone_keeps_away_where_the_tip_lies_behind_it():
+    (robot,) = load_named("tendon3").file.robots.values()
+    assert isinstance(robot, TendonRobot)
+    geometry = robot.geometry.model_copy(update={"tip_offset_mm": (0.0, 0.0, -40.0)})
+    model = TendonModel(robot.model_copy(update={"geometry": geometry}))
+    straight = (0.0,) * len(model.axis_names)
+    target = Target(tip_m=model.forward(model.of_arcs((0.5, 0.2, 0.0) * 3, straight)).tip_m)
+
+    def end_m(actuation):
+        pose = model.forward(actuation)
+        return np.array(pose.tip_m) + 0.04 * np.array(pose.direction)
+
+    before = model.inverse(target, straight)
+    at = end_m(before.actuation) + 0.016 * np.array(model.forward(before.actuation).direction)
+    model.avoid([Capsule(at, at, 0.005).packed.tolist()], 0.01, 0.002, 0.02)
+    found = model.inverse(target, straight)
+    assert found.converged
+    assert np.linalg.norm(end_m(before.actuation) - at) - 0.015 < 0.002
+    assert np.linalg.norm(end_m(found.actuation) - at) - 0.015 >= 0.002

@@ -133,6 +133,9 @@ def test_a_path_in_the_kernel_is_that_of_single_calls():
         solver.follow(np.empty((2, 3)), seed[:5], np.empty((2, 6)))
 
 
+FRAME = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+
 def test_wrong_arguments_are_refused():
     feasible = ARMS["cbha"]()
     kernel: Any = build_solver(feasible)
@@ -143,6 +146,7 @@ def test_wrong_arguments_are_refused():
         (((0.0, 0.0, 0.2), None, (0.0,), home), "mid: three"),
         (((0.0, 0.0, 0.2), None, None, home[:5]), "seed: three lengths"),
         (((0.0, 0.0, 0.2), None, None, home, (1.0,) * 8), "rotation: nine"),
+        (((0.0, 0.0, 0.2), (0.0, 0.0, 1.0), (0.0, 0.0, 0.1), home, FRAME), "instead of a direction"),
     ]
     for arguments, message in wrong:
         with pytest.raises(ValueError, match=message):

@@ -227,6 +227,7 @@ def test_wrong_arguments_are_refused():
         (((0.0, 0.0, 0.2), None, (1.0,), zero), "mid: three"),
         (((0.0, 0.0, 0.2), None, None, zero[:4]), "seed: two"),
         (((0.0, 0.0, 0.2), None, None, zero, (1.0,) * 8), "rotation: nine"),
+        (((0.0, 0.0, 0.2), (0.0, 0.0, 1.0), (0.0, 0.0, 0.1), zero, (1.0,) * 9), "instead of a direction"),
     ):
         with pytest.raises(ValueError, match=message):
             solver.solve(*arguments)
@@ -244,8 +245,8 @@ def test_wrong_geometry_is_refused():
     with pytest.raises(ValueError, match="normals: "):
         free_arm(2, offsets=[1.0])
     with pytest.raises(ValueError, match="too many limits"):
-        free_arm(2, normals=[0.0] * (4 * 641), offsets=[1.0] * 641)
-    assert free_arm(2, normals=[0.0] * (4 * 640), offsets=[1.0] * 640)
+        free_arm(2, normals=[0.0] * (4 * 1025), offsets=[1.0] * 1025)
+    assert free_arm(2, normals=[0.0] * (4 * 1024), offsets=[1.0] * 1024)
     for count in (0, 9):
         with pytest.raises(ValueError, match="one to eight"):
             free_arm(count)

@@ -135,7 +135,7 @@ def test_both_builds_have_the_same_bits() -> None:
     wide = rod.solve(pulls, (0.05, 0.0, 0.02))
     from contid.kernels import _tendon_rod  # type: ignore[attr-defined]  # compiled
 
-    assert _tendon_rod.Rod(rod.discrete).solve(pulls, (0.05, 0.0, 0.02), np.zeros((12, 4)), into, True) >= 0.0
+    assert _tendon_rod.Rod(rod.discrete).solve(pulls, (0.05, 0.0, 0.02), np.zeros((12, 4)), into, True) == 1
     for field in ("strain", "points_m", "tip_m", "rotation", "tensions_n", "jacobian", "compliance"):
         np.testing.assert_array_equal(getattr(into, field), getattr(wide, field))
 
@@ -173,3 +173,19 @@ def test_wrong_sizes_are_refused() -> None:
             kernel.Rod(Changed(name, np.zeros(0)))
     with pytest.raises(ValueError, match="1 to 64 tendons"):
         kernel.Rod(Changed("rest", np.zeros(65)))
+
+
+@pytest.mark.parametrize("name", ["weight", "spring", "sheaths"])
+def test_an_equilibrium_is_stable_where_the_energy_has_a_minimum(name: str) -> None:
+    """A force along the straight rod bends it aside beyond its critical load."""
+    rod, seen = rods()[name], set[bool]()
+    for newtons in (0.5, -0.5, -5.0, -50.0, -500.0):
+        for pulls in (np.zeros(rod.geometry.tendons), np.full(rod.geometry.tendons, 1e-3)):
+            try:
+                found = rod.solve(pulls, (0.0, 0.0, newtons))
+            except ArithmeticError:
+                continue
+            hessian = Energy(rod, pulls, (0.0, 0.0, newtons)).hessian(found.strain.ravel())
+            assert found.stable == (np.linalg.eigvalsh(0.5 * (hessian + hessian.T)).min() > 0.0)
+            seen.add(found.stable)
+    assert True in seen

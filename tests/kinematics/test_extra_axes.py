@@ -6,10 +6,12 @@ import io
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from contid.control.engine.virtual import run_virtual
-from contid.kinematics.extra_axes import build_whole_model
+from contid.kinematics.extra_axes import WithExtraAxes, build_whole_model
+from contid.kinematics.model import Compliant, build_model
 from contid.robot_file.load import load_robot_file, with_mock
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
@@ -60,3 +62,18 @@ def test_a_gripper_moves_through_the_whole_chain(configs: Path) -> None:
     assert max(value for value in asked if value == value) == pytest.approx(0.008, abs=1e-12)
     assert last.valid == 1.0
     assert last.value == pytest.approx(last.device, rel=0.05)
+
+
+def test_an_arm_with_extra_axes_is_as_compliant_as_without(configs: Path) -> None:
+    robot = load_robot_file(configs / "stiffflop1.yaml").file.robots["arm"]
+    model = WithExtraAxes(build_model(robot), ("gripper",), {"gripper": (0.0, 0.01)})
+    assert isinstance(model, Compliant)
+    pressures, load_n = (5e4, 7e4, 6e4), (0.01, 0.0, 0.02)
+    own = build_model(robot)
+    assert isinstance(own, Compliant)
+    np.testing.assert_array_equal(
+        model.compliance((*pressures, 0.005), load_n), own.compliance(pressures, load_n)
+    )
+    finger = load_robot_file(configs / "finger.yaml").file.robots
+    stiff = WithExtraAxes(build_model(next(iter(finger.values()))), ("gripper",), {"gripper": (0.0, 0.01)})
+    assert not isinstance(stiff, Compliant)

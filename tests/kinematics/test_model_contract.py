@@ -204,3 +204,11 @@ def test_a_target_direction_is_part_of_the_residual(named: tuple[str, Model]) ->
         assert off == pytest.approx(solution.residual_m, abs=1e-7)
         assert solution.residual_m <= max(within_m, 2e-6)
         assert solution.converged == (solution.residual_m <= (5e-3 if name == "cbha.ph" else 1e-6))
+
+
+def test_a_seed_that_is_no_number_gets_an_answer_inside_the_limits(named: tuple[str, Model]) -> None:
+    _, model = named
+    tip = model.forward(postures(model, 1)[0]).tip_m
+    solution = model.inverse(Target(tip_m=tip), (math.nan,) * len(model.axis_names))
+    assert inside(model, solution.actuation)
+    assert solution.converged

@@ -63,7 +63,7 @@ class Avoid : public Surroundings {
             chain.place(p, x);
             return obstacle.distance(x);
           };
-          const double end = L + s.rigid[i];
+          const double end = L + behind(s, i);
           if (!far(at, begin, end, at(begin), at(end), enough)) return false;
         }
       }
@@ -143,12 +143,15 @@ class Avoid : public Surroundings {
     }
   };
 
+  // Length of the rigid piece after a section; none where the tip lies behind its end (a negative one).
+  static double behind(const Sections& s, int i) { return std::max(s.rigid[i], 0.0); }
+
   // True where an obstacle may be nearer to a section than `within`.
   bool any_near(const Sections& s, const Piece& piece, const Chain& chain, int i, double within) const {
     double p[3], r[9], middle[3];
     piece.local(0.5, 0.0, p, r);
     chain.place(p, middle);
-    const double reach = 0.5 * piece.uvl[2] + s.rigid[i] + within;
+    const double reach = 0.5 * piece.uvl[2] + behind(s, i) + within;
     for (const Obstacle& obstacle : obstacles)
       if (obstacle.distance(middle) < reach) return true;
     return false;

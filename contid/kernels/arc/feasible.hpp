@@ -177,8 +177,9 @@ struct Feasible {
     return bits;
   }
 
+  // What is not a number becomes the least one.
   void clip(double* l) const {
-    for (int i = 0; i < size(); ++i) l[i] = l[i] < low[i] ? low[i] : l[i] > high[i] ? high[i] : l[i];
+    for (int i = 0; i < size(); ++i) l[i] = !(l[i] >= low[i]) ? low[i] : l[i] > high[i] ? high[i] : l[i];
   }
 
   // Bring l inside: clip it to its intervals, then pull it towards home until the other limits hold.

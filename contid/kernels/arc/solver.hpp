@@ -1,5 +1,5 @@
 // A chain of sections as the bindings see it: behind it stands a build for any number of sections, or for exactly one.
-// Definitions and specification: contid/kinematics/arc/{task,solve,avoid}.py. Units: m.
+// Its interface in Python: contid/kinematics/arc/solver.py. Units: m.
 #pragma once
 
 #include <memory>
@@ -11,6 +11,8 @@
 namespace contid {
 
 constexpr int kMostSections = 8, kMostVariables = 3 * kMostSections;
+// Planes of eight sections of eight tendons: one least pull, eight largest pulls and seven tensions of each tendon.
+constexpr int kMostPlanes = 1024;
 
 // Parameters of the solver: see Tuning of contid/kinematics/arc/solver.py.
 struct Tuning {
@@ -30,7 +32,7 @@ struct Goal {
 };
 
 struct Answer {
-  static constexpr int kWords = 11;  // bits for kMostPlanes and a cone per section
+  static constexpr int kWords = (kMostPlanes + kMostSections + 63) / 64;  // a bit for each plane and for each cone
   double lengths[kMostVariables];
   double residual;
   bool converged;
@@ -83,8 +85,6 @@ struct ArcSetup {
   double rack, curvature_max;
   Tuning tuning;
 };
-
-constexpr int kMostPlanes = 640;
 
 // Bends of tendon robots: two per section, within planes.
 struct TendonSetup {

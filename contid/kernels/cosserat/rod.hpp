@@ -1,6 +1,6 @@
 // A pneumatic rod and its sweeps from base to tip: what sweep.cpp computes and every search asks for.
 //
-// contid/kinematics/cosserat/compliance.py states the equations, element.py those of an element, negative.hpp the
+// contid/kinematics/cosserat/compliance.py states the equations, element.py those of an element, stability.hpp the
 // stability. Units: mm, N, N*mm, bar. C++17, no allocation, no exceptions.
 #pragma once
 

@@ -104,8 +104,9 @@ struct Feasible {
     return bits;
   }
 
+  // What is not a number becomes the least one.
   void clip(double* x) const {
-    for (int i = 0; i < size(); ++i) x[i] = x[i] < low[i] ? low[i] : x[i] > high[i] ? high[i] : x[i];
+    for (int i = 0; i < size(); ++i) x[i] = !(x[i] >= low[i]) ? low[i] : x[i] > high[i] ? high[i] : x[i];
   }
 
   // Bring x inside: clip it to the box, then straighten all bends by one factor until every limit holds.

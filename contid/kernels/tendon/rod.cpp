@@ -42,9 +42,9 @@ struct Solver {
   explicit Solver(nb::handle setup) : rod(setup_of(setup)) {}
 
   // Fills the arrays of a TendonEquilibrium (contid/kinematics/tendon/rod.py), `jacobian` and `compliance` with
-  // `derivatives` only, for pulls [m] and a force on the tip [N], from the strain `start` on. Returns the moment left
-  // over [N m], below 0 when no equilibrium was found or it has no derivatives.
-  double solve(Given pulls, nb::handle force, Given start, nb::handle into, bool derivatives) {
+  // `derivatives` only, for pulls [m] and a force on the tip [N], from the strain `start` on. Returns 1 for a stable
+  // equilibrium, 0 for another one, below 0 when none was found or it has no derivatives.
+  int solve(Given pulls, nb::handle force, Given start, nb::handle into, bool derivatives) {
     const RodSetup& s = rod.setup();
     const auto array = [&](const char* name) { return nb::cast<Rows>(into.attr(name)); };
     Rows strain = array("strain"), points = array("points_m"), rotation = array("rotation"), tip = array("tip_m"),
@@ -57,7 +57,7 @@ struct Solver {
     double f[3];
     read(force, f, 3, "force: three numbers");
     const TendonRodSolver::State* at = rod.solve(pulls.data(), {f[0], f[1], f[2]}, start.data());
-    if (at == nullptr) return -1.0;
+    if (at == nullptr) return -1;
     std::copy(at->x.begin(), at->x.end(), strain.data());
     for (size_t i = 0; i <= n; ++i) {
       const Vec p = at->points[i];
@@ -66,8 +66,9 @@ struct Solver {
     for (int i = 0; i < 9; ++i) rotation.data()[i] = at->frames[n].m[i / 3][i % 3];
     std::copy(at->tension.begin(), at->tension.end(), tensions.data());
     tip.data()[0] = at->tip.x, tip.data()[1] = at->tip.y, tip.data()[2] = at->tip.z;
-    if (!derivatives) return at->size;
-    return rod.derivatives(*at, jacobian.data(), compliance.data()) ? at->size : -1.0;
+    const int stable = rod.stable(*at) ? 1 : 0;
+    if (!derivatives) return stable;
+    return rod.derivatives(*at, jacobian.data(), compliance.data()) ? stable : -1;
   }
 };
 

@@ -44,6 +44,9 @@ class TendonRodSolver {
   // The equilibrium, null when none was found.
   const State* solve(const double* pulls, Vec force, const double* start);
 
+  // True where an equilibrium is a minimum of energy: no buckled pose is lower next to it.
+  bool stable(const State& at);
+
   // Derivatives of the tip: 3 x tendons by the pulls, 3 x 3 by a force on it; false for a singular equilibrium.
   bool derivatives(const State& at, double* jacobian, double* compliance);
 

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "../arc/cholesky.hpp"
 #include "../lu.hpp"
 #include "element.hpp"
 #include "rod.hpp"
@@ -46,6 +47,11 @@ const TendonRodSolver::State* TendonRodSolver::solve(const double* pulls, Vec fo
     std::swap(now, next);
   }
   return now->size <= 1e4 * kExactRod * scale_ ? now : nullptr;
+}
+
+bool TendonRodSolver::stable(const State& at) {
+  std::copy(at.matrix.begin(), at.matrix.end(), factor_.begin());
+  return factor(factor_.data(), size_, size_);
 }
 
 bool TendonRodSolver::derivatives(const State& at, double* jacobian, double* compliance) {

@@ -81,7 +81,8 @@ class Sections(ArcChain):
 def backbone(sections: ArcChain, lengths: Array | Sequence[float], points: int) -> Array:
     """Points from base to tip at equal arc length, rigid pieces included, shape ``(points, 3)`` [m]."""
     arcs = sections.arcs(lengths)
-    pieces = np.ravel(np.column_stack((arcs[:, 2], sections.rigid_m)))
+    # The last one is less than nothing where the tip lies behind the end of the backbone.
+    pieces = np.ravel(np.column_stack((arcs[:, 2], np.maximum(sections.rigid_m, 0.0))))
     starts = np.concatenate(([0.0], np.cumsum(pieces)))
     s = np.linspace(0.0, starts[-1], points)
     curve = np.zeros((points, 3))
@@ -90,7 +91,7 @@ def backbone(sections: ArcChain, lengths: Array | Sequence[float], points: int) 
         u, v, L = arcs[i]
         part = np.clip((s - starts[2 * i]) / L, 0.0, 1.0) if L > 0.0 else np.ones(points)
         along, turned = arc.pose(part * u, part * v, part * L)
-        past = np.clip(s - starts[2 * i + 1], 0.0, rigid_m)
+        past = np.clip(s - starts[2 * i + 1], 0.0, max(rigid_m, 0.0))
         reached = s >= starts[2 * i]
         curve[reached] = (origin + (along + past[:, None] * turned[:, :, 2]) @ rotation.T)[reached]
         p, r = arc.pose(u, v, L)

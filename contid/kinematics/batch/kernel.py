@@ -1,4 +1,4 @@
-"""Interfaces of the kernels for batches; batches of arms of sections, by ``contid/kernels/arc/batch.hpp``."""
+"""Interfaces of the kernels for batches; batches of arms of sections, by ``contid/kernels/arc/arc.cpp``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Batches of pneumatic arms, by ``contid/kernels/cosserat/batch.hpp``: mm and bar there, SI here."""
+"""Batches of pneumatic arms, by ``contid/kernels/cosserat/search.cpp``: mm and bar there, SI here."""
 
 from __future__ import annotations
 

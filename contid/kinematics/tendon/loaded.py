@@ -2,7 +2,8 @@
 
 Backwards, the target of the arcs (`TendonModel`) is shifted until the rod meets the real one, by the method
 of C. G. Broyden (Math. Comp. 19, 1965), which needs no derivative of the shift; it begins with that of the
-seed, else with none. Sections are tightened until the tensions of the rod are at or above the floor.
+seed, else with none. Sections are tightened until the tensions of the rod are at or above the floor. Where
+the rod buckles from every equilibrium found, the answer is the seed.
 """
 
 from __future__ import annotations
@@ -39,6 +40,11 @@ _TENSION_N: Final = 1e-6
 _ELL_M: Final = 0.1
 #: Steps in which the load grows where the equilibrium is not found at once.
 _STEPS: Final = 5
+#: Limit of an answer whose rod buckles.
+_STABILITY: Final = "stability"
+_BUCKLES: Final = "every equilibrium found is unstable, the rod buckles; holding the last command"
+#: How much farther off than it is such an answer counts [m]: more than any robot's length.
+_BUCKLED_M: Final = 1e3
 #: Pieces of each element in a shape.
 _PARTS: Final = 8
 
@@ -133,6 +139,9 @@ class LoadedTendonModel(TendonModel):
             found = tracked
         if found.converged:
             return found
+        if _STABILITY in found.limited_by:
+            held = tuple(np.clip(seed, self.lower, self.upper).tolist())
+            return replace(found, actuation=held, residual_m=math.inf, note=_BUCKLES)
         return replace(found, note=nearest_note(found.residual_m))
 
     def _search(
@@ -145,6 +154,8 @@ class LoadedTendonModel(TendonModel):
         rounds: int,
     ) -> tuple[Solution, float]:
         """The best answer in some rounds, and how far it is off [m], tensions below the floor included.
+
+        One whose rod buckles counts as farther off than any other.
 
         Args:
             goal: rows of the target [m].
@@ -167,14 +178,17 @@ class LoadedTendonModel(TendonModel):
             error = goal - self._task_of(pose, target)
             size = size_of(error)
             lacks, over = self._missing_tension(rod), self._over_the_limit(rod)
-            limits = tuple(dict.fromkeys(over + arcs.limited_by))
+            unstable = () if rod.stable else (_STABILITY,)
+            limits = tuple(dict.fromkeys(unstable + over + arcs.limited_by))
             found = Solution(tuple(pulls.tolist()), size, False, limits, turn)
             judged = size + float(np.maximum(lacks, 0.0).sum()) / float(n_per_m.min())
+            if unstable:
+                judged += _BUCKLED_M
             if best is None or judged < best[0]:
                 best = judged, found
             met = size <= (_EXACT_M if 2 * turn < rounds else _MET_M)
             if met and not np.any(lacks > _TENSION_N):
-                if over:
+                if over or unstable:
                     break
                 return replace(found, converged=True), judged
             binds = (lacks > 0.0) | (unknown[count:] > 0.0)
@@ -217,7 +231,7 @@ class LoadedTendonModel(TendonModel):
             tip = tip + self._rod_correction.at(np.asarray(pulls))
         rotation = tuple(rod.rotation.ravel().tolist())
         direction, mid = (vec3(row.tolist()) for row in (rod.rotation[:, 2], rod.ends_m[0]))
-        return Pose(vec3(tip.tolist()), rotation, direction, mid)
+        return Pose(vec3(tip.tolist()), rotation, direction, mid, rod.stable)
 
     def _missing_tension(self, rod: TendonEquilibrium) -> Array:
         """Tension that each section lacks to the floor [N]; negative where it has more."""

@@ -165,7 +165,7 @@ class TendonModel:
         shift = correction.at(np.asarray(seed))
         if not np.all(np.isfinite(shift)):
             shift = np.zeros(3)
-        plain_solution, change_m, iterations = plain.inverse(target, seed), np.inf, 0
+        iterations = 0
         for _ in range(_ROUNDS):
             plain_solution = plain.inverse(replace(target, tip_m=_moved(target.tip_m, -shift)), seed)
             iterations += plain_solution.iterations

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
@@ -78,6 +78,7 @@ class TendonEquilibrium:
         strain: strain of every element: bend u, v, twist [rad], stretch; ``(elements, 4)``.
         jacobian: derivative of the tip by the pulls ``(3, tendons)``.
         compliance: derivative of the tip by a force on it [m/N], ``(3, 3)``.
+        stable: it is a minimum of energy; False for a rod that buckles away from it.
     """
 
     points_m: Array
@@ -88,6 +89,7 @@ class TendonEquilibrium:
     strain: Array
     jacobian: Array
     compliance: Array
+    stable: bool = True
 
 
 class RodKernel(Protocol):
@@ -95,8 +97,8 @@ class RodKernel(Protocol):
 
     def solve(
         self, pulls: Array, force: Vec3, start: Array, into: TendonEquilibrium, derivatives: bool
-    ) -> float:
-        """Fill the arrays of ``into``; the moment left over [N m], below 0 when no equilibrium was found."""
+    ) -> int:
+        """Fill the arrays of ``into``; 1 for a stable equilibrium, 0 for another one, below 0 for none."""
 
 
 class TendonRod:
@@ -202,9 +204,10 @@ class TendonRod:
         )
         given = np.ascontiguousarray(pulls, dtype=np.float64)
         begin = np.zeros((count, 4)) if start is None else np.ascontiguousarray(start)
-        if self._kernel.solve(given, tip_force_n, begin, found, derivatives) < 0.0:
+        stable = self._kernel.solve(given, tip_force_n, begin, found, derivatives)
+        if stable < 0:
             raise ArithmeticError("no equilibrium of the rod found")
-        return found
+        return found if stable else replace(found, stable=False)
 
 
 #: Terms of the series in the square of an element's turn, which stays far below half a turn.

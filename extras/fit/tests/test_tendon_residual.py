@@ -95,6 +95,24 @@ def test_answers_meet_their_targets_and_stay_taut(configs: Path) -> None:
         assert again.actuation == pytest.approx(answer.actuation, abs=1e-6)
 
 
+def test_an_answer_asked_again_from_itself_takes_one_solve(configs: Path) -> None:
+    model = model_of(configs, described(size_mm=0.3))
+    target = Target(tip_m=model.forward(tuple(taut_pulls(0.7, 1, seed=9)[0])).tip_m)
+    seed = model.inverse(target, (0.0,) * 9).actuation
+    seed = model.inverse(target, seed).actuation
+    solves, kernel = 0, model.solver
+
+    class Counting:
+        def __getattr__(self, name: str) -> Any:
+            nonlocal solves
+            solves += name == "solve"
+            return getattr(kernel, name)
+
+    model.solver = Counting()
+    assert model.inverse(target, seed).converged
+    assert solves == 1
+
+
 def test_a_target_out_of_reach_leaves_a_residual(configs: Path) -> None:
     model = model_of(configs, described())
     answer = model.inverse(Target(tip_m=(0.0, 0.0, 1.0)), (0.0,) * 9)

@@ -99,3 +99,15 @@ def test_a_rod_needs_tension(configs: Path) -> None:
         parse_robot_file(
             text.replace("    rates:\n", "    rod: {stretch_n: [1, 2]}\n    rates:\n", 1), "t.yaml"
         )
+
+
+def test_a_rod_that_buckles_meets_no_target_and_holds_its_seed(configs: Path) -> None:
+    model = loaded(configs, "{}")
+    pressed = (0.0, 0.0, -1000.0)
+    pose = model.forward((0.0,) * 9, pressed)
+    assert not pose.stable
+    assert model.forward((0.0,) * 9, (0.0, 0.0, 1.0)).stable
+    answer = model.inverse(Target(tip_m=pose.tip_m, load_n=pressed), (0.0,) * 9)
+    assert not answer.converged
+    assert "stability" in answer.limited_by
+    assert answer.actuation == (0.0,) * 9

@@ -131,10 +131,13 @@ def test_out_of_reach_the_answer_stays_taut():
         assert np.max(tensions) <= model.statics.limit_n + 1e-7
 
 
-@pytest.mark.parametrize("count", [1, 2, 8])
-def test_one_to_eight_sections(configs, count):
+@pytest.mark.parametrize(("count", "tendons"), [(1, 3), (2, 3), (8, 3), (8, 8)])
+def test_one_to_eight_sections(configs, count, tendons):
     raw = yaml.safe_load((configs / "tendon3.yaml").read_text())["robots"]["arm"]
-    section = raw["geometry"]["sections"][0] | {"length_mm": 300.0 / count}
+    section = raw["geometry"]["sections"][0] | {
+        "length_mm": 300.0 / count,
+        "angles_deg": [360.0 / tendons * k for k in range(tendons)],
+    }
     raw["geometry"]["sections"] = [section] * count
     raw["limits"]["bend_max_deg"] = [300.0 / count]
     raw["tension"]["max_n"] = 200.0
@@ -143,7 +146,7 @@ def test_one_to_eight_sections(configs, count):
     model = TendonModel(TendonRobot.model_validate(raw))
     for bends in random_bends(model, 10, seed=11):
         tip, _, _ = placed(model, bends)
-        solution = model.inverse(Target(tip_m=vec(tip)), (0.0,) * (3 * count))
+        solution = model.inverse(Target(tip_m=vec(tip)), (0.0,) * (tendons * count))
         assert solution.converged
         assert math.dist(model.forward(solution.actuation).tip_m, tip) <= 1e-6
 
@@ -189,3 +192,16 @@ def test_a_target_that_the_length_keeps_out_of_reach_names_it() -> None:
         assert not missed.converged
         assert missed.limited_by
     assert model.inverse(Target(tip_m=(0.0, 0.0, 0.4)), straight).limited_by == ("length",)
+
+
+def test_the_shape_of_a_robot_whose_tip_is_behind_its_last_disc_covers_the_whole_backbone(configs) -> None:
+    raw = yaml.safe_load((configs / "tendon3.yaml").read_text())["robots"]["arm"]
+    raw["geometry"]["tip_offset_mm"] = [0.0, 0.0, -20.0]
+    model = TendonModel(TendonRobot.model_validate(raw))
+    actuation = model.of_arcs((0.5, 0.2, 0.0) * 3, (0.0,) * 9)
+    shape = model.shape(actuation, 41)
+    geometry = model.geometry
+    whole_m = geometry.base_offset_m + sum(each.length_m + each.rigid_m for each in geometry.sections)
+    steps = np.linalg.norm(np.diff(shape[:-1], axis=0), axis=1)
+    np.testing.assert_allclose(steps, whole_m / 40, rtol=1e-3)
+    assert shape[-1] == pytest.approx(model.forward(actuation).tip_m)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from contid.kinematics.any_target import any_target, tolerate
 from contid.kinematics.batch import Targets, inverse_many
 from contid.kinematics.model import Model, build_model, build_model_for_ticks
 from contid.robot_file.load import load_named, parse_robot_file
 from contid.robot_file.robot import RobotDescription
-from contid.targets import Target
+from contid.targets import Actuation, Solution, Target
 
 
 def robot_of(name: str, tolerance: str) -> RobotDescription:
@@ -47,3 +50,16 @@ def test_axes_beyond_their_limits_are_not_met_by_it() -> None:
     robot = robot_of("trirack", "reach_tolerance_mm: 2")
     found = build_model(robot).inverse(Target(actuation=(0.0499, 0.0499, 0.0499)), robot.rest)
     assert not found.converged
+
+
+def test_an_error_that_is_no_number_is_not_met() -> None:
+    class Lost:
+        @any_target
+        def inverse(self, target: Target, seed: Actuation) -> Solution:
+            return Solution(seed, math.nan, converged=False, limited_by=("reach",))
+
+    for tolerance_m in (None, 0.002):
+        model: Any = Lost()
+        if tolerance_m is not None:
+            tolerate(model, tolerance_m)
+        assert not model.inverse(Target(tip_m=(0.0, 0.0, 0.1)), (0.0,)).converged
