@@ -31,7 +31,8 @@ struct Rod {
     const auto array = [&](const char* name) { return nb::cast<Given>(of.attr(name)); };
     const Given lengths = array("lengths"), rest = array("rest");
     const size_t n = lengths.size(), m = rest.size();
-    if (n < 1 || n > 200 || m > 64) throw nb::value_error("1 to 200 elements, at most 64 tendons");
+    // Eight sections of 32 elements and of eight tendons.
+    if (n < 1 || n > 256 || m > 64) throw nb::value_error("1 to 256 elements, at most 64 tendons");
     s.elements = static_cast<int>(n), s.tendons = static_cast<int>(m);
     s.strains = nb::cast<int>(of.attr("strains"));
     if (s.strains != 3 && s.strains != 4 && s.strains != kMaxStrains) throw nb::value_error("strains: 3, 4 or 6");

@@ -33,9 +33,9 @@ nb::object solve(const SectionSolver& self, nb::handle tip, nb::handle direction
                  nb::handle rotation) {
   const auto bits = [](const std::uint64_t* binding) {  // more than any C++ integer has
     std::string digits;
-    int words = contid::Answer::kWords;
-    while (words > 1 && binding[words - 1] == 0) --words;
-    for (int k = 64 * words - 1; k >= 0; --k)
+    int used = contid::Answer::kWords;
+    while (used > 1 && binding[used - 1] == 0) --used;
+    for (int k = 64 * used - 1; k >= 0; --k)
       digits += binding[k / 64] >> k % 64 & 1 ? '1' : '0';
     return nb::steal<nb::int_>(PyLong_FromString(digits.c_str(), nullptr, 2));
   };

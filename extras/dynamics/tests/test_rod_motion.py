@@ -171,3 +171,8 @@ def test_arrays_of_other_sizes_are_refused() -> None:
         rod.put(np.zeros((4, 4)))
     with pytest.raises(ValueError, match="nodes"):
         rod.run(0.1, 0.01, nodes=[5])
+
+
+def test_the_finest_arm_that_a_file_may_describe_has_room() -> None:
+    """Eight sections of 32 elements."""
+    assert rod_of(next(iter(RODS)), 256, 0.0).count == 256
