@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from pathlib import Path
@@ -21,9 +22,10 @@ from contid.robot_file.load import parse_robot_file
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
 from contid.targets import Target
+from contid_sessions.replay.compare import Divergence
 from contid_sessions.replay.differences import differences
 from contid_sessions.replay.replay import Replayed, replay
-from contid_sessions.replay.report import as_text
+from contid_sessions.replay.report import as_json, as_text
 from tests.golden.make import names, record
 from tests.session.runs import record_virtual
 from tests.support.fingers import circle, fingers, load
@@ -125,6 +127,16 @@ def test_a_millionth_of_a_millimetre_is_found_and_named(recorded: Path) -> None:
     assert result.divergence.last_equal["tick"] == result.divergence.tick - 1
     assert replay(session, changed, tolerance=1e-4).divergence is None
     assert replay(session, changed, tolerance=1e-9).divergence is not None
+
+
+def test_a_command_that_only_one_of_both_has_is_null_in_json(recorded: Path) -> None:
+    session = Session(recorded)
+    state = {"tick": 3, "mode": "OFF", "fault": "NONE", "left": {"solution": math.nan, "command": 0.1}}
+    first = Divergence(4, 0.02, math.nan, "f0", "left", "command", math.nan, 0.1, "m", state)
+    found = as_json(session, Replayed(9, first, 0.0), [], 1.0)["divergence"]
+    text = json.dumps(found, allow_nan=False)
+    assert json.loads(text)["recorded"] is None
+    assert json.loads(text)["last_equal"]["left"] == {"solution": None, "command": 0.1}
 
 
 def test_the_sign_of_zero_is_a_bit(recorded: Path) -> None:

@@ -39,7 +39,9 @@ def find_by_unplugging(ask: Callable[[str], None], root: Path = Path("/dev")) ->
 
 @click.command()
 @click.argument("ports", nargs=-1)
-@click.option("--baud", "bauds", type=int, multiple=True, help="Only these rates; default: every one.")
+@click.option(
+    "--baud", "bauds", type=click.IntRange(1), multiple=True, help="Only these rates; default: every one."
+)
 @click.option("--find-port", is_flag=True, help="Find the port of an adapter by unplugging it.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object per device.")
 def command(ports: tuple[str, ...], bauds: tuple[int, ...], find_port: bool, as_json: bool) -> None:

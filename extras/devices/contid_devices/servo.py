@@ -54,7 +54,13 @@ class _Servos(click.Group):
 
 @click.group(cls=_Servos)
 @click.option("--port", help="Serial port the servo is on.")
-@click.option("--baud", default=1000000, show_default=True, help="Baud rate the servo has now.")
+@click.option(
+    "--baud",
+    type=click.IntRange(1),
+    default=1000000,
+    show_default=True,
+    help="Baud rate the servo has now.",
+)
 @click.option("--driver", default="dynamixel", show_default=True)
 @click.pass_context
 def command(context: click.Context, port: str | None, baud: int, driver: str) -> None:

@@ -56,6 +56,7 @@ def command(
 
     `contid modes tendon3 --at s1.t1_mm=3 --save modes.rrd`
     """
+    from contid.errors import ContidError
     from contid.robot_file.load import load_named
     from contid_dynamics.report import range_over_poses
     from contid_dynamics.swing import SwingingPose
@@ -66,7 +67,10 @@ def command(
     swinging: dict[str, SwingingPose] = {}
     for name, robot in moving_robots(robot_file).items():
         actuation = actuation_at(robot, name, at)
-        swinging[name] = SwingingPose(robot, actuation, count, payload_g)
+        try:
+            swinging[name] = SwingingPose(robot, actuation, count, payload_g)
+        except ArithmeticError as error:
+            raise ContidError(f"{name}: no equilibrium at --at, or under --payload-g") from error
         modes = swinging[name].modes
         ranges = range_over_poses(robot, poses, count, payload_g) if poses else None
         if as_json:

@@ -25,7 +25,7 @@ from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon.robot import TendonRobot
 from contid_dynamics.body import per_axis
-from contid_dynamics.report import pose_modes
+from contid_dynamics.report import pose_arm
 
 #: Degree of the curve through the rows, whose third derivative is continuous.
 _DEGREE: Final = 5
@@ -54,7 +54,7 @@ def answer_of(robot: RobotDescription, pose: Sequence[float], body: bool = True)
     """Of a robot with ``dynamics``, with the mode at a pose [m or Pa].
 
     Raises:
-        ContidError: it has no ``dynamics``, or shapes its commands itself.
+        ContidError: it has no ``dynamics``, shapes its commands itself, or has no first mode there.
     """
     if not isinstance(robot, (Cosserat, TendonRobot)) or robot.dynamics is None:
         raise ContidError("dynamics: missing; the lead of a path needs delay_ms, lag_ms and the masses of it")
@@ -67,10 +67,16 @@ def answer_of(robot: RobotDescription, pose: Sequence[float], body: bool = True)
     )
     if not body:
         return Answer(delay_s, lag_s)
-    first = pose_modes(robot, pose, 1).modes[0]
-    return Answer(
-        delay_s, lag_s, first.frequency_hz / math.sqrt(1.0 - min(first.ratio, 0.9) ** 2), first.ratio
-    )
+    arm = pose_arm(robot)
+    try:
+        arm.settle(pose)
+    except ArithmeticError as error:
+        raise ContidError("the body has no equilibrium at the mean of the path; see --no-body") from error
+    modes = arm.rod.modes()
+    frequency_hz, ratio = float(modes.frequency_hz[0]), float(modes.ratio[0])
+    if frequency_hz <= 0.0:
+        raise ContidError("the body does not swing back at the mean of the path; see --no-body")
+    return Answer(delay_s, lag_s, frequency_hz, ratio)
 
 
 def led(path: Array, period_s: float, answer: Answer, times_s: Array | None = None) -> Array:

@@ -40,7 +40,8 @@ def command(robot_file: str, trajectory: Path, output: Path, ease_s: float | Non
     loaded = load_named(robot_file)
     if len(loaded.driven) != 1:
         raise ContidError(f"{robot_file} has {len(loaded.driven)} robots; a lead is for a file with one")
-    with trajectory.open(encoding="utf-8") as file:
+    # What is not UTF-8 is refused with the name of its column.
+    with trajectory.open(encoding="utf-8", errors="replace") as file:
         read = read_trajectory(file, trajectory.name, loaded.driven)
     found = led_file(loaded, read, body=not no_body, ease_s=ease_s)
     with replacing(output) as out:

@@ -16,6 +16,8 @@ from contid_dynamics.lead import Answer, answer_of, answered, check_velocities, 
 from contid_dynamics.smoothed import smoothed, tips_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from contid.kinematics.array import Array
     from contid.kinematics.model import Model
     from contid.robot_file.load import LoadedFile
@@ -123,16 +125,21 @@ def led_file(
             f"the path, and {1e3 * plain.rms_m:.2g} mm without; keep the path off them, or make it slower"
         )
     commands = robot.quantity.from_si(made.commands)
-    lines = [",".join(("t_s", *robot.columns))]
-    lines += [
-        f"{tick * period_s:.6g}," + ",".join(f"{value:.9g}" for value in row)
-        for tick, row in enumerate(commands.tolist())
-    ]
     eases = len(made.path) * period_s > float(times_s[-1] - times_s[0]) + 1.5 * period_s
     return LedFile(
-        "\n".join(lines) + "\n", len(commands), max(answer.delay_s), ease_s if eases else 0.0, made.held,
-        plain, ahead,
+        rows_text(("t_s", *robot.columns), commands, period_s), len(commands), max(answer.delay_s),
+        ease_s if eases else 0.0, made.held, plain, ahead,
     )  # fmt: skip
+
+
+def rows_text(columns: Sequence[str], commands: Array, period_s: float, first_tick: int = 0) -> str:
+    """Commands ``(ticks, axes)`` as CSV, one per tick from ``first_tick`` on."""
+    lines = [",".join(columns)]
+    lines += [
+        f"{tick * period_s:.12g}," + ",".join(f"{value:.9g}" for value in row)
+        for tick, row in enumerate(commands.tolist(), first_tick)
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def led_commands(

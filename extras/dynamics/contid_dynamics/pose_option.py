@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final
 
 import click
@@ -49,6 +50,8 @@ def actuation_at(robot: RobotDescription, name: str, at: tuple[str, ...]) -> lis
         own = column.removeprefix(f"{name}.")
         try:
             value = float(text)
+            if not math.isfinite(value):
+                raise ValueError(text)
         except ValueError as error:
             raise click.UsageError(
                 f"--at {part!r}; allowed: COLUMN=NUMBER, such as {columns[0]}=1"

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.robot_file.robot import RobotDescription
 from contid.units import MM_PER_M
@@ -60,8 +61,12 @@ class PoseModes:
     modes: tuple[VibrationMode, ...]
 
     def to_json(self) -> dict[str, object]:
-        """The numbers for ``--json``."""
-        return asdict(self)
+        """The numbers for ``--json``; None for a mode that never stops, which has no finite time."""
+        found = asdict(self)
+        for mode in found["modes"]:
+            for key in ("ratio", "settles_s"):
+                mode[key] = mode[key] if math.isfinite(mode[key]) else None
+        return found
 
 
 def pose_modes(
@@ -103,7 +108,11 @@ def pose_arm(robot: RobotDescription, payload_g: float = 0.0) -> MovingArm:
 def range_over_poses(
     robot: RobotDescription, poses: int, count: int, payload_g: float = 0.0
 ) -> list[tuple[float, float]]:
-    """Least and greatest frequency [Hz] of each mode over random actuations within the limits."""
+    """Least and greatest frequency [Hz] of each mode over random actuations within the limits.
+
+    Raises:
+        ContidError: none of them has an equilibrium.
+    """
     rng = np.random.default_rng(SEED)
     arm = pose_arm(robot, payload_g)
     low, high = np.array(robot.lower), np.array(robot.upper)
@@ -116,7 +125,7 @@ def range_over_poses(
             continue  # tendons that pull against each other beyond what bends the backbone
         rows.append(arm.rod.modes().frequency_hz[:count])
     if not rows:
-        return [(math.nan, math.nan)] * count
+        raise ContidError(f"no equilibrium at any of {poses} random poses; ask for more")
     return list(zip(np.min(rows, axis=0).tolist(), np.max(rows, axis=0).tolist(), strict=True))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Final
 
@@ -24,7 +25,7 @@ from contid_dynamics.body import MovingBody
 from contid_dynamics.coordinates import Bends, coordinates_of, held
 from contid_dynamics.lead import Answer, answer_of, check_velocities, eased, led
 from contid_dynamics.lead_command import command
-from contid_dynamics.lead_file import led_commands
+from contid_dynamics.lead_file import led_commands, rows_text
 
 TICK_S: Final = 0.005
 
@@ -73,6 +74,27 @@ def test_a_file_is_led_through_its_rows(tmp_path: Path) -> None:
     (tmp_path / "arm.yaml").write_text(text.replace("    rates:\n", shaped, 1))
     refused = CliRunner().invoke(command, arguments)
     assert "rates.shape delays what a lead has made up for" in str(refused.exception)
+
+
+def test_a_body_that_creeps_back_is_led_too() -> None:
+    """Above critical damping the damped frequency is 0; the answer has the undamped one."""
+    text = load_named("tendon3").text
+    creeping = parse_robot_file(re.sub(r"damping_ms: [0-9.]+", "damping_ms: 400", text), "arm.yaml")
+    usual, slow = (answer_of(each.driven["arm"], (0.0,) * 9) for each in (load_named("tendon3"), creeping))
+    assert slow.frequency_hz == pytest.approx(usual.frequency_hz)
+    assert slow.ratio > 1.0
+
+
+def test_times_of_a_long_path_keep_their_ticks() -> None:
+    text = rows_text(("t_s", "p_bar"), np.zeros((2, 1)), first_tick=500_001, period_s=0.002)
+    assert text.splitlines()[1:] == ["1000.002,0", "1000.004,0"]
+
+
+def test_a_path_that_is_no_text_is_refused_by_its_column(tmp_path: Path) -> None:
+    (tmp_path / "path.csv").write_bytes(b"\xff\xfe\x00")
+    arguments = ["tendon3", str(tmp_path / "path.csv"), "-o", str(tmp_path / "led.csv")]
+    done = CliRunner().invoke(command, arguments)
+    assert "unknown column" in str(done.exception)
 
 
 def test_axes_with_a_shorter_dead_time_wait() -> None:

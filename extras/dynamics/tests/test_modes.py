@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -126,6 +127,25 @@ def test_the_command_prints_modes_and_names_what_is_missing(
     wrong = contid("modes", "stiffflop2", "--at", "p=3")
     assert wrong.returncode == 2
     assert "allowed: s1.p1_bar" in wrong.stderr
+
+
+@pytest.mark.parametrize(
+    ("at", "words"),
+    [("s1.t1_mm=nan", "allowed: COLUMN=NUMBER"), ("s1.t1_mm=500", "arm: no equilibrium at --at")],
+)
+def test_a_pose_that_is_none_is_refused(at: str, words: str) -> None:
+    done = CliRunner().invoke(command, ["tendon3", "--at", at])
+    assert done.exit_code != 0
+    assert words in done.output + str(done.exception)
+
+
+def test_a_mode_that_never_stops_has_no_time_in_json(tmp_path: Path) -> None:
+    path = tmp_path / "arm.yaml"
+    path.write_text(re.sub(r"damping_ms: [0-9.]+", "damping_ms: 0", load_named("tendon3").text))
+    done = CliRunner().invoke(command, [str(path), "--count", "1", "--json"])
+    assert done.exit_code == 0, done.output
+    assert "Infinity" not in done.output
+    assert json.loads(done.output)["arm"]["modes"][0]["settles_s"] is None
 
 
 def test_a_schedule_is_written_and_lies_about_the_frequencies_of_the_model(tmp_path: Path) -> None:

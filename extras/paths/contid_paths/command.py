@@ -81,7 +81,7 @@ def command(
     if fastest and (robot_file is None or shape == SWING):
         raise click.UsageError("--fastest takes a shape with --for ROBOT_FILE, whose limits it needs")
     if shape == SWING:
-        if any(value is not None for value in (radius, dz, lean, roll, mid_text, robots)):
+        if angle or any(value is not None for value in (center, radius, dz, lean, roll, mid_text, robots)):
             raise click.UsageError("swing takes --for, --size, --ratio, --height, --period, --laps, --rate")
         if robot_file is None:
             raise click.UsageError("swing needs --for ROBOT.yaml with a chain in it")

@@ -35,6 +35,13 @@ def test_the_circle_of_the_paper_for_both_fingers(configs: Path) -> None:
     assert targets["left"].tip_m == targets["right"].tip_m == (0.05, 0.09, 0.0)
 
 
+@pytest.mark.parametrize("moved", [("--center", "50,500"), ("--angle", "30")])
+def test_a_swing_is_about_its_bases(moved: tuple[str, str]) -> None:
+    done = CliRunner().invoke(command, ("swing", "--for", "chain", *moved))
+    assert done.exit_code == 2
+    assert "swing takes --for" in done.output
+
+
 def test_a_single_robot_needs_no_name() -> None:
     assert path("line", "--size", "80", "--rate", "1").startswith("t_s,x_mm,y_mm\n")
     assert path("line", "--size", "80", "--for", "finger").startswith("t_s,x_mm,y_mm\n")

@@ -145,8 +145,10 @@ def check_free(bus: SdkBus, device: int, baud: int) -> None:
     """Require exactly one servo of an id, without torque.
 
     Raises:
-        DeviceError: none answers, two do, or its torque is on.
+        DeviceError: no servo can have the id, none answers, two do, or its torque is on.
     """
+    if not reg.ID.low <= device <= reg.ID.high:
+        raise DeviceError(bus.path, f"no servo has id {device}; allowed {reg.ID.low} to {reg.ID.high}")
     answers = duplicates.count_answers(bus.port, device)
     if answers.duplicated:
         message = f"its settings stay, because {duplicates.CAUSE}; both would change"

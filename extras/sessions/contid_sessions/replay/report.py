@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from typing import Any
 
@@ -61,8 +62,8 @@ def as_json(session: Session, replayed: Replayed, changed: list[Difference], too
     first = replayed.divergence
     divergence: dict[str, Any] | None = None
     if first is not None:
-        source_s = None if first.source_s != first.source_s else first.source_s
-        divergence = {**asdict(first), "where": first.where, "source_s": source_s}
+        divergence = {key: _without_nan(value) for key, value in asdict(first).items()}
+        divergence["where"] = first.where
     return {
         "ticks": replayed.ticks,
         "took_s": took_s,
@@ -76,6 +77,13 @@ def as_json(session: Session, replayed: Replayed, changed: list[Difference], too
         "versions": changed_versions(session),
         "divergence": divergence,
     }
+
+
+def _without_nan(value: Any) -> Any:
+    """The same with None for numbers that are not finite, as before the first command: JSON lacks them."""
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _divergence(found: Divergence) -> list[str]:
