@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from contid.cli.main import main
+from contid.cli.main import cli
 from contid.robot_file.load import load_named, parse_robot_file
 from contid.robot_file.rates import Impulse, InputShape
 from contid_dynamics.feedback_margin import feedback_line, highest_gain
@@ -88,7 +88,7 @@ def test_check_shows_what_the_body_bears(tmp_path: Path) -> None:
     (robot,) = parse_robot_file(text, "arm.yaml").driven.values()
     assert "makes the body swing ever more" in feedback_line(robot)
     (tmp_path / "arm.yaml").write_text(text)
-    result = CliRunner().invoke(main, ["check", str(tmp_path / "arm.yaml")])
+    result = CliRunner().invoke(cli, ["check", str(tmp_path / "arm.yaml")])
     assert result.exit_code == 0
     assert "feedback: gain_per_s 5 makes the body swing ever more" in result.output
     quiet = text.replace("gain_per_s: 5", "gain_per_s: 0.3")
