@@ -40,7 +40,7 @@ def test_a_robot_without_dynamics_has_a_reason() -> None:
 @pytest.mark.process
 @pytest.mark.realtime
 def test_a_press_draws_the_slowest_mode_and_the_last_press_ends_it() -> None:
-    """With ``CONTID_SWING_PICTURE`` the page is kept there as an image."""
+    """With ``CONTID_SWING_IMAGE`` the page is kept there as an image."""
     sync = pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
     from tests.support.browser import chromium, opened
     from tests.support.daemons import shipped
@@ -57,9 +57,9 @@ def test_a_press_draws_the_slowest_mode_and_the_last_press_ends_it() -> None:
         button.click()
         it.page.wait_for_selector("#view[data-swings='1']")
         assert "mode 1 of 3" in it.text(".swing .meaning")
-        if picture := os.environ.get("CONTID_SWING_PICTURE"):
+        if image := os.environ.get("CONTID_SWING_IMAGE"):
             it.page.wait_for_timeout(700)
-            it.page.screenshot(path=picture)
+            it.page.screenshot(path=image)
         for _ in range(MODES):
             button.click()
         it.page.wait_for_selector("#view[data-swings='0']")
