@@ -53,7 +53,7 @@ def test_a_press_draws_the_slowest_mode_and_the_last_press_ends_it() -> None:
         chromium(playwright, draws=True) as browser,
         opened(browser, served) as it,
     ):
-        button = it.page.get_by_role("button", name="Swing")
+        button = it.page.get_by_role("button", name="Swing", exact=True)
         button.click()
         it.page.wait_for_selector("#view[data-swings='1']")
         assert "mode 1 of 3" in it.text(".swing .meaning")

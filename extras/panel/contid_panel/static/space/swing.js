@@ -5,6 +5,7 @@ import { request } from "../link.js";
 import { Mesh, smooth } from "./shapes.js";
 
 const FASTEST_HZ = 3; // that an eye follows
+const SOFTWARE_HZ = 0.6; // that four images a second show
 const LASTS_MS = 20000;
 
 /** A button on the card of a robot: a press shows its slowest mode, further ones the next, the last none. */
@@ -20,8 +21,9 @@ export class SwingButton {
     if (this.next === 0) this.modes = (await request(`/api/modes?robot=${encodeURIComponent(this.name)}`)).modes;
     const mode = this.modes[this.next];
     this.next = mode ? this.next + 1 : 0;
-    this.view.swing(this.name, mode ? new Swing(mode, () => this.ended()) : null);
-    const slower = mode && mode.frequency_hz > FASTEST_HZ ? `, drawn ${shown(mode.frequency_hz / FASTEST_HZ)} times as slow` : "";
+    const fastest = this.view.pace.software ? SOFTWARE_HZ : FASTEST_HZ;
+    this.view.swing(this.name, mode ? new Swing(mode, fastest, () => this.ended()) : null);
+    const slower = mode && mode.frequency_hz > fastest ? `, drawn ${shown(mode.frequency_hz / fastest)} times as slow` : "";
     setText(this.note, mode ? `mode ${this.next} of ${this.modes.length}: ${shown(mode.frequency_hz, 2)} Hz, damping ratio ${shown(mode.ratio, 3)}${slower}` : "");
   }
 
@@ -33,9 +35,9 @@ export class SwingButton {
 
 /** One mode that is drawn for a while. */
 export class Swing {
-  constructor(mode, ended) {
+  constructor(mode, fastest, ended) {
     this.lines = mode.lines;
-    this.rate = (2 * Math.PI * Math.min(mode.frequency_hz, FASTEST_HZ)) / 1000;
+    this.rate = (2 * Math.PI * Math.min(mode.frequency_hz, fastest)) / 1000;
     this.began = performance.now();
     this.ended = ended;
   }

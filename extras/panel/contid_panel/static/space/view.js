@@ -237,7 +237,7 @@ export class View {
     let swings = 0;
     for (const robot of this.robots.values()) swings += this.swinging(robot);
     this.canvas.dataset.swings = swings;
-    if (swings) this.redraw();
+    if (swings) setTimeout(() => this.redraw(), this.pace.pause);
     for (const robot of this.robots.values()) if (robot.surface) renderer.draw(robot.reachMesh, [...robot.color.slice(0, 3), dark ? 0.16 : 0.13], { lit: 0, glass: 1 });
     this.scale.place(this.camera, this.canvas);
     for (const robot of this.robots.values()) {
