@@ -8,6 +8,7 @@ contid imports no extra: the metadata of a distribution names what it adds, and 
 | ``contid.observers`` | options of `contid run`: `contid.cli.support.added_options.RunOption` |
 | ``contid.exports`` | an option of `contid session export`: `contid.cli.support.added_options.ExportOption` |
 | ``contid.modes`` | options of `contid modes`, with ``options`` and ``write`` as an export has them |
+| ``contid.checks`` | what `contid check` prints of the tip feedback of a robot: a function to a sentence |
 | ``contid.goals`` | options of `contid move`: `contid.cli.support.added_options.GoalOption` |
 | ``contid.workspaces`` | `contid.api.workspace.MeasureWorkspace`, of robots in the plane and in space |
 | ``contid.emulators`` | by the name of a driver, a function like `contid.hal.Emulates.emulator` |
@@ -26,6 +27,7 @@ from typing import Any, Final
 
 COMMANDS: Final = "contid.commands"
 OBSERVERS: Final = "contid.observers"
+CHECKS: Final = "contid.checks"
 GOALS: Final = "contid.goals"
 EXPORTS: Final = "contid.exports"
 MODES: Final = "contid.modes"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final, TypedDict
 
+from contid.entry_points import CHECKS, load_all
 from contid.hal import load_driver
 from contid.robot_file.chain import Chain
 from contid.robot_file.document import BusWiring, Isolation
@@ -65,6 +66,7 @@ class RobotReport(TypedDict):
     base_mm: list[float]
     weight: str
     shape: str
+    feedback: str
     velocity: float | None
     acceleration: float | None
     jerk: float | None
@@ -160,6 +162,7 @@ def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotRepor
         "base_mm": _base_mm(robot),
         "weight": weight_line(robot),
         "shape": _shape(robot),
+        "feedback": " ".join(line for each in load_all(CHECKS).values() if (line := each(robot))),
         "velocity": getattr(robot.rates, f"velocity_{unit}_s"),
         "acceleration": getattr(robot.rates, f"acceleration_{unit}_s2"),
         "jerk": getattr(robot.rates, f"jerk_{unit}_s3"),

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from tests.campaign.campaign import Tally, campaign
 from tests.campaign.everything import everything
+from tests.campaign.script import machines
 from tests.campaign.wired.cases import campaign as wired_campaign
 from tests.campaign.wired.checks import Tally as WireTally
 
@@ -23,6 +24,7 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, help="with --ptys: folder for sessions that broke an invariant")
     parser.add_argument("--all", action="store_true", help="instead every campaign, for --minutes")
     parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--on", default="", help="with --cases: only robot files with this in their name")
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()
 
@@ -41,7 +43,9 @@ def main() -> int:
 
     try:
         if asked.ptys is None:
-            tally: Tally | WireTally = campaign(cases, asked.seed, progress)
+            tally: Tally | WireTally = campaign(
+                cases, asked.seed, progress, [each for each in machines() if asked.on in each.name]
+            )
         else:
             tally = wired_campaign(cases, asked.seed, progress, asked.driver, asked.keep)
     except KeyboardInterrupt:

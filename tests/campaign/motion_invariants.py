@@ -33,39 +33,51 @@ def robots_of(seen: Seen) -> Iterator[tuple[int, RobotConfig]]:
     yield from enumerate(seen.case.machine.configs)
 
 
-def _commands(seen: Seen, robot: int) -> Iterator[tuple[int, tuple[float, ...], tuple[float, ...]]]:
-    """Place in the records, actuation and device values of every tick that commanded something."""
+def _moving(seen: Seen) -> Iterator[tuple[int, RobotConfig, bool]]:
+    """Every robot, judged by its commands; one whose commands are shaped once more, by what goes out."""
+    for robot, config in robots_of(seen):
+        yield robot, config, False
+        if config.shaping is not None:
+            yield robot, config, True
+
+
+def _commands(
+    seen: Seen, robot: int, goes_out: bool
+) -> Iterator[tuple[int, tuple[float, ...], tuple[float, ...]]]:
+    """Place in the records and actuation of every tick that commanded something, and of the tick before."""
+    _, config = list(robots_of(seen))[robot]
+    last: tuple[float, ...] = ()
     for place, record in enumerate(seen.records):
         axes = record.robots[robot].axes
         device = tuple(axis.device for axis in axes)
+        now = tuple(axis.command for axis in axes)
         if not all(map(math.isnan, device)):
-            yield place, tuple(axis.command for axis in axes), device
+            if goes_out:
+                now = config.transmission.to_actuation(device)
+            yield place, now, last
+        last = now
 
 
 def position(seen: Seen) -> Iterator[str]:
     """Commands are numbers and inside the limits; an arm found outside only moves inwards."""
-    for robot, config in robots_of(seen):
+    for robot, config, goes_out in _moving(seen):
         slack = [ROUNDING * max(abs(a.lower), abs(a.upper)) for a in config.limits]
-        before: tuple[int, tuple[float, ...]] | None = None
-        for place, command, device in _commands(seen, robot):
+        for place, command, last in _commands(seen, robot, goes_out):
+            device = [axis.device for axis in seen.records[place].robots[robot].axes]
             if not all(map(math.isfinite, (*command, *device))):
                 yield f"{config.name}: command {command} at {place}"
                 return
-            first = tuple(axis.command for axis in seen.records[place - 1].robots[robot].axes)
-            last = before[1] if before is not None and before[0] == place - 1 else first
             for axis, value, old, room in zip(config.limits, command, last, slack, strict=True):
                 if not min(axis.lower, old) - room <= value <= max(axis.upper, old) + room:
                     yield f"{config.name}: {value} outside {axis.lower}..{axis.upper} at {place}"
                     return
-            before = place, command
 
 
 def rates(seen: Seen) -> Iterator[str]:
     """Velocity and acceleration between consecutive commands, from standstill at the first."""
-    for robot, config in robots_of(seen):
+    for robot, config, goes_out in _moving(seen):
         before, steps = -2, (0.0,) * len(config.axes)
-        for place, command, _ in _commands(seen, robot):
-            last = tuple(axis.command for axis in seen.records[place - 1].robots[robot].axes)
+        for place, command, last in _commands(seen, robot, goes_out):
             if before != place - 1:
                 steps = (0.0,) * len(config.axes)
             now = tuple(a - b for a, b in zip(command, last, strict=True))
@@ -82,12 +94,12 @@ def rates(seen: Seen) -> Iterator[str]:
 
 def taut(seen: Seen) -> Iterator[str]:
     """Tensions of a tendon robot: none under the floor or over the largest, beyond what arming found."""
-    for robot, config in robots_of(seen):
+    for robot, config, goes_out in _moving(seen):
         model = config.model
         if not isinstance(model, TendonModel) or model.statics is None:
             continue
         before, low, high = -2, 0.0, 0.0
-        for place, command, _ in _commands(seen, robot):
+        for place, command, _ in _commands(seen, robot, goes_out):
             tensions = model.statics.tensions(np.array(command))
             if before != place - 1:  # armed where it stands: measured tensions are what they are
                 low = min(float(np.min(tensions)), model.statics.floor_n)

@@ -48,15 +48,24 @@ class Machine:
         return {axis: bus.name for bus in self.loaded.buses.values() for axis, _ in bus.axes}
 
 
+#: `rates.shape` of robots whose commands are shaped as well.
+SHAPES = {
+    "stiffflop1": "{kind: zv, frequency_hz: 1.6, damping_ratio: 0.05}",
+    "stiffflop2": "{kind: zvd, frequency_hz: 2.2, damping_ratio: 0.05, schedule: {middle: MIDDLE, "
+    "half: HALF, least_hz: 1.1, most_hz: 4.0, first: FIRST, second: SECOND}}",
+    "tendon3": "{kind: zvd, frequency_hz: 7.4, damping_ratio: 0.07}",
+}
+
+
 def machines() -> list[Machine]:
-    """Every shipped robot file with actuators, the laboratory that joins three of them, and a close hand."""
+    """Every shipped robot file with actuators, the laboratory that joins three, a close hand, shaped ones."""
     files = [
         load_robot_file(path)
         for path in sorted(configs_folder().glob("*.yaml"))
         if not path.stem.endswith(".emulated")
     ]
     out = []
-    for loaded in [*files, lab(), close_hand()]:
+    for loaded in [*files, lab(), close_hand(), *map(shaped, SHAPES)]:
         if loaded.driven:
             rate = loaded.file.rate_hz
             out.append(Machine(loaded.file.name, with_mock(loaded), rate, build_robot_configs(loaded, rate)))
@@ -68,6 +77,20 @@ def close_hand() -> LoadedFile:
     text = (configs_folder() / "hand.yaml").read_text(encoding="utf-8")
     moved = text.replace("name: hand", "name: close_hand").replace("base: {x_mm: 100,", "base: {x_mm: 50,")
     return parse_robot_file(moved, "close_hand.yaml")
+
+
+def shaped(name: str) -> LoadedFile:
+    """A shipped robot whose commands are shaped; a schedule is one of six axes."""
+    slopes = [0.1, -0.08, 0.05, 0.12, -0.06, 0.04]
+    numbers = {"FIRST": [0.6, *slopes, *[0.02] * 21], "SECOND": [0.8, *slopes, *[-0.02] * 21]}
+    shape = SHAPES[name]
+    for key, values in {**numbers, "MIDDLE": [0.5] * 6, "HALF": [0.5] * 6}.items():
+        shape = shape.replace(key, str(values))
+    text = (configs_folder() / f"{name}.yaml").read_text(encoding="utf-8")
+    text = text.replace(f"name: {name}", f"name: {name}_shaped", 1)
+    changed = text.replace("    rates:\n", f"    rates:\n      shape: {shape}\n", 1)
+    assert changed != text
+    return parse_robot_file(changed, f"{name}_shaped.yaml")
 
 
 @dataclass(frozen=True)

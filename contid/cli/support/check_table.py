@@ -67,6 +67,8 @@ def _driven(robot: RobotReport, columns: Mapping[str, Sequence[str]]) -> Iterato
         yield f"gravity: {robot['weight']}"
     if robot["shape"]:
         yield f"shape: {robot['shape']}"
+    if robot["feedback"]:
+        yield f"feedback: {robot['feedback']}"
     yield "trajectory columns:"
     for kind, names in columns.items():
         yield f"  {_KINDS.get(kind, kind)}: {', '.join(names)}"

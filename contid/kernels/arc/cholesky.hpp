@@ -59,4 +59,37 @@ template <int Block>
   for (int i = 0; i < n; i += Block) solve_upper(f + i * (stride + 1), Block, stride, x + i);
 }
 
+// A = U^T U for matrices of dozens of rows, n x n and symmetric: the upper triangle of A becomes U. The numbers of factor(),
+// to the bit, row after row: a row does not wait for its own sums.
+inline bool factor_rows(double* a, int n) {
+  for (int k = 0; k < n; ++k) {
+    double* row = a + k * n;
+    if (!(row[k] > 0.0)) return false;
+    row[k] = std::sqrt(row[k]);
+    const double inverse = 1.0 / row[k];
+    for (int j = k + 1; j < n; ++j) row[j] *= inverse;
+    for (int i = k + 1; i < n; ++i) {
+      double* below = a + i * n;
+      const double part = row[i];
+      for (int j = i; j < n; ++j) below[j] -= part * row[j];
+    }
+  }
+  return true;
+}
+
+// x = (U^T U)^-1 x
+inline void solve_rows(const double* u, int n, double* x) {
+  for (int i = 0; i < n; ++i) {
+    const double* row = u + i * n;
+    const double value = x[i] /= row[i];
+    for (int j = i + 1; j < n; ++j) x[j] -= row[j] * value;
+  }
+  for (int i = n - 1; i >= 0; --i) {
+    const double* row = u + i * n;
+    double value = x[i];
+    for (int k = i + 1; k < n; ++k) value -= row[k] * x[k];
+    x[i] = value / row[i];
+  }
+}
+
 }  // namespace contid

@@ -59,11 +59,6 @@ bool RodMotion::advance(double h, int depth) {
   return advance(0.5 * h, depth + 1) && advance(0.5 * h, depth + 1);
 }
 
-void RodMotion::back_substitute(double* x) const {
-  solve_lower(matrix_.data(), size_, size_, x);
-  solve_upper(matrix_.data(), size_, size_, x);
-}
-
 bool RodMotion::solve(double h) {
   const int n = s_.elements;
   external(now_, force_.data());
@@ -80,7 +75,7 @@ bool RodMotion::solve(double h) {
         matrix_[i * size_ + i] += 0.5 * damping_s * stiffness[kMaxStrains * e + k] + slow(e, k, h);
       }
     assumed_ = pulls_;
-    return factor(matrix_.data(), size_, size_);
+    return factor_rows(matrix_.data(), size_);
   };
   spread(last_.data(), 0.5, middle_.data());
   gradient(middle_.data(), force_.data());
@@ -103,7 +98,7 @@ bool RodMotion::solve(double h) {
         right_[i] = base_[i] - right_[i] - force_[i] - slow(e, k, h) * (trial_[j] - strain[j]);
       }
     if (round > 0 && change <= kExact) break;
-    back_substitute(right_.data());
+    solve_rows(matrix_.data(), size_, right_.data());
     change = 0.0;
     for (int i = 0; i < size_; ++i) change = std::max(change, std::fabs(right_[i]));
     if (!(change < 1.0)) return false;
@@ -171,8 +166,8 @@ double RodMotion::kinetic() {
   std::fill(matrix_.begin(), matrix_.end(), 0.0);
   mass(now_, 1.0, matrix_.data());
   std::vector<double> rate = momentum;
-  if (!factor(matrix_.data(), size_, size_)) return NAN;
-  back_substitute(rate.data());
+  if (!factor_rows(matrix_.data(), size_)) return NAN;
+  solve_rows(matrix_.data(), size_, rate.data());
   double sum = 0.0;
   for (int i = 0; i < size_; ++i) sum += 0.5 * rate[i] * momentum[i];
   return sum;

@@ -98,8 +98,6 @@ class RodMotion {
   bool advance(double h, int depth);
   bool solve(double h);
 
-  // x = matrix_^-1 x of its Cholesky factor.
-  void back_substitute(double* x) const;
   // Derivative of the balance by the free strains, by central differences.
   void differentiate(double* stiffness);
 

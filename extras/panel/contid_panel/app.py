@@ -1,7 +1,7 @@
-"""The web application: static files, the WebSocket of the pages, and three requests.
+"""The web application: static files, the WebSocket of the pages, and four requests.
 
 These are ``hello`` (version, and whether the panel is read-only), ``estop``, which also a read-only panel
-carries out, and ``check`` of an uploaded trajectory or of a recording.
+carries out, ``check`` of an uploaded trajectory or of a recording, and ``modes`` of a robot.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from contid_panel.limits import MAX_PAGES, MAX_UPLOAD, UPLOAD_TIMEOUT_S
 from contid_panel.page import Page
 from contid_panel.page_client import PageClient
 from contid_panel.poses import PanelPoses
+from contid_panel.swings import modes
 
 STATIC: Final = Path(__file__).parent / "static"
 
@@ -62,6 +63,7 @@ class PanelApp:
             Route("/", self._index),
             Route("/api/hello", self._hello, methods=["GET"]),
             Route("/api/estop", self._estop, methods=["POST"]),
+            Route("/api/modes", self._serve_modes, methods=["GET"]),
             Route("/api/check", self._serve_check, methods=["POST"]),
             WebSocketRoute("/socket", self._socket),
             Mount("/static", StaticFiles(directory=STATIC)),
@@ -91,6 +93,18 @@ class PanelApp:
             return JSONResponse(await self._stopper.stop(lambda client: client.estop()))
         except (ContidError, OSError) as error:
             return PlainTextResponse(f"{error}\n", status_code=503)
+
+    async def _serve_modes(self, request: Request) -> Response:
+        """How a robot swings where it is commanded to."""
+        name, geometry = request.query_params.get("robot", ""), self.hub.geometry
+        actuation = self.hub.commands().get(name)
+        if geometry is None or actuation is None:
+            return PlainTextResponse("where the robot is is not known\n", status_code=404)
+        try:
+            # In a thread: a stop must not wait for the modes.
+            return JSONResponse(await asyncio.to_thread(modes, geometry, name, actuation))
+        except ContidError as error:
+            return PlainTextResponse(f"{error}\n", status_code=409)
 
     async def _serve_check(self, request: Request) -> Response:
         """Check an uploaded trajectory, or the recording that the query names."""

@@ -50,11 +50,17 @@ def described_robot(robot: RobotScene, description: RobotDescription, several: b
         "length_mm": robot.length_mm,
         "radius_mm": _radius_mm(description) or robot.length_mm * SLENDERNESS,
         **_counts(description),
+        "swings": swings(description),
         "up": list(robot.up),
         "reach": rounded_line(robot.outline) if robot.outline is not None else [],
         "surface": None if robot.outline is not None else _surface(robot),
         "bounds": rounded_line(_bounds(robot)),
     }
+
+
+def swings(description: RobotDescription) -> bool:
+    """The robot has a body that moves: its file has ``dynamics``."""
+    return getattr(description, "dynamics", None) is not None
 
 
 def _rates(

@@ -41,7 +41,7 @@ const handlers = {
     setText(byId("name"), describe.name);
     document.title = `${describe.name} · contid`;
     cards = new Map(Object.entries(describe.robots).map(([name, robot]) =>
-      [name, new RobotCard(name, robot, drawing?.robots[name], { link, jog, speed }, select)]));
+      [name, new RobotCard(name, robot, drawing?.robots[name], { link, jog, speed, view }, select)]));
     byId("robots").replaceChildren(...[...cards.values()].map((card) => card.element));
     view.describe(drawing, problem);
     plots.describe(describe.robots);

@@ -6,6 +6,7 @@ import { Follow } from "./follow.js";
 import { meaningOf } from "./meaning.js";
 import { confirmed } from "./question.js";
 import { Slider } from "./slider.js";
+import { SwingButton } from "./space/swing.js";
 
 const ARMED = new Set(["HOLD", "RUN", "APPROACH"]);
 const HOME = "Go to the rest pose of the robot file";
@@ -13,7 +14,7 @@ const MOVING = new Set(["RUN", "APPROACH"]);
 const STRAIGHT_DEG = 0.05; // of a bend below which its azimuth is only rounding
 
 export class RobotCard {
-  constructor(name, description, drawing, { link, jog, speed }, selected) {
+  constructor(name, description, drawing, { link, jog, speed, view }, selected) {
     this.name = name;
     this.unit = description.unit;
     this.enabled = false;
@@ -57,6 +58,7 @@ export class RobotCard {
       this.tip.length ? h("fieldset", {}, h("legend", {}, "Tip", h("span", {}, "measured")), ...this.tip.map((s) => s.row)) : null,
       this.bends.length ? h("fieldset", {}, h("legend", {}, "Bends"), ...this.bends.map((s) => s.row)) : null,
       h("fieldset", {}, h("legend", {}, "Axes", h("span", {}, "measured")), ...this.axes.map((s) => s.row)),
+      drawing?.swings ? new SwingButton(name, view).element : null,
       this.note, this.follow.element);
     this.element.dataset.robot = name;
     this.element.id = `robot-${name}`;

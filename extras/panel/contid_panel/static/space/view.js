@@ -166,6 +166,29 @@ export class View {
     robot.meshes.tendons = tendons.map((each, i) => renderer.mesh(...each.arrays, robot.meshes.tendons?.[i] ?? null));
   }
 
+  /** Draw a swing over a robot, or none. */
+  swing(name, swing) {
+    const robot = this.drawing && this.robots.get(name);
+    if (robot) robot.swing = swing;
+    this.redraw();
+  }
+
+  /** The body of a robot that is drawn swinging, until that is over or the robot goes elsewhere. */
+  swinging(robot) {
+    if (!robot.swing) return false;
+    robot.swing.from ??= robot.target;
+    const left = robot.target && Math.hypot(...sub(robot.target, robot.swing.from)) > this.size * 0.01;
+    if (robot.swing.over || left) {
+      robot.swing.ended();
+      robot.swing = null;
+      return false;
+    }
+    const radius = robot.radius_mm * (robot.tendons ? 0.25 : 0.9);
+    robot.meshes.swing = this.renderer.mesh(...robot.swing.mesh(radius).arrays, robot.meshes.swing);
+    this.renderer.draw(robot.meshes.swing, [...robot.color.slice(0, 3), 0.55], { lit: 0.4 });
+    return true;
+  }
+
   /** Draw the paths of a checked trajectory, or none. */
   preview(paths) {
     if (!this.drawing) return;
@@ -211,6 +234,10 @@ export class View {
     renderer.draw(this.ropes ?? null, ROPE);
     renderer.draw(this.plan, [0.55, 0.36, 0.96, 0.9], { lit: 0 });
     for (const robot of this.robots.values()) renderer.draw(robot.meshes.ghost ?? null, [...robot.color.slice(0, 3), 0.3], { lit: 0.4 });
+    let swings = 0;
+    for (const robot of this.robots.values()) swings += this.swinging(robot);
+    this.canvas.dataset.swings = swings;
+    if (swings) setTimeout(() => this.redraw(), this.pace.pause);
     for (const robot of this.robots.values()) if (robot.surface) renderer.draw(robot.reachMesh, [...robot.color.slice(0, 3), dark ? 0.16 : 0.13], { lit: 0, glass: 1 });
     this.scale.place(this.camera, this.canvas);
     for (const robot of this.robots.values()) {
