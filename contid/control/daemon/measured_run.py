@@ -65,7 +65,7 @@ class _PackedRecords:
 
 @contextmanager
 def measured_run(loaded: LoadedFile, rate_hz: float, longest_s: float) -> Iterator[MeasuredRun]:
-    """A run of a file at a rate, on simulated buses without journals and faults, without collections of garbage.
+    """A run of a file at a rate, on simulated buses without journals or faults, and without gc.
 
     Arming takes ``longest_s`` at most, and so does each motion.
     """
@@ -83,7 +83,7 @@ def measured_run(loaded: LoadedFile, rate_hz: float, longest_s: float) -> Iterat
 
 
 class MeasuredRun:
-    """The run with its stopwatches; ``robots`` and ``buses`` are the names of those in `TickTimes`, in order."""
+    """The run with its stopwatches; ``robots`` and ``buses`` are names, in the order of `TickTimes`."""
 
     def __init__(self, loaded: LoadedFile, rate_hz: float, longest_s: float) -> None:
         self._loaded, self._rate_hz, self._longest_s = loaded, rate_hz, longest_s
