@@ -13,8 +13,9 @@ import numpy as np
 from contid.errors import BadInputError, Located
 from contid.robot_file.robot import RobotDescription
 from contid.trajectory.columns import TIME
+from contid.trajectory.lines import lines_from_header, numbered_lines
 from contid.trajectory.plain_rows import LINES, plain_rows
-from contid.trajectory.rows import MAX_ROWS, RowReader, lines_from_header, numbered_lines
+from contid.trajectory.rows import MAX_ROWS, RowReader
 from contid.trajectory.spline import Floats
 from contid.trajectory.timed import Interpolation, Trajectory
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import islice
-from typing import Final, TextIO
+from typing import Final
 
 from contid.errors import BadInputError, Located
 from contid.robot_file.robot import RobotDescription
@@ -20,60 +20,6 @@ from contid.units import MAX_LINE
 MAX_ROWS: Final = 2_000_000
 #: Maximum number in a row, as written: 10 000 km, 300 years. Squares of larger ones overflow in the models.
 MAX_NUMBER: Final = 1e10
-
-#: Most rows begin with one of these; such a line is no comment.
-_BEGINS: Final = frozenset("0123456789-")
-
-
-def numbered_lines(stream: TextIO) -> Iterator[tuple[int, str]]:
-    """Lines with their numbers from 1, without line ends, cut at `MAX_LINE` + 1 characters."""
-    number = 0
-    while line := stream.readline(MAX_LINE + 1):
-        number += 1
-        yield number, line.rstrip("\r\n") if number > 1 else line.rstrip("\r\n").removeprefix("\ufeff")
-        if len(line) <= MAX_LINE:
-            continue
-        while not line.endswith("\n"):
-            if len(line := stream.readline(MAX_LINE + 1)) <= MAX_LINE:
-                break
-
-
-def is_comment(line: str) -> bool:
-    """True for blank lines and those beginning with ``#``."""
-    text = line.lstrip()
-    return not text or text.startswith("#")
-
-
-def lines_from_header(numbered: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-    """The header, then the lines behind it, without blank lines and comments."""
-    comment: tuple[int, str] | None = None
-    header = False
-    for number, line in numbered:
-        if header and line[:1] in _BEGINS:
-            yield number, line
-            continue
-        if is_comment(line):
-            comment = (number, line) if line.strip() else comment
-            continue
-        if not header and comment is not None and (names := names_in_comment(comment[1], line)):
-            yield comment[0], names
-        header = True
-        yield number, line
-
-
-def names_in_comment(comment: str, line: str) -> str:
-    """The header that ``numpy.savetxt`` writes as the last comment before the numbers, "" where it is none.
-
-    A blank replaces the ``#``, so that positions in the line stay.
-    """
-    cells = line.split(",")
-    if not comment.lstrip().startswith("#") or comment.count(",") != len(cells) - 1:
-        return ""
-    try:
-        [float(cell) for cell in cells]
-    except ValueError:
-        return ""
-    return comment.replace("#", " ", 1)
 
 
 class RowReader:

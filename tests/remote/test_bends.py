@@ -9,9 +9,8 @@ from typing import Any, cast
 import pytest
 
 from contid.control.engine.wiring import build_robot_configs
-from contid.control.tick.preflight.rows import Unreachable
 from contid.kinematics.model import Bending
-from contid.remote.server.preconditions import Preconditions
+from contid.remote.server.live_rows import LiveRows
 from contid.remote.server.robot_fields import bends_of
 from contid.robot_file.load import configs_folder, load_named, parse_robot_file
 from contid.targets import Target, Vec3
@@ -56,11 +55,10 @@ def test_a_step_of_bends_begins_at_those_under_the_load_of_its_target() -> None:
     command = tuple(
         0.5 * (low + high) for low, high in zip(config.model.lower, config.model.upper, strict=True)
     )
-    control = SimpleNamespace(loaded=loaded, unreachable=Unreachable.REFUSE, newest=lambda: None)
     view = SimpleNamespace(configs={config.name: config}, command=lambda *_: command)
     target = Target(arcs=(0.1, 0.0, 0.05), load_n=(0.3, 0.0, 0.0))
-    steps = Preconditions(control, view)._steps({config.name: target}, {})  # type: ignore[arg-type]
-    _, _, begin, _ = steps[config.name]
+    rows = LiveRows(view, None)  # type: ignore[arg-type]
+    begin = rows.steps({config.name: target}, {}, None)[config.name].before
     assert isinstance(config.model, Bending)
     under_load = config.model.arcs(command, config.frame.vector_in_base(target.load_n))
     assert begin.arcs == tuple(under_load.ravel().tolist())

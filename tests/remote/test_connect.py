@@ -14,6 +14,8 @@ from pathlib import Path
 import pytest
 
 from contid.client import Client
+from contid.remote.client.client_protocol import Request
+from contid.remote.client.wires import SocketWire
 from contid.remote.protocol import socket_path
 from contid.remote.protocol.connect import connect
 from contid.remote.protocol.socket_path import Endpoint, find
@@ -118,3 +120,19 @@ def test_the_refusal_of_a_user_without_rights_has_the_remedy(own_folder: Path) -
                 Client(own_folder / "s")
         finally:
             os.seteuid(0)
+
+
+def test_a_request_that_was_sent_in_part_is_not_continued_by_the_next_one(own_folder: Path) -> None:
+    """A daemon that stands still reads nothing: the socket fills up in the middle of a line."""
+    path = own_folder / "daemon.sock"
+    with closing(socket.socket(socket.AF_UNIX)) as listener:
+        listener.bind(str(path))
+        listener.listen()
+        wire = SocketWire(path, 1.0)
+        with closing(listener.accept()[0]) as daemon, closing(wire):
+            with pytest.raises(TimeoutError):
+                wire.send(Request(1, "note", b"1" * (4 << 20) + b"\n", 0.01, {}))
+            with pytest.raises(OSError, match="pipe"):
+                wire.send(Request(2, "hold", b"2\n", 0.01, {}))
+            received = b"".join(iter(lambda: daemon.recv(1 << 20), b""))
+        assert set(received) == {ord("1")}

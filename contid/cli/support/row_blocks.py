@@ -17,7 +17,8 @@ from contid.errors import BadInputError
 from contid.kernels import load
 from contid.kinematics.array import Array
 from contid.trajectory.columns import ColumnLayout
-from contid.trajectory.rows import MAX_NUMBER, RowReader, is_comment
+from contid.trajectory.lines import is_comment
+from contid.trajectory.rows import MAX_NUMBER, RowReader
 from contid.units import MAX_LINE
 
 #: Rows solved together: while one block is solved, the one before is printed.

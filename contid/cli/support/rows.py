@@ -22,7 +22,8 @@ from contid.kinematics.array import Array
 from contid.robot_file.load import LoadedFile
 from contid.targets import Target
 from contid.trajectory.columns import RobotColumns
-from contid.trajectory.rows import RowReader, is_comment, lines_from_header, names_in_comment, numbered_lines
+from contid.trajectory.lines import HeaderSearch, lines_from_header, numbered_lines
+from contid.trajectory.rows import RowReader
 
 #: Columns of a result: numbers ``(rows, columns)``, or a tuple of other values for each row.
 CellBlock: TypeAlias = Array | Sequence[tuple[bool | int | str, ...]]
@@ -68,23 +69,19 @@ def convert_rows(
         BadInputError: at the first wrong row; the results of the rows before it are printed.
     """
     conversion: _Conversion | None = None
-    comment = 0, ""
+    search = HeaderSearch()
     with open_rows(path) as source:
         name = _name(source)
         for number, lines in line_blocks(source):
-            begin = 0
-            if conversion is None:
-                begin = next((k for k, line in enumerate(lines) if not is_comment(line)), len(lines))
-                comments = [(k, line) for k, line in enumerate(lines[:begin], number) if line.strip()]
-                comment = comments[-1] if comments else comment
-                if begin == len(lines):
-                    continue
-                names = names_in_comment(comment[1], lines[begin])
-                place = comment[0] if names else number + begin
-                reader = RowReader(names or lines[begin], name, loaded.file.robots, place)
-                conversion = _Conversion(loaded, reader, robots, as_json)
-                begin += not (reader.is_json or names)
-            conversion.take(number + begin, lines[begin:])
+            rows = lines
+            for k, line in enumerate(lines if conversion is None else ()):
+                if header := search.take(number + k, line):
+                    reader = RowReader(header.text, name, loaded.file.robots, header.number)
+                    conversion = _Conversion(loaded, reader, robots, as_json)
+                    rows = lines[k if header.on_row else k + 1 :]
+                    break
+            if conversion is not None:
+                conversion.take(number + len(lines) - len(rows), rows)
     if conversion is None:
         raise _no_rows(name)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from contid.control.daemon.spawn import Spawned, spawn
+from contid.control.engine.messages import Play
 from contid.control.engine.tick_layout import RecordLayout
 from contid.control.process import ring
 from contid.control.process.pipe import frame, to_shared_memory
@@ -58,19 +59,16 @@ class ControlChild:
         os.set_blocking(self._pipe, False)
 
     def send(self, message: object) -> None:
-        """Send a message without blocking; `flush` sends what the pipe does not take yet."""
+        """Send a message without blocking; `flush` sends what the pipe does not take yet.
+
+        The arrays of a trajectory are in shared memory, or in the pipe when that is full.
+        """
+        if isinstance(message, Play) and (bulk := to_shared_memory(message, folder())) is not None:
+            self._bulk_paths.append(Path(bulk.path))
+            message = bulk
         if len(self._backlog) < MAX_BACKLOG:
             self._backlog += frame(message)
         self.flush()
-
-    def send_bulk(self, message: object) -> None:
-        """Send a long message with its arrays in shared memory, or through the pipe when that is full."""
-        bulk = to_shared_memory(message, folder())
-        if bulk is None:
-            self.send(message)
-            return
-        self._bulk_paths.append(Path(bulk.path))
-        self.send(bulk)
 
     def flush(self) -> None:
         """Send the backlog."""

@@ -105,10 +105,6 @@ class Daemon:
         """See `RunControl.send`."""
         self._orders.send(message)
 
-    def send_bulk(self, message: Message) -> None:
-        """See `RunControl.send_bulk`."""
-        self._orders.send_bulk(message)
-
     def note(self, event: NoteWritten) -> None:
         """See `RunControl.note`."""
         self._orders.note(event)

@@ -17,8 +17,9 @@ from typing import Final, TextIO
 from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.errors import BadInputError, ContidError, Located
 from contid.robot_file.robot import RobotDescription
+from contid.trajectory.lines import HeaderSearch
 from contid.trajectory.read import read_trajectory
-from contid.trajectory.rows import RowReader, is_comment, names_in_comment
+from contid.trajectory.rows import RowReader
 from contid.trajectory.timed import Trajectory
 from contid.units import MAX_LINE
 
@@ -77,25 +78,23 @@ def read_stdin(
     """
     descriptor = stdin.fileno()
     name = "stdin"
-    skipped: list[str] = []
-    comment = 0, ""
+    head = ""
+    search = HeaderSearch()
     for number, raw in _lines(descriptor, reader):
         line = raw.decode("utf-8", errors="replace")
         if number == 1:
             line = line.removeprefix("\ufeff")  # it would hide that a comment is one
-        if is_comment(line):
-            skipped.append(line)
-            comment = (number, line) if line.strip() else comment
+        head += line
+        header = search.take(number, line)
+        if header is None:
             continue
-        names = names_in_comment(comment[1], line)
-        parser = RowReader(names or line, name, robots, comment[0] if names else number)
+        parser = RowReader(header.text, name, robots, header.number)
         if parser.timed:
-            return _read_timed(descriptor, "".join(skipped) + line, robots, reader)
+            return _read_timed(descriptor, head, robots, reader)
         if stat.S_ISREG(os.fstat(descriptor).st_mode):
             message = "no column 't_s': a file needs times; send a live stream through a pipe"
             raise BadInputError([Located(name, number, 1, message)])
-        pending = ((number, line),) if parser.is_json or names else ()
-        return Stream(parser, name, descriptor, pending, number)
+        return Stream(parser, name, descriptor, ((number, line),) if header.on_row else (), number)
     raise ContidError(
         "stdin: no trajectory came in: it ended before its first line, and nothing was moved; "
         "check the command before the pipe, or give < /dev/null to hold and wait for orders"

@@ -48,9 +48,6 @@ class RunControl(Protocol):
     def send(self, message: Message) -> None:
         """Send an order to the control process."""
 
-    def send_bulk(self, message: Message) -> None:
-        """Send a long order with its arrays in shared memory, so that later orders are not delayed."""
-
     def note(self, event: NoteWritten) -> None:
         """Write a note into the events of the run."""
 

@@ -57,15 +57,6 @@ class OrderChannel:
             self.forward_logs()
         self._child.send(message)
 
-    def send_bulk(self, message: Message) -> None:
-        """Send a long order with its arrays in shared memory."""
-        if self.pending is not None:
-            self.send(message)
-            return
-        if isinstance(message, Play):
-            self._notify_observers(message)
-        self._child.send_bulk(message)
-
     def note(self, event: NoteWritten) -> None:
         """Have a note written into the events of the run."""
         if self.pending is None:

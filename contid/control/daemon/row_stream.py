@@ -18,7 +18,7 @@ from contid.control.daemon.inputs import Stream
 from contid.control.engine.messages import Message, Rows
 from contid.control.tick.preflight.rows import Preflight
 from contid.errors import BadInputError
-from contid.trajectory.rows import is_comment
+from contid.trajectory.lines import is_comment
 from contid.units import MAX_LINE
 
 #: Time for rows that arrived together; a row of a finger takes 0.1 ms.

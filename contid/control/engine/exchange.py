@@ -164,11 +164,9 @@ class Exchange:
         """After an internal error: try to bring the devices to their ``on_host_loss`` rest."""
         for index, config in enumerate(self._robots.configs):
             for name, axes in self._axes_on[index].items():
-                port = self._ports[name]
-                rest = REST_OF[config.stops.on_host_loss]
-                if not port.busy and self._robots.states[index].enabled:
+                if self._robots.states[index].enabled:
                     with suppress(Exception):
-                        port.bus.disable(axes, rest)
+                        self._ports[name].rest(axes, REST_OF[config.stops.on_host_loss])
 
     def _take_over(self, name: str, port: BusPort, answer: BusReply, now_s: float) -> None:
         """New samples, and what became of the requests to the devices, or that the bus is lost."""
@@ -203,6 +201,9 @@ class Exchange:
             self._outstanding[index].discard(name)
             if effect is Effect.ENABLE:
                 self._robots.fail(index, Fault.ARM_REFUSED, message, now_s)
+                # Other devices of the robot may have armed.
+                rest = Effect(REST_OF[self._robots.configs[index].stops.on_fault])
+                self.ask(index, replace(self._robots.states[index], pending=rest))
             else:
                 robot = self._robots.configs[index].name
                 self._sink.event(OrderRefused(robot=robot, message=message))

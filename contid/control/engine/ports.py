@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 
@@ -179,6 +179,11 @@ class BusPort:
         self.busy = False
         self.stalls = 0
         return answer
+
+    def rest(self, axes: Sequence[str], rest: Rest) -> None:
+        """Bring axes to rest after an internal error, unless the worker is using the bus."""
+        if self._worker is None or not self.busy:
+            self.bus.disable(axes, rest)
 
     def close(self, timeout_s: float) -> None:
         """Close the bus; a worker that hangs in its device is abandoned (a daemon thread)."""

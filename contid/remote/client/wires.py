@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import queue
+import socket
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -77,7 +78,11 @@ class SocketWire:
         See `Wire.send`; waits for room at most as long as for the response.
         """
         self._socket.settimeout(request.timeout_s)
-        self._socket.sendall(request.line)
+        try:
+            self._socket.sendall(request.line)
+        except TimeoutError:  # part of the line may be sent, and the next request would be its rest
+            self._socket.shutdown(socket.SHUT_RDWR)
+            raise
 
     def receive(self, timeout_s: float) -> bytes | None:
         """The next bytes, b"" after the end, None when none came in time; 0 does not wait."""

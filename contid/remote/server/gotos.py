@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events.robots import GotoEnded, SqueezeChanged
 from contid.control.engine.messages import Goto, Message
-from contid.remote.protocol.wire import Code, Fields, RemoteError
+from contid.remote.protocol.wire import Fields
 from contid.remote.server.move import Move
 from contid.remote.server.pending_orders import PendingOrders
 from contid.remote.server.telemetry_view import TelemetryView
@@ -43,17 +43,13 @@ class Gotos:
             self._moves[name].append(move)
             self._squeezed.pop(name, None)
         gotos = [Goto(name, target, until_force_n) for name, target in targets.items()]
-        future = self._pending.send([*before, *gotos])
-        outcome = await self._pending.confirmed(future)
+        outcome = await self._pending.confirmed(self._pending.send([*before, *gotos]))
         if outcome.refused:
             for name in outcome.refused:
                 move.waiting.discard(name)
                 if move in self._moves.get(name, ()):
                     self._moves[name].remove(move)
-            faults = self._view.faults(self._control.newest(), tuple(targets))
-            # Both arms of a chain have the same message.
-            message = "; ".join(dict.fromkeys(outcome.refused.values()))
-            raise RemoteError(Code.FAULT if faults else Code.REFUSED, message, faults)
+            raise outcome.refusal(self._view.faults(self._control.newest(), tuple(targets)))
         return {"move": move.number, "tick": outcome.tick}
 
     def ended(self, event: GotoEnded) -> None:

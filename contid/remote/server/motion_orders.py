@@ -56,15 +56,15 @@ class MotionOrders:
             else:
                 self._run.control.send(Hold())
                 self._run.notify(before.client, {"event": "lease-lost", "message": message})
-            self._run.moves.abort_streams(message)
+            self._run.moves.abort(message)
             log.warning("%s from %r; holding", message, before.name)
         return {"timeout_s": timeout_s, "from": None if before is None else before.name}
 
     async def _release(self, caller: Caller, request: RequestFields) -> Fields:
         request.end()
-        if self._run.moves.streaming(caller.number):
+        if self._run.moves.along_rows(caller.number):
             self._run.control.send(Hold())
-            self._run.moves.abort_streams("the lease was released")
+            self._run.moves.abort("the lease was released")
         return {"released": self._run.lease.release(caller.number)}
 
     async def _resume(self, caller: Caller, request: RequestFields) -> Fields:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -17,7 +17,7 @@ from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import MarkReached, OrderRefused
 from contid.control.engine.messages import Mark, Message
 from contid.control.engine.tick_layout import TickRecord
-from contid.remote.protocol.wire import Code, RemoteError
+from contid.remote.protocol.wire import Code, Fields, RemoteError
 
 CONFIRM_TIMEOUT_S: Final = 3.0
 #: The control process confirms within a tick. After an order the ring is read in this period, at most `POLLS`
@@ -27,8 +27,6 @@ POLLS: Final = 25
 #: A result waits at most this long for the record of its tick. Only a control process that has just died
 #: writes none.
 RECORD_TIMEOUT_S: Final = 1.0
-#: A bulk order crosses the pipe in parts, interleaved with others.
-BULK_TIMEOUT_S: Final = 30.0
 
 
 @dataclass(slots=True)
@@ -44,6 +42,11 @@ class OrderResult:
     tick: int = 0
     record: TickRecord | None = None
     refused: dict[str, str] = field(default_factory=dict)
+
+    def refusal(self, faults: Mapping[str, Fields]) -> RemoteError:
+        """The error of orders of which robots refused some; both arms of a chain have the same message."""
+        message = "; ".join(dict.fromkeys(self.refused.values()))
+        return RemoteError(Code.FAULT if faults else Code.REFUSED, message, faults)
 
 
 class PendingOrders:
@@ -62,16 +65,6 @@ class PendingOrders:
         number = self._number = self._number + 2
         for message in (Mark(number - 1), *orders, Mark(number)):
             self._control.send(message)
-        return self._expect(number)
-
-    def send_bulk(self, order: Message) -> asyncio.Future[OrderResult]:
-        """Send a bulk order; returns the future of its result."""
-        number = self._number = self._number + 2
-        self._control.send_bulk(order)
-        self._control.send_bulk(Mark(number))
-        return self._expect(number)
-
-    def _expect(self, number: int) -> asyncio.Future[OrderResult]:
         loop = asyncio.get_running_loop()
         future: asyncio.Future[OrderResult] = loop.create_future()
         self._waiting[number] = (OrderResult(), future)

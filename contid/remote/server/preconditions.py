@@ -1,41 +1,75 @@
-"""The conditions of a move: robots armed and without a fault, every target within reach."""
+"""The conditions of a move: rows that can be read, armed robots without a fault, targets within reach."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Final
+from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
-from contid.control.engine.measured_tip import tip_in_world
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.engine.wiring import chain_guards, clearance_guard
-from contid.control.tick.config import RobotConfig
-from contid.control.tick.preflight.edge import along_the_edge, off_the_reach_m
 from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
-from contid.kinematics.model import Bending
-from contid.remote.protocol.wire import Code, RemoteError
+from contid.remote.protocol.wire import Code, RemoteError, is_number
 from contid.remote.server.telemetry_view import TelemetryView
-from contid.targets import Actuation, Target
+from contid.targets import Target
 from contid.trajectory.columns import MAX_FINDINGS
 from contid.trajectory.read import trajectory_of_rows
 from contid.trajectory.rows import RowReader
 from contid.trajectory.timed import Trajectory
-from contid.units import MM_PER_M
 
+#: Columns of a move. A laboratory of sixteen fingers has 200; thousands would hold up the other clients.
+MAX_COLUMNS: Final = 500
 _ARMED: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD})
 
 
 class Preconditions:
-    """Checks moves against the newest record and the models."""
+    """Checks moves against the newest record and the models.
+
+    Attributes:
+        refuses: targets out of reach are refused; else the tick brings them within.
+    """
 
     def __init__(self, control: RunControl, view: TelemetryView) -> None:
         self._control = control
         self._view = view
         self._guards = chain_guards(control.loaded)
         self._clearance = clearance_guard(control.loaded)
-        self._refuses = control.unreachable is Unreachable.REFUSE or bool(self._guards)
+        self.refuses = control.unreachable is Unreachable.REFUSE or bool(self._guards)
+
+    def reader(self, columns: Collection[str], called: str) -> RowReader:
+        """The reader of rows with these columns, whose messages name them ``called``.
+
+        Raises:
+            RemoteError: a column is none of the robots, or there are too many.
+        """
+        if len(columns) > MAX_COLUMNS:
+            message = f"{len(columns)} columns; a move has at most {MAX_COLUMNS}"
+            raise RemoteError(Code.BAD_TARGET, message)
+        if any("," in name or "\n" in name or name.startswith(("{", "#")) for name in columns):
+            raise RemoteError(Code.BAD_TARGET, "a column is one name, such as x_mm or left.x_mm")
+        try:
+            return RowReader(",".join(columns), called, self._view.robots)
+        except BadInputError as error:
+            raise _bad_target(error) from None
+
+    def point(self, target: Mapping[str, Any]) -> dict[str, Target]:
+        """The targets of robots, by the values of columns.
+
+        Raises:
+            RemoteError: a column or a value is wrong.
+        """
+        reader = self.reader(target, "move")
+        for name, value in target.items():
+            if not is_number(value):
+                raise RemoteError(Code.BAD_TARGET, f"{name[:60]}: {str(value)[:40]!r} is not a number")
+        if reader.timed:
+            raise RemoteError(Code.BAD_TARGET, "a point has no time; stream rows with columns for that")
+        try:
+            return reader.layout.targets(reader.row(tuple(target.values()), 1))
+        except BadInputError as error:
+            raise _bad_target(error) from None
 
     def armed(self, robots: Sequence[str]) -> None:
         """Refuse robots that would not follow a target.
@@ -55,54 +89,7 @@ class Preconditions:
 
     def unreachable(self, targets: Mapping[str, Target | None]) -> dict[str, str]:
         """Robots that cannot reach their targets from where they are, with the reason."""
-        return self._preflight(self._control.newest()).row(targets) if self._refuses else {}
-
-    def edges(
-        self, targets: Mapping[str, Target | None], last: Mapping[str, Target], robots: Collection[str]
-    ) -> dict[str, Target]:
-        """Targets within reach that robots go to in place of targets out of it (`along_the_edge`).
-
-        Args:
-            targets: of all robots.
-            last: those that were taken before them; where robots are commanded to without.
-            robots: whose targets are refused.
-        """
-        found = {}
-        for name, step in self._steps({name: targets[name] for name in robots}, last).items():
-            edge = along_the_edge(*step)
-            if edge is not None:
-                found[name] = edge
-        if not found or self.unreachable({**targets, **found}):
-            return {}
-        return found
-
-    def beside(self, targets: Mapping[str, Target | None], last: Mapping[str, Target]) -> dict[str, str]:
-        """Robots whose step leads beside their reach, by what the tolerance of the file takes; the reason.
-
-        The arguments are those of `edges`.
-        """
-        steps = self._steps(targets, last).items() if self._refuses else ()
-        return {
-            name: f"{name}: this leads {off_m * MM_PER_M:.3g} mm out of reach, and no point of it is nearer"
-            for name, step in steps
-            if (off_m := off_the_reach_m(*step)) > 0.0
-        }
-
-    def _steps(
-        self, targets: Mapping[str, Target | None], last: Mapping[str, Target]
-    ) -> dict[str, tuple[RobotConfig, Target, Target, Actuation]]:
-        """By robot its configuration, target, the target before it, and last command."""
-        record, found = self._control.newest(), {}
-        for name, target in targets.items():
-            config, command = self._view.configs[name], self._view.command(name, record)
-            if command is None or target is None:
-                continue
-            tip_m = tip_in_world(config, command, target.load_n)
-            model, load_n = config.model, config.frame.vector_in_base(target.load_n)
-            arcs = model.arcs(command, load_n) if isinstance(model, Bending) else None
-            here = Target(tip_m=tip_m, arcs=None if arcs is None else tuple(arcs.ravel().tolist()))
-            found[name] = config, target, last.get(name, here), command
-        return found
+        return self._preflight(self._control.newest()).row(targets) if self.refuses else {}
 
     def trajectory(
         self, reader: RowReader, rows: Sequence[Sequence[float]], record: TickRecord | None
@@ -114,10 +101,10 @@ class Preconditions:
         """
         try:
             trajectory = trajectory_of_rows(reader, rows)
-            if self._refuses:
+            if self.refuses:
                 trajectory = self._preflight(record).trajectory(trajectory, "rows")
         except BadInputError as error:
-            raise bad_target(error) from None
+            raise _bad_target(error) from None
         return trajectory
 
     def _preflight(self, record: TickRecord | None) -> Preflight:
@@ -127,6 +114,6 @@ class Preconditions:
         return Preflight(configs, self._guards, unreachable, seeds, self._clearance)
 
 
-def bad_target(error: BadInputError) -> RemoteError:
+def _bad_target(error: BadInputError) -> RemoteError:
     """The refusal of rows or a point, with the first findings."""
     return RemoteError(Code.BAD_TARGET, "\n".join(map(str, error.findings[:MAX_FINDINGS])))

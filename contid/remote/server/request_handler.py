@@ -185,7 +185,7 @@ class RequestHandler:
     def _lapsed(self, holder: LeaseHolder, message: str) -> None:
         """Let the robots hold, because their holder has lost the lease; ``message`` states why."""
         self._control.send(Hold())
-        self.moves.abort_streams(message)
+        self.moves.abort(message)
         log.warning("%s lost the lease (%s); holding", holder.label, message)
         self._notify(holder.client, {"event": "lease-lost", "message": message})
 

@@ -79,5 +79,5 @@ class StopOrders:
             self._run.notify(
                 holder.client, {"event": "lease-lost", "message": f"{message} stopped the robots"}
             )
-        self._run.moves.abort_streams(message)
+        self._run.moves.abort(message)
         return future

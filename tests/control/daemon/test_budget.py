@@ -77,7 +77,7 @@ def test_a_run_that_does_not_fit_is_refused_before_anything_starts(monkeypatch: 
 
 def test_check_prints_shares_and_refuses(monkeypatch: pytest.MonkeyPatch) -> None:
     burn(monkeypatch)
-    monkeypatch.setattr("contid.control.daemon.tick_times.LEAST_TICKS", 4)
+    monkeypatch.setattr("contid.control.daemon.measured_run.LEAST_TICKS", 4)
     done = CliRunner().invoke(command, ["hand", "--budget", "--json"])
     assert done.exit_code == 2  # 4 ms of 5, and the wire takes 0.9
     motions = json.loads(done.stdout)["budget"]["motions"]

@@ -202,6 +202,40 @@ def test_an_answer_to_an_older_request_does_not_arm_a_robot() -> None:
             port.close(5.0)
 
 
+def test_a_robot_of_which_one_bus_refuses_to_arm_rests_on_the_other() -> None:
+    text = fingers(1, buses=2).replace("right: {bus: bus0", "right: {bus: bus1")
+    loaded, clock = parse_robot_file(text, "two.yaml"), Ticking()
+    buses = open_buses(loaded, clock)
+
+    class Refusing(Blocking):
+        def enable(self, axes: Sequence[str]) -> None:
+            raise DeviceError("f0.right", "not today")
+
+    ports = {"bus0": BusPort(buses["bus0"], False), "bus1": BusPort(Refusing(buses["bus1"]), False)}
+    engine = Engine(build_robot_configs(loaded, 200.0), ports, 200.0, Collector(), clock.now, attended=True)
+    engine.arm()
+    for tick in range(20):
+        clock.now_s = tick / 200.0
+        engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s))
+    assert engine.robots.states[0].fault is Fault.ARM_REFUSED
+    assert isinstance(buses["bus0"], SimBus)
+    assert not any(device.on for device in buses["bus0"].devices.values())
+    for port in ports.values():
+        port.close(5.0)
+
+
+def test_after_an_error_in_a_tick_only_a_worker_keeps_its_bus() -> None:
+    """The error may have come between the start of a job and its end, as that of an alarm does."""
+    (bus,) = open_buses(load(1), Ticking()).values()
+    assert isinstance(bus, SimBus)
+    port = BusPort(bus, threaded=False)
+    bus.enable(bus.axes)
+    port.busy = True
+    port.rest(bus.axes, Rest.RELAX)
+    assert not any(device.on for device in bus.devices.values())
+    port.close(5.0)
+
+
 def test_a_refusal_of_one_robot_is_not_a_loss_of_the_bus() -> None:
     loaded = load(2)
     (bus,) = open_buses(loaded, Ticking()).values()

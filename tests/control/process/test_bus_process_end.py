@@ -14,8 +14,9 @@ import pytest
 from contid.control.engine.ports import BusJob
 from contid.control.process.isolation import port as port_module
 from contid.control.process.isolation.bus_process import MOST_SHARE, BusProcess
+from contid.control.process.isolation.link import ProcessState
 from contid.control.process.isolation.port import IsolatedPort
-from contid.control.process.isolation.wire import HEAD, LONGEST, BusRequest, BusWire
+from contid.control.process.isolation.wire import HEAD, LONGEST, Answer, BusRequest, BusWire
 from contid.control.tick.state import Effect
 from contid.hal import Rest, Sample
 from contid.hal.isolated import IsolatedBusOptions
@@ -63,7 +64,7 @@ def test_devices_rest_whenever_the_control_process_dies(when: str) -> None:
     control, served = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     bus = Servos(control, dies=when == "during a job")
     if when != "between jobs":
-        control.send(BusWire(AXES).job(1, BusJob({})))
+        control.send(HEAD.pack(BusRequest.JOB, 1) + BusWire(AXES).job(BusJob({})))
     process = bus_process(served, bus)
     if when == "before it takes the answer":
         served.send(b"an answer that is not taken")
@@ -78,8 +79,8 @@ def test_a_bus_that_cannot_count_is_closed_all_the_same() -> None:
     control, served = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     bus = Servos(control)
     with control, served:
-        control.send(HEAD.pack(BusRequest.COUNTS, 1, False))
-        control.send(HEAD.pack(BusRequest.CLOSE, 2, False))
+        control.send(HEAD.pack(BusRequest.COUNTS, 1))
+        control.send(HEAD.pack(BusRequest.CLOSE, 2))
         bus_process(served, bus).serve()
         assert json.loads(control.recv(LONGEST)[HEAD.size :]) == {}
     assert bus.closed
@@ -109,18 +110,17 @@ class Link:
     """The link to a bus process, which notes what is sent."""
 
     def __init__(self, bus: str, body: bytes) -> None:
-        self.sent: list[bytes] = []
-        self.ended = ""
+        self.sent: list[Answer] = []
+        self.state = ProcessState.RUNS
 
     def start_process(self) -> None:
-        self.ended = ""
+        self.state = ProcessState.RUNS
 
-    def next_number(self) -> int:
-        return 1
+    def request(self, kind: BusRequest, body: bytes = b"") -> None:
+        if self.state is ProcessState.RUNS:
+            self.sent.append(Answer(kind, body))
 
-    def write(self, message: bytes) -> None:
-        if not self.ended:
-            self.sent.append(message)
+    tell = request
 
 
 @pytest.fixture
@@ -134,25 +134,27 @@ def port(monkeypatch: pytest.MonkeyPatch) -> IsolatedPort:
     return IsolatedPort(cast(BusWiring, wiring))
 
 
-def sent(port: IsolatedPort) -> list[bytes]:
+def sent(port: IsolatedPort) -> list[Answer]:
     return list(cast(Any, port._link).sent)
 
 
 def test_after_an_error_every_robot_of_an_isolated_bus_comes_to_rest(port: IsolatedPort) -> None:
-    """`contid.control.engine.exchange.Exchange.abandon` asks the idle buses of one robot after the other."""
+    """`contid.control.engine.exchange.Exchange.abandon` asks the buses of one robot after the other.
+
+    The bus process may be at a job, and takes the next one after it.
+    """
+    port.start(BusJob({}))
     for axis in AXES:
-        if not port.busy:
-            port.bus.disable([axis], Rest.RELAX)
-    jobs = [BusWire(AXES).job_of(message[HEAD.size :]) for message in sent(port)]
-    assert [job.effects for job in jobs] == [((0, Effect.RELAX, (axis,)),) for axis in AXES]
+        port.rest([axis], Rest.RELAX)
+    jobs = [BusWire(AXES).job_of(body) for _, body in sent(port)]
+    assert [job.effects for job in jobs] == [(), *(((0, Effect.RELAX, (axis,)),) for axis in AXES)]
 
 
 def test_a_bus_process_that_is_started_anew_gets_the_limits_of_effort(port: IsolatedPort) -> None:
     port.limit_effort({"f.left": 0.25})
-    cast(Any, port._link).ended = "was ended by SIGSEGV"
+    cast(Any, port._link).state = ProcessState.ENDED
     port.limit_effort({"g.left": 0.5})
     cast(Any, port._link).sent.clear()
     port.start(BusJob({}, reopen=True))
-    kinds = [HEAD.unpack_from(message)[0] for message in sent(port)]
-    assert kinds == [BusRequest.JOB, BusRequest.EFFORT]
-    assert json.loads(sent(port)[1][HEAD.size :]) == {"f.left": 0.25, "g.left": 0.5}
+    assert [kind for kind, _ in sent(port)] == [BusRequest.JOB, BusRequest.EFFORT]
+    assert json.loads(sent(port)[1].body) == {"f.left": 0.25, "g.left": 0.5}

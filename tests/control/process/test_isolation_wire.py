@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from contid.control.engine.ports import BusJob, BusReply
 from contid.control.process.isolation.output import LINES_PER_S, LONGEST_LINE, LineLimit, PipeHandler
-from contid.control.process.isolation.wire import HEAD, BusRequest, BusWire
+from contid.control.process.isolation.wire import BusWire
 from contid.control.tick.state import Effect
 from contid.hal import Sample
 
@@ -27,21 +27,18 @@ SAMPLES = st.builds(
 )  # fmt: skip
 
 
-@given(st.dictionaries(st.sampled_from(AXES), NUMBERS), st.booleans(), st.integers(0, 2**32 - 1))
-def test_a_job_arrives_as_it_was_sent(commands: dict[str, float], reopen: bool, number: int) -> None:
+@given(st.dictionaries(st.sampled_from(AXES), NUMBERS), st.booleans())
+def test_a_job_arrives_as_it_was_sent(commands: dict[str, float], reopen: bool) -> None:
     effects = ((3, Effect.ENABLE, AXES), (4, Effect.RELAX, AXES[:1])) if reopen else ()
     job = BusJob(commands, effects, reopen)
-    message = WIRE.job(number, job)
-    assert HEAD.unpack_from(message)[:2] == (BusRequest.JOB, number)
-    assert repr(WIRE.job_of(message[HEAD.size :])) == repr(
+    assert repr(WIRE.job_of(WIRE.job(job))) == repr(
         replace(job, commands={axis: commands[axis] for axis in AXES if axis in commands})
     )
 
 
 @given(st.dictionaries(st.sampled_from(AXES), SAMPLES))
 def test_samples_arrive_as_they_were_sent(samples: dict[str, Sample]) -> None:
-    message = WIRE.reply(7, BusReply(samples), {})
-    reply, _ = WIRE.reply_of(message[HEAD.size :])
+    reply, _ = WIRE.reply_of(WIRE.reply(BusReply(samples), {}))
     assert reply.samples is not None
     assert repr(dict(reply.samples)) == repr({axis: samples[axis] for axis in AXES if axis in samples})
     assert (reply.lost, reply.done, reply.refused) == ("", [], [])
@@ -51,11 +48,9 @@ def test_what_became_of_requests_arrives_and_a_lost_bus() -> None:
     good = Sample(1.0, 2.0, True, 0.0)
     done, refused = [(0, Effect.CLEAR)], [(1, Effect.ENABLE, "not today")]
     extra = {"tips": [["arm", [0.0, 0.1, 0.2], 5.0]]}
-    reply, rest = WIRE.reply_of(
-        WIRE.reply(1, BusReply(dict.fromkeys(AXES, good), "", done, refused), extra)[HEAD.size :]
-    )
+    reply, rest = WIRE.reply_of(WIRE.reply(BusReply(dict.fromkeys(AXES, good), "", done, refused), extra))
     assert (reply.done, reply.refused, rest["tips"]) == (done, refused, extra["tips"])
-    lost, _ = WIRE.reply_of(WIRE.reply(2, BusReply(lost="gone " * 1000), {})[HEAD.size :])
+    lost, _ = WIRE.reply_of(WIRE.reply(BusReply(lost="gone " * 1000), {}))
     assert lost.samples is None
     assert lost.lost.startswith("gone gone")
     assert len(lost.lost) <= 1000
@@ -102,6 +97,6 @@ def test_a_long_record_keeps_its_level_however_many_bytes_its_escapes_take(text:
 @pytest.mark.parametrize("value", [math.nan, -0.0, math.inf])
 def test_a_number_that_is_none_is_not_made_one(value: float) -> None:
     sample = Sample(value, 1.0, True, 0.0)
-    reply, _ = WIRE.reply_of(WIRE.reply(1, BusReply({AXES[0]: sample}), {})[HEAD.size :])
+    reply, _ = WIRE.reply_of(WIRE.reply(BusReply({AXES[0]: sample}), {}))
     assert reply.samples is not None
     assert repr(reply.samples[AXES[0]].value) == repr(value)

@@ -12,7 +12,7 @@ import asyncio
 import contextvars
 import logging
 import random
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from typing import Any
@@ -107,8 +107,8 @@ class VirtualRun:
         self.loaded = load(robots)
         self._layout = record_layout(self.loaded, self.rate_hz)
         self._inbox: list[Message] = []
-        #: Large orders cross the pipe in parts: what they are, and the tick in which they are there.
-        self._bulk: deque[tuple[int, Message]] = deque()
+        #: Until which tick a long trajectory, and what was sent after it, crosses the pipe.
+        self._crosses_to = 0
         self._events: list[RunEvent] = []
         self._newest: TickRecord | None = None
         self.records: dict[int, TickRecord] = {}
@@ -128,9 +128,9 @@ class VirtualRun:
     def turn(self, notice: Callable[[RunEvent], None]) -> None:
         """One tick, after the orders that were sent."""
         self._process.begin()
-        inbox, self._inbox = self._inbox, []
-        while self._bulk and self._bulk[0][0] <= self._process.tick:
-            inbox.append(self._bulk.popleft()[1])
+        inbox: list[Message] = []
+        if not self.crossing:
+            inbox, self._inbox = self._inbox, []
         for message in inbox:
             self._process.engine.obey(message, self._process.tick)
             states = self._process.engine.robots.states
@@ -144,15 +144,13 @@ class VirtualRun:
     def send(self, message: Message) -> None:
         self._model.sent(message)
         self._inbox.append(message)
-
-    def send_bulk(self, message: Message) -> None:
-        self._model.sent(message)
-        self._bulk.append((self._process.tick + 20, message))
+        if isinstance(message, Play):
+            self._crosses_to = self._process.tick + 20
 
     @property
     def crossing(self) -> bool:
-        """A large order is on its way."""
-        return bool(self._bulk)
+        """A trajectory is on its way."""
+        return self._process.tick < self._crosses_to
 
     def newest(self) -> TickRecord | None:
         return self._newest

@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
+from contid.control.engine.messages import Message, Resume, Stop
 from contid.control.tick.supervisor import Mode
 from tests.remote.orders.races import STOPS, Client, Race, races, racing
 
@@ -88,3 +89,48 @@ async def test_an_order_to_go_on_that_is_refused_leaves_the_stop_standing(race: 
         await asyncio.sleep(0)
     assert await race.give(other, "resume") is None
     assert race.refused["stopped"] == 1
+
+
+POINT = {"f0.x_mm": 45.0, "f0.y_mm": 75.0}
+TIMED_ROWS = [[0.05 * step, 50.0, 75.0] for step in range(3)]
+
+
+async def ready(race: Race, program: Client) -> int:
+    """Arm, and send the rows of a trajectory; returns the number of its move."""
+    while race.run.newest() is None or not await race.give(program, "move", target=POINT):
+        await asyncio.sleep(0)
+    begun = await race.give(program, "move", columns=["t_s", *POINT])
+    assert begun is not None
+    await race.give(program, "rows", move=begun["move"], rows=TIMED_ROWS)
+    return int(begun["move"])
+
+
+@pytest.mark.parametrize("timed", [False, True])
+async def test_a_move_whose_robot_refuses_to_follow_ends(
+    race: Race, monkeypatch: pytest.MonkeyPatch, timed: bool
+) -> None:
+    """A stop is carried out before the order to follow, and no record has shown it yet."""
+    program = Client(1)
+    move, send = await ready(race, program), race.run.send
+
+    def stop_first(message: Message) -> None:
+        if isinstance(message, Resume):
+            send(Stop())
+        send(message)
+
+    monkeypatch.setattr(race.run, "send", stop_first)
+    began = race.give(program, "end", move=move) if timed else race.give(program, "move", columns=[*POINT])
+    assert await began is None
+    assert race.refused["refused"] == 1, race.refused
+    assert not race.handler.moves.along_rows(1)
+
+
+async def test_a_lease_that_is_released_during_the_check_ends_the_trajectory(race: Race) -> None:
+    program = Client(1)
+    move = await ready(race, program)
+    end = asyncio.create_task(race.give(program, "end", move=move))
+    await asyncio.sleep(0)
+    assert await race.give(program, "release") is not None
+    assert await end is None
+    assert race.refused["stopped"] == 1, race.refused
+    assert not race.model.moved["end"]

@@ -19,7 +19,7 @@ from contid.control.engine.cycle import RealClock
 from contid.control.engine.ports import BusReply, perform
 from contid.control.process.isolation.body import BusBody
 from contid.control.process.isolation.output import PipeHandler
-from contid.control.process.isolation.wire import HEAD, LONGEST, LONGEST_TEXT, BusRequest, BusWire
+from contid.control.process.isolation.wire import HEAD, LONGEST, LONGEST_TEXT, Answer, BusRequest, BusWire
 from contid.control.process.realtime import PRIORITY
 from contid.errors import ContidError
 from contid.hal import Bus, CountsAnswers, LimitsEffort, MeasuresTips, Rest
@@ -56,12 +56,12 @@ class BusProcess:
                 # A copy of the process that the driver made must not use the bus.
                 if os.getpid() != self._pid:
                     os._exit(0)
-                kind, number, _ = HEAD.unpack_from(message)
-                answer = self._answer(kind, number, message[HEAD.size :])
+                kind, number = HEAD.unpack_from(message)
+                answer = self._answer(BusRequest(kind), message[HEAD.size :])
                 if os.getpid() != self._pid:
                     os._exit(0)
-                if answer:
-                    self._connection.send(answer)
+                if answer is not None:
+                    self._connection.send(HEAD.pack(answer.kind, number) + answer.body)
                 self._look()
                 if kind == BusRequest.CLOSE:
                     return
@@ -75,20 +75,20 @@ class BusProcess:
                 if self._bus is not None:
                     self._bus.disable(axes, rest)
 
-    def _answer(self, kind: int, number: int, body: bytes) -> bytes:
-        match BusRequest(kind):
+    def _answer(self, kind: BusRequest, body: bytes) -> Answer | None:
+        match kind:
             case BusRequest.JOB:
-                return self._job(number, body)
+                return self._job(body)
             case BusRequest.OPEN:
-                return _json(kind, number, self._open())
+                return _json(kind, self._open())
             case BusRequest.COUNTS:
-                return _json(kind, number, self._counts())
+                return _json(kind, self._counts())
             case BusRequest.EFFORT:
                 self._limit_effort(json.loads(body))
-                return b""
+                return None
             case BusRequest.CLOSE:
                 self._close()
-                return _json(kind, number, {})
+                return _json(kind, {})
 
     def _counts(self) -> dict[str, Any]:
         try:
@@ -137,12 +137,12 @@ class BusProcess:
             "effort": effort,
         }
 
-    def _job(self, number: int, body: bytes) -> bytes:
+    def _job(self, body: bytes) -> Answer:
         extra: dict[str, Any] = {}
         try:
             bus = self._build()
         except (Exception, SystemExit) as error:
-            return _json(BusRequest.OPEN, number, {"error": _defect(error)})
+            return _json(BusRequest.OPEN, {"error": _defect(error)})
         assert self._wire is not None
         try:
             reply = perform(bus, self._wire.job_of(body))
@@ -157,7 +157,7 @@ class BusProcess:
                 reply = BusReply(lost=f"{bus.name}: {_defect(error)}")
             else:
                 extra = {"tips": tips} if tips else {}
-        return self._wire.reply(number, reply, extra)
+        return Answer(BusRequest.JOB, self._wire.reply(reply, extra))
 
     def _hurry(self) -> None:
         """Once the bus is open: real-time priority below the tick, and not for what the driver starts."""
@@ -190,8 +190,8 @@ def _defect(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}"[:LONGEST_TEXT]
 
 
-def _json(kind: int, number: int, fields: dict[str, Any]) -> bytes:
-    return HEAD.pack(kind, number, True) + json.dumps(fields).encode()
+def _json(kind: BusRequest, fields: dict[str, Any]) -> Answer:
+    return Answer(kind, json.dumps(fields).encode())
 
 
 def main(connection: int, output: int, body: bytes) -> int:

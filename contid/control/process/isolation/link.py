@@ -1,7 +1,17 @@
-"""The ends of the control process: the keeper of a bus, and the socket to its bus process."""
+"""The control process's ends of a bus process: the socket to its keeper, and the socket to itself.
+
+A keeper is forked once and outlives its bus processes, of which it has one at a time:
+
+    state    of the bus process                                leads to
+    ABSENT   none was started                                  RUNS: `start_process`
+    RUNS     it has its end of the socket                      CUT: it closes that; ENDED: as in CUT
+    CUT      its end is closed, and why is not known yet       ENDED: its keeper tells or ends; `end_process`
+    ENDED    `how_ended` has why                               RUNS: `start_process`
+"""
 
 from __future__ import annotations
 
+import enum
 import json
 import logging
 import os
@@ -14,33 +24,46 @@ from pathlib import Path
 from typing import Any, Final
 
 from contid.control.process.isolation import keeper
-from contid.control.process.isolation.wire import HEAD, LONGEST, BusRequest
+from contid.control.process.isolation.wire import HEAD, LONGEST, Answer, BusRequest
 
 #: Longest wait for a keeper that ends its bus process, and what that has started.
 CLOSE_S: Final = 2.0
 #: Flags of a thread that ends, writes a core, or got a deadly signal (linux/sched.h; proc_pid_stat, field 9).
 _ENDING: Final = 0x4 | 0x200 | 0x400
+#: The number of a request that has no answer, or whose answer nobody takes.
+_UNANSWERED: Final = 0
+
+
+class ProcessState(enum.Enum):
+    """The states of a bus process; the table is above."""
+
+    ABSENT = enum.auto()
+    RUNS = enum.auto()
+    CUT = enum.auto()
+    ENDED = enum.auto()
 
 
 class KeptProcess:
-    """A keeper and the bus process that it has forked, if any; at most one request is under way.
+    """A keeper and its bus process; at most one request waits for its answer.
 
     Attributes:
-        ended: how the bus process ended, "" while it runs.
-        cut: the bus process has closed its end of the socket; why comes from its keeper, perhaps later.
-        began_s: when the newest request was sent.
+        state: of the bus process.
+        how_ended: why it is in `ProcessState.ENDED`.
+        requested_s: when the newest request that has an answer was sent, on the monotonic clock.
     """
 
     def __init__(self, bus: str, body: bytes) -> None:
         """Fork the keeper; ``body`` is what builds the bus."""
-        self.ended = ""
-        self.cut = False
-        self.began_s = 0.0
+        self.state = ProcessState.ABSENT
+        self.how_ended = ""
+        self.requested_s = 0.0
         self._bus = bus
         self._keeper, self._orders = keeper.start(f"contid.bus.{bus}", body)
         self._connection: socket.socket | None = None
-        self._number = 0
+        self._number = _UNANSWERED
         self._pid = 0
+
+    # -- the bus process ---------------------------------------------------------------------------------
 
     def start_process(self) -> None:
         """Let the keeper fork a bus process, and end one that is there."""
@@ -48,9 +71,9 @@ class KeptProcess:
             self._connection.close()
         self._connection, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._connection.setblocking(False)
-        while select.select([self._orders], (), (), 0.0)[0] and self._news():  # of the one before
+        while select.select([self._orders], (), (), 0.0)[0] and self._take_report():  # of the one before
             pass
-        self.ended, self.cut, self._pid = "", False, 0
+        self.state, self._pid = ProcessState.RUNS, 0
         with theirs, suppress(OSError):
             socket.send_fds(self._orders, [keeper.OPEN], [theirs.fileno()])
 
@@ -64,22 +87,22 @@ class KeptProcess:
         with suppress(OSError):  # it is gone meanwhile, and the next look finds its socket closed
             for thread in Path(f"/proc/{self._pid}/task").iterdir() if self._pid else ():
                 flags |= int((thread / "stat").read_text().rpartition(")")[2].split()[6])
-        return self.cut or bool(flags & _ENDING)
+        return self.state is ProcessState.CUT or bool(flags & _ENDING)
 
     def end_process(self, why: str) -> None:
         """Let the keeper end the bus process."""
         with suppress(OSError):
             self._orders.send(keeper.END, socket.MSG_DONTWAIT)
-        self.ended = why
+        self.state, self.how_ended = ProcessState.ENDED, why
 
     def close(self, timeout_s: float) -> None:
         """Close the bus, and end its process and its keeper, at once when the bus does not answer in time."""
         if self._orders.fileno() < 0:
             return
         if self._connection is not None:
-            if not self.ended:
-                self.send(BusRequest.CLOSE)
-                self.ask(timeout_s)
+            if self.state is not ProcessState.ENDED:
+                self.request(BusRequest.CLOSE)
+                self.answer(timeout_s)
             self._connection.close()
         self._orders.close()
         end_s = time.monotonic() + CLOSE_S
@@ -90,80 +113,66 @@ class KeptProcess:
                 return
             time.sleep(0.002)
 
-    def next_number(self) -> int:
-        """The number of a request that is sent now; answers to earlier ones are not taken any more."""
-        self._number = (self._number + 1) & 0xFFFFFFFF
-        self.began_s = time.monotonic()
-        return self._number
+    # -- requests and answers ----------------------------------------------------------------------------
 
-    def send(self, kind: BusRequest) -> None:
-        """Send a request without parameters."""
-        has_json = False
-        self.write(HEAD.pack(kind, self.next_number(), has_json))
+    def request(self, kind: BusRequest, body: bytes = b"") -> None:
+        """Send a request; answers to earlier ones are not taken any more."""
+        self._number = self._number % 0xFFFFFFFF + 1
+        self.requested_s = time.monotonic()
+        self._send(kind, self._number, body)
 
-    def write(self, message: bytes) -> None:
-        """Send a message; that the bus process has ended is reported by its keeper."""
-        with suppress(OSError):
+    def tell(self, kind: BusRequest, body: bytes) -> None:
+        """Send a request whose answer is not taken, without regard to one that waits for its answer."""
+        self._send(kind, _UNANSWERED, body)
+
+    def _send(self, kind: BusRequest, number: int, body: bytes) -> None:
+        with suppress(OSError):  # that the bus process has ended is reported by its keeper
             if self._connection is not None:
-                self._connection.send(message)
+                self._connection.send(HEAD.pack(kind, number) + body)
 
-    def ask(self, timeout_s: float) -> dict[str, Any] | None:
-        """The JSON answer to the newest request, None without one."""
-        message = self.receive(None, time.monotonic() + timeout_s)
-        return json.loads(message) if message else None
+    def answer_json(self, timeout_s: float) -> dict[str, Any] | None:
+        """The JSON of an `answer`."""
+        answer = self.answer(timeout_s)
+        return None if answer is None else json.loads(answer.body)
 
-    def receive(self, kind: BusRequest | None, end_s: float) -> bytes:
-        """The answer to the newest request; empty when none came in time or the bus process ended.
-
-        Args:
-            kind: `BusRequest.JOB` for the reply to a job; None for the answer to any other request.
-            end_s: until when to wait, on the monotonic clock.
-        """
-        watched = [self._orders]
-        if self._connection is not None and not self.cut:
-            watched.append(self._connection)
-        while not self.ended:
+    def answer(self, timeout_s: float) -> Answer | None:
+        """The answer to the newest request; None when none came in time or the bus process has ended."""
+        end_s = time.monotonic() + timeout_s
+        while self.state is not ProcessState.ENDED:
+            watched = [self._orders]
+            if self._connection is not None and self.state is ProcessState.RUNS:
+                watched.append(self._connection)
             ready = select.select(watched, (), (), max(end_s - time.monotonic(), 0.0))[0]
             if not ready:
-                return b""
-            if self._connection in ready:
-                message = self._message()
+                return None
+            if self._connection is not None and self._connection in ready:
+                message = _received(self._connection)
                 if not message:
-                    self.cut = True
-                    watched.remove(self._connection)
+                    self.state = ProcessState.CUT
                     continue
-                found, number, _ = HEAD.unpack_from(message)
-                # The first job of a bus process that was started anew builds the bus. Where that fails,
-                # `BusProcess` answers it with OPEN and the error.
-                if number == self._number and found == BusRequest.OPEN and kind is BusRequest.JOB:
-                    self.end_process(json.loads(message[HEAD.size :])["error"])
-                elif number == self._number:
-                    return message[HEAD.size :]
+                kind, number = HEAD.unpack_from(message)
+                if number == self._number:
+                    return Answer(BusRequest(kind), message[HEAD.size :])
             if self._orders in ready:
-                self._news()
-        return b""
+                self._take_report()
+        return None
 
-    def _message(self) -> bytes:
-        """A message of the bus process; empty when it has closed its end."""
-        assert self._connection is not None
-        with suppress(OSError):
-            return self._connection.recv(LONGEST)
-        return b""
-
-    def _news(self) -> bool:
-        """Take over a message of the keeper; False when it is gone."""
-        message = b""
-        with suppress(OSError):
-            message = self._orders.recv(LONGEST)
-        if not message:
-            self.ended = self.ended or "has lost its keeper"
-            return False
-        news = json.loads(message)
-        if "pid" in news:
-            self._pid = news["pid"]
-        elif "ended" in news:
-            self.ended = self.ended or news["ended"]
-        else:
-            level, logger, text = news["log"]
+    def _take_report(self) -> bool:
+        """Take over what the keeper reports; False when it is gone."""
+        message = _received(self._orders)
+        report: dict[str, Any] = json.loads(message) if message else {"ended": "has lost its keeper"}
+        if "pid" in report:
+            self._pid = report["pid"]
+        elif "log" in report:
+            level, logger, text = report["log"]
             logging.getLogger(logger).log(level, "%s: %s", self._bus, text)
-        return True
+        elif self.state is not ProcessState.ENDED:
+            self.state, self.how_ended = ProcessState.ENDED, report["ended"]
+        return bool(message)
+
+
+def _received(connection: socket.socket) -> bytes:
+    """A message; empty when the other end is closed."""
+    with suppress(OSError):
+        return connection.recv(LONGEST)
+    return b""

@@ -1,7 +1,13 @@
 """The port of a bus in a process of its own: what the tick has instead of a bus and a worker thread.
 
-The control process sends a job in one tick and takes its answer in the same or a later one; it never waits
-longer than the tick allows. An answer that is late is a stall, which counts as a miss of the robots.
+The tick sends a job with `IsolatedPort.start` and asks for its result with `take`, in the same tick or in a
+later one; it never waits longer than the tick allows. While a job is under way (``busy``), `take` finds:
+
+    the bus process has answered                       its result                   no longer busy
+    it has ended, or took too long and is ended now    the bus is lost              no longer busy
+    it is ending, and why is not known yet, after as   the bus is lost              busy until that is known:
+    many ticks as its robots tolerate                                               no process starts before
+    none of these                                      None, a miss of its robots   busy
 """
 
 from __future__ import annotations
@@ -12,12 +18,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from contid.control.engine.ports import BusJob, BusPort, BusReply
-from contid.control.process.isolation.link import KeptProcess
-from contid.control.process.isolation.wire import HEAD, BusRequest, BusWire
+from contid.control.process.isolation.link import KeptProcess, ProcessState
+from contid.control.process.isolation.wire import BusRequest, BusWire
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect
 from contid.errors import ContidError, DriverDefectError
-from contid.hal import Rest, Sample, TipMeasured
+from contid.hal import Rest, TipMeasured
 from contid.hal.isolated import IsolatedBusOptions
 from contid.robot_file.document import BusWiring
 
@@ -30,7 +36,7 @@ COUNTS_S: Final = 0.5
 
 
 class IsolatedBus:
-    """What the control process has of the bus: its name and its axes; it may send, and never waits.
+    """What the control process has of the bus; everything else is done by its port.
 
     Attributes:
         name: name of the bus.
@@ -38,52 +44,30 @@ class IsolatedBus:
         tips: tips that the bus has measured and nothing has taken yet.
     """
 
-    def __init__(self, name: str, axes: tuple[str, ...], port: IsolatedPort) -> None:
+    def __init__(self, name: str, axes: tuple[str, ...]) -> None:
         self.name = name
         self.axes = axes
-        self._port = port
         self.tips: list[TipMeasured] = []
 
-    def open(self) -> None:
-        """The port opens it."""
+    def _never(self, *_: Any, **__: Any) -> Any:
+        raise NotImplementedError(f"bus {self.name} is used through its port")
 
-    def enable(self, axes: Sequence[str]) -> None:
-        """The port sends it with a job."""
+    open = enable = exchange = disable = clear_fault = close = _never
 
-    def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
-        """The port sends it as a job."""
-        return {}
-
-    def disable(self, axes: Sequence[str], rest: Rest) -> None:
-        """Send it without waiting for the answer, as when the control process ends by an error."""
-        effect = next(each for each in Effect if each.value is rest)
-        robot = 0  # no robot takes the answer
-        self._port.start(BusJob({}, ((robot, effect, tuple(axes)),)))
-        self._port.busy = False  # for another robot on this bus
-
-    def clear_fault(self, axes: Sequence[str]) -> None:
-        """The port sends it with a job."""
-
-    def close(self) -> None:
-        """The port closes it."""
-
-    def add_abilities(self, found: Mapping[str, Any]) -> None:
+    def add_abilities(self, found: Mapping[str, Any], port: IsolatedPort) -> None:
         """Get the methods of the optional interfaces that the bus was found to have when it was opened.
 
         These are `CountsAnswers`, `MeasuresTips` and `LimitsEffort`: protocols, which are recognised by their
         methods, so the methods are attributes of this object alone.
-
-        Args:
-            found: the answer of the bus process to the request to open.
         """
-        if found.get("counts"):
-            self.answer_counts = self._port.counts
-        if found.get("tips"):
+        if found["counts"]:
+            self.answer_counts = port.counts
+        if found["tips"]:
             self.measured_tips = self._take_tips
-        if found.get("effort") is not None:
+        if found["effort"] is not None:
             effort: dict[str, float] = found["effort"]
             self.effort_limits = lambda: effort
-            self.limit_effort = self._port.limit_effort
+            self.limit_effort = port.limit_effort
 
     def _take_tips(self) -> Sequence[TipMeasured]:
         tips, self.tips = self.tips, []
@@ -91,14 +75,16 @@ class IsolatedBus:
 
 
 class IsolatedPort(BusPort):
-    """See `BusPort`; the end of the bus process is a loss of the bus."""
+    """See `BusPort`."""
+
+    bus: IsolatedBus
 
     def __init__(self, wiring: BusWiring) -> None:
-        """Start the process that keeps that of a bus; the driver is imported when the bus is opened."""
+        """Fork the keeper of the bus process, which `begin_opening` starts."""
         axes = tuple(axis for axis, _ in wiring.axes)
-        super().__init__(IsolatedBus(wiring.name, axes, self), threaded=False)
+        super().__init__(IsolatedBus(wiring.name, axes), threaded=False)
         self.threaded = True  # for the tick: its answer may come later
-        self._driver = wiring.driver
+        self._driver = f"driver {wiring.driver!r}"
         self._tolerance = wiring.tolerance_ticks
         self._wire = BusWire(axes)
         options = wiring.options
@@ -111,7 +97,7 @@ class IsolatedPort(BusPort):
     def begin_opening(self) -> None:
         """Start the bus process and let it open the bus; `finish_opening` waits for it."""
         self._link.start_process()
-        self._link.send(BusRequest.OPEN)
+        self._link.request(BusRequest.OPEN)
 
     def finish_opening(self) -> None:
         """Wait until the bus is open.
@@ -120,20 +106,18 @@ class IsolatedPort(BusPort):
             DriverDefectError: it did not open in time, its process ended, or the driver raised another error.
             ContidError: the driver raised it.
         """
-        found = self._link.ask(OPEN_S - (time.monotonic() - self._link.began_s))
-        where = f"bus {self.bus.name}: driver {self._driver!r}"
+        found = self._link.answer_json(OPEN_S - (time.monotonic() - self._link.requested_s))
+        where = f"bus {self.bus.name}: {self._driver}"
         if found is None:
-            raise DriverDefectError(
-                f"{where} {self._link.ended or f'did not open the bus within {OPEN_S:g} s'}"
-            )
-        if "error" in found and "exit_code" in found:
+            why = self._link.how_ended or f"did not open the bus within {OPEN_S:g} s"
+            raise DriverDefectError(f"{where} {why}")
+        if "exit_code" in found:
             error = ContidError(found["error"])
             error.exit_code = int(found["exit_code"])
             raise error
         if "error" in found:
             raise DriverDefectError(f"{where}: {found['error']}")
-        assert isinstance(self.bus, IsolatedBus)
-        self.bus.add_abilities(found)
+        self.bus.add_abilities(found, self)
 
     def close(self, timeout_s: float) -> None:
         """Close the bus and end its process, at once when it does not answer in time."""
@@ -141,47 +125,44 @@ class IsolatedPort(BusPort):
 
     # -- jobs --------------------------------------------------------------------------------------------
 
-    def lose(self, message: str) -> None:
-        """Mark the bus as lost; its process, or the next one, opens it again."""
-        self.lost = message
-        self.retry_at = 0
-
     def start(self, job: BusJob) -> None:
         """Begin a job; `take` returns its result."""
         self.busy = True
         self.exempt = job.reopen or bool(job.effects)
-        anew = self._link.ended and job.reopen
+        anew = self._link.state is ProcessState.ENDED and job.reopen
         if anew:
             self._link.start_process()
-        self._link.write(self._wire.job(self._link.next_number(), job))
+        self._link.request(BusRequest.JOB, self._wire.job(job))
         if anew and self._shares:
-            self._send_shares()
+            self.limit_effort({})
 
     def take(self, timeout_s: float) -> BusReply | None:
         """The result of the job that was begun, or None when it is not done within the time."""
         if not self.busy:
             return None
-        end_s = time.monotonic() + timeout_s
-        if message := self._link.receive(BusRequest.JOB, end_s):
-            reply, extra = self._wire.reply_of(message)
-            assert isinstance(self.bus, IsolatedBus)
-            for robot, tip, time_s in extra.get("tips", ()):
-                self.bus.tips.append(TipMeasured(robot, tuple(tip), time_s))
+        link = self._link
+        answer = link.answer(timeout_s)
+        if answer is not None and answer.kind is BusRequest.JOB:
+            reply, extra = self._wire.reply_of(answer.body)
+            self.bus.tips += [
+                TipMeasured(robot, tuple(tip), at_s) for robot, tip, at_s in extra.get("tips", ())
+            ]
             return self._done(reply)
         longest_s = OPEN_S if self.exempt else HANGS_S
-        if not self._link.ended and time.monotonic() - self._link.began_s > longest_s:
-            self._link.end_process(f"did not answer for {longest_s:g} s; its process was ended")
-        if self._link.ended:
-            return self._done(self._reply_of_end(self._link.ended))
+        if answer is not None:  # the first job of a process that was started anew builds the bus: that failed
+            link.end_process(json.loads(answer.body)["error"])
+        elif link.state is not ProcessState.ENDED and time.monotonic() - link.requested_s > longest_s:
+            link.end_process(f"did not answer for {longest_s:g} s; its process was ended")
+        if link.state is ProcessState.ENDED:
+            return self._done(self._loss(link.how_ended))
         self.stalls += 1
-        if not self.lost and self.stalls >= self._tolerance and self._link.is_ending():
-            # It stays busy until its keeper has reported the end, so that no other job is begun before.
-            return self._reply_of_end("has ended")
+        if not self.lost and self.stalls >= self._tolerance and link.is_ending():
+            return self._loss("has ended")
         return None
 
-    def _reply_of_end(self, how: str) -> BusReply:
+    def _loss(self, how: str) -> BusReply:
         """The result of a job whose bus process ended."""
-        return BusReply(lost=f"{self.bus.name}: driver {self._driver!r} {how}", fault=Fault.DRIVER_ENDED)
+        return BusReply(lost=f"{self.bus.name}: {self._driver} {how}", fault=Fault.DRIVER_ENDED)
 
     def _done(self, reply: BusReply) -> BusReply:
         """Note that the job is done, and return its result."""
@@ -191,25 +172,26 @@ class IsolatedPort(BusPort):
 
     # -- requests besides jobs ---------------------------------------------------------------------------
 
+    def rest(self, axes: Sequence[str], rest: Rest) -> None:
+        """See `BusPort.rest`: the bus process does it after the job that is under way."""
+        effect = next(each for each in Effect if each.value is rest)
+        robot = 0  # no robot takes the answer
+        self._link.tell(BusRequest.JOB, self._wire.job(BusJob({}, ((robot, effect, tuple(axes)),))))
+
     def counts(self) -> Mapping[str, int]:
         """What the bus counted; empty when it does not answer."""
-        if self.busy or self._link.ended:
+        if self.busy or self._link.state is ProcessState.ENDED:
             return {}
-        self._link.send(BusRequest.COUNTS)
-        return self._link.ask(COUNTS_S) or {}
+        self._link.request(BusRequest.COUNTS)
+        return self._link.answer_json(COUNTS_S) or {}
 
     def limit_effort(self, shares: Mapping[str, float]) -> None:
         """Send limits of effort, shares of the greatest by axis; they hold from the next exchange on.
 
-        A bus process that is started anew gets them too.
+        A bus process that is started anew gets those of before too.
         """
         self._shares |= shares
-        self._send_shares()
-
-    def _send_shares(self) -> None:
-        number, has_json = 0, True  # it has no answer
-        head = HEAD.pack(BusRequest.EFFORT, number, has_json)
-        self._link.write(head + json.dumps(self._shares).encode())
+        self._link.tell(BusRequest.EFFORT, json.dumps(self._shares).encode())
 
 
 def isolated_ports(buses: Mapping[str, BusWiring]) -> dict[str, IsolatedPort]:

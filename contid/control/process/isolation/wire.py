@@ -1,9 +1,9 @@
 """Messages between the control process and a bus process: fixed structs for every tick, JSON for the rest.
 
-    request  kind, number, has JSON | per axis: has a command; command | JSON
-    reply    kind, number, has JSON | per axis: parts that are there; their values | JSON
+    request  kind, number | of a job, per axis: has a command; command | JSON, if any
+    answer   kind, number | of a job, per axis: parts that are there; their values | JSON, if any
 
-Faults, effects and errors are rare and go into the JSON.
+Faults, effects and errors are rare and go into the JSON. An answer has the number of its request.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ import enum
 import json
 from collections.abc import Mapping, Sequence
 from struct import Struct
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from contid.control.engine.ports import BusJob, BusReply
 from contid.control.tick.state import Effect
 from contid.hal import REPORTED, Sample
 
-HEAD: Final = Struct("=BI?")
+#: `BusRequest` and number, at the head of every message.
+HEAD: Final = Struct("=BI")
 #: Longest message; a text is cut to `LONGEST_TEXT` characters.
 LONGEST: Final = 1 << 17
 LONGEST_TEXT: Final = 1000
@@ -30,7 +31,7 @@ _SAMPLE: Final = Struct(f"=H{len(_NUMBERS)}d")
 
 
 class BusRequest(enum.IntEnum):
-    """What a request asks for."""
+    """What a request asks for, and its answer answers; to a job whose bus cannot be built it is `OPEN`."""
 
     JOB = 1
     OPEN = 2
@@ -39,8 +40,15 @@ class BusRequest(enum.IntEnum):
     CLOSE = 5
 
 
+class Answer(NamedTuple):
+    """An answer without its number."""
+
+    kind: BusRequest
+    body: bytes
+
+
 class BusWire:
-    """The messages of a bus with given axes."""
+    """The bodies of jobs and their replies, for a bus with given axes."""
 
     def __init__(self, axes: Sequence[str]) -> None:
         self.axes = tuple(axes)
@@ -48,8 +56,8 @@ class BusWire:
 
     # -- requests ----------------------------------------------------------------------------------------
 
-    def job(self, number: int, job: BusJob) -> bytes:
-        """A job."""
+    def job(self, job: BusJob) -> bytes:
+        """The request of a job."""
         commands = job.commands
         there = [axis in commands for axis in self.axes]
         values = [commands.get(axis, 0.0) for axis in self.axes]
@@ -57,10 +65,10 @@ class BusWire:
         if job.reopen or job.effects:
             effects = [[robot, effect.name, axes] for robot, effect, axes in job.effects]
             extra = json.dumps({"reopen": job.reopen, "effects": effects}).encode()
-        return HEAD.pack(BusRequest.JOB, number, bool(extra)) + self._commands.pack(*there, *values) + extra
+        return self._commands.pack(*there, *values) + extra
 
     def job_of(self, body: bytes) -> BusJob:
-        """The job of a request without its head."""
+        """The job of a request."""
         count = len(self.axes)
         numbers = self._commands.unpack_from(body)
         there, values = numbers[:count], numbers[count:]
@@ -74,7 +82,7 @@ class BusWire:
 
     # -- replies -----------------------------------------------------------------------------------------
 
-    def reply(self, number: int, reply: BusReply, extra: Mapping[str, Any]) -> bytes:
+    def reply(self, reply: BusReply, extra: Mapping[str, Any]) -> bytes:
         """The result of a job, and what else the bus has to report."""
         samples = reply.samples or {}
         parts, faults = [], {}
@@ -100,11 +108,10 @@ class BusWire:
             rest["refused"] = [
                 [robot, effect.name, text[:LONGEST_TEXT]] for robot, effect, text in reply.refused
             ]
-        body = json.dumps(rest).encode() if rest else b""
-        return HEAD.pack(BusRequest.JOB, number, bool(body)) + b"".join(parts) + body
+        return b"".join(parts) + (json.dumps(rest).encode() if rest else b"")
 
     def reply_of(self, body: bytes) -> tuple[BusReply, Mapping[str, Any]]:
-        """The result of a job from a reply without its head, and its JSON."""
+        """The result of a job from a reply, and its JSON."""
         end = len(self.axes) * _SAMPLE.size
         rest: Mapping[str, Any] = json.loads(body[end:]) if len(body) > end else {}
         answer = BusReply(
