@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import math
-import os
-import random
 import time
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
-from threading import Timer
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -23,7 +20,6 @@ pytestmark = pytest.mark.realtime
 
 Make = Callable[..., Any]
 TICK = reg.RAD_PER_TICK
-HOMINGS = int(os.environ.get("CONTID_HOMINGS", "5"))
 STOP = {"method": "hard_stop", "direction": -1, "current_ma": 120, "speed_deg_s": 360, "timeout_s": 6}
 TENSION = {"method": "tension", "direction": 1, "current_ma": 120, "speed_deg_s": 180, "timeout_s": 20}
 STOP_TICKS = -300.0
@@ -120,103 +116,3 @@ def test_a_spool_that_does_not_move_back_is_not_tensioned(rig: Make, fault: str)
     with pytest.raises(DeviceError, match=r"r\.a2.*does not move back"):
         home(r)
     assert not any(servo.torque or marked(servo) for servo in made)
-
-
-@dataclass(frozen=True)
-class Trouble:
-    """One disturbance of a homing: what, and when [s]."""
-
-    kind: str
-    at_s: float
-    until_s: float
-    ticks: float
-
-
-def troubles(seed: int, kinds: Iterable[str], span_s: float) -> list[Trouble]:
-    rng, kinds = random.Random(seed), tuple(kinds)
-    found = []
-    for number in range(HOMINGS):
-        at_s = rng.uniform(0.0, span_s)
-        until_s = at_s + rng.choice((rng.uniform(0.05, 1.5), 60.0))
-        ticks = rng.choice((-1, 1)) * rng.uniform(5, 3000)
-        found.append(Trouble(kinds[number % len(kinds)], at_s, until_s, ticks))
-    return found
-
-
-def disturb(r: Any, device: int, trouble: Trouble) -> list[Timer]:
-    """Start the disturbance of one servo."""
-    servo = r.emulator.servo(device)
-
-    def slip() -> None:
-        # Shaft and load against the encoder: the count stays, the load and its stops move.
-        servo.forgotten_ticks += round(trouble.ticks)
-
-    def block() -> None:
-        low, high = servo.motion.stops
-        servo.motion.stops = (max(low, servo.motion.position - abs(trouble.ticks) % 400), high)
-
-    started = {
-        "freeze": lambda: r.emulator.set("freeze", device, on=True),
-        "jam": lambda: r.emulator.set("jam", device, on=True),
-        "slip": slip,
-        "obstacle": block,
-    }[trouble.kind]
-    ended = {
-        "freeze": lambda: r.emulator.set("freeze", device, on=False),
-        "jam": lambda: r.emulator.set("jam", device, on=False),
-        "slip": lambda: None,
-        "obstacle": lambda: setattr(servo.motion, "stops", (STOP_TICKS, 1e9)),
-    }[trouble.kind]
-    timers = [Timer(trouble.at_s, started), Timer(trouble.until_s, ended)]
-    for timer in timers:
-        timer.daemon = True
-        timer.start()
-    return timers
-
-
-@pytest.mark.parametrize("trouble", troubles(7, ("freeze", "jam", "slip", "obstacle"), 3.0), ids=repr)
-def test_a_disturbed_search_of_a_stop_gives_its_zero_or_an_error(rig: Make, trouble: Trouble) -> None:
-    r = rig(1, axis={"homing": STOP}, servo={"stops_ticks": (STOP_TICKS, 1e9), "position_ticks": 3000.0})
-    servo = r.emulator.servo(1)
-    true: list[float] = []
-
-    def report(line: str) -> None:
-        if "stop at" in line:  # the second finding: the shaft has not left it for longer than its way back
-            true.append((STOP_TICKS + servo.count_offset()) * TICK)
-
-    # What stays in the way for ever is recognised by the former zero alone.
-    timers = disturb(r, 1, trouble)
-    zero = None if trouble.kind == "slip" else math.degrees((STOP_TICKS + servo.count_offset()) * TICK)
-    try:
-        (found,) = home(r, report, zero)
-    except DeviceError:
-        assert not servo.torque
-        return
-    finally:
-        for timer in timers:
-            timer.cancel()
-    late_slip = trouble.kind == "slip" and abs(
-        found.value - true[0] + round(trouble.ticks) * TICK
-    ) < math.radians(1)
-    assert abs(found.value - true[0]) < math.radians(1.0) + 2 * TICK or late_slip
-
-
-@pytest.mark.parametrize("trouble", troubles(8, ("freeze", "jam"), 4.0), ids=repr)
-def test_disturbed_tensioning_gives_its_zeros_or_an_error(rig: Make, trouble: Trouble) -> None:
-    made = [Servo(i + 1, position_ticks=-300.0 - 50 * i) for i in range(3)]
-    TendonPlant(made, (1,) * 3, (0.0,) * 3, (2.0,) * 3)
-    for servo in made:
-        servo.memory[9] = 0
-    r = rig(3, axis={"homing": TENSION}, made=made)
-    timers = disturb(r, 2, trouble)
-    try:
-        found = home(r)
-    except DeviceError:
-        assert not any(servo.torque for servo in made)
-        return
-    finally:
-        for timer in timers:
-            timer.cancel()
-    for each, servo in zip(found, made, strict=True):
-        # 120 mA less 40 of friction over 2 mA per tick; 2 mm of a spool of 20 mm are 131 ticks.
-        assert abs(each.value / TICK - servo.count_offset() - 40.0) < 131.0

@@ -47,7 +47,9 @@ void Motor::configure(const MotorConfig& config) {
   power_up_ = config.power_up;
   home_at_ = config.home_at;
   count_from(position);
+  const int64_t held_q16 = sum_q16_;
   stand();
+  sum_q16_ = held_q16;  // a motor that holds a load goes on holding it
   speed_q8_ = 0;
   fault_ = Reason::NONE;
   phase_ = Phase::IDLE;
