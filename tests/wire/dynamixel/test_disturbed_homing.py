@@ -1,4 +1,4 @@
-"""Homing of servos while their bodies jam, freeze, slip and meet obstacles: its zero, or an error; in virtual time."""
+"""Homing of servos that jam, freeze, slip and meet obstacles: its zero, or an error; in virtual time."""
 
 from __future__ import annotations
 
