@@ -197,10 +197,10 @@ def test_a_motor_that_holds_is_neither_lost_nor_let_go(board, kept):
     ):
         refused = motors.configure(other, plant=False)
         assert isinstance(refused, Refused)
-        assert refused.refusal is Refusal.ARMED_NOW
+        assert refused.refusal == Refusal.ARMED_NOW
     refused = motors.ask(Type.PARK, messages.park(motors.crc, [0], parked=True))
     assert isinstance(refused, Refused)
-    assert refused.refusal is Refusal.ARMED_NOW
+    assert refused.refusal == Refusal.ARMED_NOW
     assert not isinstance(motors.configure({"m0": held | {"stall_percent": 60}}, plant=False), Refused)
     report = motors.demand().channels[0]
     assert report.state is (BoardState.STOPPED if kept == "stopped" else BoardState.SAFE)
