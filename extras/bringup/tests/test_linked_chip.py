@@ -15,7 +15,7 @@ from contid_drivers.due.codes import DUTY_FULL, TRACE_MS, Type
 from tests.firmware.sam3x.board import Sam3x
 from tests.firmware.sam3x.build import build_sketch
 from tests.firmware.sam3x.host import Host
-from tests.firmware.sam3x.plant import Motors
+from tests.firmware.sam3x.plant import STEP, Motors
 
 pytestmark = [pytest.mark.process, pytest.mark.slow, pytest.mark.campaign]
 
@@ -43,10 +43,11 @@ def reverse(plant: Motors) -> None:
     ids=["healthy", "reversed", "swapped", "track"],
 )
 def test_the_wiring_of_a_motor_at_the_pins(wire: Callable[[Motors], None], expected: WiringFault) -> None:
-    chip = Sam3x(build_sketch())
+    chip = Sam3x(build_sketch(), cycles_per_instruction=6.0)  # fewer are emulated per millisecond
     chip.run_ms(25)
     chip.usb.open()
-    plant, host = Motors(chip), Host(chip.ask_usb)
+    chip.cpu.quantum = 512
+    plant, host = Motors(chip, step=4 * STEP), Host(chip.ask_usb)
     host.configure(4)
     wire(plant)
     start, farthest = list(plant.shaft), 0.0
