@@ -72,6 +72,8 @@ bool Plant::set(int channel, const std::string& name, double value) {
       {"encoder_stuck", &m.stuck},
       {"encoder_reversed", &m.reversed},
       {"wired_coast", &m.wired_coast},
+      {"motor_wired", &m.motor_wired},
+      {"encoder_wired", &m.encoder_wired},
       {"leak", &r.leaking},
       {"wire", &r.wire_broken},
       {"read_back_frozen", &r.frozen},

@@ -31,10 +31,13 @@ struct MotorPlant {
   bool open_a = false, open_b = false;  // a track of the encoder that keeps its level
   double encoder_share = 1.0;           // of the motion that the encoder sees: a slipped horn, another pinion
   bool wired_coast = false;             // pulled down: it coasts while its lines are not driven
+  // Wires that are exchanged as the robot file states; `reversed` is a fault beside it.
+  bool motor_wired = false, encoder_wired = false;
 
   void step(const Output& out, double dt) {
     const bool coasts = out.drive == Drive::COAST || (out.drive == Drive::OFF && wired_coast);
-    const double duty = out.drive == Drive::RUN ? static_cast<double>(out.duty) / DUTY_FULL : 0.0;
+    const double full = motor_wired ? -DUTY_FULL : DUTY_FULL;
+    const double duty = out.drive == Drive::RUN ? static_cast<double>(out.duty) / full : 0.0;
     const double before = shaft;
     const double emf = coasts ? 0.0 : duty * no_load - speed;
     double push = emf;
@@ -55,7 +58,7 @@ struct MotorPlant {
     }
     current_ma = coasts ? 0.0 : std::fabs(emf) / no_load * stall_ma;
     if (stuck) return;
-    const double seen = encoder_share * (reversed ? before - shaft : shaft - before);
+    const double seen = encoder_share * (reversed != encoder_wired ? before - shaft : shaft - before);
     count_edges(std::floor(encoder + unseen), std::floor(encoder + unseen + seen));
     if (open_a || open_b) {
       unseen += seen;

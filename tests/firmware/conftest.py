@@ -15,7 +15,7 @@ from contid.hal import AxisOnBus
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import Type
 from contid_drivers.due.firmware import WARNINGS, build_host
-from contid_drivers.due.messages import Answer, Telemetry
+from contid_drivers.due.messages import Answer, Refused, Telemetry
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from contid_drivers.due.wiring import DUE_ADC, Adc
 from contid_emulate.due import plant_commands
@@ -83,8 +83,10 @@ class VirtualBoard:
             self.telemetry = message
         return message
 
-    def configure(self, axes: Mapping[str, Mapping[str, Any]], watchdog_ms: int = 100) -> Answer | None:
-        """Channel -> options; the plant of each channel is made to fit them."""
+    def configure(
+        self, axes: Mapping[str, Mapping[str, Any]], watchdog_ms: int = 100, plant: bool = True
+    ) -> Answer | None:
+        """Channel -> options; the plant of each channel is made to fit them, or left as it is."""
         on_bus = []
         for channel, options in axes.items():
             defaults = REGULATOR if channel[0] == "p" else {}
@@ -97,13 +99,14 @@ class VirtualBoard:
                 )
             )
         for axis in on_bus:
-            for line in plant_commands(axis, self.adc):
+            for line in plant_commands(axis, self.adc) if plant else ():
                 self.command(line)
         blob = wiring.board_config(
             "board", DueBusOptions(port="x", role=Role(self.role), watchdog_ms=watchdog_ms), on_bus, self.adc
         )
-        self.crc = frames.crc16(blob)
         answer = self.ask(Type.CONFIGURE, wiring.config_body(blob))
+        if not isinstance(answer, Refused):
+            self.crc = frames.crc16(blob)
         self.step(50)
         return answer
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from contid_drivers.due.codes import BoardState, Reason, Refusal, ResetCause, Type
+from contid_drivers.due import messages
+from contid_drivers.due.codes import BoardState, Reason, Refusal, ResetCause, RestCode, Type
 from contid_drivers.due.messages import Refused, Telemetry
 
 pytestmark = pytest.mark.process
@@ -161,13 +162,51 @@ def test_reversed_encoder_at_the_first_motion(board):
     assert abs(motors.truth(0)[0]) < 20 * 60.8  # it ran away by less than 20 mm
 
 
-def test_motor_or_encoder_turned_around_by_configuration(board):
+@pytest.mark.parametrize(("encoder", "motor"), [(True, False), (False, True), (True, True)])
+def test_motor_or_encoder_turned_around_by_configuration(board, encoder, motor):
+    """The emulated wiring is that of the robot file: the true shaft goes where it is sent."""
     motors = board("motor")
-    motors.configure({"m0": {"encoder_reversed": True}})
-    motors.command("set 0 encoder_reversed 1")
+    motors.configure({"m0": {"encoder_reversed": encoder, "motor_reversed": motor}})
     motors.arm(0)
     _run(motors, lambda now: {0: 3000}, 1500)
     assert motors.demand().channels[0].position == pytest.approx(3000, abs=5)
+    assert motors.truth(0)[0] == pytest.approx(3000, abs=6)
+    motors.command("set 0 encoder_reversed 1")
+    _run(motors, lambda now: {0: 0}, 400)
+    assert motors.trip()["reason"] == "encoder_reversed"
+
+
+@pytest.mark.parametrize("kept", ["stopped", "watchdog"])
+def test_a_motor_that_holds_is_neither_lost_nor_let_go(board, kept):
+    """Without power from the host: stopped to hold, or held by its watchdog."""
+    motors = board("motor")
+    motors.configure({"m0": (held := {"on_watchdog": "hold", "start_state": "brake"})})
+    motors.arm(0)
+    _run(motors, lambda now: {0: 3000}, 1500)
+    if kept == "stopped":
+        motors.ask(Type.STOP, messages.stop([0], RestCode.HOLD))
+    else:
+        motors.step(150)
+        assert motors.trip()["reason"] == "watchdog"
+    for other in (
+        {"m1": {}},
+        {"m0": held | {"encoder_reversed": True}},
+        {"m0": held | {"motor_reversed": True}},
+        {"m0": held | {"power_up_deg": 10.0}},
+        {"m0": held | {"bridge": "tb6612"}},
+    ):
+        refused = motors.configure(other, plant=False)
+        assert isinstance(refused, Refused)
+        assert refused.refusal == Refusal.ARMED_NOW
+    refused = motors.ask(Type.PARK, messages.park(motors.crc, [0], parked=True))
+    assert isinstance(refused, Refused)
+    assert refused.refusal == Refusal.ARMED_NOW
+    assert not isinstance(motors.configure({"m0": held | {"stall_percent": 60}}, plant=False), Refused)
+    report = motors.demand().channels[0]
+    assert report.state is (BoardState.STOPPED if kept == "stopped" else BoardState.SAFE)
+    assert not report.position_lost
+    assert report.position == pytest.approx(3000, abs=5)
+    assert motors.truth(0)[4] == 2, "it runs"
 
 
 def test_leak(board):

@@ -87,10 +87,12 @@ def test_the_trace_is_the_motion_of_the_shaft(board):
 
 def test_the_sense_is_that_of_the_configuration(board):
     assert trace_of(_motors(board)).positions[-1] > 0
-    assert trace_of(_motors(board, motor_reversed=True)).positions[-1] < 0
-    assert trace_of(_motors(board, encoder_reversed=True)).positions[-1] < 0
-    both = trace_of(_motors(board, motor_reversed=True, encoder_reversed=True), duty=-PULSE_DUTY)
-    assert both.positions[-1] < 0
+    for which in ("motor", "encoder"):
+        motors = _motors(board, **{f"{which}_reversed": True})
+        assert trace_of(motors).positions[-1] > 0, "wired as the configuration has it"
+        motors.step(TRACE_MS + 200)
+        motors.command(f"set 0 {which}_wired 0")
+        assert trace_of(motors).positions[-1] < 0
 
 
 @pytest.mark.parametrize(

@@ -134,7 +134,10 @@ def _refusal(name: str, what: str, answer: Refused) -> DeviceNotFoundError:
     elif answer.refusal == Refusal.OTHER_PORT:
         return DeviceNotFoundError(name, _other_port(answer), _REMEDIES[Refusal.OTHER_PORT])
     elif answer.refusal == Refusal.ARMED_NOW:
-        remedy = "another host armed it with another configuration; its watchdog will disarm it"
+        remedy = (
+            "another host armed it with another configuration: its watchdog will disarm it; or a motor holds "
+            "its position by another wiring or zero: relax it with the former file, or switch its power off"
+        )
     return DeviceNotFoundError(name, f"{what} refused: {answer.message}", remedy)
 
 

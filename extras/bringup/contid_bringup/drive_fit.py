@@ -30,7 +30,7 @@ _REPEATED: Final = 8
 _SHARES: Final = (0.5, 1.0)
 _LONG_REPEATED: Final = 5
 _LONG_SHARES: Final = (0.1, 1.0)
-_DURATIONS_S: Final = (0.030, 0.027, 0.025, 0.028, 0.024, 0.029, 0.026)
+DURATIONS_S: Final = (0.030, 0.027, 0.025, 0.028, 0.024, 0.029, 0.026)
 #: Way of a pulse that is longer than those of a probe, by the robot file, and the steps of its duration.
 MEASURED_DEG: Final = 8.0
 _SHORTER_S: Final = 0.005
@@ -81,7 +81,7 @@ def measure(pulse: Pulse, found_duty: float, facts: DriveFacts) -> list[PulseAns
     probe turns by about `MEASURED_DEG`.
     """
     pulse = from_rest(pulse)
-    durations = itertools.cycle(_DURATIONS_S)
+    durations = itertools.cycle(DURATIONS_S)
     answers = []
     long = facts.longest_s > PULSE_S
     for share in _LONG_SHARES if long else _SHARES:

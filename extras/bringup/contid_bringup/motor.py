@@ -9,7 +9,8 @@ from typing import Final, Protocol
 
 from contid.hal import Report
 from contid.hal.pulses import DriveFacts, PulsedBus
-from contid_bringup.drive_fit import DriveFit, fit_drive, measure
+from contid_bringup.backlash import measure_backlash
+from contid_bringup.drive_fit import DriveFit, MeanOfPulses, fit_drive, measure
 from contid_bringup.naming import Verdict, name_fault
 from contid_bringup.probing import DUTY_MOST, Pulse, blind_s, from_rest, probe
 from contid_bringup.timed_fit import fit_timed
@@ -29,6 +30,7 @@ class MotorResult:
         verdict: what the pulses showed.
         pulses: how many, and ``most_duty`` the strongest of them.
         fit: friction, top speed, time constant; None for a faulty axis, and where it moved too little.
+        backlash_deg: seen behind the gear; None where `fit` is, for servos, and of one wider than a pulse.
         counts_by_hand: counts of one turn by hand; None when it was skipped.
         counts_per_rev: those of the robot file.
         notes: what else was found, a line each.
@@ -38,6 +40,7 @@ class MotorResult:
     pulses: int
     most_duty: float
     fit: DriveFit | None
+    backlash_deg: MeanOfPulses | None
     counts_by_hand: int | None
     counts_per_rev: float
     notes: Sequence[str] = ()
@@ -76,6 +79,13 @@ class MotorResult:
                     ("time constant", self.fit.time_constant_s, 1000.0, "ms"),
                 )
             ]
+        if self.backlash_deg is not None:
+            play, deviation = self.backlash_deg
+            found.append(
+                f"backlash {play:.2g} deg (+- {deviation:.1g})"
+                if play > 3.0 * deviation
+                else f"backlash below {max(play, 0.0) + 3.0 * deviation:.2g} deg"
+            )
         return [*found, *self.notes]
 
 
@@ -114,7 +124,7 @@ def bring_up_motor(
     report(f"{axis}: pulses of at most 30 ms, rising to at most 20 % until it stirs")
     answers = probe(pulse, facts)
     verdict = name_fault(answers, facts.stall_a)
-    fit, counted = None, None
+    fit, backlash, counted = None, None, None
     if verdict.fault is WiringFault.NONE:
         report(f"{axis}: motor and encoder answer; measuring friction, speed and time constant")
         found = abs(answers[-1].duty)
@@ -125,6 +135,8 @@ def bring_up_motor(
             fit = fit_timed(answers, facts) if facts.sealed else fit_drive(answers, facts)
             if by_hand is not None:
                 verdict = Verdict(by_hand.saw(axis, functools.partial(_wiggle, pulse, facts, sense, found)))
+    if verdict.fault is WiringFault.NONE and fit is not None and not facts.sealed:
+        backlash = measure_backlash(pulse, facts)
     if verdict.fault is WiringFault.NONE and by_hand is not None and not facts.sealed:
         before = bus.counts(axis)
         if by_hand.turned(axis):
@@ -132,7 +144,7 @@ def bring_up_motor(
     most = max(abs(answer.duty) for answer in answers)
     verdict = verdict._replace(sealed=facts.sealed)
     notes = bus.notes(axis)
-    return MotorResult(verdict, len(answers), most, fit, counted, facts.counts_per_rev, notes)
+    return MotorResult(verdict, len(answers), most, fit, backlash, counted, facts.counts_per_rev, notes)
 
 
 def _wiggle(pulse: Pulse, facts: DriveFacts, sense: int, found_duty: float) -> None:

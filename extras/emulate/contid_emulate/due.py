@@ -88,6 +88,8 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions, adc: Adc) -> dict[str, float]:
         "shaft": o.power_up_deg * per_deg,
         "full_scale_ma": o.current_ma_per_v * adc.mv / 1000.0,
         "wired_coast": o.start is SafeState.COAST,
+        "motor_wired": o.motor_reversed,
+        "encoder_wired": o.encoder_reversed,
         "stall_ma": o.stall_current_ma * 1.5 or 1600.0,
     }
     margin = _STOP_MARGIN_DEG * per_deg

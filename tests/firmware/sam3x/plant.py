@@ -31,7 +31,8 @@ _GRAY = (0, 1, 3, 2)
 class Motors:
     """First order: ``tau dv/dt = duty v0 - v``. ``shaft`` in counts, ``speed`` in counts/s.
 
-    ``open_track`` keeps the first track of a channel from 2 to 5 at its level.
+    ``open_track`` keeps the first track of a channel from 2 to 5 at its level; ``sense`` is -1 where the
+    wires of a motor are exchanged, ``encoder_of`` the shaft whose encoder a channel reads.
     """
 
     def __init__(self, board: Sam3x, step: int = STEP, no_load: float = 7630.0, tau_s: float = 0.04) -> None:
@@ -42,6 +43,8 @@ class Motors:
         self.speed = [0.0] * 6
         self._count = [0] * 6
         self.open_track: dict[int, int] = {}
+        self.sense = [1] * 6
+        self.encoder_of = list(range(6))
         self.due = board.cpu.cycles
         board.cpu.timed.append(self)
 
@@ -55,7 +58,7 @@ class Motors:
         if not forward and not backward:
             return None
         share = self._board.pwm.channel(unit, 4) / max(1, self._board.pwm.channel(unit, 0x0C))
-        return share * (forward - backward)
+        return self.sense[channel] * share * (forward - backward)
 
     def fire(self) -> None:
         self.due += self._step
@@ -65,7 +68,8 @@ class Motors:
             if duty is not None:
                 self.speed[channel] += (duty * self.no_load - self.speed[channel]) * dt / self.tau_s
             self.shaft[channel] += self.speed[channel] * dt
-            self._show(channel, math.floor(self.shaft[channel]))
+        for channel, shaft in enumerate(self.encoder_of):
+            self._show(channel, math.floor(self.shaft[shaft]))
 
     def _show(self, channel: int, count: int) -> None:
         if count == self._count[channel]:

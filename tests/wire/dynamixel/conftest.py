@@ -17,6 +17,8 @@ from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.link import Opened
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_emulate.dynamixel import DynamixelEmulator, Servo
+from tests.wire.dynamixel.virtual_wire import InlineEmulator
+from tests.wire.wire_time import WireTime
 
 # Generous, because tests share the machine; nothing here is about time.
 PATIENT = {"usb_latency_ms": 40.0, "retry_ms": 80.0, "watchdog_ms": 2000}
@@ -66,7 +68,10 @@ def servos(count: int, **servo: Any) -> list[Servo]:
 
 @pytest.fixture
 def rig(tmp_path: Path) -> Iterator[Callable[..., Rig]]:
-    """Make rigs: ``rig(count, axis={...}, servo={...}, options...)``; axes are r.a1, r.a2, .."""
+    """Make rigs: ``rig(count, axis={...}, servo={...}, options...)``; axes are r.a1, r.a2, ..
+
+    In real time, or in ``time``.
+    """
     with ExitStack() as stack:
 
         def make(
@@ -75,15 +80,18 @@ def rig(tmp_path: Path) -> Iterator[Callable[..., Rig]]:
             servo: Mapping[str, Any] | None = None,
             travel: tuple[float, float] | None = None,
             made: Sequence[Servo] | None = None,
+            time: WireTime | None = None,
             **options: Any,
         ) -> Rig:
-            emulator = DynamixelEmulator(
+            emulator = (DynamixelEmulator if time is None else InlineEmulator)(
                 made if made is not None else servos(count, **(servo or {})),
                 tmp_path / "servos.pty",
                 tmp_path / "faults.jsonl",
                 paced=False,
             )
             stack.enter_context(emulator)
+            if time is not None:
+                time.devices = (emulator,)
             wired = tuple(
                 AxisOnBus(f"r.a{i + 1}", DynamixelAxisOptions(id=i + 1, **(axis or {})), travel)
                 for i in range(count)

@@ -1,4 +1,7 @@
-"""A standstill alone is no reference: frozen encoders, jams, obstacles, slips, and zeros that moved."""
+"""A standstill alone is no reference: frozen encoders, jams, obstacles, slips, and zeros that moved.
+
+Disturbed searches run in virtual time.
+"""
 
 from __future__ import annotations
 
@@ -8,22 +11,23 @@ import random
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from threading import Timer
 from typing import Any
 
 import pytest
 
 from contid.errors import DeviceError
 from contid.hal import Reference
-from contid_drivers.dynamixel import DRIVER, turns
+from contid_drivers.dynamixel import DRIVER, homing, search, tensioning, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_emulate.dynamixel import Servo, TendonPlant
+from tests.wire.dynamixel.virtual_wire import servo_time
+from tests.wire.wire_time import WireTime
 
 pytestmark = pytest.mark.realtime
 
 Make = Callable[..., Any]
 TICK = reg.RAD_PER_TICK
-HOMINGS = int(os.environ.get("CONTID_HOMINGS", "5"))
+HOMINGS = int(os.environ.get("CONTID_HOMINGS", "8"))
 STOP = {"method": "hard_stop", "direction": -1, "current_ma": 120, "speed_deg_s": 360, "timeout_s": 6}
 TENSION = {"method": "tension", "direction": 1, "current_ma": 120, "speed_deg_s": 180, "timeout_s": 20}
 STOP_TICKS = -300.0
@@ -122,6 +126,11 @@ def test_a_spool_that_does_not_move_back_is_not_tensioned(rig: Make, fault: str)
     assert not any(servo.torque or marked(servo) for servo in made)
 
 
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> WireTime:
+    return servo_time(monkeypatch, homing, search, tensioning)
+
+
 @dataclass(frozen=True)
 class Trouble:
     """One disturbance of a homing: what, and when [s]."""
@@ -143,40 +152,40 @@ def troubles(seed: int, kinds: Iterable[str], span_s: float) -> list[Trouble]:
     return found
 
 
-def disturb(r: Any, device: int, trouble: Trouble) -> list[Timer]:
-    """Start the disturbance of one servo."""
-    servo = r.emulator.servo(device)
+class Disturbed:
+    """One servo that is disturbed at its time (`tests.wire.wire_time.Emulated`)."""
 
-    def slip() -> None:
-        # Shaft and load against the encoder: the count stays, the load and its stops move.
-        servo.forgotten_ticks += round(trouble.ticks)
+    def __init__(self, r: Any, device: int, trouble: Trouble, now_s: float) -> None:
+        self.emulator, self.device, self.trouble = r.emulator, device, trouble
+        self.servo: Servo = r.emulator.servo(device)
+        self.due = [(now_s + trouble.at_s, True), (now_s + trouble.until_s, False)]
 
-    def block() -> None:
-        low, high = servo.motion.stops
-        servo.motion.stops = (max(low, servo.motion.position - abs(trouble.ticks) % 400), high)
+    def turn(self, now_s: float) -> None:
+        while self.due and now_s >= self.due[0][0]:
+            self.switch(self.due.pop(0)[1])
 
-    started = {
-        "freeze": lambda: r.emulator.set("freeze", device, on=True),
-        "jam": lambda: r.emulator.set("jam", device, on=True),
-        "slip": slip,
-        "obstacle": block,
-    }[trouble.kind]
-    ended = {
-        "freeze": lambda: r.emulator.set("freeze", device, on=False),
-        "jam": lambda: r.emulator.set("jam", device, on=False),
-        "slip": lambda: None,
-        "obstacle": lambda: setattr(servo.motion, "stops", (STOP_TICKS, 1e9)),
-    }[trouble.kind]
-    timers = [Timer(trouble.at_s, started), Timer(trouble.until_s, ended)]
-    for timer in timers:
-        timer.daemon = True
-        timer.start()
-    return timers
+    def switch(self, on: bool) -> None:
+        motion, ticks = self.servo.motion, self.trouble.ticks
+        if self.trouble.kind in ("freeze", "jam"):
+            self.emulator.set(self.trouble.kind, self.device, on=on)
+        elif self.trouble.kind == "obstacle":
+            low = max(motion.stops[0], motion.position - abs(ticks) % 400) if on else STOP_TICKS
+            motion.stops = (low, motion.stops[1])
+        elif on:
+            # Shaft and load against the encoder: the count stays, the load and its stops move.
+            self.servo.forgotten_ticks += round(ticks)
 
 
 @pytest.mark.parametrize("trouble", troubles(7, ("freeze", "jam", "slip", "obstacle"), 3.0), ids=repr)
-def test_a_disturbed_search_of_a_stop_gives_its_zero_or_an_error(rig: Make, trouble: Trouble) -> None:
-    r = rig(1, axis={"homing": STOP}, servo={"stops_ticks": (STOP_TICKS, 1e9), "position_ticks": 3000.0})
+def test_a_disturbed_search_of_a_stop_gives_its_zero_or_an_error(
+    rig: Make, clock: WireTime, trouble: Trouble
+) -> None:
+    r = rig(
+        1,
+        axis={"homing": STOP},
+        servo={"stops_ticks": (STOP_TICKS, 1e9), "position_ticks": 3000.0},
+        time=clock,
+    )
     servo = r.emulator.servo(1)
     true: list[float] = []
 
@@ -184,17 +193,14 @@ def test_a_disturbed_search_of_a_stop_gives_its_zero_or_an_error(rig: Make, trou
         if "stop at" in line:  # the second finding: the shaft has not left it for longer than its way back
             true.append((STOP_TICKS + servo.count_offset()) * TICK)
 
+    clock.devices = (*clock.devices, Disturbed(r, 1, trouble, clock.now()))
     # What stays in the way for ever is recognised by the former zero alone.
-    timers = disturb(r, 1, trouble)
     zero = None if trouble.kind == "slip" else math.degrees((STOP_TICKS + servo.count_offset()) * TICK)
     try:
         (found,) = home(r, report, zero)
     except DeviceError:
         assert not servo.torque
         return
-    finally:
-        for timer in timers:
-            timer.cancel()
     late_slip = trouble.kind == "slip" and abs(
         found.value - true[0] + round(trouble.ticks) * TICK
     ) < math.radians(1)
@@ -202,21 +208,20 @@ def test_a_disturbed_search_of_a_stop_gives_its_zero_or_an_error(rig: Make, trou
 
 
 @pytest.mark.parametrize("trouble", troubles(8, ("freeze", "jam"), 4.0), ids=repr)
-def test_disturbed_tensioning_gives_its_zeros_or_an_error(rig: Make, trouble: Trouble) -> None:
+def test_disturbed_tensioning_gives_its_zeros_or_an_error(
+    rig: Make, clock: WireTime, trouble: Trouble
+) -> None:
     made = [Servo(i + 1, position_ticks=-300.0 - 50 * i) for i in range(3)]
     TendonPlant(made, (1,) * 3, (0.0,) * 3, (2.0,) * 3)
     for servo in made:
         servo.memory[9] = 0
-    r = rig(3, axis={"homing": TENSION}, made=made)
-    timers = disturb(r, 2, trouble)
+    r = rig(3, axis={"homing": TENSION}, made=made, time=clock)
+    clock.devices = (*clock.devices, Disturbed(r, 2, trouble, clock.now()))
     try:
         found = home(r)
     except DeviceError:
         assert not any(servo.torque for servo in made)
         return
-    finally:
-        for timer in timers:
-            timer.cancel()
     for each, servo in zip(found, made, strict=True):
         # 120 mA less 40 of friction over 2 mA per tick; 2 mm of a spool of 20 mm are 131 ticks.
         assert abs(each.value / TICK - servo.count_offset() - 40.0) < 131.0

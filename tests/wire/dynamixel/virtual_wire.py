@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import select
+from types import ModuleType
 
 import pytest
 
@@ -32,6 +33,6 @@ class InlineEmulator(DynamixelEmulator):
         self._idle()
 
 
-def servo_time(monkeypatch: pytest.MonkeyPatch) -> WireTime:
-    """Host and emulators in one time until the test ends."""
-    return wire_time(monkeypatch, (locked_port, bus, client, duplicates, wire), (locked_port,))
+def servo_time(monkeypatch: pytest.MonkeyPatch, *also: ModuleType) -> WireTime:
+    """Host, with further modules of it, and emulators in one time until the test ends."""
+    return wire_time(monkeypatch, (locked_port, bus, client, duplicates, wire, *also), (locked_port,))

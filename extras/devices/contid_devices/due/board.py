@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from contextlib import closing
@@ -13,6 +14,7 @@ from contid.hal import AxisOnBus, Finding, FoundDevice, Report
 from contid.kit.clock import MonotonicClock
 from contid.kit.remembered import memory_of
 from contid.kit.serial_ports import find_port, port_name, usb_ports
+from contid.units import BAR
 from contid_drivers.due import identity
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.options import DueBusOptions, Role
@@ -83,8 +85,15 @@ def _timing(name: str, options: DueBusOptions, bus: DueBus) -> list[Finding]:
     for axis, sample in samples.items():
         lost = sample.fault.startswith("position lost")
         remedy = "" if lost or not sample.fault else "remove the cause, then clear-fault"
-        findings.append(Finding(axis, not sample.fault, sample.fault or f"reads {sample.value}", remedy))
+        reads = f"reads {_reading(options.role, sample.value)}"
+        findings.append(Finding(axis, not sample.fault, sample.fault or reads, remedy))
     return findings
+
+
+def _reading(role: Role, value: float | None) -> str:
+    if value is None:
+        return "nothing"
+    return f"{math.degrees(value):.2f} deg" if role is Role.MOTOR else f"{value / BAR:.3f} bar"
 
 
 def accept(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], report: Report) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TextIO
 
@@ -35,7 +36,8 @@ def command(request: Calibration, held_out: TextIO | None, keep_out: float) -> N
 
     Columns: timestamp, pattern_label, one servo_<id>_mm per tendon, and tip_x,tip_y,tip_z in mm. Pulls of one
     tendon while all others are slack show which servo pulls which tendon; without them the columns must be in
-    the order of the axes. Each stage is judged by the rows kept out.
+    the order of the axes. Load cells at both ends of a tendon, servo_<id>_near_n and servo_<id>_far_n in N,
+    give the capstan coefficient. Each stage is judged by the rows kept out.
     """
     from contid.robot_file.tendon.robot import TendonRobot
     from contid_fit.calibrate.tendon.fit_robot import calibrate
@@ -61,7 +63,7 @@ def command(request: Calibration, held_out: TextIO | None, keep_out: float) -> N
     # Friction is added to a file that has none only where it predicts better.
     last, add = found.stages[-1], friction_predicts(found.stages)
     edits = changes(last, robot, found.both.servos, found.geometry, request.note)
-    fitted = found.both.pull_m[: last.train.rows]
+    fitted = found.both.rows(0, last.train.rows)
     edits += friction_changes(last, robot, fitted, request.note, add)
     request.write_back(name, edits, measured=("geometry.sections",))
 
@@ -80,7 +82,7 @@ def _read(data: TextIO, robot: str) -> TendonRecording:
 def _numbers(
     geometry: FoundGeometry | None, both: TendonRecording, stages: tuple[Stage, ...]
 ) -> dict[str, object]:
-    from contid_fit.calibrate.tendon.capstan import capstan_coefficient
+    from contid_fit.calibrate.tendon.capstan import capstan_coefficient, measured_capstan
     from contid_fit.calibrate.tendon.result import millimetres, numbers
 
     last = stages[-1]
@@ -91,9 +93,11 @@ def _numbers(
     penalty = last.residual.penalty if last.residual is not None else float("inf")
     # One section alone has no servos to exchange; JSON has no infinity.
     margin = None if geometry is None or geometry.margin == float("inf") else geometry.margin
-    mu = capstan_coefficient(last.fit, both.pull_m[: last.train.rows])
+    fitted = both.rows(0, last.train.rows)
+    mu, ends = capstan_coefficient(last.fit, fitted.pull_m), measured_capstan(last.fit, fitted)
     return {
-        "capstan": None if mu is None else {"value": mu.value, "low": mu.low, "high": mu.high},
+        "capstan": None if mu is None else asdict(mu),
+        "capstan_from_ends": None if ends is None else asdict(ends),
         "servos": list(both.servos),
         "geometry_margin": margin,
         "confidence": 0.95,
@@ -138,14 +142,18 @@ def _print(geometry: FoundGeometry | None, both: TendonRecording, stages: tuple[
 
 
 def _print_friction(both: TendonRecording, stages: tuple[Stage, ...]) -> None:
-    from contid_fit.calibrate.tendon.capstan import capstan_coefficient
+    from contid_fit.calibrate.tendon.capstan import capstan_coefficient, measured_capstan
     from contid_fit.calibrate.tendon.result import friction_predicts
 
     last = stages[-1]
-    found = capstan_coefficient(last.fit, both.pull_m[: last.train.rows])
-    if found is not None:
-        interval = f"{found.low:.2g} to {found.high:.2g} (95 %)"
-        click.echo(f"  capstan coefficient of the friction {found.value:.3g}   {interval}")
+    fitted = both.rows(0, last.train.rows)
+    for found, source in (
+        (capstan_coefficient(last.fit, fitted.pull_m), "of the friction"),
+        (measured_capstan(last.fit, fitted), "from the tensions at both ends"),
+    ):
+        if found is not None:
+            interval = f"{found.low:.2g} to {found.high:.2g} (95 %)"
+            click.echo(f"  capstan coefficient {source} {found.value:.3g}   {interval}")
     if not friction_predicts(stages):
         click.echo("  friction does not predict better; it is written only where the file has it")
 

@@ -74,15 +74,22 @@ bool Board::commanded() const {
   return false;
 }
 
+bool Board::moves(uint8_t i) const {
+  const State state = channel_[i].state;
+  return state == State::ARMED || state == State::HOMING || state == State::PULSING;
+}
+
+bool Board::powered(uint8_t i) const {
+  const Channel& channel = channel_[i];
+  const bool holds = channel.state == State::STOPPED && channel.rest == Rest::HOLD;
+  const bool kept = channel.state == State::SAFE && channel.reason == Reason::WATCHDOG &&
+                    identity_.role == Role::MOTOR && config_.motor[i].safe == Safe::HOLD;
+  return moves(i) || holds || kept;
+}
+
 uint8_t Board::under_power() const {
   for (uint8_t i = 0; i < CHANNELS; ++i) {
-    const Channel& channel = channel_[i];
-    const bool moves =
-        channel.state == State::ARMED || channel.state == State::HOMING || channel.state == State::PULSING;
-    const bool holds = channel.state == State::STOPPED && channel.rest == Rest::HOLD;
-    const bool kept = channel.state == State::SAFE && channel.reason == Reason::WATCHDOG &&
-                      identity_.role == Role::MOTOR && config_.motor[i].safe == Safe::HOLD;
-    if (moves || holds || kept) return i;
+    if (powered(i)) return i;
   }
   return NO_CHANNEL;
 }

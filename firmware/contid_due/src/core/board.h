@@ -95,8 +95,13 @@ class Board {
 
   // Whether a channel follows demands or homes.
   bool commanded() const;
-  // The first channel that follows demands, homes, pulses, or holds its position; NO_CHANNEL for none.
+  // Whether a channel follows demands, homes or pulses; or does that, or holds its position or pressure.
+  bool moves(uint8_t channel) const;
+  bool powered(uint8_t channel) const;
+  // The first channel with power; NO_CHANNEL for none.
   uint8_t under_power() const;
+  // Whether a channel that holds would be lost by the staged configuration.
+  bool staged_loses(uint8_t channel) const;
   // The watchdog is fed: the host read a telemetry and sent a request.
   void feed();
 

@@ -1,4 +1,16 @@
 // Sums the drive that the count does not answer.
+//
+// | the shaft | mark             | momentum                       | the count owes                  |
+// | --------- | ---------------- | ------------------------------ | ------------------------------- |
+// | TURNED    | here, other side | of its speed, against          | as before; -play if it advanced |
+// | ADVANCED  | here             | 0                              | 0; the duty it needs is learnt  |
+// | RUNS_OUT  | here             | + drive - need / 2 (above 0)   | as before                       |
+// | OWES      | stays            | + drive - need (behind: drive) | + momentum; failed above limit  |
+// | EXCUSED   | stays            | 0                              | 0                               |
+// | GIVES_WAY | here             | of its speed, against          | -play                           |
+// | MAY_STAND | stays            | 0                              | as before                       |
+//
+// What each is, in the order of judgement: EncoderWatch::Shaft.
 #include "encoder_watch.h"
 
 #include "fixed.h"
@@ -7,6 +19,7 @@ namespace contid {
 
 namespace {
 const int32_t ADVANCE = 2;      // counts; one open track never shows more than one
+const int32_t BACKWARD = 3;     // counts
 const int32_t FASTEST_MS = 10;  // least time constant of a shaft
 // Way of the slowest shaft at which the count must have advanced, times its inertia: 4 counts, four times the file's
 // time constant, 80 % of its speed; in duty ticks squared per ka.
@@ -33,7 +46,6 @@ void EncoderWatch::configure(const MotorConfig& config) {
 void EncoderWatch::mark(int32_t position) {
   mark_ = position;
   last_ = position;
-  along_ = 0;
   idle_ = 0;
   edges_ = 0;
   backward_ = false;
@@ -55,65 +67,77 @@ void EncoderWatch::start(int32_t position, int32_t need) {
 }
 
 // The drive turned around, or a load turns the shaft against it: the slowest shaft still runs the other way.
-void EncoderWatch::turn(int32_t position, int32_t along) {
+void EncoderWatch::turn(int32_t position, int32_t speed) {
   mark_ = position;
-  against_ = clamp(along, -MOVED_MOST, 0);
+  against_ = clamp(speed, -MOVED_MOST, 0);
   momentum_ = against_ * (inertia_ / 8) * MOMENTUM_PER_KA_8;
 }
 
-void EncoderWatch::advance(int32_t position, int32_t moved, int32_t drive) {
-  mark(position);
-  advanced_ = true;
-  need_ = base_;
-  if (drive <= base_) return;
-  // What moves only under more duty than `base_` needs it: the part of the duty that is not for its speed.
-  const int64_t speed = static_cast<int64_t>(magnitude(clamp(moved, -MOVED_MOST, MOVED_MOST))) * kv_ * 125 >> 8;
-  if (drive - speed > base_) need_ = static_cast<int32_t>(drive - speed);
+// What moves only under more duty than `base_` needs it: the part of the duty that is not for its speed.
+void EncoderWatch::learn_need(int32_t speed, int32_t drive) {
+  const int64_t for_speed = static_cast<int64_t>(magnitude(clamp(speed, -MOVED_MOST, MOVED_MOST))) * kv_ * 125 >> 8;
+  const int64_t rest = drive - for_speed;
+  need_ = rest > base_ ? static_cast<int32_t>(rest) : base_;
+}
+
+EncoderWatch::Shaft EncoderWatch::judge(const Seen& seen) const {
+  if (seen.side != side_) return Shaft::TURNED;
+  if (seen.ahead >= ADVANCE) return Shaft::ADVANCED;
+  if (momentum_ < 0 && seen.speed < 0 && seen.speed >= against_ - JITTER) return Shaft::RUNS_OUT;
+  if (seen.drive > need_ && (seen.behind || !seen.excused)) return Shaft::OWES;
+  if (seen.excused) return Shaft::EXCUSED;
+  return seen.behind ? Shaft::GIVES_WAY : Shaft::MAY_STAND;
 }
 
 void EncoderWatch::tick(int32_t position, int32_t moved, int32_t duty, bool excused) {
   const int32_t side = sign(duty);
-  const int32_t along = side * moved;
-  if (side != side_) {
-    // Play is crossed before the encoder moves, once in a stroke. What a stroke without an advance owes, stays.
-    const int32_t owed = advanced_ ? -play_ : owed_;
-    side_ = side;
-    advanced_ = false;
-    mark(position);
-    owed_ = owed;
-    return turn(position, along);
+  const int32_t ahead = side < 0 ? minus(mark_, position) : minus(position, mark_);
+  const Seen seen = {side, magnitude(duty), ahead, side * moved, ahead <= -BACKWARD, excused};
+  const Shaft shaft = judge(seen);
+  if (shaft != Shaft::TURNED && shaft != Shaft::ADVANCED) {
+    ++idle_;
+    if (position != last_) ++edges_;
+    last_ = position;
+    // One that has turned around, or accelerates against the drive, has lost its momentum.
+    if (shaft != Shaft::RUNS_OUT) {
+      backward_ = seen.behind && seen.speed < 0;
+      if (shaft != Shaft::OWES || momentum_ < 0) momentum_ = 0;
+    }
   }
-  const int32_t ahead = minus(position, mark_);
-  along_ = side < 0 ? -ahead : ahead;
-  const int32_t drive = side < 0 ? -duty : duty;
-  if (along_ >= ADVANCE) return advance(position, moved, drive);
-  ++idle_;
-  if (position != last_) ++edges_;
-  last_ = position;
-  if (momentum_ < 0) {
-    if (along >= against_ - JITTER && along < 0) {
-      const int32_t brakes = drive - need_ / 2;  // against a load
-      if (brakes > 0) momentum_ += brakes;
+  switch (shaft) {
+    case Shaft::TURNED: {
+      // Play is crossed before the encoder moves, once in a stroke. What a stroke without an advance owes, stays.
+      const int32_t owed = advanced_ ? -play_ : owed_;
+      mark(position);
+      turn(position, seen.speed);
+      owed_ = owed;
+      side_ = side;
+      advanced_ = false;
+      break;
+    }
+    case Shaft::ADVANCED:
+      mark(position);
+      learn_need(seen.speed, seen.drive);
+      advanced_ = true;
+      break;
+    case Shaft::RUNS_OUT:
+      if (seen.drive > need_ / 2) momentum_ += seen.drive - need_ / 2;  // need / 2: against a load
       mark_ = position;
       idle_ = 0;
-      return;
-    }
-    momentum_ = 0;  // it has turned around, or accelerates against the drive
-  }
-  const int32_t excess = drive - need_;
-  const bool behind = along_ <= -BACKWARD;
-  backward_ = behind && along < 0;
-  if (excess > 0 && (behind || !excused)) {
-    momentum_ += behind ? drive : excess;  // no friction holds what runs backward
-    owed_ += momentum_;
-    return;
-  }
-  momentum_ = 0;
-  if (excused) {
-    owed_ = 0;
-  } else if (along_ <= -BACKWARD) {
-    owed_ = -play_;
-    turn(position, along);
+      break;
+    case Shaft::OWES:
+      momentum_ += seen.behind ? seen.drive : seen.drive - need_;  // no friction holds what runs backward
+      owed_ += momentum_;
+      break;
+    case Shaft::EXCUSED:
+      owed_ = 0;
+      break;
+    case Shaft::GIVES_WAY:
+      owed_ = -play_;
+      turn(position, seen.speed);
+      break;
+    case Shaft::MAY_STAND:
+      break;
   }
 }
 

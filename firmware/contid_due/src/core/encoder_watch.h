@@ -8,8 +8,9 @@
 namespace contid {
 
 // The slowest shaft within rating stands below `need` of duty and has the inertia of four times the file's time
-// constant. The drive above `need` is summed once (its momentum) and twice (its way); each advance of the count along
-// the drive starts both anew. A count that has not advanced when that shaft would have is the fault.
+// constant. The drive above `need` is summed once (its momentum) and twice (its way, which the count owes); each
+// advance of the count along the drive starts both anew. A count that has not advanced when that shaft would have is
+// the fault.
 class EncoderWatch {
  public:
   void configure(const MotorConfig& config);
@@ -32,21 +33,40 @@ class EncoderWatch {
   int32_t idle() const { return idle_; }
 
  private:
-  void mark(int32_t position);
-  void turn(int32_t position, int32_t along);
-  void advance(int32_t position, int32_t moved, int32_t drive);
+  // What the shaft does in one tick; the first that holds.
+  enum class Shaft : uint8_t {
+    TURNED,     // the drive has another sign than before
+    ADVANCED,   // the count is ADVANCE further along the drive than the mark
+    RUNS_OUT,   // still runs against the drive, no faster than when the drive turned
+    OWES,       // the drive is more than it needs, and nothing excuses it; or its count runs backward
+    EXCUSED,    // it may stand
+    GIVES_WAY,  // a load turns it against a drive that is less than it needs
+    MAY_STAND   // the drive is less than it needs
+  };
+  // The drive and the shaft in one tick; counts are positive along the drive.
+  struct Seen {
+    int32_t side, drive;  // sign and magnitude of the duty
+    int32_t ahead;        // counts since the mark
+    int32_t speed;        // counts in eight ticks
+    bool behind;          // the count has run backward since the mark
+    bool excused;
+  };
+  Shaft judge(const Seen& seen) const;
 
-  static const int32_t BACKWARD = 3;   // counts
+  void mark(int32_t position);
+  void turn(int32_t position, int32_t speed);
+  void learn_need(int32_t speed, int32_t drive);
+
   static const int32_t ONE_TRACK = 3;  // edges without an advance
 
   int32_t inertia_, kv_, limit_, play_;  // of the configuration
   int32_t base_, need_;                  // least and present duty that may be needed to move
   int32_t side_, mark_, last_;           // direction of the drive, furthest count along it, newest count
-  int32_t along_, idle_, edges_;         // counts along the drive, ticks and edges since the mark
+  int32_t idle_, edges_;                 // ticks and edges since the mark
   bool backward_;                        // the count runs against the drive now
   bool advanced_;                        // since the drive turned
-  int32_t momentum_, owed_;              // duty ticks, duty ticks squared
-  int32_t against_;                      // counts in eight ticks against the drive, while the shaft turns around
+  int32_t momentum_, owed_;              // duty ticks, below 0 against the drive; duty ticks squared
+  int32_t against_;                      // counts in eight ticks against the drive, when it turned
 };
 
 }  // namespace contid

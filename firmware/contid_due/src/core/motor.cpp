@@ -1,4 +1,18 @@
-// Runs a geared motor with encoder: speed estimate, position and speed law, fault detection, homing.
+// Runs a geared motor with encoder: speed estimate, position and speed law, faults. Its homing: homing.cpp.
+//
+// Faults of a driven shaft, the first that holds:
+//
+// | reason                     | when                                                                               |
+// |----------------------------|------------------------------------------------------------------------------------|
+// | ENCODER_EDGES              | edges were missed since the position was known                                     |
+// | ENCODER_REVERSED           | the count owes what the drive must have caused (EncoderWatch), and runs backward   |
+// | ENCODER_TRACK              | it owes, and goes to and fro                                                       |
+// | STALLED or ENCODER_SILENT  | it owes, and stands: without a current sensor STALLED                              |
+// |                            | - those below not while a search approaches its stop -                             |
+// | STALLED or ENCODER_SILENT  | pushes without a count for `stall_ms`, or SILENT_MS if farther off than `follow`:  |
+// |                            | with a current sensor ENCODER_SILENT unless the stall current flows                |
+// | FOLLOWING                  | farther from its set-point than `follow`                                           |
+// | CELL_OTHER, of the tendon  | no fault yet, and its load cell or tendon has one (Tendon::fault)                  |
 #include "motor.h"
 
 #include "fixed.h"
@@ -6,11 +20,7 @@
 namespace contid {
 
 namespace {
-const int32_t STILL_MS = 50;    // pushing against the end stop without an advance of the count
-const int32_t STOPPED_MS = 25;  // the same of a shaft that had moved, and time for STILL_COUNTS at homing speed
-const int32_t STILL_COUNTS = 4;
-const int32_t SETTLE_MS = 2000;  // time limit of the shaft's settling after backing off
-const int32_t SILENT_MS = 20;    // following error without a count
+const int32_t SILENT_MS = 20;  // following error without a count
 
 // A shaft that stands and should not: the duty goes on by BREAK_AWAY per tick and count of error, STUCK at most.
 const int32_t STUCK_MS = 10;
@@ -25,8 +35,8 @@ void Motor::configure(const MotorConfig& config) {
   set_.limit(config.velocity, config.acceleration);
   ki_tick_ = static_cast<int32_t>(static_cast<int64_t>(config.ki) * 65536 / static_cast<int32_t>(TICK_HZ));
   watch_.configure(config);
+  const int32_t position = referenced_ ? plus(counted(), offset_) : config.power_up;
   if (!referenced_) {
-    offset_ = minus(config.power_up, counted());
     missed_base_ = raw_missed_;
     referenced_ = true;
   } else if (config.encoder_reversed != reversed_ || config.power_up != power_up_ || config.home_at != home_at_) {
@@ -36,13 +46,11 @@ void Motor::configure(const MotorConfig& config) {
   reversed_ = config.encoder_reversed;
   power_up_ = config.power_up;
   home_at_ = config.home_at;
-  position_ = plus(counted(), offset_);
-  for (uint32_t i = 0; i < WINDOW; ++i) history_[i] = position_;
-  set_.start(position_);
+  count_from(position);
+  const int64_t held_q16 = sum_q16_;
+  stand();
+  sum_q16_ = held_q16;  // a motor that holds a load goes on holding it
   speed_q8_ = 0;
-  sum_q16_ = 0;
-  extra_ = 0;
-  duty_ = 0;
   fault_ = Reason::NONE;
   phase_ = Phase::IDLE;
   watch_.start(position_, config.stall_duty);
@@ -74,31 +82,30 @@ int32_t Motor::velocity() const {
   return static_cast<int32_t>(clamp64(speed_q8_ >> 8, -limit, limit));
 }
 
-// The set-point stands at the shaft; integrator, watches and fault start anew.
-void Motor::begin() {
+// The shaft is at `position` now.
+void Motor::count_from(int32_t position) {
+  offset_ = minus(position, counted());
+  position_ = position;
+  for (int32_t& past : history_) past = position;
+}
+
+// The set-point stands at the shaft, without duty.
+void Motor::stand() {
   set_.start(position_);
   sum_q16_ = 0;
   extra_ = 0;
   duty_ = 0;
+}
+
+// Stands at the shaft; watches and fault start anew.
+void Motor::begin() {
+  stand();
   stall_ticks_ = 0;
   fault_ = Reason::NONE;
   limited_ = false;
   watch_.start(position_, config_->stall_duty);
   disowned_ = false;
   if (config_->tension.fitted) tendon_.arm(position_);
-}
-
-void Motor::end_homing() {
-  if (phase_ == Phase::IDLE) return;
-  phase_ = Phase::IDLE;
-  set_.limit(config_->velocity, config_->acceleration);
-  watch_.start(position_, config_->stall_duty);
-}
-
-// The duty that a shaft which searches its stop may need to move, or to leave the stop.
-int32_t Motor::search_need() const {
-  const int32_t most = config_->home_duty - config_->home_duty / 8;
-  return most < config_->stall_duty ? most : config_->stall_duty;
 }
 
 void Motor::arm() {
@@ -119,65 +126,16 @@ void Motor::demand(int32_t goal, uint32_t since, int32_t velocity) {
   set_.demand(allowed, since, velocity);
 }
 
-void Motor::hold() {
-  // The set-point of a search lies ahead of the shaft, possibly inside the end stop: it is given up.
-  const bool searching = phase_ == Phase::APPROACH || phase_ == Phase::BACK_OFF;
-  end_homing();
-  if (searching) {
-    begin();
-  } else {
-    set_.stop();
-  }
-}
-
-void Motor::home() {
-  begin();
-  homed_ = false;
-  missed_base_ = raw_missed_;
-  seek(false);
-}
-
-void Motor::seek(bool again) {
-  again_ = again;
-  phase_ = Phase::APPROACH;
-  phase_ticks_ = 0;
-  still_ticks_ = 0;
-  set_.limit(config_->home_velocity, config_->acceleration);
-  watch_.start(position_, search_need());
-}
-
-int32_t Motor::still_ms() const {
-  if (!watch_.advanced()) return STILL_MS;  // it may have to break away first
-  return clamp(STILL_COUNTS * static_cast<int32_t>(TICK_HZ) / config_->home_velocity, STOPPED_MS, STILL_MS);
-}
-
-// The count becomes `home_at`, unless this place disagrees with an earlier one.
-Reason Motor::stand_still() {
-  const int64_t off = static_cast<int64_t>(position_) - config_->home_at;
-  if ((again_ || known_) && magnitude64(off) > config_->home_repeat) {
-    return again_ ? Reason::HOME_TWICE : Reason::HOME_MOVED;
-  }
-  offset_ = plus(offset_, minus(config_->home_at, position_));
-  position_ = config_->home_at;
-  for (uint32_t i = 0; i < WINDOW; ++i) history_[i] = position_;
-  return Reason::NONE;
-}
-
 void Motor::park() {
-  offset_ = minus(config_->power_up, counted());
-  position_ = config_->power_up;
+  count_from(config_->power_up);
   missed_base_ = raw_missed_;
-  for (uint32_t i = 0; i < WINDOW; ++i) history_[i] = position_;
   lost_ = false;
   begin();
 }
 
 Output Motor::rest(Drive drive) {
   end_homing();
-  set_.start(position_);
-  sum_q16_ = 0;
-  extra_ = 0;
-  duty_ = 0;
+  stand();
   return Output{drive, 0};
 }
 
@@ -268,85 +226,30 @@ void Motor::break_away(int32_t side, int32_t error) {
 void Motor::watch(int64_t error_q8, bool resting) {
   const bool pushing = magnitude(duty_) >= config_->stall_duty;
   stall_ticks_ = (pushing && moved_ == 0) ? stall_ticks_ + 1 : 0;
-
-  const int64_t follow_q8 = static_cast<int64_t>(config_->follow) * 256;
-
   if (resting) {
     watch_.rest(position_);
   } else {
     // Homing searches for standstill under drive, and the stall current shows what blocks a shaft.
-    const bool blocked = config_->stall_current_ma != 0 && current_ >= config_->stall_current_ma;
-    watch_.tick(position_, moved_, duty_, blocked || phase_ == Phase::APPROACH);
+    watch_.tick(position_, moved_, duty_, (senses_current() && draws_stall()) || approaches());
   }
+  const Reason reason = ails(error_q8);
+  if (reason != Reason::NONE) fault_ = reason;
+}
 
-  if (missed()) fault_ = Reason::ENCODER_EDGES;
-  if (fault_ == Reason::ENCODER_EDGES) return;
+Reason Motor::ails(int64_t error_q8) const {
+  if (missed()) return Reason::ENCODER_EDGES;
   if (watch_.failed()) {
-    fault_ = unanswered();
-    return;
+    if (watch_.backward()) return Reason::ENCODER_REVERSED;
+    if (watch_.one_track()) return Reason::ENCODER_TRACK;
+    return senses_current() ? Reason::ENCODER_SILENT : Reason::STALLED;
   }
-  if (phase_ == Phase::APPROACH) return;
-  const bool lost = magnitude64(error_q8) > follow_q8;
+  if (approaches()) return Reason::NONE;
+  const bool lost = magnitude64(error_q8) > static_cast<int64_t>(config_->follow) * 256;
   if (stall_ticks_ >= config_->stall_ms || (lost && stall_ticks_ >= SILENT_MS)) {
     // A blocked shaft draws the stall current; one that turns with a dead encoder does not.
-    const bool blocked = config_->stall_current_ma == 0 || current_ >= config_->stall_current_ma;
-    fault_ = blocked ? Reason::STALLED : Reason::ENCODER_SILENT;
-  } else if (lost) {
-    fault_ = Reason::FOLLOWING;
+    return senses_current() && !draws_stall() ? Reason::ENCODER_SILENT : Reason::STALLED;
   }
-}
-
-// What ails an encoder, or its shaft, that does not answer the drive.
-Reason Motor::unanswered() const {
-  if (watch_.backward()) return Reason::ENCODER_REVERSED;
-  if (watch_.one_track()) return Reason::ENCODER_TRACK;
-  return config_->stall_current_ma == 0 ? Reason::STALLED : Reason::ENCODER_SILENT;
-}
-
-Output Motor::search() {
-  if (config_->tension.fitted && tendon_.cell_fault() != Reason::NONE) {
-    fault_ = tendon_.cell_fault();
-    return Output{Drive::BRAKE, 0};
-  }
-  const int32_t towards = config_->home_up ? 1 : -1;
-  ++phase_ticks_;
-  if (phase_ == Phase::APPROACH) {
-    // Slightly ahead of the shaft: it moves at the homing speed without a large error.
-    set_.demand(plus(position_, towards * (config_->home_velocity / 8 + config_->deadband + 64)), 0, NO_VELOCITY);
-    set_.tick();
-    const Output out = law(config_->home_duty);
-    const bool pushing = magnitude(duty_) * 20 >= config_->home_duty * 19;
-    still_ticks_ = (pushing && sign(duty_) == towards) ? still_ticks_ + 1 : 0;
-    if (phase_ticks_ >= config_->home_timeout_ms) fault_ = Reason::HOME_FAILED;
-    const int32_t still = still_ms();
-    if (still_ticks_ < still || watch_.idle() < still + static_cast<int32_t>(WINDOW)) return out;
-    const Reason elsewhere = stand_still();
-    begin();
-    fault_ = elsewhere;
-    set_.demand(minus(position_, towards * config_->home_backoff), 0, NO_VELOCITY);
-    phase_ = Phase::BACK_OFF;
-    still_ticks_ = 0;
-    watch_.start(position_, search_need());
-    return Output{Drive::BRAKE, 0};
-  }
-  set_.tick();
-  const Output out = law(config_->home_duty);
-  const bool arrived = !set_.moving() && set_.position() == set_.goal();
-  const int64_t off = static_cast<int64_t>(set_.goal()) - position_;
-  still_ticks_ = arrived ? still_ticks_ + 1 : 0;
-  if (arrived && magnitude64(off) <= config_->deadband + 1) {
-    if (again_) {
-      phase_ = Phase::FOUND;
-      homed_ = true;
-      known_ = true;
-    } else {
-      begin();
-      seek(true);
-    }
-  } else if (still_ticks_ >= SETTLE_MS) {
-    fault_ = Reason::HOME_FAILED;
-  }
-  return out;
+  return lost ? Reason::FOLLOWING : Reason::NONE;
 }
 
 }  // namespace contid

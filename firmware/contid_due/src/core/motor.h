@@ -1,4 +1,5 @@
-// A geared motor with encoder: position law, faults, homing. In counts and ticks; no floating point.
+// A geared motor with encoder: position law, faults (motor.cpp), homing (homing.cpp). In counts and ticks; no floating
+// point.
 #ifndef CONTID_MOTOR_H
 #define CONTID_MOTOR_H
 
@@ -70,25 +71,33 @@ class Motor {
   Drive unpowered() const { return config_->start == Safe::COAST ? Drive::COAST : Drive::BRAKE; }
 
  private:
-  enum class Phase : uint8_t { IDLE, APPROACH, BACK_OFF, FOUND };
-  void seek(bool again);
-  Reason stand_still();
-  int32_t search_need() const;
+  // Of homing; the table of its transitions: homing.cpp.
+  enum class Phase : uint8_t { IDLE, APPROACH, BACK_OFF, APPROACH_AGAIN, BACK_OFF_AGAIN, FOUND };
+  void enter(Phase phase);
+  Output approach();
+  Output back_off();
+  void end_homing();
   int32_t still_ms() const;
+  bool approaches() const { return phase_ == Phase::APPROACH || phase_ == Phase::APPROACH_AGAIN; }
+  bool backs_off() const { return phase_ == Phase::BACK_OFF || phase_ == Phase::BACK_OFF_AGAIN; }
+
   // Each missed edge is two counts; from this number on the position is useless.
   static const uint32_t MISSED_EDGES = 8;
   bool missed() const { return missed_edges() >= MISSED_EDGES; }
 
   static const uint32_t WINDOW = 8;
 
+  void count_from(int32_t position);
+  void stand();
   void begin();
-  void end_homing();
   Output law(int32_t max_duty);
   void break_away(int32_t side, int32_t error);
   void watch(int64_t error_q8, bool resting);
   Output driven(int32_t duty);
   void feel(bool spent);
-  Reason unanswered() const;
+  Reason ails(int64_t error_q8) const;
+  bool senses_current() const { return config_->stall_current_ma != 0; }
+  bool draws_stall() const { return current_ >= config_->stall_current_ma; }
 
   int32_t counted() const;
 
@@ -114,7 +123,6 @@ class Motor {
   bool referenced_, homed_, limited_, lost_;
   bool disowned_;
   bool known_;  // the count agrees with an end stop that was found earlier
-  bool again_;  // the stop is searched for the second time
 };
 
 }  // namespace contid

@@ -39,9 +39,7 @@ Verdict Board::configure(Reader& in) {
   if (config_.mask != 0 && crc == config_crc_) return accepted();
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((staged_.mask & (1u << i)) != 0 && !fitted(i)) return Verdict{Refusal::BAD_CHANNEL, i};
-    const State state = channel_[i].state;
-    if (state == State::ARMED || state == State::HOMING || state == State::PULSING)
-      return Verdict{Refusal::ARMED_NOW, i};
+    if (moves(i) || (powered(i) && staged_loses(i))) return Verdict{Refusal::ARMED_NOW, i};
   }
   block_tick();
   config_ = staged_;
@@ -65,6 +63,15 @@ Verdict Board::configure(Reader& in) {
   }
   allow_tick();
   return accepted();
+}
+
+// A motor that holds its position would run away, fall, or forget where it is.
+bool Board::staged_loses(uint8_t i) const {
+  if ((staged_.mask & (1u << i)) == 0) return true;
+  if (identity_.role != Role::MOTOR) return false;
+  const MotorConfig &now = config_.motor[i], &then = staged_.motor[i];
+  return then.bridge != now.bridge || then.motor_reversed != now.motor_reversed ||
+         then.encoder_reversed != now.encoder_reversed || then.power_up != now.power_up || then.home_at != now.home_at;
 }
 
 Verdict Board::check_each(uint8_t mask, Verdict (Board::*may)(uint8_t channel) const) const {
@@ -217,13 +224,7 @@ Verdict Board::stop(Reader& in) {
 }
 
 // The count jumps to `power_up`, which nothing may follow.
-Verdict Board::check_park(uint8_t i) const {
-  const State state = channel_[i].state;
-  const bool held = state == State::STOPPED && channel_[i].rest == Rest::HOLD;
-  if (state == State::ARMED || state == State::HOMING || state == State::PULSING || held)
-    return Verdict{Refusal::ARMED_NOW, i};
-  return accepted();
-}
+Verdict Board::check_park(uint8_t i) const { return powered(i) ? Verdict{Refusal::ARMED_NOW, i} : accepted(); }
 
 Verdict Board::check_home(uint8_t i) const {
   if (identity_.role != Role::MOTOR || !config_.motor[i].homing) return Verdict{Refusal::NO_HOMING, i};

@@ -12,22 +12,25 @@ stiffness of a tendon.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from contid.kinematics.array import Array
+from contid_fit.calibrate.tendon.ends import CapstanCoefficient, capstan_from_ends
 from contid_fit.calibrate.tendon.fit import TendonFit
 from contid_fit.calibrate.tendon.models import ElasticBends
+from contid_fit.calibrate.tendon.recording import TendonRecording
 
 
-@dataclass(frozen=True, slots=True)
-class CapstanCoefficient:
-    """mu with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
+def measured_capstan(fit: TendonFit, data: TendonRecording) -> CapstanCoefficient | None:
+    """The coefficient from load cells at both ends, in the bends of a fit; None without such cells."""
+    model = fit.model
+    if data.ends_n is None or not isinstance(model, ElasticBends):
+        return None
+    count = len(model.nominal.tendons)
+    bends = model.rows(fit.vector, data.pull_m).features[:, : 2 * count].reshape(-1, count, 2)
+    passes = np.any(model.elastic(fit.vector).pull_matrix.reshape(-1, count, 2) != 0.0, axis=2)
+    turned_rad = np.hypot(bends[..., 0], bends[..., 1]) @ passes.T
+    return capstan_from_ends(turned_rad, data.pull_m, data.ends_n, data.runs)
 
 
 def capstan_coefficient(fit: TendonFit, pull_m: Array) -> CapstanCoefficient | None:

@@ -2,8 +2,9 @@
 
 CSV with the columns ``timestamp`` [s], ``pattern_label``, one ``servo_<id>_mm`` per tendon (positive: the
 tendon is pulled in), and ``tip_x,tip_y,tip_z`` [mm], as in the motion captures of
-``ContinuumRoboticsLab/opencr-mujoco``. Rows with the same label form one pattern; the suffix ``_hold`` of a
-label does not count.
+``ContinuumRoboticsLab/opencr-mujoco``. Tendons with a load cell at either end have ``servo_<id>_near_n``
+(at the motor) and ``servo_<id>_far_n`` [N] as well. Rows with the same label form one pattern; the suffix
+``_hold`` of a label does not count.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ class TendonRecording:
         servos: name of each column of ``pull_m``.
         pull_m: pull of each tendon [m], shape ``(rows, tendons)``.
         tip_m: measured tip [m], shape ``(rows, 3)``.
+        ends_n: tensions of each tendon at motor and body, shape ``(rows, tendons, 2)``; NaN without cells.
     """
 
     name: str
@@ -43,6 +45,7 @@ class TendonRecording:
     servos: tuple[str, ...]
     pull_m: Array
     tip_m: Array
+    ends_n: Array | None = None
 
     def __len__(self) -> int:
         return len(self.pattern)
@@ -62,12 +65,20 @@ class TendonRecording:
     def rows(self, start: int, stop: int) -> TendonRecording:
         """The rows from ``start`` to before ``stop``."""
         part = slice(start, stop)
-        return replace(self, pattern=self.pattern[part], pull_m=self.pull_m[part], tip_m=self.tip_m[part])
+        return replace(
+            self,
+            pattern=self.pattern[part],
+            pull_m=self.pull_m[part],
+            tip_m=self.tip_m[part],
+            ends_n=None if self.ends_n is None else self.ends_n[part],
+        )
 
     def in_order(self, columns: Iterable[int]) -> TendonRecording:
         """The same rows with other columns of pulls."""
         order = list(columns)
-        return replace(self, servos=tuple(self.servos[i] for i in order), pull_m=self.pull_m[:, order])
+        ends_n = None if self.ends_n is None else self.ends_n[:, order]
+        servos = tuple(self.servos[i] for i in order)
+        return replace(self, servos=servos, pull_m=self.pull_m[:, order], ends_n=ends_n)
 
     def followed_by(self, other: TendonRecording) -> TendonRecording:
         """Both, one after the other; the robot keeps its state from the last row of this one to the other's.
@@ -84,7 +95,12 @@ class TendonRecording:
             self.servos,
             np.concatenate((self.pull_m, other.pull_m)),
             np.concatenate((self.tip_m, other.tip_m)),
+            # The coefficient is that of this recording; the other one is predicted.
+            None if self.ends_n is None else np.concatenate((self.ends_n, other._ends())),
         )
+
+    def _ends(self) -> Array:
+        return np.full((*self.pull_m.shape, 2), np.nan) if self.ends_n is None else self.ends_n
 
 
 def read_recording(lines: Iterable[str], name: str) -> TendonRecording:
@@ -102,8 +118,11 @@ def read_recording(lines: Iterable[str], name: str) -> TendonRecording:
     with suppress(csv.Error):  # `read_measured` refuses the header
         cells = cells_of(header)
     servos = tuple(cell for cell in cells if _SERVO.fullmatch(cell))
+    ends = {servo: [servo.removesuffix("mm") + end for end in ("near_n", "far_n")] for servo in servos}
+    ends = {servo: pair for servo, pair in ends.items() if set(pair) & set(cells)}
     # Groups of one name each: no column has an alternative.
-    groups = [(column,) for column in ("timestamp", *servos, *_TIP)]
+    cell_columns = [end for pair in ends.values() for end in pair]
+    groups = [(column,) for column in ("timestamp", *servos, *_TIP, *cell_columns)]
     columns = Columns(groups, text=("pattern_label",))
     if cells and len(servos) < 3:
         message = f"{len(servos)} columns servo_<id>_mm; a tendon robot has three or more"
@@ -118,10 +137,14 @@ def read_recording(lines: Iterable[str], name: str) -> TendonRecording:
         last_s = time_s
 
     rows = read_measured(text, name, columns, in_time)
+    ends_n = np.full((len(rows), len(servos), 2), np.nan)
+    for servo, pair in ends.items():
+        ends_n[:, servos.index(servo)] = [[row.numbers[end] for end in pair] for row in rows]
     return TendonRecording(
         name,
         tuple(row.text["pattern_label"].removesuffix(_HOLD) for row in rows),
         servos,
         np.array([[row.numbers[servo] for servo in servos] for row in rows]) * 1e-3,
         np.array([[row.numbers[axis] for axis in _TIP] for row in rows]) * 1e-3,
+        ends_n if ends else None,
     )

@@ -15,8 +15,9 @@ from contid.robot_file.edit import Change
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.units import MM_PER_M
 from contid_fit.calibrate.tendon.accuracy import Accuracy
-from contid_fit.calibrate.tendon.capstan import capstan_coefficient
+from contid_fit.calibrate.tendon.capstan import capstan_coefficient, measured_capstan
 from contid_fit.calibrate.tendon.geometry import FoundGeometry
+from contid_fit.calibrate.tendon.recording import TendonRecording
 from contid_fit.calibrate.tendon.stages import FRICTION_STAGE, Stage
 
 #: Group of the fit -> name in reports, factor, and whether the logarithm was fitted.
@@ -132,13 +133,15 @@ def friction_predicts(stages: Sequence[Stage]) -> bool:
     return after.held_out.rmse_m < before.held_out.rmse_m
 
 
-def friction_changes(stage: Stage, robot: TendonRobot, pull_m: Array, note: str, add: bool) -> list[Change]:
+def friction_changes(
+    stage: Stage, robot: TendonRobot, data: TendonRecording, note: str, add: bool
+) -> list[Change]:
     """Play and capstan coefficient, where ``add`` or where the file has ``friction``.
 
     Args:
         stage: one whose model has friction, `FRICTION_STAGE` or later.
         robot: robot of the file; the coefficient goes with arcs and ``tension`` only.
-        pull_m: rows of the fit.
+        data: rows of the fit; load cells at both ends of its tendons go before the work of the friction.
         note: origin.
         add: also into a file that has none.
     """
@@ -146,7 +149,7 @@ def friction_changes(stage: Stage, robot: TendonRobot, pull_m: Array, note: str,
         return []
     plays = [round(each.value, 4) for each in numbers(stage) if each.name == "play_mm"]
     found: dict[str, list[float]] = {"play_mm": plays}
-    coefficient = capstan_coefficient(stage.fit, pull_m)
+    coefficient = measured_capstan(stage.fit, data) or capstan_coefficient(stage.fit, data.pull_m)
     if coefficient is not None and robot.tension is not None and robot.rod is None:
         found["capstan"] = [min(1.0, round(coefficient.value, 4))]
         note = f"{note}, capstan {coefficient.low:.2g} to {coefficient.high:.2g} (95 %)"
