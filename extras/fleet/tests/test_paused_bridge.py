@@ -1,7 +1,7 @@
 """Random orders by network, and a pause of the bridge before it takes each or while it serves it.
 
-Everything is in one process and in virtual time: a node of the bridge with its checks, the server of the daemon,
-the engine and its simulated devices. The witness is when an order that arms or moves is sent to the engine.
+Everything is in one process and in virtual time: a node of the bridge with its checks, the server of the
+daemon, the engine and its simulated devices. The witness is when an order that arms or moves is sent to it.
 ``python -m extras.fleet.tests.test_paused_bridge [--pairs N] [--seed N]`` tries more.
 """
 
@@ -204,6 +204,4 @@ if __name__ == "__main__":
     options = parser.parse_args()
     logging.disable(logging.CRITICAL)
     done = asyncio.run(paused(options.pairs, options.seed))
-    print(
-        *done.wrong, f"{len(done.wrong)} of {options.pairs} pairs were wrong; {dict(done.found)}", sep="\n"
-    )
+    print(*done.wrong, f"{len(done.wrong)} of {options.pairs} pairs were wrong; {dict(done.found)}", sep="\n")
