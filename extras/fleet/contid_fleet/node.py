@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from contid.errors import ContidError
+from contid.remote.protocol import expiry
 from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, encode
 from contid_fleet.clocks import NotedOffset, clock_fields
 from contid_fleet.feed_watch import FeedWatch
@@ -21,7 +22,8 @@ from contid_fleet.keys import Keys, Order, Origin
 from contid_fleet.links.daemon_link import DaemonLink, refusal
 from contid_fleet.links.operator_links import MAX_SESSIONS, OperatorLinks
 from contid_fleet.net import Declared, NetSession, Question, in_loop
-from contid_fleet.rights import CLOCK, FEED, NOTE, READS, STOPS
+from contid_fleet.order_times import OrderTimes
+from contid_fleet.rights import CLOCK, FEED, LEASED, NOTE, READS, STOPS
 from contid_fleet.sessions import Sessions
 
 log = logging.getLogger(__name__)
@@ -58,6 +60,7 @@ class Node:
         dropped: frames that the daemon dropped, because this process did not read them in time.
         round_trip_s: time of the last question of `status` to the daemon.
         noted: newest offset of its clock that the conductor of a run noted.
+        look: notes that this process runs.
     """
 
     def __init__(
@@ -85,6 +88,8 @@ class Node:
         self._links = OperatorLinks(path, sessions, self._notice)
         self._watch: DaemonLink | None = None
         self._ended = asyncio.Event()
+        self._times = OrderTimes()
+        self.look = self._times.look
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def run(self) -> None:
@@ -94,6 +99,7 @@ class Node:
             self._keys.do(self.name, "*", "*", "*"),
             lambda question: self._asked(question, loop),
         )
+        looking = asyncio.create_task(self._look())
         try:
             while True:
                 try:
@@ -102,7 +108,13 @@ class Node:
                     log.debug("%s: %s", self.name, error)
                 await asyncio.sleep(RETRY_S)
         finally:
+            looking.cancel()
             self._links.end_all()
+
+    async def _look(self) -> None:
+        while True:
+            self.look()
+            await asyncio.sleep(expiry.LOOK_S)
 
     def session_ended(self, origin: Origin) -> None:
         """The token of a session is gone: if it held the lease, the robots hold."""
@@ -188,8 +200,9 @@ class Node:
 
     def _asked(self, question: Question, loop: asyncio.AbstractEventLoop) -> None:
         """In the thread of the network: a clock and a feed are answered at once, the rest in the loop."""
+        until_s = self._times.until_s()
         if not question.key.endswith((f"/{CLOCK}", f"/{FEED}")):
-            in_loop(loop, self._start)(question)
+            in_loop(loop, self._start)(question, until_s)
             return
         try:
             order, _ = checked(self._keys, question.key, question.payload, self._machine.operators)
@@ -212,17 +225,20 @@ class Node:
             raise RemoteError(FORBIDDEN, f"the feed of this machine is that of {feed.operator!r}")
         return {"after_s": feed.after_s}
 
-    def _start(self, question: Question) -> None:
-        task = asyncio.ensure_future(self._answer(question))
+    def _start(self, question: Question, until_s: float) -> None:
+        task = asyncio.ensure_future(self._answer(question, until_s))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    async def _answer(self, question: Question) -> None:
+    async def _answer(self, question: Question, until_s: float) -> None:
         verb = "refused"  # not one that exists: labels of metrics are bounded
         try:
             order, fields = checked(self._keys, question.key, question.payload, self._machine.operators)
             verb = order.verb
-            response = await self._carry_out(order, fields)
+            # The clock of the sender is not ours.
+            fields.pop(expiry.FIELD, None)
+            until = {expiry.FIELD: until_s} if verb in LEASED else {}
+            response = await self._carry_out(order, {**fields, **until})
             if verb == NOTE and response.get("ok") and {"offset_s", "bound_s"} <= fields.keys():
                 self.noted = NotedOffset.of(order.origin.operator, fields)
         except RemoteError as error:

@@ -124,7 +124,9 @@ class Plant:
         self._since_s += STEP_S
         way = goal + rate * self._since_s - self._inner - rate * STEP_S
         push = np.where(self._motor, self._push, 1.0)
-        braking = np.minimum(np.sqrt(2.0 * push * np.abs(way)), np.abs(way) / (2.0 * STEP_S))
+        # Beside a stream it catches up with no more than it can brake while the stream brakes.
+        brake = push / 6.0 if moving else push
+        braking = np.minimum(np.sqrt(2.0 * brake * np.abs(way)), np.abs(way) / (2.0 * STEP_S))
         wish = rate + np.sign(way) * braking
         change = np.clip(wish - self._set_speed, -push * STEP_S, push * STEP_S)
         self._set_speed, self._set_push = self._set_speed + change, change / STEP_S

@@ -32,7 +32,7 @@ class Watched:
 
     def __init__(self, axes: Axes) -> None:
         self._config = axes.config
-        self.fault, self.message = Fault.NONE, ""
+        self.fault, self.message, self.watched_s = Fault.NONE, "", 0.0
         self._samples: dict[str, Sample] = {}
         robots: Any = SimpleNamespace(configs=(axes.config,), fail=self._fail)
         exchange: Any = SimpleNamespace(
@@ -50,7 +50,7 @@ class Watched:
 
     def tick(self, tick: int, device: tuple[float, ...], values: Sequence[float]) -> None:
         """The readings before a tick, then its command."""
-        now_s = tick / RATE_HZ
+        now_s = self.watched_s = tick / RATE_HZ
         for axis, value in zip(self._config.axes, values, strict=True):
             self._samples[axis] = Sample(value, now_s, True, 0.0)
         self._watch.before({}, Timing(tick, 0, now_s), now_s)

@@ -89,7 +89,7 @@ class DaemonLink:
         return self.hello.get("protocol") == PROTOCOL
 
     async def request(self, verb: str, fields: Mapping[str, Any]) -> Fields:
-        """The whole response to a request, refusals too, without its number.
+        """The whole response to a request, refusals too, without its number; one without expiry gets one.
 
         Raises:
             ConnectionLostError: the connection ended.
@@ -101,10 +101,8 @@ class DaemonLink:
         future: asyncio.Future[Fields] = asyncio.get_running_loop().create_future()
         self._waiting[number] = future
         try:
-            # The clock of the sender is not ours: what waits longer than its sender does is not carried out.
-            never_expires = verb in expiry.LASTING
-            until = {} if never_expires else {expiry.FIELD: expiry.clock_s() + VALID_S}
-            self._writer.write(encode({"id": number, "verb": verb, **fields, **until}))
+            until = {} if verb in expiry.LASTING else {expiry.FIELD: expiry.clock_s() + VALID_S}
+            self._writer.write(encode({"id": number, "verb": verb, **until, **fields}))
             response = await future
         finally:
             self._waiting.pop(number, None)

@@ -264,6 +264,8 @@ def test_stop_in_every_state_of_the_page(browser: Browser) -> None:
             worst[end] = max(worst.get(end, 0.0), after_ms)
             if after_ms > WITHIN_MS:
                 wrong.append(f"{what}: {end} after {after_ms:.0f} ms")
+            if number % 50 == 49:
+                print(f"{number + 1}: {dict(ended)}, at the latest after {worst} ms, {wrong}", flush=True)
         for each in trials:
             each.it.problems.clear()  # requests that failed while the panel stood still
     print(f"{dict(ended)}, at the latest after {worst} ms")

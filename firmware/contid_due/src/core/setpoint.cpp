@@ -12,6 +12,8 @@ const uint32_t STREAM_GAP = 100;
 // Ticks over which the acceleration of a stream is averaged before it is fed forward, because rounded demands
 // jitter. The acceleration of a step is fed forward at once.
 const int32_t SMOOTH = 32;
+// Share of the acceleration limit that the commands of a stream leave: the host requires a fifth above theirs.
+const int64_t STREAM_RESERVE = 6;
 // Distances are clamped to this; keeps 8 a d inside 64 bit.
 const int64_t FAR = static_cast<int64_t>(1) << 34;
 }  // namespace
@@ -29,6 +31,7 @@ void SetPoint::start(int32_t position) {
   velocity_ = 0;
   smooth_ = 0;
   left_ = 0;
+  interval_ = 0;
   goal_ = position;
   fenced_ = false;
   spent_ = false;
@@ -42,7 +45,9 @@ void SetPoint::demand(int32_t goal, uint32_t since, int32_t velocity) {
   if (since >= 1 && since <= STREAM_GAP && magnitude64(target - reference_) <= reach) {
     // Spread over two intervals: errors by the host's jitter and by rounding to counts cancel in the next one, and
     // the reference does not stop when a demand is a tick late.
-    left_ = 2 * since;
+    // The mean of late and early demands is the interval of their stream.
+    interval_ = interval_ == 0 ? since : (3 * interval_ + since + 2) / 4;
+    left_ = 2 * interval_;
     rate_ = (target - reference_) / static_cast<int32_t>(left_);
     if (velocity != NO_VELOCITY) {
       const int64_t given = static_cast<int64_t>(velocity) * 65536 / static_cast<int32_t>(TICK_HZ);
@@ -52,6 +57,7 @@ void SetPoint::demand(int32_t goal, uint32_t since, int32_t velocity) {
     reference_ = target;
     rate_ = 0;
     left_ = 0;
+    interval_ = 0;
   }
 }
 
@@ -64,9 +70,8 @@ void SetPoint::stop() {
 }
 
 // Highest speed from which steps v, v - a, v - 2a, .. stay within the distance: v (v + a) = 2 a d.
-int64_t SetPoint::stopping_speed(int64_t distance) const {
+int64_t SetPoint::stopping_speed(int64_t distance, int64_t a) {
   const int64_t d = distance < FAR ? distance : FAR;
-  const int64_t a = step_;
   const int64_t root = square_root(static_cast<uint64_t>(a * a + 8 * a * d));
   const int64_t speed = (root - a) / 2;
   // Nearer than one step the formula would overshoot; there the distance itself is the speed.
@@ -84,7 +89,7 @@ int64_t SetPoint::keep_inside(const Fence& fence, int64_t rate, int64_t target) 
   const int64_t off = (beyond ? furthest : place) - position_;
   // Before the fence it slows down with an eighth of the limit: the shaft lags behind.
   const int64_t way = fence.side * off < 0 ? magnitude64(off) / 8 : magnitude64(off);
-  const int64_t least = (beyond ? 0 : fence.rate) + sign(off) * stopping_speed(way);
+  const int64_t least = (beyond ? 0 : fence.rate) + sign(off) * stopping_speed(way, step_);
   fenced_ = fence.stands && fence.side * (least - target) > 0;
   spent_ = fenced_ && beyond;
   return fenced_ ? least : target;
@@ -100,7 +105,10 @@ void SetPoint::tick(const Fence* fence) {
   const int64_t error = reference_ - position_;
   // The rate covers the error caused by the reference's motion in this tick.
   const int64_t behind = error - rate;
-  int64_t target = rate + sign(behind) * stopping_speed(magnitude64(behind));
+  // Beside a stream, which may brake at any time with what its reserve leaves of the limit, the set-point catches up
+  // with no more than it can brake then: else a late demand ends beyond the last one.
+  const int64_t brake = rate != 0 ? step_ / STREAM_RESERVE + 1 : step_;
+  int64_t target = rate + sign(behind) * stopping_speed(magnitude64(behind), brake);
   if (fence != nullptr) target = keep_inside(*fence, rate, target);
   target = clamp64(target, -most_, most_);
   const int32_t change = static_cast<int32_t>(clamp64(target - velocity_, -step_, step_));

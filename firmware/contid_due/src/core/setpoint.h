@@ -42,7 +42,7 @@ class SetPoint {
   bool spent() const { return spent_; }
 
  private:
-  int64_t stopping_speed(int64_t distance) const;
+  static int64_t stopping_speed(int64_t distance, int64_t acceleration);
   int64_t keep_inside(const Fence& fence, int64_t rate, int64_t target);
 
   int64_t position_;   // counts times 65536
@@ -53,6 +53,7 @@ class SetPoint {
   int32_t most_;       // velocity limit, as velocity_
   int32_t step_;       // acceleration limit: greatest change of velocity_ per tick
   uint32_t left_;      // ticks of the line still to go
+  uint32_t interval_;  // of the demands of a stream [ticks], averaged; 0 before the second
   int32_t goal_;
   bool fenced_, spent_;
 };
