@@ -241,10 +241,7 @@ class DynamixelBus:
         torque.enable(self._link, self._named(axes))
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
-        """Bring axes to a state of rest; does not raise for a lost device.
-
-        See `contid.hal.Bus.disable`; servos cannot vent, so ``vent`` relaxes them.
-        """
+        """See `contid.hal.Bus.disable`; servos cannot vent, so ``vent`` relaxes them."""
         torque.disable(self._link, self._named(axes), rest)
 
     def clear_fault(self, axes: Sequence[str]) -> None:
