@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from contid.control.engine.engine import Engine
 from contid.control.engine.tick_layout import CONVERGED, RecordLayout, TickRecord
-from contid.control.engine.watch.watched_body import AxisPlace, has_arrived
+from contid.control.engine.watch.settling import AxisPlace, has_arrived
 from contid.control.tick.faults import Fault, describe
 from contid.control.tick.next_command import tip_tolerance_m
 from contid.control.tick.statistics import Lateness, RobotTally

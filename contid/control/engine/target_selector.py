@@ -1,4 +1,15 @@
-"""Selects the source of targets, notes the tips that it measured, and ends the run after the source."""
+"""Which source of targets the robots follow, and how its end is that of the run.
+
+=======================================  ================================================================
+event                                    then
+=======================================  ================================================================
+the source is finished                   ``ended``; by ``on_end`` the robots hold, or the run finishes
+every robot is in FAULT, no client       the run finishes
+an order to stop the run (`finish`)      the run finishes
+an order to follow a new source          not ``ended``; its end does not finish the run
+the run finishes                         ``finishing``: no source; each robot stops by its policy
+=======================================  ================================================================
+"""
 
 from __future__ import annotations
 
@@ -75,26 +86,22 @@ class TargetSelector:
         self._note(targets, now_s)
         return targets
 
-    def _state_delay(self, source: Live, tick: int) -> None:
-        """Emit the delay of a stream where it changed by more than a part."""
-        if abs(source.delay_s - self._stated_s) > STATED_SHARE * max(source.delay_s, self._stated_s):
-            self._stated_s = source.delay_s
-            self._sink.event(StreamDelayed(tick=tick, delay_ms=round(1e3 * source.delay_s, 1)))
-
     def rows(self, targets: Mapping[str, Target | None], now_s: float) -> None:
         """A row of a live stream arrived."""
-        if not isinstance(self.source, Live):
-            self.source = Live(self._robots.configs)
         self._robots.costs.watch(True)
-        self.source.put(targets, now_s, self._states(), self._robots.ask)
+        self._live().put(targets, now_s, self._states(), self._robots.ask)
         self._robots.costs.watch(False)
         self._note(targets, now_s)
 
     def end_of_rows(self) -> None:
         """No further row will come."""
+        self._live().end()
+
+    def _live(self) -> Live:
+        """The live stream; the first row begins one."""
         if not isinstance(self.source, Live):
             self.source = Live(self._robots.configs)
-        self.source.end()
+        return self.source
 
     def play(self, trajectory: Trajectory, now_s: float, waits: bool = False) -> None:
         """Follow a trajectory instead; one that waits begins with `go`."""
@@ -126,33 +133,41 @@ class TargetSelector:
             self.source.resume()
 
     def watch(self, tick: int, step: int, now_s: float) -> None:
-        """After a tick, at the time of the next: end the run with its source."""
+        """After a tick, at the time of the next: end the run with its source, or with its last robot."""
         if self.finishing:
             self._rest_faulted()
             return
-        robots, source = self._robots, self.source
-        if isinstance(source, Live) and tick % STATED_TICKS == 0:
-            self._state_delay(source, tick)
-        alive = any(state.mode is not Mode.FAULT for state in robots.states)
-        if source is not None:
-            source.watch(step, self._states())
-            if source.finished and not self.ended:
-                self.ended = True
-                self._sink.event(SourceEnded(tick=tick, on_end=self._on_end.value))
-                if self._on_end is not OnEnd.HOLD:
-                    rest = StopPolicy.REST if self._on_end is OnEnd.REST else None
-                    self.finish(rest, "on_end", now_s)
-        if not alive and not self.attended and not self.finishing:
+        all_failed = all(state.mode is Mode.FAULT for state in self._robots.states)
+        if self.source is not None:
+            self._watch_source(self.source, tick, step, now_s)
+        if all_failed and not self.attended and not self.finishing:
             self.finish(None, "on_fault", now_s)
+
+    def _watch_source(self, source: Source, tick: int, step: int, now_s: float) -> None:
+        if isinstance(source, Live) and tick % STATED_TICKS == 0:
+            self._report_delay(source.delay_s, tick)
+        source.watch(step, self._states())
+        if not source.finished or self.ended:
+            return
+        self.ended = True
+        self._sink.event(SourceEnded(tick=tick, on_end=self._on_end.value))
+        if self._on_end is not OnEnd.HOLD:
+            rest = StopPolicy.REST if self._on_end is OnEnd.REST else None
+            self.finish(rest, "on_end", now_s)
+
+    def _report_delay(self, delay_s: float, tick: int) -> None:
+        """Emit the delay of a stream where it changed by more than a part."""
+        if abs(delay_s - self._stated_s) > STATED_SHARE * max(delay_s, self._stated_s):
+            self._stated_s = delay_s
+            self._sink.event(StreamDelayed(tick=tick, delay_ms=round(1e3 * delay_s, 1)))
 
     def finish(self, policy: StopPolicy | None, reason: str, now_s: float) -> None:
         """Stop every robot; the run is over when all of them rest."""
-        self.finishing = True
-        self.source = None
-        robots, states = self._robots, self._robots.states
-        for index in range(len(states)):
-            if states[index].mode not in (Mode.OFF, Mode.FAULT):
-                robots.change(index, stopping(policy, reason), now_s)
+        self.finishing, self.source = True, None
+        states = self._robots.states
+        for index, state in enumerate(states):
+            if state.mode not in (Mode.OFF, Mode.FAULT):
+                self._robots.change(index, stopping(policy, reason), now_s)
         self._rest_faulted()
         self._chains.stopped(None, now_s)
         motions = [state.motion for state in states if state.mode in (Mode.STOPPING, Mode.FAULT)]
@@ -162,15 +177,14 @@ class TargetSelector:
     def _rest_faulted(self) -> None:
         """Bring the devices of robots stopped by a fault to the rest of ``on_fault``."""
         states = self._robots.states
-        for index, config in enumerate(self._robots.configs):
-            state = states[index]
+        for index, (config, state) in enumerate(zip(self._robots.configs, states, strict=True)):
             if state.mode is Mode.FAULT and state.enabled and not any(state.increments):
                 resting = Effect(REST_OF[config.stops.on_fault])
                 states[index] = replace(state, pending=resting, enabled=False, motion=None)
 
     def _states(self) -> dict[str, RobotState]:
-        robots = self._robots
-        return {p.name: s for p, s in zip(robots.configs, robots.states, strict=True)}
+        configs, states = self._robots.configs, self._robots.states
+        return {config.name: state for config, state in zip(configs, states, strict=True)}
 
     def _note(self, targets: Mapping[str, Target | None], now_s: float) -> None:
         for robot, target in targets.items():
@@ -182,7 +196,6 @@ class TargetSelector:
         """Change the source: robots that followed the old one approach the new one, or hold."""
         self.source, self.ended, self._on_end = source, False, OnEnd.HOLD
         states = self._robots.states
-        for index, config in enumerate(self._robots.configs):
-            state = states[index]
+        for index, (config, state) in enumerate(zip(self._robots.configs, states, strict=True)):
             if state.mode is Mode.RUN or (state.mode is Mode.APPROACH and state.goto is None):
                 states[index] = transitions.stay(config, state, now_s)

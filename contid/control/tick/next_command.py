@@ -21,10 +21,11 @@ from typing import Final
 import numpy as np
 
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.joint_steps import within
 from contid.control.tick.limits import allowed_steps, limit
 from contid.control.tick.shared_limits import limit_shared
 from contid.control.tick.taut import keeps_tensions, limit_taut
-from contid.control.tick.way import Way, within
+from contid.control.tick.way import Way
 from contid.robot_file.base import Quantity
 from contid.targets import Actuation, Target
 
@@ -116,7 +117,9 @@ def limit_on_path(
     exact_m = _EXACT * _TOLERANCE_M[config.quantity]
     held = way.held(np.array(command[:own]), exact_m)
     if held is None and config.taut is None and within(config, last[:own], command[own:]):
-        held, straight = way.towards(np.array(last_steps[:own]), straight)
+        onward = way.towards(np.array(last_steps[:own]), straight)
+        if onward is not None:
+            held, straight = onward
     # Outside the limits each axis goes inwards by itself; tendons have a limiter of their own.
     if held is None:
         return command, flags, False

@@ -168,7 +168,7 @@ class RobotGuard {
 
   bool viable(int axis, double at, double speed, double acceleration) const {
     if (axis < 0 || axis >= guard_.axes) throw nb::index_error("axis");
-    return guard_.viable(axis, at, speed, acceleration);
+    return guard_.axis_viable(axis, at, speed, acceleration);
   }
 
  private:

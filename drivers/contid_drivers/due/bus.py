@@ -49,10 +49,7 @@ class DueBus:
         self.telemetry: Telemetry | None = None
 
     def open(self) -> None:
-        """Connect, and check that the devices of the robot file answer.
-
-        See `contid.hal.Bus.open`; a board with the same configuration keeps its state.
-        """
+        """See `contid.hal.Bus.open`; a board with the same configuration keeps its state."""
         self.close()
         session = DueConnection(self.name, self._options, self._axes_on_bus)
         self._session = session
@@ -75,10 +72,7 @@ class DueBus:
         return self._need_session().hello
 
     def close(self) -> None:
-        """Close the port. Idempotent; never changes torque.
-
-        See `contid.hal.Bus.close`; outputs stay under the board's watchdog.
-        """
+        """See `contid.hal.Bus.close`; outputs stay under the board's watchdog."""
         if self._session is not None:
             self._session.close()
             # Where `open` failed, motors may not have lost the position that they have to lose.
@@ -103,10 +97,7 @@ class DueBus:
         }
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
-        """Send the commands of a tick, and read every axis.
-
-        See `contid.hal.Bus.exchange`: one demand out, one telemetry back.
-        """
+        """See `contid.hal.Bus.exchange`: one demand out, one telemetry back."""
         values = self._checked(commands)
         session = self._need_session()
         now = self._clock.now()
@@ -136,10 +127,7 @@ class DueBus:
         return counts
 
     def enable(self, axes: Sequence[str]) -> None:
-        """Make axes ready to move without moving them: goal := present, torque on, watchdog armed.
-
-        See `contid.hal.Bus.enable`; starts the board's watchdog.
-        """
+        """See `contid.hal.Bus.enable`; starts the board's watchdog."""
         chosen = [self._axis(name) for name in axes]
         session = self._need_session()
         body = messages.demand(session.config_crc, session.echo_ms, {})
@@ -163,10 +151,7 @@ class DueBus:
             self._pending_rest.pop(axis.name, None)
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
-        """Bring axes to a state of rest; does not raise for a lost device.
-
-        See `contid.hal.Bus.disable`: motors hold or coast, regulators hold, close or vent.
-        """
+        """See `contid.hal.Bus.disable`: motors hold or coast, regulators hold, close or vent."""
         for name in axes:
             self._axis(name).enabled = False
         session = self._session
@@ -193,13 +178,9 @@ class DueBus:
         return True
 
     def clear_fault(self, axes: Sequence[str]) -> None:
-        """Clear latched device faults without motion; raises `DeviceError` if one persists.
-
-        See `contid.hal.Bus.clear_fault`; a lost position stays lost.
-        """
-        self._request_for(
-            self._need_session(), Type.CLEAR, "cannot clear", [self._axis(name) for name in axes]
-        )
+        """See `contid.hal.Bus.clear_fault`; a lost position stays lost."""
+        chosen = [self._axis(name) for name in axes]
+        self._request_for(self._need_session(), Type.CLEAR, "cannot clear", chosen)
 
     def park(self, axes: Sequence[str]) -> None:
         """Set the count of axes that stand at ``power_up_deg`` now."""

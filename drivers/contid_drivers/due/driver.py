@@ -44,10 +44,7 @@ class DueDriver:
         return f"channel {axis.channel}"
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
-        """Options of the ``sim`` bus that replaces this bus under ``--mock``.
-
-        See `contid.hal.Driver`; the simulated bus has the same watchdog.
-        """
+        """See `contid.hal.Driver`; the simulated bus has the same watchdog."""
         assert isinstance(bus, DueBusOptions)
         return {"watchdog_ms": max(bus.watchdog_ms, 10)}
 
@@ -80,10 +77,7 @@ class DueDriver:
         return response if axis.kind is DeviceKind.MOTOR else replace(response, top=axis.slew_bar_s * BAR)
 
     def device_rate(self, axis: BaseModel) -> DeviceRate:
-        """Limit of the device of an axis with these options.
-
-        See `contid.hal.LimitsRate`: the board's set-point is no faster.
-        """
+        """See `contid.hal.LimitsRate`: the board's set-point is no faster."""
         assert isinstance(axis, DueAxisOptions)
         if axis.kind is DeviceKind.MOTOR:
             return DeviceRate(
@@ -95,10 +89,7 @@ class DueDriver:
         return DeviceRate("slew_bar_s", axis.slew_bar_s * BAR)
 
     def refused(self, options: BaseModel, axes: Sequence[tuple[str, BaseModel]]) -> Iterator[RefusedKey]:
-        """Everything that is refused; ``axes`` are names and options.
-
-        See `contid.hal.Restricts`: every open of the programming port resets the board and its counts.
-        """
+        """See `contid.hal.Restricts`: every open of the programming port resets the board and its counts."""
         assert isinstance(options, DueBusOptions)
         lost = [name for name, axis in axes if self.parkable(axis)]
         if options.connection == "programming" and lost:
@@ -118,10 +109,7 @@ class DueDriver:
     def home(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
     ) -> list[Homed]:
-        """Move axes to their reference one after the other; they rest afterwards.
-
-        See `contid.hal.Homes`; the board itself searches the end stops.
-        """
+        """See `contid.hal.Homes`; the board itself searches the end stops."""
         from contid_drivers.due.homing import home
 
         assert isinstance(options, DueBusOptions)
@@ -151,10 +139,7 @@ class DueDriver:
     def park(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
     ) -> None:
-        """Take the present pose of the axes ``only`` as their parked pose; moves nothing.
-
-        See `contid.hal.Parks`; the board counts from ``power_up_deg`` again.
-        """
+        """See `contid.hal.Parks`; the board counts from ``power_up_deg`` again."""
         from contid_drivers.due.homing import park
 
         assert isinstance(options, DueBusOptions)

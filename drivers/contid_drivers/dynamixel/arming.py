@@ -8,10 +8,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from contid.errors import DeviceError, DeviceLostError
-from contid.hal import Rest
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel import turns
-from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.axis import Axis, TorqueState, Turn
 from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.client import TRIES, NoAnswerError, ServoClient, ServoRefusedError
 from contid_drivers.dynamixel.grip import goal_current, limit_ma, read_own_limit
@@ -206,14 +205,14 @@ def rest(client: ServoClient, axis: Axis, position: int | None) -> None:
     device, present = axis.device, reg.PRESENT_POSITION
     if position is None:
         position = present.decode(client.read_block(device, present.address, present.size, tries=1))
-    if axis.pending_rest is Rest.HOLD:
+    if axis.state is TorqueState.HOLD_PENDING:
         goal = reg.GOAL_POSITION.encode(position)
         client.port.send(sync_write(reg.GOAL_POSITION.address, 4, [(device, goal)]))
     elif torque_off(client, [axis]):
         return
-    if axis.reset:
+    if axis.turn is Turn.LOST:
         turns.adopt(client, axis, position)
-    axis.pending_rest = None
+    axis.state = TorqueState.IDLE
 
 
 def torque_off(client: ServoClient, axes: Sequence[Axis]) -> list[str]:
@@ -239,7 +238,7 @@ def torque_off(client: ServoClient, axes: Sequence[Axis]) -> list[str]:
             break
     silent = dead + asked
     for axis in axes:
-        axis.enabled = False
+        axis.stop_commands()
     for axis in axes:
         axis.watchdog_units = 0
         if axis not in silent:
@@ -282,7 +281,7 @@ def recover(client: ServoClient, axis: Axis) -> None:
         raise NoAnswerError(client.name(device), "no answer", "check its power")
     identity.require_same(client, axis)
     if client.read(device, reg.HARDWARE_ERROR):
-        if axis.turn_known:
+        if axis.turn.known:
             axis.seen = axis.to_rad(client.read(device, reg.PRESENT_POSITION))
         client.reboot(device)
         if bits := client.read(device, reg.HARDWARE_ERROR):
@@ -298,4 +297,4 @@ def recover(client: ServoClient, axis: Axis) -> None:
     if client.read(device, reg.BUS_WATCHDOG) != 0:
         hold_position(client, axis)
     axis.watchdog_units, axis.hardware_error, axis.fault, axis.misses = 0, 0, "", 0
-    axis.reset, axis.pending_rest = False, None
+    axis.state = TorqueState.IDLE

@@ -11,9 +11,9 @@ from typing import Final
 
 from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Clock, Rest, Sample
-from contid_drivers.dynamixel import arming, torque, turns
+from contid_drivers.dynamixel import arming, readings, torque, turns
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.axis import Axis, Turn
 from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.exchange.block import ServoReading
@@ -28,6 +28,8 @@ log = logging.getLogger(__name__)
 FAST_AGAIN: Final = 200
 #: Exchanges in a row that waited on, after which the adapter is the cause and not the host.
 STALLS_LOGGED: Final = 20
+#: Turns of which a reset is found without mapped bytes, or was found.
+_RESET_KNOWN: Final = (Turn.IN_SERVO, Turn.LOST)
 
 
 class DynamixelBus:
@@ -44,7 +46,7 @@ class DynamixelBus:
         self._by_id = {axis.device: axis for axis in self._states.values()}
         self._grip = CurrentShare(self._states.values())
         self._link = BusLink(name, options, tuple(self._states.values()))
-        self._readings: dict[int, ServoReading] = {}  # usable ones of the newest exchange
+        self._taken: dict[int, ServoReading] = {}  # usable ones of the newest exchange
         self._doubtful: dict[int, ServoReading] = {}  # of servos that may have reset
         self._count = 0  # exchanges
         self._clean = 0  # complete exchanges since the last miss
@@ -69,7 +71,7 @@ class DynamixelBus:
         self._count += 1
         full = self._count % self.options.telemetry_every == 0 or self._count == 1
         faults = [axis.fault for axis in self._states.values()]
-        self._readings.clear()
+        self._taken.clear()
         before_goals = self._grip.packet() if self._grip.axes else b""
         self._doubtful.clear()
         try:
@@ -84,11 +86,13 @@ class DynamixelBus:
             now = self._clock.now()
             samples = {}
             for (name, axis), before in zip(self._states.items(), faults, strict=True):
-                reading = self._readings.get(axis.device)
-                samples[name] = axis.record_miss(now) if reading is None else axis.sample(now, not axis.reset)
+                reading = self._taken.get(axis.device)
+                if reading is None:
+                    axis.misses += 1
+                samples[name] = axis.sample(now, reading is not None)
                 if axis.fault != before:
                     samples[name] = self._find_cause(client, axis, reading, now, samples[name])
-                if axis.pending_rest is not None and reading is not None:
+                if axis.state.pending and reading is not None:
                     self._rest(client, axis, reading)
             self._note_missing(opened)
         except DeviceLostError as error:
@@ -96,24 +100,29 @@ class DynamixelBus:
         return samples
 
     def _take_answer(self, device: int, reading: ServoReading) -> None:
-        """Take a reading, unless it may come from a servo that has reset itself."""
+        """Take a reading, unless it may come from a servo that has reset itself.
+
+        On a bus with mapped bytes, one without them proves nothing of a servo that keeps no turn and has no
+        watchdog: it is dropped.
+        """
         axis, now = self._by_id[device], self._clock.now()
-        if axis.may_have_reset(reading, now):
+        shows_reset = reading.voltage_low is not None or axis.watchdog_units or axis.turn in _RESET_KNOWN
+        if readings.may_be_after_reset(axis, reading, now):
             self._doubtful[device] = reading
-        elif axis.watchdog_units or reading.voltage_low is not None or axis.marked or not self._link.indirect:
-            axis.take(reading, now)
-            self._readings[device] = reading
+        elif shows_reset or not self._link.indirect:
+            readings.take(axis, reading, now)
+            self._taken[device] = reading
 
     def _check_turn(self, client: ServoClient, device: int, reading: ServoReading) -> None:
         """Take a doubtful reading if the servo keeps the mark of its turn; in a tick, so with one try."""
         axis = self._by_id[device]
         try:
-            if turns.reset_since(client, axis, tries=1):
+            if turns.has_reset(client, axis):
                 axis.latch_reset()
         except NoAnswerError:
             return
-        axis.take(reading, self._clock.now())
-        self._readings[device] = reading
+        readings.take(axis, reading, self._clock.now())
+        self._taken[device] = reading
 
     def _note_missing(self, opened: Opened) -> None:
         """Read servos that missed several exchanges last, discard late answers, log the first late one."""
@@ -193,8 +202,8 @@ class DynamixelBus:
         if reading is not None and reading.alert and not axis.hardware_error:
             try:
                 axis.hardware_error = client.read(axis.device, reg.HARDWARE_ERROR)
-                axis.detect_faults(reading)
-                sample = axis.sample(now, not axis.reset)
+                readings.detect_reported(axis, reading)
+                sample = axis.sample(now, True)
             except NoAnswerError:
                 pass
         log.error("%s: %s", axis.name, axis.fault)
@@ -206,7 +215,7 @@ class DynamixelBus:
             if not identity.is_same(client, axis):
                 log.debug("%s: another servo answers, which is not brought to rest", axis.name)
                 return
-            arming.rest(client, axis, None if axis.reset else reading.position)
+            arming.rest(client, axis, None if axis.turn is Turn.LOST else reading.position)
         except NoAnswerError:
             log.debug("%s: silent again before it was brought to rest", axis.name)
 
@@ -232,10 +241,7 @@ class DynamixelBus:
         torque.enable(self._link, self._named(axes))
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
-        """Bring axes to a state of rest; does not raise for a lost device.
-
-        See `contid.hal.Bus.disable`; servos cannot vent, so ``vent`` relaxes them.
-        """
+        """See `contid.hal.Bus.disable`; servos cannot vent, so ``vent`` relaxes them."""
         torque.disable(self._link, self._named(axes), rest)
 
     def clear_fault(self, axes: Sequence[str]) -> None:

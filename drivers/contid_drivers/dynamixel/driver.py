@@ -67,17 +67,11 @@ class DynamixelDriver:
         return min(rates, key=lambda rate: rate.value)
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
-        """Options of the ``sim`` bus that replaces this bus under ``--mock``.
-
-        See `contid.hal.Driver`; a simulated bus needs no key of this one.
-        """
+        """See `contid.hal.Driver`: none, a simulated bus needs no key of this one."""
         return {}
 
     def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
-        """Options of the ``sim`` axis that replaces this axis, at least ``{"device": KIND}``.
-
-        See `contid.hal.Driver`; a simulated servo.
-        """
+        """See `contid.hal.Driver`: a simulated servo."""
         return {"device": DeviceKind.SERVO.value}
 
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:

@@ -103,7 +103,7 @@ def _by_stop(
     _move_back(client, axis, homing, stop)
     value = axis.to_rad(stop)
     report(f"{axis.name}: stop at {math.degrees(value):.2f} deg")
-    axis.reference.require_former(name, value, turns_lost=not axis.turn_known)
+    axis.reference.require_former(name, value, turns_lost=not axis.turn.known)
     turns.store(client, axis, axis.turns)
     travelled = abs(first - start) / reg.TICKS_PER_DEG
     how = f"hard stop with {homing.current_ma} mA after {travelled:.0f} deg"

@@ -12,7 +12,7 @@ from contid.kit.remembered import memory_of
 from contid.kit.serial_ports import UsbIdentity, find_port, identity_of
 from contid_drivers.dynamixel import duplicates, turns
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.axis import Axis, TorqueState, Turn
 from contid_drivers.dynamixel.checks import identity, left_over
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.cycle_time import Slack
@@ -82,14 +82,14 @@ class BusLink:
             starts = [map_block(client, axis) for axis in self.axes]
             layout = common_layout(starts)
             for axis in self.axes:
-                axis.enabled, axis.misses, axis.reset, axis.pending_rest = False, 0, False, None
+                axis.misses, axis.state, axis.turn = 0, TorqueState.IDLE, Turn.UNKNOWN
                 try:
                     turns.settle(client, axis)
                 except NoAnswerError:
                     raise
                 except DeviceError as error:
                     axis.latch(f"{error.message}; {error.remedy}")
-                    axis.pending_rest = None
+                    axis.state = TorqueState.IDLE
             ids = [axis.device for axis in self.axes]
             cyclic = Cyclic(port, ids, layout, Slack(options.slack_ms), self.counts)
             self.adopt_return_delay(client)
@@ -154,7 +154,7 @@ class BusLink:
         """Keep the error for every call until the next `open`; no axis is enabled any more."""
         self._lost = error
         for axis in self.axes:
-            axis.enabled = False
+            axis.stop_commands()
         return error
 
     def probe_fast(self) -> bool:

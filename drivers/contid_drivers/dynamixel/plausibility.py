@@ -8,6 +8,8 @@ from typing import Final
 
 #: No X-series servo turns faster (XL330-M077: 383 rpm at 5 V).
 SPEED_MAX_RAD_S: Final = 500.0 * math.tau / 60.0
+#: A motion between two readings that only comes after a gap, or a lost turn.
+FAR_RAD: Final = math.radians(45.0)
 #: Noise of the time of a measurement, as an angle.
 JUMP_SLACK_RAD: Final = 0.5
 #: After a longer gap a turn is within reach of the speed.

@@ -11,7 +11,7 @@ from contid.errors import DeviceError
 from contid.kit.signals import defer_signals
 from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.axis import Axis, Turn
 from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.registers import Register
 
@@ -31,8 +31,8 @@ LOOK_MS: Final = 60
 def prepare(client: ServoClient, axis: Axis, speed_deg_s: float, current_ma: float) -> int:
     """Set the registers of a search, torque off; returns the present position [ticks].
 
-    Turns that the servo keeps in its marks (see `contid_drivers.dynamixel.turns`) are stored in it again
-    behind the writes, and ``axis.turn_known`` is True then. Without them it is False, and the turns are 0.
+    Turns that the servo keeps (`contid_drivers.dynamixel.turns`) are stored in it again behind the writes;
+    without them `Axis.turn` is unknown, and the turns are 0.
 
     Raises:
         DeviceError: torque off is not confirmed.
@@ -51,9 +51,9 @@ def prepare(client: ServoClient, axis: Axis, speed_deg_s: float, current_ma: flo
     ):
         if client.read(device, register) != value:
             client.write(device, register, value)
-    axis.turns, axis.turn_known, axis.travel = 0, False, None
+    axis.turns, axis.turn, axis.travel = 0, Turn.UNKNOWN, None
     if kept is not None:
-        # A change of the operating mode has cleared Velocity I Gain, one of the two marks.
+        # A change of the operating mode has cleared Velocity I Gain, one of its two registers.
         turns.store(client, axis, kept)
     return client.read(device, reg.PRESENT_POSITION)
 

@@ -56,7 +56,7 @@ def tension(
         name, value = client.name(axis.device), axis.to_rad(found[axis.device])
         axis.reference.require_repetition(name, axis.to_rad(first[axis.device]), value)
         report(f"{axis.name}: taut at {math.degrees(value):.2f} deg")
-        axis.reference.require_former(name, value, turns_lost=not axis.turn_known)
+        axis.reference.require_former(name, value, turns_lost=not axis.turn.known)
     homed = []
     for axis in axes:
         homing, value = _homing(axis), axis.to_rad(found[axis.device])

@@ -13,7 +13,7 @@ from contid.errors import DeviceError, DeviceLostError
 from contid.hal import Rest
 from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.axis import Axis, TorqueState
 from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.link import BusLink, Opened
 
@@ -94,7 +94,7 @@ def _relax(link: BusLink, opened: Opened, axes: Sequence[Axis]) -> None:
     """Torque off; where it is not confirmed it stays pending."""
     silent = arming.torque_off(opened.client, axes)
     for axis in axes:
-        axis.pending_rest = Rest.RELAX if axis.name in silent else None
+        axis.state = TorqueState.RELAX_PENDING if axis.name in silent else TorqueState.IDLE
     if silent:
         log.error("%s: torque off not confirmed by %s", link.name, ", ".join(silent))
 
@@ -102,10 +102,10 @@ def _relax(link: BusLink, opened: Opened, axes: Sequence[Axis]) -> None:
 def _hold(opened: Opened, axes: Sequence[Axis]) -> None:
     """Goal := present position, watchdog off; where that fails it stays pending."""
     for axis in axes:
-        axis.enabled, axis.pending_rest = False, Rest.HOLD
+        axis.state = TorqueState.HOLD_PENDING
         try:
             arming.hold_position(opened.client, axis)
-            axis.pending_rest = None
+            axis.state = TorqueState.IDLE
         except DeviceLostError:
             raise
         except DeviceError as error:
@@ -118,7 +118,7 @@ def disable(link: BusLink, axes: Sequence[Axis], rest: Rest) -> None:
 
     ``hold`` leaves torque on with the goal at the present position. ``relax`` switches it off, and so does
     ``vent``, which servos cannot do. A servo that does not confirm keeps the rest as pending
-    (`Axis.pending_rest`) until it answers.
+    (`Axis.state`) until it answers.
     """
     opened = link.reachable
     if opened is None:

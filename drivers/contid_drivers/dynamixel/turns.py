@@ -1,17 +1,26 @@
-"""The turn of a servo, which it loses at power-off; a wrong turn is a wrong length of a rack.
+"""The whole turns of a servo: kept in its RAM, and determined before its axis may move.
 
-The turns to add to the servo's count are kept in two registers of the servo's RAM, so that they are lost with
-the count: in Velocity I Gain, unused in the position modes (4096 + n: n turns), and in the last Indirect
-Address (145 + n; default 227: none since power-up), where the servo has one. A power-off clears both. A
-change of operating mode clears the gain, and through position mode the servo loses its count without a
-power-off (e-manual, register 132).
+A servo that is powered up counts from 0 to 4095 ticks, in whichever turn its shaft is. `Axis.turns` is added
+to that count; one too many is a rack that is longer by the circumference of its pinion. The turns are kept in
+two registers in the RAM of the servo, so that they are lost when the count is:
 
-* The gain in a mode of several turns: the count is valid.
-* No mark: the servo was powered up. An axis that homes against a hard stop is refused until it was homed; an
-  axis with a stored pose takes the turn nearest to it, if it is near enough; the count of an axis without
-  homing is used unchecked.
-* The address alone: another program reset the count in the middle of the travel; the axis is refused.
-* A servo that reset while the host was connected takes the turn nearest to its last position.
+* Velocity I Gain, unused in the position modes, holds 4096 + turns. A change of the operating mode clears it,
+  and through position mode the servo loses its count without a power-off (e-manual, register 132).
+* The last Indirect Address holds 145 + turns, where the servo has one; only a power-off clears it, to 227 or
+  243 by model.
+
+`settle` decides, by the first row that applies:
+
+======================================  =========================================================
+the servo                               the turn
+======================================  =========================================================
+has the gain, in a mode with turns      that of the gain
+was seen since contid started           the nearest to its last position, within `SEEN_TOLERANCE_RAD`
+has the address alone                   refused: another program reset the count in mid-travel
+homes by a stored pose                  the nearest to that pose, within ``plausible_deg``
+homes by a stop or by tension           refused until it was homed
+has no homing                           0, unchecked, with a warning
+======================================  =========================================================
 
 Not detectable: a CLEAR sent by another program while contid does not run.
 """
@@ -20,34 +29,34 @@ from __future__ import annotations
 
 import logging
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.axis import FAR_RAD, Axis
-from contid_drivers.dynamixel.client import TRIES, ServoClient, ServoRefusedError
+from contid_drivers.dynamixel.axis import Axis, Turn
+from contid_drivers.dynamixel.client import ServoClient, ServoRefusedError
 from contid_drivers.dynamixel.options import HardStop, SingleTurn, Tensioning
 from contid_drivers.dynamixel.packets import sync_write
+from contid_drivers.dynamixel.plausibility import FAR_RAD
 from contid_drivers.dynamixel.registers import Register
 
 log = logging.getLogger(__name__)
 
-MARKER: Final = next(r for r in reg.TABLE if r.name == f"indirect address {reg.INDIRECT_COUNT}")
+LAST_ADDRESS: Final = next(r for r in reg.TABLE if r.name == f"indirect address {reg.INDIRECT_COUNT}")
 #: Values of the two registers for 0 turns.
-_CENTRE: Final = 145
-_GAIN_CENTRE: Final = 4096
+_ADDRESS_ZERO: Final = 145
+_GAIN_ZERO: Final = 4096
 _MULTI_TURN_MODES: Final = tuple(reg.MODE_NUMBERS.values())
 #: Greatest number of turns that is stored.
 TURNS_MAX: Final = 80
 #: Greatest motion assumed between the last reading (``axis.seen``) and the first one after a reset.
 SEEN_TOLERANCE_RAD: Final = FAR_RAD
-_TURN: Final = 2.0 * math.pi
-_NO_MARKS: Final = ((MARKER, MARKER.default), (reg.VELOCITY_I, reg.VELOCITY_I.default))
+_CLEARED: Final = ((LAST_ADDRESS, LAST_ADDRESS.default), (reg.VELOCITY_I, reg.VELOCITY_I.default))
 
 
-def counts_turns(client: ServoClient, axis: Axis) -> bool:
-    """True in an operating mode that keeps the count of turns."""
-    return client.read(axis.device, reg.OPERATING_MODE) in _MULTI_TURN_MODES
+def stored_values(turns: int) -> tuple[tuple[Register, int], ...]:
+    """The two registers that keep the turns, and their values; no model has such a gain by default."""
+    return (LAST_ADDRESS, _ADDRESS_ZERO + turns), (reg.VELOCITY_I, _GAIN_ZERO + turns)
 
 
 def store(client: ServoClient, axis: Axis, turns: int) -> None:
@@ -58,65 +67,61 @@ def store(client: ServoClient, axis: Axis, turns: int) -> None:
     """
     if abs(turns) > TURNS_MAX:
         raise DeviceError(client.name(axis.device), f"{turns} turns from its zero; {TURNS_MAX} can be kept")
-    axis.turns, axis.turn_known, axis.marked = turns, True, False
-    if counts_turns(client, axis):
-        marker, gain = marks_of(turns)
+    axis.turns, axis.turn = turns, Turn.ON_HOST
+    if _counts_turns(client, axis):
+        address, gain = stored_values(turns)
         client.write(axis.device, *gain)
-        axis.marked = True
-        try:
-            client.write(axis.device, *marker)
-        except ServoRefusedError as error:
-            log.info("%s: %s", client.name(axis.device), error.message)
-
-
-def adopt(client: ServoClient, axis: Axis, position: int) -> None:
-    """Keep the turn of a servo that reset, at the first position it reports; in a tick, so unconfirmed.
-
-    Without a turn near enough to its last position the mark is cleared, so that `settle` refuses the axis.
-    """
-    if axis.seen is None:
-        return
-    raw = position * reg.RAD_PER_TICK
-    turns = round((axis.seen - raw) / _TURN)
-    near = abs(turns) <= TURNS_MAX and abs(raw + turns * _TURN - axis.seen) <= SEEN_TOLERANCE_RAD
-    if near:
-        axis.turns = turns
-    axis.marked = near
-    for register, value in marks_of(turns) if near else _NO_MARKS:
-        data = register.encode(value)
-        client.port.send(sync_write(register.address, register.size, [(axis.device, data)]))
-
-
-def marks_of(turns: int) -> tuple[tuple[Register, int], ...]:
-    """The two registers that keep the turns, and their values; no model has such a gain by default."""
-    return (MARKER, _CENTRE + turns), (reg.VELOCITY_I, _GAIN_CENTRE + turns)
+        axis.turn = Turn.IN_SERVO
+        _write_where_present(client, axis, *address)
 
 
 def forget(client: ServoClient, axis: Axis) -> None:
-    """Clear the marks, as a power-up does; used after the axis was parked by hand."""
+    """Clear both registers, as a power-up does; used after the axis was parked by hand."""
     axis.seen = None
-    for register, value in _NO_MARKS:
-        try:
-            client.write(axis.device, register, value)
-        except ServoRefusedError as error:
-            log.info("%s: %s", client.name(axis.device), error.message)
+    for register, value in _CLEARED:
+        _write_where_present(client, axis, register, value)
+
+
+def _counts_turns(client: ServoClient, axis: Axis) -> bool:
+    """True in an operating mode that keeps the count of turns."""
+    return client.read(axis.device, reg.OPERATING_MODE) in _MULTI_TURN_MODES
+
+
+def _write_where_present(client: ServoClient, axis: Axis, register: Register, value: int) -> None:
+    try:
+        client.write(axis.device, register, value)
+    except ServoRefusedError as error:
+        log.info("%s: %s", client.name(axis.device), error.message)
 
 
 def kept(client: ServoClient, axis: Axis) -> int | None:
     """The turns that the servo keeps; None when its count is not valid."""
-    stored = client.read(axis.device, reg.VELOCITY_I) - _GAIN_CENTRE
-    return stored if abs(stored) <= TURNS_MAX and counts_turns(client, axis) else None
+    stored = client.read(axis.device, reg.VELOCITY_I) - _GAIN_ZERO
+    return stored if abs(stored) <= TURNS_MAX and _counts_turns(client, axis) else None
 
 
-def reset_since(client: ServoClient, axis: Axis, tries: int = TRIES) -> bool:
-    """Whether a servo has lost the mark of its turn.
+def has_reset(client: ServoClient, axis: Axis) -> bool:
+    """Whether the servo no longer keeps the turns of its axis; in a tick, so with one try.
 
     Raises:
         NoAnswerError: it is silent.
     """
     gain = reg.VELOCITY_I
-    data = client.read_block(axis.device, gain.address, gain.size, tries)
-    return gain.decode(data) != _GAIN_CENTRE + axis.turns
+    return gain.decode(client.read_block(axis.device, gain.address, gain.size, 1)) != _GAIN_ZERO + axis.turns
+
+
+def adopt(client: ServoClient, axis: Axis, position: int) -> None:
+    """Store the turn of a servo that reset, nearest to where it was last seen; in a tick, so unconfirmed.
+
+    Without one near enough both registers are cleared, so that `settle` refuses the axis.
+    """
+    if axis.seen is None:
+        return
+    turns = _nearest(position, axis.seen)
+    near = abs(turns) <= TURNS_MAX and abs(_offset(position, axis.seen)) <= SEEN_TOLERANCE_RAD
+    for register, value in stored_values(turns) if near else _CLEARED:
+        data = register.encode(value)
+        client.port.send(sync_write(register.address, register.size, [(axis.device, data)]))
 
 
 def require_kept(client: ServoClient, axis: Axis) -> None:
@@ -125,8 +130,7 @@ def require_kept(client: ServoClient, axis: Axis) -> None:
     Raises:
         DeviceError: it reset itself, or another program reset its count; or its turn cannot be inferred.
     """
-    if not axis.marked:
-        # In position mode nothing kept its turn.
+    if axis.turn is not Turn.IN_SERVO:
         settle(client, axis)
     elif kept(client, axis) != axis.turns:
         axis.latch_reset()
@@ -134,60 +138,78 @@ def require_kept(client: ServoClient, axis: Axis) -> None:
 
 
 def settle(client: ServoClient, axis: Axis) -> None:
-    """Determine the turn before the axis may move.
+    """Determine the turn before the axis may move, by the table above.
 
     Raises:
         DeviceError: it cannot be inferred.
     """
-    axis.turn_known = axis.marked = False
-    device = axis.device
+    if axis.turn is not Turn.LOST:
+        axis.turn = Turn.UNKNOWN
     stored = kept(client, axis)
     if stored is not None:
-        axis.turns, axis.turn_known, axis.marked = stored, True, True
-        axis.seen = axis.to_rad(client.read(device, reg.PRESENT_POSITION))
+        axis.turns, axis.turn = stored, Turn.IN_SERVO
+        axis.seen = axis.to_rad(client.read(axis.device, reg.PRESENT_POSITION))
         return
-    # The value after a power-up, 227 or 243 by model, is beyond the turns that are kept.
-    marked = abs(_read_marker(client, device) - _CENTRE) <= TURNS_MAX
-    name, homing = client.name(device), axis.options.homing
-    raw = client.read(device, reg.PRESENT_POSITION) * reg.RAD_PER_TICK
-    if axis.seen is not None:
-        expected, tolerance, what = axis.seen, SEEN_TOLERANCE_RAD, "it was last seen at"
-    elif marked:
-        raise DeviceError(name, "another program reset its count of turns (operating mode)", _remedy(axis))
-    elif isinstance(homing, SingleTurn):
-        expected = math.radians(homing.pose_deg)
-        tolerance, what = math.radians(homing.plausible_deg), "it is parked at"
-    elif isinstance(homing, HardStop | Tensioning):
-        raise DeviceError(
-            name, "it has lost its turn count (power was off) and is not homed", "run `contid home`"
-        )
-    else:
-        log.warning("%s was power-cycled and has no homing; its turn count is used unchecked", name)
-        store(client, axis, 0)
-        axis.seen = axis.to_rad(round(raw / reg.RAD_PER_TICK))
-        return
-    turns = round((expected - raw) / _TURN)
-    off = raw + turns * _TURN - expected
-    if abs(off) > tolerance:
-        raise DeviceError(
-            name,
-            f"it lost its turn count and stands {math.degrees(off):+.0f} deg from where {what} "
-            f"({math.degrees(expected):.0f} deg); limit {math.degrees(tolerance):.0f} deg",
-            "bring it there by hand, or run `contid home`",
-        )
+    expected = _expected(client, axis)
+    position = client.read(axis.device, reg.PRESENT_POSITION)
+    turns = 0
+    if expected is not None:
+        turns, off_rad = _nearest(position, expected.angle_rad), _offset(position, expected.angle_rad)
+        if abs(off_rad) > expected.tolerance_rad:
+            raise DeviceError(
+                client.name(axis.device),
+                f"it lost its turn count and stands {math.degrees(off_rad):+.0f} deg from where "
+                f"{expected.reason} ({math.degrees(expected.angle_rad):.0f} deg); "
+                f"limit {math.degrees(expected.tolerance_rad):.0f} deg",
+                "bring it there by hand, or run `contid home`",
+            )
     store(client, axis, turns)
-    axis.seen = raw + turns * _TURN
+    axis.seen = axis.to_rad(position)
 
 
-def _read_marker(client: ServoClient, device: int) -> int:
-    """The last Indirect Address; its default in a servo that has none."""
+class _Expected(NamedTuple):
+    """Where an axis should stand [rad], how far it may be from there [rad], and why it should."""
+
+    angle_rad: float
+    tolerance_rad: float
+    reason: str
+
+
+def _expected(client: ServoClient, axis: Axis) -> _Expected | None:
+    """Where a servo without a valid count should stand; None where nothing is known.
+
+    Raises:
+        DeviceError: it has to be homed.
+    """
+    if axis.seen is not None:
+        return _Expected(axis.seen, SEEN_TOLERANCE_RAD, "it was last seen at")
+    name, homing, remedy = client.name(axis.device), axis.options.homing, "run `contid home`"
+    if _has_address(client, axis):
+        if homing is None:
+            remedy = "bring it to its first turn by hand and switch its power off and on, or configure homing"
+        raise DeviceError(name, "another program reset its count of turns (operating mode)", remedy)
+    match homing:
+        case SingleTurn(pose_deg=pose_deg, plausible_deg=plausible_deg):
+            return _Expected(math.radians(pose_deg), math.radians(plausible_deg), "it is parked at")
+        case HardStop() | Tensioning():
+            raise DeviceError(name, "it has lost its turn count (power was off) and is not homed", remedy)
+    log.warning("%s was power-cycled and has no homing; its turn count is used unchecked", name)
+    return None
+
+
+def _has_address(client: ServoClient, axis: Axis) -> bool:
+    """Whether the last Indirect Address holds turns: the servo was not powered up since they were stored."""
     try:
-        return client.read(device, MARKER)
+        return abs(client.read(axis.device, LAST_ADDRESS) - _ADDRESS_ZERO) <= TURNS_MAX
     except ServoRefusedError:
-        return MARKER.default
+        return False
 
 
-def _remedy(axis: Axis) -> str:
-    if axis.options.homing is None:
-        return "bring it to its first turn by hand and switch its power off and on, or configure homing"
-    return "run `contid home`"
+def _nearest(position: int, angle_rad: float) -> int:
+    """The turns that bring a position [ticks] nearest to an angle."""
+    return round((angle_rad - position * reg.RAD_PER_TICK) / math.tau)
+
+
+def _offset(position: int, angle_rad: float) -> float:
+    """How far from an angle the nearest turns bring a position [ticks], in rad."""
+    return math.remainder(position * reg.RAD_PER_TICK - angle_rad, math.tau)

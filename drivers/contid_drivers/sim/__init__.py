@@ -36,10 +36,7 @@ class SimDriver:
         return simulated_response(axis)
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
-        """Options of the ``sim`` bus that replaces this bus under ``--mock``.
-
-        See `contid.hal.Driver`; a simulated bus replaces itself.
-        """
+        """See `contid.hal.Driver`; a simulated bus replaces itself."""
         return bus.model_dump(exclude_unset=True)
 
     def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:

@@ -55,10 +55,7 @@ class SimBus:
     # -- the contract ------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Connect, and check that the devices of the robot file answer.
-
-        See `contid.hal.Bus.open`; a silent axis counts as missing.
-        """
+        """See `contid.hal.Bus.open`; a silent axis counts as missing."""
         now = self._advance()
         if self._open:
             return

@@ -19,7 +19,8 @@ from contid.control.engine.robots import Robots
 from contid.control.engine.tick_costs import TickCosts
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.watch.arrivals import Arrivals
-from contid.control.engine.watch.watched_body import AxisPlace, WatchedBody, has_arrived
+from contid.control.engine.watch.settling import AxisPlace, Settling, has_arrived
+from contid.control.engine.watch.watched_body import WatchedBody
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.faults import Fault
 from contid.control.tick.follow.expected_range import AxisResponse, ExpectedRange
@@ -295,18 +296,23 @@ def test_an_axis_that_is_not_there_has_not_arrived_by_a_missed_read() -> None:
     missed = replace(far, valid=False)
     body = WatchedBody(config)
     body.command((8.0, 8.0), [there, far])
-    body.goal = body.device
-    assert [has_arrived(body.places([there, each])) for each in (far, missed, there)] == [False, False, True]
+    settling = Settling(body)
+    settling.goal = body.device
+    assert [has_arrived(settling.places([there, each])) for each in (far, missed, there)] == [
+        False,
+        False,
+        True,
+    ]
     for samples in ([there, missed], [there, replace(missed, value=None)]):
-        body.leave(samples, holds=True, now_s=1.0)
-        assert body.settles_s is not None
-        body.settle(samples, 1.0)
-        assert body.settles_s is not None
-    body.settle([there, far], 1.1)
-    body.settle([there, replace(missed, value=None)], 10.0)
-    assert body.settles_s is None
-    assert body.last is not None
-    assert not has_arrived(body.last)
+        settling.leave(samples, holds=True, now_s=1.0)
+        assert settling.until_s is not None
+        settling.settle(samples, 1.0)
+        assert settling.until_s is not None
+    settling.settle([there, far], 1.1)
+    settling.settle([there, replace(missed, value=None)], 10.0)
+    assert settling.until_s is None
+    assert settling.last is not None
+    assert not has_arrived(settling.last)
 
 
 @pytest.mark.parametrize(("mode", "arrived"), [(Mode.HOLD, True), (Mode.FAULT, False)])
@@ -315,7 +321,7 @@ def test_a_goto_has_not_arrived_in_fault(mode: Mode, arrived: bool) -> None:
     robots = Robots(configs, collector, TickCosts(time.monotonic, 1, ()))
     robots.states[0] = replace(robots.states[0], mode=mode)
     places = [AxisPlace("left_mm", 1.0, 1.0, arrived=True)]
-    watch = SimpleNamespace(places=lambda index: places, bodies=[WatchedBody(configs[0])])
+    watch = SimpleNamespace(places=lambda index: places, settlings=[Settling(WatchedBody(configs[0]))])
     arrivals = Arrivals(robots, watch, collector)  # type: ignore[arg-type]
     arrivals.commanded(0)
     arrivals.settle(1.0)

@@ -13,7 +13,7 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.exchange.block import INDIRECT_ORDER
 from contid_drivers.dynamixel.models import BY_NAME, LAST_FIRMWARE_AT_208, MODELS, ServoModel, model_name
 from contid_drivers.dynamixel.options import DynamixelAxisOptions
-from contid_drivers.dynamixel.turns import TURNS_MAX, marks_of
+from contid_drivers.dynamixel.turns import TURNS_MAX, stored_values
 from contid_emulate.dynamixel import Servo
 
 VENDOR: dict[str, Any] = json.loads(Path(__file__).with_name("vendor_registers.json").read_text())["models"]
@@ -70,7 +70,7 @@ def test_current_limits_are_those_of_the_corrected_pages(name: str) -> None:
 
 
 def test_the_mark_of_the_turns_is_no_gain_of_a_model() -> None:
-    marks = {value for turns in range(-TURNS_MAX, TURNS_MAX + 1) for _, value in marks_of(turns)}
+    marks = {value for turns in range(-TURNS_MAX, TURNS_MAX + 1) for _, value in stored_values(turns)}
     assert not marks & {model.gains.velocity_i for model in MODELS}
 
 

@@ -46,7 +46,7 @@ def home(r: Any, report: Callable[[str], None] = quiet, zero_deg: float | None =
 
 def marked(servo: Servo) -> bool:
     """Whether the servo counts as homed."""
-    return abs(servo.get(turns.MARKER) - 145) <= turns.TURNS_MAX
+    return abs(servo.get(turns.LAST_ADDRESS) - 145) <= turns.TURNS_MAX
 
 
 def power_cycle(r: Any) -> None:

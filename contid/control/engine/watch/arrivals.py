@@ -9,7 +9,7 @@ from contid.control.engine.events.robots import GotoEnded
 from contid.control.engine.robots import Robots
 from contid.control.engine.stages import Targets, TickStage
 from contid.control.engine.watch.body_watch import BodyWatch
-from contid.control.engine.watch.watched_body import has_arrived
+from contid.control.engine.watch.settling import has_arrived
 from contid.control.tick.supervisor import Mode
 
 
@@ -39,7 +39,7 @@ class Arrivals(TickStage):
         for index, until_s in list(self._waiting.items()):
             state = self._robots.states[index]
             places = self._body_watch.places(index)
-            until_s = self._waiting[index] = until_s or now_s + self._body_watch.bodies[index].settle_s
+            until_s = self._waiting[index] = until_s or now_s + self._body_watch.settlings[index].settle_s
             arrived = bool(places) and has_arrived(places) and state.mode is not Mode.FAULT
             if not arrived and now_s < until_s and state.mode is Mode.HOLD and state.goto is None:
                 continue

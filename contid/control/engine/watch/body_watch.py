@@ -22,8 +22,8 @@ from contid.control.engine.cycle import Timing
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.robots import Robots
 from contid.control.engine.stages import Targets, TickStage
-from contid.control.engine.watch.watched_body import FUTURE_S, AxisPlace, WatchedBody
-from contid.control.tick.faults import Fault
+from contid.control.engine.watch.settling import AxisPlace, Settling
+from contid.control.engine.watch.watched_body import FUTURE_S, WatchedBody
 from contid.control.tick.robot_tick import TickResult
 from contid.control.tick.state import Effect
 from contid.control.tick.supervisor import Mode
@@ -33,7 +33,7 @@ class BodyWatch(TickStage):
     """The bodies of all robots.
 
     Attributes:
-        bodies: by index of the robot.
+        bodies, settlings: by index of the robot.
         behind: greatest distance of a measurement of this tick from its range, as a share of its tolerance.
     """
 
@@ -44,6 +44,7 @@ class BodyWatch(TickStage):
         self._skipped = 0
         self.behind = 0.0
         self.bodies = [WatchedBody(config) for config in robots.configs]
+        self.settlings = [Settling(body) for body in self.bodies]
 
     def before(self, targets: Targets, timing: Timing, now_s: float) -> Targets:
         """See `TickStage.before`: compares the newest measurements."""
@@ -68,43 +69,43 @@ class BodyWatch(TickStage):
             except TypeError:  # an axis has no value
                 pass
             body.effort_share = self._exchange.effort_shares.get(body.config.name, 1.0)
-            fault, message = body.compare(self._exchange.samples_of(body.config), latest_s, gap)
+            deviation = body.compare(self._exchange.samples_of(body.config), latest_s, gap)
             self.behind = max(self.behind, body.behind)
-            if fault is not Fault.NONE:
-                self._robots.fail(index, fault, message, now_s)
+            if deviation is not None:
+                self._robots.fail(index, deviation.fault, deviation.message, now_s)
         return targets
 
     def after(self, outcomes: list[TickResult], targets: Targets, now_s: float) -> None:
         """See `TickStage.after`: takes the commands."""
-        for body, outcome in zip(self.bodies, outcomes, strict=True):
+        for body, settling, outcome in zip(self.bodies, self.settlings, outcomes, strict=True):
             device, state = outcome.device, outcome.state
             if device and body.device and not body.awake and state.enabled and state.squeeze is None:
                 body.note(device)
-                body.goal = body.device = device
+                settling.goal = device
                 continue
             samples = self._exchange.samples_of(body.config)
-            body.goal = device or body.goal
+            settling.goal = device or settling.goal
             if device and state.enabled:
-                body.last = body.settles_s = None
+                settling.last = settling.until_s = None
                 body.command(device if state.squeeze is None else (), samples)
-            elif body.goal and body.last is None:
+            elif settling.goal and settling.last is None:
                 # In the tick of the last command the devices are asked to rest.
                 holds = state.pending is Effect.HOLD and state.mode is not Mode.FAULT
-                body.leave(samples, holds, now_s)
+                settling.leave(samples, holds, now_s)
                 body.command((), samples)
 
     def settle(self, now_s: float) -> None:
         """See `TickStage.settle`: looks whether axes arrived that the last command left on their way."""
-        for body in self.bodies:
-            if body.settles_s is not None:
-                body.settle(self._exchange.samples_of(body.config), now_s)
+        for body, settling in zip(self.bodies, self.settlings, strict=True):
+            if settling.until_s is not None:
+                settling.settle(self._exchange.samples_of(body.config), now_s)
 
     @property
     def settled(self) -> bool:
         """False while an axis may still arrive after the end of a motion."""
-        return all(body.settles_s is None for body in self.bodies)
+        return all(settling.until_s is None for settling in self.settlings)
 
     def places(self, index: int) -> list[AxisPlace]:
         """Command and measurement of every axis of a robot, now or at the end of its last motion."""
-        body = self.bodies[index]
-        return body.places(self._exchange.samples_of(body.config)) if body.last is None else body.last
+        settling, config = self.settlings[index], self.bodies[index].config
+        return settling.places(self._exchange.samples_of(config)) if settling.last is None else settling.last
