@@ -27,7 +27,7 @@ from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.messages import RobotNames
-from contid.control.engine.robots import Robots
+from contid.control.engine.robots import Robots, stopping
 from contid.control.engine.stages import Targets, TickStage
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
@@ -145,7 +145,8 @@ class ChainMonitor(TickStage):
             try:
                 for i, target in ordered.items():
                     trial[i] = transitions.goto(configs[i], states[i], target, now_s)
-                self._hold_others(chain, trial, ordered, now_s)
+                for i in _followers(chain, trial, ordered):
+                    trial[i] = transitions.hold(configs[i], trial[i], now_s)
                 begun = {i: self._after_tick_of(i, trial[i], now_s) for i in ordered}
                 message = self._forbids(chain, trial, begun, now_s)
             except OrderRefusedError as error:
@@ -163,23 +164,16 @@ class ChainMonitor(TickStage):
         for chain in self.chains:
             if who is not None:
                 stopped = [i for i in chain.arms if configs[i].name in who]
-                if stopped:
-                    self._hold_others(chain, states, stopped, now_s)
+                for i in _followers(chain, states, stopped) if stopped else ():
+                    self._robots.change(i, transitions.hold, now_s)
             resting = [i for i in chain.arms if _resting(states[i])]
             try:
                 message = self._forbids(chain, states, {}, now_s) if resting else ""
             except Exception as error:  # the others have to stop all the same
                 message = _defect(chain, error)
             for i in resting if message else ():
-                states[i] = transitions.stop(configs[i], states[i], StopPolicy.HOLD, now_s)
+                self._robots.change(i, stopping(StopPolicy.HOLD, "on_end"), now_s)
                 self._refuse(i, f"{message}; it stops where it is instead of at its rest pose")
-
-    def _hold_others(
-        self, chain: Chained, states: list[RobotState], apart: Collection[int], now_s: float
-    ) -> None:
-        for i in chain.arms:
-            if i not in apart and states[i].mode in (Mode.RUN, Mode.APPROACH):
-                states[i] = transitions.hold(self._robots.configs[i], states[i], now_s)
 
     def _refuse(self, index: int, message: str) -> None:
         self._sink.event(OrderRefused(robot=self._robots.configs[index].name, message=message))
@@ -268,6 +262,11 @@ def _begins(state: RobotState, target: Target | None) -> bool:
 
 def _defect(chain: Chained, error: Exception) -> str:
     return f"{chain.guard.name}: not checked, {type(error).__name__}: {error}"
+
+
+def _followers(chain: Chained, states: Sequence[RobotState], apart: Collection[int]) -> list[int]:
+    """The arms of a chain that move with it, but for some."""
+    return [i for i in chain.arms if i not in apart and states[i].mode in (Mode.RUN, Mode.APPROACH)]
 
 
 def _resting(state: RobotState) -> bool:

@@ -195,7 +195,6 @@ class TargetSelector:
     def _replace(self, source: Source, now_s: float) -> None:
         """Change the source: robots that followed the old one approach the new one, or hold."""
         self.source, self.ended, self._on_end = source, False, OnEnd.HOLD
-        states = self._robots.states
-        for index, (config, state) in enumerate(zip(self._robots.configs, states, strict=True)):
+        for index, state in enumerate(self._robots.states):
             if state.mode is Mode.RUN or (state.mode is Mode.APPROACH and state.goto is None):
-                states[index] = transitions.stay(config, state, now_s)
+                self._robots.change(index, transitions.stay, now_s)

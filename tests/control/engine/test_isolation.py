@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from contid.control.engine.cycle import VirtualClock
-from contid.control.engine.messages import Estop, Grip, Hold, Message, Rows, Stop
+from contid.control.engine.messages import Begin, Estop, Grip, Hold, Message, Rows, Stop
 from contid.control.engine.ports import BusTrackers
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.wiring import open_buses
@@ -219,14 +219,14 @@ def test_samples_of_axes_of_another_bus_are_not_taken(sound: list[str]) -> None:
     assert not [event for event in run.collector.events if event["event"] == "fault"]
 
 
-@pytest.mark.parametrize("order", [Hold(), Stop(), Estop(), Grip(0.5)])
+@pytest.mark.parametrize("order", [Hold(), Stop(), Estop(), Grip(0.5), Begin()])
 def test_an_order_that_meets_a_defect_ends_nothing(order: Message) -> None:
     """A stop of a robot in motion asks its model; the others obey, and an emergency stop is obeyed by all."""
     run = Run()
     run.break_model(inverse=fail, forward=fail)
     states = ordered(run, order)
     assert states[0].mode is (
-        Mode.RUN if isinstance(order, Grip) else Mode.HOLD if order == Hold() else Mode.OFF
+        Mode.RUN if isinstance(order, Grip) else Mode.HOLD if order in (Hold(), Begin()) else Mode.OFF
     )
     assert states[1].mode is (Mode.OFF if order == Estop() else Mode.FAULT)
     assert states[1].enabled is (order != Estop())
