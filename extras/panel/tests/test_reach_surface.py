@@ -1,4 +1,4 @@
-"""What is described of a robot: the surface of its reach, the bounds of its tip, the lines of its body and of its modes.
+"""What is described of a robot: its reach, the bounds of its tip, the lines of its body and of its modes.
 
 The surface is closed, its normals point out, and tips that the model computes are inside; the bounds contain
 rest and every tip that random actuations reach.
