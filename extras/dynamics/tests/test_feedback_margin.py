@@ -22,6 +22,7 @@ def grows(
     hz: float,
     ratio: float,
     parts: tuple[Impulse, ...] = (Impulse(0.0, 1.0),),
+    *,
     delay_s: float = 0.0,
     lag_s: float = 0.0,
     late_s: float = 0.0,
@@ -68,7 +69,7 @@ def test_the_loop_in_time_grows_above_and_settles_below(delay_s: float, lag_s: f
     least = highest_gain(2.2, 0.055, (), delay_s, lag_s, late_s)
     assert math.isfinite(least)
     below, above = (
-        grows(k * least, 2.2, 0.055, (Impulse(0, 1),), delay_s, lag_s, late_s) for k in (0.9, 1.1)
+        grows(k * least, 2.2, 0.055, delay_s=delay_s, lag_s=lag_s, late_s=late_s) for k in (0.9, 1.1)
     )
     assert below < 0.9
     assert above > 1.1

@@ -25,13 +25,13 @@ from contid.errors import ContidError
 from contid.remote.protocol.wire import Fields
 from contid_panel.access import Access
 from contid_panel.checks import Checks
+from contid_panel.geometry import modes
 from contid_panel.guard import Guard
 from contid_panel.hub import Hub
 from contid_panel.limits import MAX_PAGES, MAX_UPLOAD, UPLOAD_TIMEOUT_S
 from contid_panel.page import Page
 from contid_panel.page_client import PageClient
 from contid_panel.poses import PanelPoses
-from contid_panel.swings import modes
 
 STATIC: Final = Path(__file__).parent / "static"
 

@@ -14,7 +14,8 @@ from contid.errors import ContidError
 from contid.remote.protocol.wire import Fields
 from contid.robot_file.load import LoadedFile, load_robot_file
 from contid.targets import Actuation
-from contid_panel.described_robot import described_robot
+from contid_dynamics.swing import SwingingPose
+from contid_panel.described_robot import described_robot, swings
 from contid_panel.expectation import Expectation
 from contid_panel.obstacles import obstacle_shape
 from contid_panel.samples import actuation_of, rounded_line
@@ -23,6 +24,8 @@ from contid_view.scene import Scene, build_scene, rope_line
 
 #: A commanded body is drawn where it is further from the measured one than this share of the length.
 GHOST: Final = 0.02
+#: Modes of a body that a page shows.
+MODES: Final = 3
 
 
 class PanelGeometry:
@@ -155,3 +158,35 @@ class PanelGeometry:
         configs = tuple(robot.config for robot in self.scene.robots)
         guards, clearance = chain_guards(self.loaded), self._clearance
         return Preflight(configs, guards, Unreachable.REFUSE, commands, clearance)
+
+
+def modes(geometry: PanelGeometry, name: str, actuation: Actuation) -> Fields:
+    """The modes of a robot that rests under an actuation [m or Pa].
+
+    Returns:
+        ``modes``: ``frequency_hz``, ``ratio``, and ``lines`` of the backbone in the world [mm]: to one
+        side, at rest, to the other, so large that the farthest point moves by 0.12 of the length.
+
+    Raises:
+        ContidError: the robot has no `dynamics`, or no equilibrium was found.
+    """
+    description = geometry.loaded.driven[name]
+    if not swings(description):
+        raise ContidError(f"{name} has no dynamics in its robot file: how it swings is not known")
+    robot = next(each for each in geometry.scene.robots if each.config.name == name)
+    try:
+        pose = SwingingPose(description, actuation[: len(description.axis_names)], MODES)
+    except ArithmeticError as error:
+        raise ContidError(f"{name}: {error}; how it swings here is not known") from None
+    found = [
+        {
+            "frequency_hz": mode.frequency_hz,
+            "ratio": mode.ratio,
+            "lines": [
+                rounded_line(np.asarray(robot.in_world_mm(pose.line_m(k, share))))
+                for share in (-1.0, 0.0, 1.0)
+            ],
+        }
+        for k, mode in enumerate(pose.modes.modes)
+    ]
+    return {"modes": found}

@@ -1,4 +1,4 @@
-"""What is described of a robot: the surface of its reach, the bounds of its tip, the lines of its body.
+"""What is described of a robot: its reach, the bounds of its tip, the lines of its body and of its modes.
 
 The surface is closed, its normals point out, and tips that the model computes are inside; the bounds contain
 rest and every tip that random actuations reach.
@@ -11,9 +11,11 @@ import random
 import numpy as np
 import pytest
 
+from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.robot_file.load import load_named
-from contid_panel.geometry import PanelGeometry
+from contid_dynamics.report import pose_modes
+from contid_panel.geometry import MODES, PanelGeometry, modes
 from contid_panel.reach_surface import CELLS, ReachSurface, reach_surface
 from contid_panel.samples import drawn, tip_mm
 
@@ -94,3 +96,26 @@ def test_lines_of_a_body_are_its_backbone_then_tendons_then_discs(name: str) -> 
         found = described[robot.config.name]
         edges = 2 * robot.planar
         assert len(drawing.strips) == drawing.sections + found["tendons"] + found["discs"] + edges
+
+
+def test_lines_are_of_the_modes_and_keep_their_length() -> None:
+    loaded = load_named("stiffflop2")
+    geometry, actuation = PanelGeometry(loaded, 100.0), (3e4, 0.0, 0.0, 2e4, 0.0, 0.0)
+    (name, robot), *_ = loaded.driven.items()
+    found = modes(geometry, name, actuation)["modes"]
+    expected = pose_modes(robot, actuation, MODES).modes
+    assert [each["frequency_hz"] for each in found] == [each.frequency_hz for each in expected]
+    for mode in found:
+        low, rest, high = np.array(mode["lines"])
+        lengths = [np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in (low, rest, high)]
+        assert max(lengths) < 1.02 * min(lengths)
+        moved = np.linalg.norm(high - rest, axis=1)
+        assert moved[0] == 0.0
+        assert 0.05 * lengths[1] < moved.max() < 0.2 * lengths[1]
+
+
+def test_a_robot_without_dynamics_has_a_reason() -> None:
+    loaded = load_named("finger")
+    (name,) = loaded.driven
+    with pytest.raises(ContidError, match="no dynamics in its robot file"):
+        modes(PanelGeometry(loaded, 100.0), name, (0.05, 0.05))
