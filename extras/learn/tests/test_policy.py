@@ -83,7 +83,7 @@ class Garbage:
     def ask(self, observed: Any, _timeout_s: float) -> Any:
         """In place of `contid_learn.policy_loop.Inference`, without its thread."""
         assert np.isfinite(observed).all()
-        answer = self._answer(self._rng.integers(6))
+        answer = self._answer(int(self._rng.integers(6)))
         self.stale += answer is None
         return answer
 
