@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from numbers import Real
 from types import MappingProxyType
 from typing import Final, Self, TypeAlias
+
+from contid.records import record
 
 Vec3: TypeAlias = tuple[float, float, float]
 #: Force and moment at a point: fx, fy, fz [N], mx, my, mz [N·m].
@@ -69,7 +71,7 @@ def frame_of_axes(z: Vec3, x: Vec3) -> tuple[float, ...] | None:
     return (x1, z2 * x3 - z3 * x2, z1, x2, z3 * x1 - z1 * x3, z2, x3, z1 * x2 - z2 * x1, z3)
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Target:
     """Target of one robot at one instant: one of ``tip_m``, ``actuation`` and ``arcs``, or only ``extra``.
 
@@ -101,7 +103,7 @@ class Target:
     arcs: tuple[float, ...] | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Pose:
     """Forward kinematics of one robot in its base frame.
 
@@ -121,7 +123,7 @@ class Pose:
     stable: bool = True
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Solution:
     """Result of an inverse model; inside the limits also for an unreachable target.
 

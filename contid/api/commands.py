@@ -53,7 +53,7 @@ class CommandReader:
             values = values.tolist()
         if isinstance(values, list | tuple) and len(values) == len(robot.axis_names):
             given: Sequence[Any] = values
-            if all(type(value) in _NUMBERS and abs(value) <= MAX_NUMBER for value in given):
+            if _NUMBERS.issuperset(map(type, given)) and all(map(MAX_NUMBER.__ge__, map(abs, given))):
                 # The usual step of a script: arrays of a few numbers cost ten times as much.
                 to_si = float if self._units.si else robot.quantity.to_si
                 return Target(actuation=tuple([to_si(float(value)) for value in given]))

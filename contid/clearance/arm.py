@@ -107,7 +107,7 @@ class Arm:
 
     def motion_m(self, before: Actuation, after: Actuation) -> float:
         """Bound of the motion of every point of the body between two actuations [m]."""
-        return sum(k * abs(b - a) for k, a, b in zip(self.speed, before, after, strict=True))
+        return sum([k * abs(b - a) for k, a, b in zip(self.speed, before, after, strict=True)])
 
 
 def body_speed(model: Model, own_axes: int) -> tuple[float, ...]:

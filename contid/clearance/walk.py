@@ -5,6 +5,9 @@ apart is therefore at least d - motion apart, and is not computed again before t
 Between two computed configurations, d1 and d2 apart with a motion m between them, the distance is at least
 (d1 + d2 - m)/2; where that is not enough, the motion is halved, down to `RESOLUTION_M`.
 
+Motions are only added up until a robot has moved half of what the nearest pair had to spare: in most ticks
+that is all there is to do.
+
 Tips that may touch and a body with itself are sampled along a motion instead, and at the end of a stop: they
 are near for as long as something is held, and what has crossed stays so.
 
@@ -63,6 +66,7 @@ class Walk:
         #: The same of the pairs that are sampled.
         self._near_bounds = {pair: each.spare_m for pair, each in near.items()}
         self._near_floors = {pair: min(0.0, bound) for pair, bound in self._near_bounds.items()}
+        self._add_up_anew()
         return [*nearest.values(), *near.values()]
 
     def copy(self) -> Walk:
@@ -71,8 +75,40 @@ class Walk:
         other.__dict__.update(self.__dict__ | {"_bounds": dict(self._bounds)})
         return other
 
+    def _add_up_anew(self) -> None:
+        #: Motion of each robot that is not taken off the bounds yet [m].
+        self._moved_m = dict.fromkeys(self._guard.arms, 0.0)
+        sides = ((self._bounds, self._floors), (self._near_bounds, self._near_floors))
+        #: What the pair with the least to spare has left above its floor by its bound [m].
+        self._left_m = min(
+            [x - floors[pair] for all_, floors in sides for pair, x in all_.items()], default=math.inf
+        )
+
+    def _moved_with(self, ways_m: Mapping[str, float]) -> dict[str, float] | None:
+        """The motions with further ones of at most these lengths; None where a pair may be too near then."""
+        moved_m = dict(self._moved_m)
+        for name, way_m in ways_m.items():
+            moved_m[name] += way_m
+        return moved_m if 2.0 * max(moved_m.values(), default=0.0) <= self._left_m else None
+
+    def _settle(self) -> None:
+        """Take the motions that were added up off the bounds."""
+        moved_m = self._moved_m
+        if any(moved_m.values()):
+            self._bounds, self._near_bounds = (
+                {
+                    pair: bound - sum([moved_m.get(name, 0.0) for name in pair])
+                    for pair, bound in bounds.items()
+                }
+                for bounds in (self._bounds, self._near_bounds)
+            )
+            self._add_up_anew()
+
     def has_room(self, ways_m: Mapping[str, float]) -> bool:
         """True when no pair can come too near by motions of at most these lengths, by robot [m]."""
+        if self._moved_with(ways_m) is not None:
+            return True
+        self._settle()
         sides = ((self._bounds, self._floors), (self._near_bounds, self._near_floors))
         return all(
             bounds[pair] - ways_m.get(pair[0], 0.0) - ways_m.get(pair[1], 0.0) >= floors[pair]
@@ -85,11 +121,17 @@ class Walk:
 
         Robots that ``goal`` does not name stay where they are. After a refusal nothing has moved.
         """
-        after = self._now | {name: each for name, each in goal.items() if name in self._guard.arms}
-        motion = {name: self._motion(name, self._now[name], after[name]) for name in after}
-        if not any(motion.values()):
-            self._now, self._shapes = after, Shapes(self._guard, after)
+        goal = {name: each for name, each in goal.items() if name in self._guard.arms}
+        after = {**self._now, **goal}
+        motion = {name: self._motion(name, self._now[name], each) for name, each in goal.items()}
+        if (moved_m := self._moved_with(motion)) is not None or not any(motion.values()):
+            self._now, self._shapes, self._moved_m = (
+                after,
+                Shapes(self._guard, after),
+                moved_m or self._moved_m,
+            )
             return ""
+        self._settle()
         bounds: dict[tuple[str, str], float] = {}
         begin, end = self._shapes, Shapes(self._guard, after)
         for pair in self._guard.pairs:
@@ -109,6 +151,7 @@ class Walk:
         self._now, self._shapes, self._bounds, self._near_bounds = after, end, bounds, near
         self._floors = {pair: min(0.0, max(self._floors[pair], bounds[pair])) for pair in bounds}
         self._near_floors = {pair: min(0.0, max(self._near_floors[pair], near[pair])) for pair in near}
+        self._add_up_anew()
         return ""
 
     def _sampled(
@@ -139,9 +182,12 @@ class Walk:
             tolerance_m: a pair may be this much nearer than it must otherwise be.
         """
         stop_ways_m = {
-            name: sum(k * d for k, d in zip(self._guard.arms[name].speed, stop.distances, strict=True))
+            name: sum([k * d for k, d in zip(self._guard.arms[name].speed, stop.distances, strict=True)])
             for name, stop in stops.items()
         }
+        if self._moved_with(stop_ways_m) is not None:
+            return ""
+        self._settle()
         times = {0.0: self._shapes}
         for pair in self._guard.pairs:
             way_m = sum(stop_ways_m.get(name, 0.0) for name in pair)

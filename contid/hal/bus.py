@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol, runtime_checkable
 
 from contid.hal.homing import UNKNOWN, Reference
+from contid.records import record
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -80,7 +81,7 @@ SNAPPED_TENDON: Final = "snapped tendon"
 REPORTED: Final = ("velocity", "effort", "temperature_c", "voltage_v", "tension_n")
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Sample:
     """The state of one axis.
 

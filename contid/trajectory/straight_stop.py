@@ -46,9 +46,9 @@ class StraightStop:
     ) -> None:
         self._position = position
         self._step = step
-        self._ends = [(min(low, x), max(high, x)) for x, (low, high) in zip(position, ends, strict=True)]
+        self._ends = ends
         self._period_s = period_s
-        ticks = max((abs(own) / change for own, change in zip(step, changes, strict=True)), default=0.0)
+        ticks = max([abs(own) / change for own, change in zip(step, changes, strict=True)], default=0.0)
         self._ticks = max(1, math.ceil(ticks - _ROUNDING))
         self.duration_s = (self._ticks - 1) * period_s
         self.distances: Actuation = tuple([0.5 * abs(each) * (self._ticks - 1) for each in step])
@@ -58,7 +58,7 @@ class StraightStop:
         tick = min(max(time_s, 0.0), self.duration_s) / self._period_s
         steps = tick - 0.5 * tick * (tick + 1.0) / self._ticks
         reached = [
-            min(max(begin + step * steps, low), high)
+            min(max(begin + step * steps, min(low, begin)), max(high, begin))
             for begin, step, (low, high) in zip(self._position, self._step, self._ends, strict=True)
         ]
         moving = tick * self._period_s < self.duration_s

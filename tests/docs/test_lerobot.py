@@ -16,13 +16,14 @@ import sys
 import time
 import types
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from contid.client import Client, ServoState
+from contid.client import Client, ConnectionLostError, RemoteError, ServoState
 from contid.remote.protocol.socket_path import is_listening
 from tests.support.waiting import until
 
@@ -107,6 +108,7 @@ def test_a_leader_moves_a_follower_within_its_limits(plugin: Any, sockets: list[
     robot = plugin.ContidRobot(plugin.ContidRobotConfig(socket=follower))
     assert [*robot.action_features] == ["left_mm", "right_mm"]
     assert [*robot.observation_features] == ["left_mm", "right_mm", "tip_x_mm", "tip_y_mm", "tip_z_mm"]
+    assert robot.cameras == {}  # its length is asked for by lerobot-record
     with pytest.raises(ConnectionError):
         robot.get_observation()
     teleoperator = plugin.ContidLeader(plugin.ContidLeaderConfig(socket=leader))
@@ -132,6 +134,7 @@ def test_a_leader_moves_a_follower_within_its_limits(plugin: Any, sockets: list[
 
 
 @pytest.mark.campaign
+@pytest.mark.timeout(3600)  # beside other work each of its three commands imports for minutes
 def test_lerobot_teleoperates_records_and_replays(sockets: list[Path], tmp_path: Path) -> None:
     python = os.environ.get("CONTID_LEROBOT")
     if python is None:
@@ -160,7 +163,7 @@ def test_lerobot_teleoperates_records_and_replays(sockets: list[Path], tmp_path:
 
     with lerobot("teleoperate", *robot, *hand, "--fps=30", "--teleop_time_s=3") as done:
         circle(1.0)
-        assert done.wait(300) == 0
+        assert done.wait(1200) == 0
     record = [
         *("--dataset.single_task=circle", "--dataset.num_episodes=1", "--dataset.episode_time_s=6"),
         *("--dataset.reset_time_s=0", "--dataset.fps=30", "--dataset.push_to_hub=false"),
@@ -168,7 +171,8 @@ def test_lerobot_teleoperates_records_and_replays(sockets: list[Path], tmp_path:
     ]
     with lerobot("record", *robot, *hand, *data, *record) as done:
         while done.poll() is None:
-            circle(2.0)
+            with suppress(RemoteError, ConnectionLostError):  # a host that holds this process for seconds
+                circle(2.0)
     assert done.returncode == 0
     about = json.loads((tmp_path / "data" / "meta" / "info.json").read_text())
     assert about["features"]["action"]["names"] == ["left_mm", "right_mm"]

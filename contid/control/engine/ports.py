@@ -19,11 +19,12 @@ from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect
 from contid.errors import ContidError
 from contid.hal import Bus, MeasuresTips, Rest, Sample
+from contid.records import record
 
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class BusJob:
     """The work of a bus in one tick.
 

@@ -18,17 +18,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from contid.control.tick.limits import AxisLimits
+from contid.records import record
 from contid.targets import Actuation
 
 if TYPE_CHECKING:
     from contid.kinematics.tendon.capstan import CapstanLead
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Lead:
     """What is added to the commands of a robot.
 

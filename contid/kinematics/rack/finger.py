@@ -210,7 +210,7 @@ class RackFingerModel:
 
     def _clamped(self, requested: Actuation) -> Solution:
         actuation = self.envelope.clamp(requested)
-        off = max(abs(a - w) for a, w in zip(actuation, requested, strict=True))
+        off = max([abs(a - w) for a, w in zip(actuation, requested, strict=True)])
         if off <= LIMIT_TOLERANCE_M:
             return Solution(actuation, 0.0, converged=True)
         reached, goal = self.forward(actuation).tip_m, self.forward(requested).tip_m

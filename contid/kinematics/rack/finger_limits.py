@@ -99,7 +99,7 @@ class RackFingerEnvelope:
 
     def snap(self, racks: tuple[float, float]) -> Actuation:
         """Feasible racks with their rounding error beyond the range removed."""
-        return tuple(min(max(length, self.length_min_m), self.length_max_m) for length in racks)
+        return tuple([min(max(length, self.length_min_m), self.length_max_m) for length in racks])
 
     def curvature_bound(self, arc_length_m: float) -> float:
         """K(S): the maximum commanded curvature at an arc length."""

@@ -102,6 +102,7 @@ class ContidRobot(_Device, Robot):
 
     config_class = ContidRobotConfig
     name = "contid"
+    cameras: dict[str, Any] = {}  # noqa: RUF012 - lerobot-record of 0.4 counts them, and contid has none
     _thread: threading.Thread | None = None
 
     def __init__(self, config: ContidRobotConfig) -> None:

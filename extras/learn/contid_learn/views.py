@@ -170,7 +170,14 @@ def observation(
 
 
 def asked_after(views: Sequence[RobotView], asked: Mapping[str, Array], action: Array) -> dict[str, Array]:
-    """The axes of all robots to ask for after an action; each robot takes its part of it."""
+    """The axes of all robots to ask for after an action; each robot takes its part of it.
+
+    Raises:
+        ContidError: the action has another number of axes.
+    """
+    axes = sum([len(view.columns) for view in views])
+    if action.shape != (axes,):
+        raise ContidError(f"an action of shape {action.shape}; these robots take {(axes,)}")
     after, at = {}, 0
     for view in views:
         end = at + len(view.columns)
