@@ -6,7 +6,7 @@ import click
 
 from contid.cli.main import cli
 from contid.cli.support.parameters import NewFile
-from tests.cli.test_finite_numbers import parameters
+from tests.cli.every_option import parameters
 
 
 def test_a_dash_becomes_no_file() -> None:
