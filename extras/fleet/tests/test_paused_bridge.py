@@ -27,6 +27,7 @@ from contid_fleet.keys import Keys, Origin
 from contid_fleet.links import operator_link
 from contid_fleet.links.daemon_link import DaemonLink
 from contid_fleet.node import Node
+from contid_fleet.rights import Right
 from contid_fleet.sessions import Sessions
 from tests.remote.orders.races import Client, Race, racing
 
@@ -112,7 +113,7 @@ class PausedBridge:
         machine = MachineFile(
             fleet="lab",
             listen=["tcp/127.0.0.1:7447"],
-            operators={"anna": ["move", "arm"]},
+            operators={"anna": [Right.MOVE, Right.ARM]},
             trust_local_users=True,
         )
         self._node = Node("hand", Path("none"), machine, cast(Any, None), self._keys, sessions)

@@ -13,7 +13,7 @@ const uint32_t STREAM_GAP = 100;
 // jitter. The acceleration of a step is fed forward at once.
 const int32_t SMOOTH = 32;
 // Share of the acceleration limit that the commands of a stream leave: the host requires a fifth above theirs.
-const int64_t STREAM_RESERVE = 6;
+const int32_t STREAM_RESERVE = 6;
 // Distances are clamped to this; keeps 8 a d inside 64 bit.
 const int64_t FAR = static_cast<int64_t>(1) << 34;
 }  // namespace
