@@ -11,6 +11,9 @@ The pace follows what is asked of it by two equal lags, for which half of the ac
 every axis is enough at its present speed: a step from 0 to 1 by ``k t exp(-k t)`` has slopes of at most
 ``k / e``, and changes of the slope of at most ``1.14 k^2``. Where the path itself needs the acceleration, the
 pace waits. Everything is a function of recorded samples, so a replay slows in the same ticks.
+
+One event has the robot and axis that slow the path, once the pace is below `STATED`; one follows when the
+pace was 1 for `OVER_S`. Until then no other axis is named, and the time lost is added up.
 """
 
 from __future__ import annotations
@@ -26,6 +29,7 @@ from contid.control.engine.sources import Timed
 from contid.control.engine.stages import Targets, TickStage
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.engine.watch.body_watch import BodyWatch
+from contid.control.engine.watch.watched_body import WatchedBody
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
 from contid.trajectory.approach import Approach
@@ -61,61 +65,63 @@ class PathPace(TickStage):
         self._robots, self._watch, self._selector, self._sink = robots, body_watch, selector, sink
         self._period_s = robots.configs[0].period_s if robots.configs else 1.0
         self._grace = math.ceil(GRACE_S / self._period_s)
-        self._first, self._before = 1.0, 1.0  # the first lag, and the pace of the tick before
-        self._behind = self._newest = 0.0
-        self._stated: tuple[str, str] | None = None  # robot and axis of the newest event
-        self._full = 0  # ticks at full pace since
+        self._first_lag = 1.0  # what is asked for behind one of the two lags; `pace` is behind both
+        self._pace_before = 1.0  # in the tick before
+        self._behind = self._newest = 0.0  # the smaller of the two newest distances, and the newest
+        self._named: tuple[str, str] | None = None  # robot and axis of an event whose end has none yet
+        self._full_ticks = 0  # at full pace since
         self._lost_s = 0.0
 
     def before(self, targets: Targets, timing: Timing, now_s: float) -> Targets:
         """See `TickStage.before`: slows what moves by the newest comparison."""
-        if self._watch.behind < BEGIN and self.pace == 1.0 and self._stated is None:
+        if self._watch.behind < BEGIN and self.pace == 1.0 and self._named is None:
             self._behind = self._newest = 0.0
             return targets
         source = self._selector.source
         timed = source if isinstance(source, Timed) else None
-        states = self._robots.states
-        moving = [
-            index
-            for index, state in enumerate(states)
-            if (state.mode is Mode.RUN and timed is not None and state.follow)
-            or (state.mode is Mode.APPROACH and isinstance(state.motion, Approach))
-        ]
+        moving = [index for index, state in enumerate(self._robots.states) if _on_path(state, timed)]
         for index, body in enumerate(self._watch.bodies):
             body.grace = self._grace if index in moving else 0
-        worst = max(moving, key=lambda index: self._watch.bodies[index].behind, default=-1)
-        behind = self._watch.bodies[worst].behind if moving else 0.0
-        self._change(behind, moving)
+        worst = max(
+            (self._watch.bodies[index] for index in moving), key=lambda body: body.behind, default=None
+        )
+        self._change(0.0 if worst is None else worst.behind, moving)
         if self.pace < 1.0:
-            lost = 1.0 - self.pace
-            if timed is not None:
-                timed.slow(lost)
-            for index in moving:
-                if (state := states[index]).mode is Mode.APPROACH:
-                    later_s = state.motion_s + lost * self._period_s
-                    states[index] = replace(state, motion_s=later_s)
-            self._lost_s += lost * self._period_s if moving else 0.0
+            self._delay(timed, moving)
         self._report(worst, timing.tick)
         return targets
 
+    def _delay(self, timed: Timed | None, moving: list[int]) -> None:
+        """Let the clocks of the trajectory and of the motions of this tick be later."""
+        lost, states = 1.0 - self.pace, self._robots.states
+        if timed is not None:
+            timed.slow(lost)
+        for index in moving:
+            if states[index].mode is Mode.APPROACH:
+                later_s = states[index].motion_s + lost * self._period_s
+                states[index] = replace(states[index], motion_s=later_s)
+        self._lost_s += lost * self._period_s if moving else 0.0
+
     def _change(self, behind: float, moving: list[int]) -> None:
         """The pace of this tick, from the greatest distance outside a range as a share of its tolerance."""
-        asked = 1.0
-        kept, last = min(behind, self._newest), self._behind  # noise of one reading slows nothing
-        if kept > BEGIN:
-            rising = max(kept - last, 0.0) / self._period_s
-            far = (kept + AHEAD_S * rising - BEGIN) / (1.0 - BEGIN)
-            asked = max(1.0 - (1.0 - LEAST) * far, LEAST)
-        self._behind, self._newest = kept, behind
+        confirmed = min(behind, self._newest)  # noise of one reading slows nothing
+        asked = self._asked(confirmed, max(confirmed - self._behind, 0.0) / self._period_s)
+        self._behind, self._newest = confirmed, behind
         share = self._quickness(moving)
-        first = self._first + (asked - self._first) * share
+        first = self._first_lag + (asked - self._first_lag) * share
         pace = self.pace + (first - self.pace) * share
         if asked == 1.0 and 1.0 - min(first, pace) < WHOLE:
             first = pace = 1.0
-        if all(self._allows(index, pace / self.pace) for index in moving):
-            self._before, self._first, self.pace = self.pace, first, pace
-        else:
-            self._before = self.pace
+        before, self._pace_before = self._pace_before, self.pace
+        if all(self._allows(index, self.pace / before, pace / self.pace) for index in moving):
+            self._first_lag, self.pace = first, pace
+
+    def _asked(self, behind: float, rising_per_s: float) -> float:
+        """The pace that is asked for, by how far an axis is behind and how fast that grows."""
+        if behind <= BEGIN:
+            return 1.0
+        far = (behind + AHEAD_S * rising_per_s - BEGIN) / (1.0 - BEGIN)
+        return max(1.0 - (1.0 - LEAST) * far, LEAST)
 
     def _quickness(self, moving: list[int]) -> float:
         """Share of the way to what is asked for in a tick, for the present speeds along the path."""
@@ -125,48 +131,51 @@ class PathPace(TickStage):
             steps = self._robots.states[index].increments
             for step, push, jerk in zip(steps, config.acceleration, config.jerk, strict=True):
                 if speed := abs(step) / period_s:
-                    quick = min(
-                        quick, math.e * _SHARE * push / speed, math.sqrt(_SHARE * jerk / (1.14 * speed))
-                    )
+                    by_push = math.e * _SHARE * push / speed
+                    quick = min(quick, by_push, math.sqrt(_SHARE * jerk / (1.14 * speed)))
         return 1.0 - math.exp(-quick * self._period_s)
 
-    def _allows(self, index: int, ratio: float) -> bool:
-        """True when the axes of a robot may change their speed by a ratio, besides what the path needs."""
-        state: RobotState = self._robots.states[index]
-        had = self.pace / self._before
-        for step, was, limit in zip(
-            state.increments,
-            state.before or state.increments,
-            self._robots.configs[index].limits,
-            strict=True,
-        ):
-            by_path = step - was * had
+    def _allows(self, index: int, last_ratio: float, ratio: float) -> bool:
+        """True when the axes of a robot may change their speed by a ratio, besides what the path needs.
+
+        The last change of the pace, a ratio as well, is not one of the path.
+        """
+        state, limits = self._robots.states[index], self._robots.configs[index].limits
+        befores = state.before or state.increments
+        for step, was, limit in zip(state.increments, befores, limits, strict=True):
+            by_path = step - was * last_ratio
             change = abs(by_path + step * (ratio - 1.0))
             if change > limit.change and change > abs(by_path):
                 return False
         return True
 
-    def _report(self, worst: int, tick: int) -> None:
+    def _report(self, worst: WatchedBody | None, tick: int) -> None:
         """One event when a body slows its path, and one when it follows again."""
-        self._full = self._full + 1 if self.pace == 1.0 else 0
-        if self._stated is None and self.pace < STATED and worst >= 0:
-            body = self._watch.bodies[worst]
-            axis, text = body.behind_axis()
-            self._stated = (body.config.name, axis)
-            self._sink.event(
-                PathSlowed(
-                    tick=tick, robot=body.config.name, axis=axis, over=False, lost_s=0.0,
-                    message=f"{text}, behind by more than its device explains: the path is slowed",
-                )
-            )  # fmt: skip
-        elif self._stated is not None and self._full * self._period_s >= OVER_S:
-            robot, axis = self._stated
-            lost_s, self._lost_s, self._stated = round(self._lost_s, 3), 0.0, None
-            self._sink.event(
-                PathSlowed(
-                    tick=tick, robot=robot, axis=axis, over=True, lost_s=lost_s,
-                    message=f"{axis} follows again; the path took {lost_s:.2g} s longer",
-                )
-            )  # fmt: skip
-        elif self._stated is None and self.pace == 1.0:
-            self._lost_s = 0.0
+        self._full_ticks = self._full_ticks + 1 if self.pace == 1.0 else 0
+        if self._named is None:
+            if self.pace == 1.0:
+                self._lost_s = 0.0
+            elif self.pace < STATED and worst is not None:
+                axis, text = worst.behind_axis()
+                self._named = (worst.config.name, axis)
+                message = f"{text}, behind by more than its device explains: the path is slowed"
+                self._emit(tick, over=False, lost_s=0.0, message=message)
+        elif self._full_ticks * self._period_s >= OVER_S:
+            lost_s, self._lost_s = round(self._lost_s, 3), 0.0
+            message = f"{self._named[1]} follows again; the path took {lost_s:.2g} s longer"
+            self._emit(tick, over=True, lost_s=lost_s, message=message)
+            self._named = None
+
+    def _emit(self, tick: int, *, over: bool, lost_s: float, message: str) -> None:
+        assert self._named is not None
+        robot, axis = self._named
+        self._sink.event(
+            PathSlowed(tick=tick, robot=robot, axis=axis, over=over, lost_s=lost_s, message=message)
+        )
+
+
+def _on_path(state: RobotState, timed: Timed | None) -> bool:
+    """True for a robot that follows a trajectory, or a motion to a target."""
+    if state.mode is Mode.RUN:
+        return timed is not None and state.follow
+    return state.mode is Mode.APPROACH and isinstance(state.motion, Approach)
