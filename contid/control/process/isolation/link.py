@@ -4,8 +4,8 @@ A keeper is forked once and outlives its bus processes, of which it has one at a
 
     state    of the bus process                                leads to
     ABSENT   none was started                                  RUNS: `start_process`
-    RUNS     it has its end of the socket                      CUT: it closes that; ENDED: as CUT, `end_process`
-    CUT      its end is closed, and why is not known yet       ENDED: by the report or the end of its keeper
+    RUNS     it has its end of the socket                      CUT: it closes that; ENDED: as CUT
+    CUT      its end is closed, and why is not known yet       ENDED: report or end of its keeper, or ours
     ENDED    `how_ended` has why                               RUNS: `start_process`
 """
 
