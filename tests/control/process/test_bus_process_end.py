@@ -120,7 +120,7 @@ class Link:
         if self.state is ProcessState.RUNS:
             self.sent.append(Answer(kind, body))
 
-    tell = request
+    send_unanswered = request
 
 
 @pytest.fixture

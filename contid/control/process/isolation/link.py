@@ -4,8 +4,8 @@ A keeper is forked once and outlives its bus processes, of which it has one at a
 
     state    of the bus process                                leads to
     ABSENT   none was started                                  RUNS: `start_process`
-    RUNS     it has its end of the socket                      CUT: it closes that; ENDED: as in CUT
-    CUT      its end is closed, and why is not known yet       ENDED: its keeper tells or ends; `end_process`
+    RUNS     it has its end of the socket                      CUT: it closes that; ENDED: as CUT
+    CUT      its end is closed, and why is not known yet       ENDED: report or end of its keeper, or ours
     ENDED    `how_ended` has why                               RUNS: `start_process`
 """
 
@@ -30,7 +30,7 @@ from contid.control.process.isolation.wire import HEAD, LONGEST, Answer, BusRequ
 CLOSE_S: Final = 2.0
 #: Flags of a thread that ends, writes a core, or got a deadly signal (linux/sched.h; proc_pid_stat, field 9).
 _ENDING: Final = 0x4 | 0x200 | 0x400
-#: The number of a request that has no answer, or whose answer nobody takes.
+#: The number of a request that has no answer, or whose answer is not taken.
 _UNANSWERED: Final = 0
 
 
@@ -121,7 +121,7 @@ class KeptProcess:
         self.requested_s = time.monotonic()
         self._send(kind, self._number, body)
 
-    def tell(self, kind: BusRequest, body: bytes) -> None:
+    def send_unanswered(self, kind: BusRequest, body: bytes) -> None:
         """Send a request whose answer is not taken, without regard to one that waits for its answer."""
         self._send(kind, _UNANSWERED, body)
 

@@ -176,7 +176,9 @@ class IsolatedPort(BusPort):
         """See `BusPort.rest`: the bus process does it after the job that is under way."""
         effect = next(each for each in Effect if each.value is rest)
         robot = 0  # no robot takes the answer
-        self._link.tell(BusRequest.JOB, self._wire.job(BusJob({}, ((robot, effect, tuple(axes)),))))
+        self._link.send_unanswered(
+            BusRequest.JOB, self._wire.job(BusJob({}, ((robot, effect, tuple(axes)),)))
+        )
 
     def counts(self) -> Mapping[str, int]:
         """What the bus counted; empty when it does not answer."""
@@ -191,7 +193,7 @@ class IsolatedPort(BusPort):
         A bus process that is started anew gets those of before too.
         """
         self._shares |= shares
-        self._link.tell(BusRequest.EFFORT, json.dumps(self._shares).encode())
+        self._link.send_unanswered(BusRequest.EFFORT, json.dumps(self._shares).encode())
 
 
 def isolated_ports(buses: Mapping[str, BusWiring]) -> dict[str, IsolatedPort]:
