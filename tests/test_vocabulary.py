@@ -122,7 +122,8 @@ EXTRAS = "|".join(path.name for path in ROOT.glob("extras/*/contid_*"))
 REFERENCE = re.compile(rf"`((?:contid|contid_drivers|{EXTRAS}|studies)(?:\.\w+)+)`")
 # Names like modules: groups of entry points, and compiled kernels.
 GROUPS = (
-    "bodies|drivers|emulators|models|commands|addresses|observers|exports|modes|goals|stages|tools|workspaces"
+    "bodies|checks|drivers|emulators|models|commands|addresses|observers|exports|modes|goals|stages|tools|"
+    "workspaces"
 )
 NOT_MODULES = re.compile(rf"contid\.({GROUPS}|kernels\._\w+)")
 

@@ -30,7 +30,7 @@ def is_comment(line: str) -> bool:
     return not text or text.startswith("#")
 
 
-class Header(NamedTuple):
+class FoundHeader(NamedTuple):
     """A header.
 
     Attributes:
@@ -54,15 +54,15 @@ class HeaderSearch:
     def __init__(self) -> None:
         self._comment = 0, ""
 
-    def take(self, number: int, line: str) -> Header | None:
+    def take(self, number: int, line: str) -> FoundHeader | None:
         """Take the next line; the header once it is found, which ends the search."""
         if is_comment(line):
             self._comment = (number, line) if line.strip() else self._comment
             return None
         at, comment = self._comment
         if _names_columns(comment, line):
-            return Header(at, comment.replace("#", " ", 1), on_row=True)  # positions in the line stay
-        return Header(number, line, on_row=line.lstrip().startswith("{"))
+            return FoundHeader(at, comment.replace("#", " ", 1), on_row=True)  # positions in the line stay
+        return FoundHeader(number, line, on_row=line.lstrip().startswith("{"))
 
 
 def lines_from_header(numbered: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:

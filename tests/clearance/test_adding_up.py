@@ -31,15 +31,15 @@ def test_a_walk_refuses_as_one_that_looks_at_every_pair_in_every_step(close: boo
     for step in range(120):
         if step % 30 == 0:  # towards a pose with any bend
             poses = {name: rng.uniform(0.04, 0.09) + rng.uniform(-0.02, 0.02) * SIDES for name in moved}
-            aim = {name: (pose - moved[name]) / (30.0 if close else 600.0) for name, pose in poses.items()}
+            steps = {name: (pose - moved[name]) / (30.0 if close else 600.0) for name, pose in poses.items()}
         names = [name for name in guard.arms if rng.random() < 0.8]
-        goal = {name: (tuple((moved[name] + aim[name]).tolist()), ZERO3) for name in names}
+        goal = {name: (tuple((moved[name] + steps[name]).tolist()), ZERO3) for name in names}
         message = walk.to(goal)
         assert message == looking.to(goal)
         assert walk.configuration == looking.configuration
         ends = [(0.0, 0.2)] * 2
         stops = {
-            name: StraightStop(each[0], tuple(aim[name].tolist()), (2e-4, 2e-4), ends, 0.005)
+            name: StraightStop(each[0], tuple(steps[name].tolist()), (2e-4, 2e-4), ends, 0.005)
             for name, each in walk.configuration.items()
         }
         assert walk.stops(stops) == looking.stops(stops)

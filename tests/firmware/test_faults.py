@@ -1,5 +1,7 @@
 """Every fault switch: which state, why, and when; in virtual time, so every figure is exact to the tick."""
 
+from typing import Any
+
 import pytest
 
 from contid_drivers.due import messages
@@ -188,13 +190,14 @@ def test_a_motor_that_holds_is_neither_lost_nor_let_go(board, kept):
     else:
         motors.step(150)
         assert motors.trip()["reason"] == "watchdog"
-    for other in (
+    others: tuple[dict[str, Any], ...] = (
         {"m1": {}},
         {"m0": held | {"encoder_reversed": True}},
         {"m0": held | {"motor_reversed": True}},
         {"m0": held | {"power_up_deg": 10.0}},
         {"m0": held | {"bridge": "tb6612"}},
-    ):
+    )
+    for other in others:
         refused = motors.configure(other, plant=False)
         assert isinstance(refused, Refused)
         assert refused.refusal == Refusal.ARMED_NOW

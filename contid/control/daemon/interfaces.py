@@ -1,4 +1,4 @@
-"""Interfaces of the participants in a run: `RunControl`, `CommandSource`, `RunObserver`.
+"""Interfaces of the participants in a run: `RunControl`, `CommandSource`, `RunObserver`, `RunRecordings`.
 
 Every command to a run goes through `RunControl`; the socket server of `contid.remote` is a `CommandSource`.
 A `RunObserver`, such as a recorder or a viewer, gets the path of the ring and reads at its own pace.
@@ -7,7 +7,8 @@ A `RunObserver`, such as a recorder or a viewer, gets the path of the ring and r
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from pathlib import Path
+from typing import Any, Protocol
 
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events import RunEvent
@@ -106,3 +107,27 @@ class RunObserver(Protocol):
 
     def detach(self) -> Sequence[str]:
         """The ring is finished: read the rest and end within a bounded time; returns problems to report."""
+
+
+class RunRecordings(Protocol):
+    """Recordings that clients begin and end; they name no path: `contid.session.recordings`."""
+
+    async def begin(self, by: str) -> tuple[Path, bool]:
+        """Begin a recording for a client; its file, and whether ticks are written already.
+
+        Raises:
+            ContidError: there is one, or its file cannot be written.
+        """
+
+    async def end(self, by: str) -> tuple[Path, bool]:
+        """End it; its file, and whether that is complete already.
+
+        Raises:
+            ContidError: there is none.
+        """
+
+    def watch(self) -> None:
+        """Look after recorders that have ended; called periodically."""
+
+    def as_fields(self) -> list[dict[str, Any]]:
+        """Every recording under way, for ``status``."""

@@ -68,7 +68,8 @@ nanobind::object solve_row(const SectionSolver& self, nanobind::handle tip, nano
   if (!direction.is_none()) read(direction, t, 3, "direction: three numbers");
   if (!mid.is_none()) read(mid, m, 3, "mid: three numbers");
   if (!rotation.is_none()) read(rotation, r, 9, "rotation: nine numbers, row by row");
-  if (!direction.is_none() && !rotation.is_none()) throw nanobind::value_error("rotation: stands instead of a direction");
+  if (!direction.is_none() && !rotation.is_none())
+    throw nanobind::value_error("rotation: stands instead of a direction");
   read(seed, x, self.size(), "seed: " CONTID_VARIABLES);
   Answer answer;
   self.chain->solve(

@@ -59,8 +59,8 @@ template <int Block>
   for (int i = 0; i < n; i += Block) solve_upper(f + i * (stride + 1), Block, stride, x + i);
 }
 
-// A = U^T U for matrices of dozens of rows, n x n and symmetric: the upper triangle of A becomes U. The numbers of factor(),
-// to the bit, row after row: a row does not wait for its own sums.
+// A = U^T U for matrices of dozens of rows, n x n and symmetric: the upper triangle of A becomes U. The numbers of
+// factor(), to the bit, row after row: a row does not wait for its own sums.
 inline bool factor_rows(double* a, int n) {
   for (int k = 0; k < n; ++k) {
     double* row = a + k * n;

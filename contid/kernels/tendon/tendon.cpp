@@ -35,8 +35,7 @@ nb::object solve(const SectionSolver& self, nb::handle tip, nb::handle direction
     std::string digits;
     int used = contid::Answer::kWords;
     while (used > 1 && binding[used - 1] == 0) --used;
-    for (int k = 64 * used - 1; k >= 0; --k)
-      digits += binding[k / 64] >> k % 64 & 1 ? '1' : '0';
+    for (int k = 64 * used - 1; k >= 0; --k) digits += binding[k / 64] >> k % 64 & 1 ? '1' : '0';
     return nb::steal<nb::int_>(PyLong_FromString(digits.c_str(), nullptr, 2));
   };
   return contid::solve_row(self, tip, direction, mid, seed, rotation, bits);

@@ -36,7 +36,7 @@ class CheckedRow(NamedTuple):
     reached: Mapping[str, float]
 
 
-class _Step(NamedTuple):
+class _LiveStep(NamedTuple):
     """The step of a robot from one target to the next (world frame), and its last command."""
 
     config: RobotConfig
@@ -74,7 +74,7 @@ class LiveRows:
 
     def steps(
         self, targets: Mapping[str, Target | None], last: Mapping[str, Target], record: TickRecord | None
-    ) -> dict[str, _Step]:
+    ) -> dict[str, _LiveStep]:
         """By robot its step from its last target, or without one from where it is commanded to."""
         found = {}
         for name, target in targets.items():
@@ -85,11 +85,11 @@ class LiveRows:
             model, load_n = config.model, config.frame.vector_in_base(target.load_n)
             arcs = model.arcs(command, load_n) if isinstance(model, Bending) else None
             here = Target(tip_m=tip_m, arcs=None if arcs is None else tuple(arcs.ravel().tolist()))
-            found[name] = _Step(config, target, last.get(name, here), command)
+            found[name] = _LiveStep(config, target, last.get(name, here), command)
         return found
 
     def _edges(
-        self, targets: Mapping[str, Target | None], steps: Mapping[str, _Step], refused: Collection[str]
+        self, targets: Mapping[str, Target | None], steps: Mapping[str, _LiveStep], refused: Collection[str]
     ) -> dict[str, Target]:
         """Targets within reach in place of refused ones (`along_the_edge`); none if a row of them is not."""
         found = {
@@ -100,7 +100,7 @@ class LiveRows:
         return {} if found and self._preconditions.unreachable({**targets, **found}) else found
 
 
-def _beside(steps: Mapping[str, _Step]) -> dict[str, str]:
+def _beside(steps: Mapping[str, _LiveStep]) -> dict[str, str]:
     """Robots whose step leads beside their reach, by what the tolerance of the file takes; the reason."""
     return {
         name: f"{name}: this leads {off_m * MM_PER_M:.3g} mm out of reach, and no point of it is nearer"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Protocol, TypeAlias
 
 from contid import __version__
-from contid.control.daemon.interfaces import RunControl
+from contid.control.daemon.interfaces import RunControl, RunRecordings
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.buses import TELEMETRY_HZ, ControlStalled, OverloadChanged, TicksSkipped
 from contid.control.engine.events.robots import PathSlowed
@@ -19,7 +19,6 @@ from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, RequestFields
 from contid.remote.server.lateness_histogram import LatenessHistogram
 from contid.remote.server.lease import Lease
-from contid.remote.server.recordings import RunRecordings
 from contid.remote.server.robot_fields import DEFAULT_FIELDS, FIELDS
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.remote.server.trackers import Trackers

@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from contid.control.daemon.interfaces import RunControl
+from contid.control.daemon.interfaces import RunControl, RunRecordings
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.events.run import NoteWritten, SourceEnded
@@ -31,7 +31,6 @@ from contid.remote.server.motion_orders import MotionOrders
 from contid.remote.server.moves import Moves
 from contid.remote.server.pending_orders import PendingOrders
 from contid.remote.server.query_handler import Caller, QueryHandler, Verb
-from contid.remote.server.recordings import RunRecordings
 from contid.remote.server.served_run import ServedRun
 from contid.remote.server.stop_orders import StopOrders
 from contid.remote.server.telemetry_view import TelemetryView

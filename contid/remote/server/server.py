@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, Final
 
-from contid.control.daemon.interfaces import RunControl
+from contid.control.daemon.interfaces import RunControl, RunRecordings
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.buses import BusChanged, ControlStalled, StalenessChanged, TicksSkipped
 from contid.control.engine.events.json_form import to_json
@@ -21,7 +21,6 @@ from contid.remote.protocol.socket_path import Endpoint
 from contid.remote.protocol.wire import MAX_CLIENTS, Fields, encode
 from contid.remote.server.acceptor import Acceptor
 from contid.remote.server.connection import Connection
-from contid.remote.server.recordings import RunRecordings
 from contid.remote.server.request_handler import RequestHandler
 from contid.remote.server.telemetry_view import fault_fields
 from contid.remote.server.turns import Turns

@@ -16,7 +16,7 @@ from contid.control.process.isolation import port as port_module
 from contid.control.process.isolation.bus_process import MOST_SHARE, BusProcess
 from contid.control.process.isolation.link import ProcessState
 from contid.control.process.isolation.port import IsolatedPort
-from contid.control.process.isolation.wire import HEAD, LONGEST, Answer, BusRequest, BusWire
+from contid.control.process.isolation.wire import HEAD, LONGEST, BusAnswer, BusRequest, BusWire
 from contid.control.tick.state import Effect
 from contid.hal import Rest, Sample
 from contid.hal.isolated import IsolatedBusOptions
@@ -110,7 +110,7 @@ class Link:
     """The link to a bus process, which notes what is sent."""
 
     def __init__(self, bus: str, body: bytes) -> None:
-        self.sent: list[Answer] = []
+        self.sent: list[BusAnswer] = []
         self.state = ProcessState.RUNS
 
     def start_process(self) -> None:
@@ -118,7 +118,7 @@ class Link:
 
     def request(self, kind: BusRequest, body: bytes = b"") -> None:
         if self.state is ProcessState.RUNS:
-            self.sent.append(Answer(kind, body))
+            self.sent.append(BusAnswer(kind, body))
 
     send_unanswered = request
 
@@ -134,7 +134,7 @@ def port(monkeypatch: pytest.MonkeyPatch) -> IsolatedPort:
     return IsolatedPort(cast(BusWiring, wiring))
 
 
-def sent(port: IsolatedPort) -> list[Answer]:
+def sent(port: IsolatedPort) -> list[BusAnswer]:
     return list(cast(Any, port._link).sent)
 
 

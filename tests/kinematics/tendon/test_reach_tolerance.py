@@ -54,7 +54,7 @@ def test_axes_beyond_their_limits_are_not_met_by_it() -> None:
 
 def test_an_error_that_is_no_number_is_not_met() -> None:
     class Lost:
-        @any_target
+        @any_target  # type: ignore[type-var]
         def inverse(self, target: Target, seed: Actuation) -> Solution:
             return Solution(seed, math.nan, converged=False, limited_by=("reach",))
 

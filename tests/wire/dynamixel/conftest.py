@@ -91,6 +91,7 @@ def rig(tmp_path: Path) -> Iterator[Callable[..., Rig]]:
             )
             stack.enter_context(emulator)
             if time is not None:
+                assert isinstance(emulator, InlineEmulator)
                 time.devices = (emulator,)
             wired = tuple(
                 AxisOnBus(f"r.a{i + 1}", DynamixelAxisOptions(id=i + 1, **(axis or {})), travel)

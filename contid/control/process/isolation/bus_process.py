@@ -19,7 +19,7 @@ from contid.control.engine.cycle import RealClock
 from contid.control.engine.ports import BusReply, perform
 from contid.control.process.isolation.body import BusBody
 from contid.control.process.isolation.output import PipeHandler
-from contid.control.process.isolation.wire import HEAD, LONGEST, LONGEST_TEXT, Answer, BusRequest, BusWire
+from contid.control.process.isolation.wire import HEAD, LONGEST, LONGEST_TEXT, BusAnswer, BusRequest, BusWire
 from contid.control.process.realtime import PRIORITY
 from contid.errors import ContidError
 from contid.hal import Bus, CountsAnswers, LimitsEffort, MeasuresTips, Rest
@@ -75,7 +75,7 @@ class BusProcess:
                 if self._bus is not None:
                     self._bus.disable(axes, rest)
 
-    def _answer(self, kind: BusRequest, body: bytes) -> Answer | None:
+    def _answer(self, kind: BusRequest, body: bytes) -> BusAnswer | None:
         match kind:
             case BusRequest.JOB:
                 return self._job(body)
@@ -137,7 +137,7 @@ class BusProcess:
             "effort": effort,
         }
 
-    def _job(self, body: bytes) -> Answer:
+    def _job(self, body: bytes) -> BusAnswer:
         extra: dict[str, Any] = {}
         try:
             bus = self._build()
@@ -157,7 +157,7 @@ class BusProcess:
                 reply = BusReply(lost=f"{bus.name}: {_defect(error)}")
             else:
                 extra = {"tips": tips} if tips else {}
-        return Answer(BusRequest.JOB, self._wire.reply(reply, extra))
+        return BusAnswer(BusRequest.JOB, self._wire.reply(reply, extra))
 
     def _hurry(self) -> None:
         """Once the bus is open: real-time priority below the tick, and not for what the driver starts."""
@@ -190,8 +190,8 @@ def _defect(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}"[:LONGEST_TEXT]
 
 
-def _json(kind: BusRequest, fields: dict[str, Any]) -> Answer:
-    return Answer(kind, json.dumps(fields).encode())
+def _json(kind: BusRequest, fields: dict[str, Any]) -> BusAnswer:
+    return BusAnswer(kind, json.dumps(fields).encode())
 
 
 def main(connection: int, output: int, body: bytes) -> int:

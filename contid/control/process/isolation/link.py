@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from contid.control.process.isolation import keeper
-from contid.control.process.isolation.wire import HEAD, LONGEST, Answer, BusRequest
+from contid.control.process.isolation.wire import HEAD, LONGEST, BusAnswer, BusRequest
 
 #: Longest wait for a keeper that ends its bus process, and what that has started.
 CLOSE_S: Final = 2.0
@@ -135,7 +135,7 @@ class KeptProcess:
         answer = self.answer(timeout_s)
         return None if answer is None else json.loads(answer.body)
 
-    def answer(self, timeout_s: float) -> Answer | None:
+    def answer(self, timeout_s: float) -> BusAnswer | None:
         """The answer to the newest request; None when none came in time or the bus process has ended."""
         end_s = time.monotonic() + timeout_s
         while self.state is not ProcessState.ENDED:
@@ -152,7 +152,7 @@ class KeptProcess:
                     continue
                 kind, number = HEAD.unpack_from(message)
                 if number == self._number:
-                    return Answer(BusRequest(kind), message[HEAD.size :])
+                    return BusAnswer(BusRequest(kind), message[HEAD.size :])
             if self._orders in ready:
                 self._take_report()
         return None

@@ -40,7 +40,7 @@ class BusRequest(enum.IntEnum):
     CLOSE = 5
 
 
-class Answer(NamedTuple):
+class BusAnswer(NamedTuple):
     """An answer without its number."""
 
     kind: BusRequest

@@ -24,7 +24,7 @@ from tests.calibrate.tendon_recordings import excerpt, excerpt_lines
 
 pytestmark = pytest.mark.process
 
-CONFIG = Path(__file__).parents[3] / "configs" / "ftdcr_v4.yaml"
+CONFIG = Path(__file__).parents[4] / "configs" / "ftdcr_v4.yaml"
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -18,7 +18,7 @@ from tests.support.waiting import until
 #: Leases lapse in real time, and the browser shares the cores.
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
-CSS: Final = Path(__file__).parents[1] / "contid_panel/static/panel.css"
+CSS: Final = Path(__file__).parents[2] / "contid_panel/static/panel.css"
 #: Least distance in CIELAB (1976) of two colours, and least contrast with the card (WCAG 2.2, 1.4.11).
 DISTANCE: Final = 20.0
 CONTRAST: Final = 3.0

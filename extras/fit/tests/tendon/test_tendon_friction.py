@@ -14,9 +14,9 @@ from tests.support.command import environment
 pytestmark = pytest.mark.process
 
 
-def contid(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+def contid(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "contid", *words], cwd=folder, env=environment(), stdin=subprocess.DEVNULL,
+        [sys.executable, "-m", "contid", *arguments], cwd=folder, env=environment(), stdin=subprocess.DEVNULL,
         capture_output=True, text=True, check=False, timeout=120,
     )  # fmt: skip
 
