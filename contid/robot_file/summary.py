@@ -6,6 +6,7 @@ import math
 from typing import Final, TypedDict
 
 from contid.entry_points import CHECKS, load_all
+from contid.errors import ContidError
 from contid.hal import load_driver
 from contid.robot_file.chain import Chain
 from contid.robot_file.document import BusWiring, Isolation
@@ -113,6 +114,21 @@ def summarise(loaded: LoadedFile) -> FileReport:
     }
 
 
+def feedback_line(loaded: LoadedFile, name: str) -> str:
+    """What extras find about the tip feedback of a robot, for ``contid check``; empty without feedback.
+
+    Raises:
+        ContidError: its body would swing ever more.
+    """
+    robot = loaded.file.robots[name]
+    if robot.feedback is None:
+        return ""
+    try:
+        return " ".join(line for each in load_all(CHECKS).values() if (line := each(robot)))
+    except ContidError as error:
+        raise ContidError(f"{loaded.path}: robots.{name}.feedback: {error}") from error
+
+
 def _shape(robot: RobotDescription) -> str:
     """What input shaping does, for ``contid check``; empty without."""
     shape = robot.rates.shape
@@ -162,7 +178,7 @@ def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotRepor
         "base_mm": _base_mm(robot),
         "weight": weight_line(robot),
         "shape": _shape(robot),
-        "feedback": " ".join(line for each in load_all(CHECKS).values() if (line := each(robot))),
+        "feedback": feedback_line(loaded, name),
         "velocity": getattr(robot.rates, f"velocity_{unit}_s"),
         "acceleration": getattr(robot.rates, f"acceleration_{unit}_s2"),
         "jerk": getattr(robot.rates, f"jerk_{unit}_s3"),

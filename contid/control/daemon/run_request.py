@@ -22,6 +22,7 @@ from contid.control.tick.preflight.rows import Preflight, TooFastError, Unreacha
 from contid.errors import ContidError
 from contid.robot_file.document import MAX_RATE_HZ
 from contid.robot_file.load import LoadedFile, load_named, with_mock
+from contid.robot_file.summary import feedback_line
 from contid.robot_file.tick_rate import rate_too_high, watchdog_too_short
 from contid.trajectory.timed import Trajectory
 from contid.trajectory.turns import whole_turns
@@ -75,10 +76,12 @@ def load(request: RunRequest) -> LoadedFile:
     """Load and check the robot file.
 
     Raises:
-        ContidError: it is wrong, or the kernels are not compiled.
+        ContidError: it is wrong, its tip feedback is unstable, or the kernels are not compiled.
     """
     kernels.require()
     loaded = load_named(request.robot_file)
+    for name in loaded.driven:
+        feedback_line(loaded, name)
     if request.rate_hz is not None:
         if not 0.0 < request.rate_hz <= MAX_RATE_HZ:
             allowed = f"above 0, at most {MAX_RATE_HZ:g}, as rate_hz in a robot file"

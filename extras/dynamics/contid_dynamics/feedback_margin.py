@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 LATE_S: Final = 0.05
 #: Frequencies beside the stated ones for which a loop has to be stable.
 OFF: Final = (0.8, 1.0, 1.2)
+_OFF_TEXT: Final = f"frequencies 20 % off and tips up to {1e3 * LATE_S:.0f} ms late"
 #: Rates that are tried, as shares of that of the body, and how many.
 _RATES: Final = (0.02, 30.0, 6000)
 
@@ -75,6 +76,9 @@ def feedback_line(robot: RobotDescription) -> str:
     """Which gain the tip feedback of a robot bears, one sentence; empty without feedback or a known body.
 
     The body is that of ``rates.shape``, else the slowest mode of ``dynamics`` at rest.
+
+    Raises:
+        ContidError: the loop is unstable with the numbers of the file as they are.
     """
     dynamics = getattr(robot, "dynamics", None)
     if robot.feedback is None:
@@ -83,25 +87,37 @@ def feedback_line(robot: RobotDescription) -> str:
     acting = [(0.0, 0.0)]
     if dynamics is not None:
         acting.append((1e-3 * max(dynamics.delay_ms), 1e-3 * max(dynamics.lag_ms)))
-    gains = [
-        highest_gain(off * body.frequency_hz, body.ratio, body.parts, *axes, late_s)
-        for body in bodies
+    gains = {
+        (off, late_s): min(
+            highest_gain(off * body.frequency_hz, body.ratio, body.parts, *axes, late_s)
+            for body in bodies
+            for axes in acting
+        )
         for off in OFF
-        for axes in acting
+        if bodies
         for late_s in (0.0, 0.5 * LATE_S, LATE_S)
-    ]
-    return gain_line(robot.feedback.gain_per_s, min(gains)) if gains else ""
+    }
+    if not gains:
+        return ""
+    gain_per_s, least = robot.feedback.gain_per_s, min(gains.values())
+    if gain_per_s >= gains[1.0, 0.0]:
+        raise ContidError(
+            f"gain_per_s {gain_per_s:g} makes the body swing ever more, from {gains[1.0, 0.0]:.2g} on: "
+            f"give gain_per_s: {0.5 * least:.2g}, which bears {_OFF_TEXT}"
+        )
+    return gain_line(gain_per_s, least)
 
 
 def gain_line(gain_per_s: float, least: float) -> str:
     """A gain beside the one from which on the loop is unstable, one sentence."""
-    where = f"frequencies 20 % off and tips up to {1e3 * LATE_S:.0f} ms late"
     if math.isinf(least):
-        return f"gain_per_s {gain_per_s:g} is stable with {where}, as every other gain"
+        return f"gain_per_s {gain_per_s:g} is stable with {_OFF_TEXT}, as every other gain"
     if gain_per_s < least:
-        return f"gain_per_s {gain_per_s:g} is {least / gain_per_s:.1f} times below instability with {where}"
+        return (
+            f"gain_per_s {gain_per_s:g} is {least / gain_per_s:.1f} times below instability with {_OFF_TEXT}"
+        )
     return (
-        f"gain_per_s {gain_per_s:g} makes the body swing ever more, with {where}: "
+        f"gain_per_s {gain_per_s:g} makes the body swing ever more, with {_OFF_TEXT}: "
         f"give feedback.gain_per_s: {0.5 * least:.2g}, half of what is unstable"
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import deque
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from contid.cli.main import cli
+from contid.errors import ContidError
 from contid.robot_file.load import load_named, parse_robot_file
 from contid.robot_file.rates import Impulse, InputShape
 from contid_dynamics.feedback_margin import feedback_line, highest_gain
@@ -82,18 +84,23 @@ def test_shaped_commands_bear_more() -> None:
     assert grows(20.0, 2.2, 0.055, parts) < 0.1
 
 
-def test_check_shows_what_the_body_bears(tmp_path: Path) -> None:
-    text = load_named("stiffflop2").text.replace(
-        "    rates:\n", "    feedback: {gain_per_s: 5}\n    rates:\n", 1
-    )
+def test_check_and_run_refuse_what_the_body_does_not_bear(tmp_path: Path) -> None:
+    plain = load_named("stiffflop2")
+    text = plain.text.replace("    rates:\n", "    feedback: {gain_per_s: 5}\n    rates:\n", 1)
     (robot,) = parse_robot_file(text, "arm.yaml").driven.values()
-    assert "makes the body swing ever more" in feedback_line(robot)
+    with pytest.raises(ContidError, match="makes the body swing ever more, from") as refused:
+        feedback_line(robot)
     (tmp_path / "arm.yaml").write_text(text)
-    result = CliRunner().invoke(cli, ["check", str(tmp_path / "arm.yaml")])
-    assert result.exit_code == 0
-    assert "feedback: gain_per_s 5 makes the body swing ever more" in result.output
-    quiet = text.replace("gain_per_s: 5", "gain_per_s: 0.3")
-    (robot,) = parse_robot_file(quiet, "arm.yaml").driven.values()
-    assert "below instability" in feedback_line(robot)
-    (plain,) = load_named("stiffflop2").driven.values()
-    assert feedback_line(plain) == ""
+    (tmp_path / "row.csv").write_text("t_s,x_mm,y_mm,z_mm\n0,0,0,110\n")
+    for command in (("check",), ("run", "--mock", "--virtual", "--trajectory", str(tmp_path / "row.csv"))):
+        result = CliRunner().invoke(cli, [command[0], str(tmp_path / "arm.yaml"), *command[1:]])
+        assert isinstance(result.exception, ContidError)
+        assert f"robots.arm.feedback: {refused.value}" in str(result.exception)
+    (least,) = re.findall(r"from ([0-9.]+) on", str(refused.value))
+    for gain, line in ((0.9 * float(least), "with frequencies 20 % off"), (0.3, "below instability")):
+        (robot,) = parse_robot_file(
+            text.replace("gain_per_s: 5", f"gain_per_s: {gain}"), "arm.yaml"
+        ).driven.values()
+        assert line in feedback_line(robot)
+    (robot,) = plain.driven.values()
+    assert feedback_line(robot) == ""
