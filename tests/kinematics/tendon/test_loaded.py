@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from contid.errors import BadInputError
 from contid.kinematics.model import build_model
 from contid.kinematics.tendon.loaded import LoadedTendonModel
+from contid.kinematics.tendon.rod import TendonEquilibrium, TendonRod
 from contid.robot_file.load import parse_robot_file
 from contid.targets import Actuation, Target
 from tests.oracles.tendon_energy import Energy
@@ -48,7 +50,8 @@ def test_answers_meet_their_targets_and_keep_every_tendon_taut(configs: Path, ro
 
 def test_a_path_under_weight_is_followed_from_answer_to_answer(configs: Path) -> None:
     """As the tick asks: each target from the answer before; the energy of the rod judges."""
-    model, load_n = loaded(configs, "{weight_n_per_m: [0.8], elements: 4}"), (0.02, 0.0, -0.05)
+    load_n = (0.02, 0.0, -0.05)
+    model = loaded(configs, "{weight_n_per_m: [0.8], elements: 4}").for_ticks()
     assert model.statics is not None
     seed: Actuation = (0.0,) * 9
     for k in range(0, 120, 2):  # some of these need a second start
@@ -66,6 +69,24 @@ def test_a_path_under_weight_is_followed_from_answer_to_answer(configs: Path) ->
             assert np.linalg.norm(energy.gradient(strain)) <= 2e-7 * stiffest
             assert energy.placed(strain)[2] == pytest.approx(target.tip_m, abs=1e-6)
             assert np.min(energy.tensions(strain)) >= model.statics.floor_n - 1e-5
+
+
+def test_ticks_search_less_for_a_target_out_of_reach(configs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    model, solve = loaded(configs, "{weight_n_per_m: [0.5]}"), TendonRod.solve
+    counts: list[int] = []
+
+    def counted(*arguments: Any, **options: Any) -> TendonEquilibrium:
+        counts[-1] += 1
+        return solve(*arguments, **options)
+
+    monkeypatch.setattr(TendonRod, "solve", counted)
+    target, answers = Target(tip_m=(0.25, 0.0, 0.35)), []
+    for each in (model, model.for_ticks()):
+        counts.append(0)
+        answers.append(each.inverse(target, (0.0,) * 9))
+    assert [answer.converged for answer in answers] == [False, False]
+    assert answers[1].residual_m == pytest.approx(answers[0].residual_m, rel=0.01)
+    assert counts[-1] < 0.5 * counts[-2]
 
 
 def test_weight_pulls_a_bent_robot_down_and_its_shape_ends_at_its_tip(configs: Path) -> None:
