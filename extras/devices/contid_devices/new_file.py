@@ -123,7 +123,9 @@ def write_copy(
                 [Located(str(path), each.line, each.column, each.message) for each in error.findings]
             ) from error
         Path(beside).chmod(new_file_mode())
-        os.link(beside, path)  # fails when another program has made the file in the meantime
+        # Fails when another program has made the file in the meantime; FAT and exFAT have no links for that.
+        path.open("x").close()
+        Path(beside).replace(path)
     except FileExistsError as error:
         raise ContidError(f"{path}: exists already; nothing was written") from error
     except OSError as error:

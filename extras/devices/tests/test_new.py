@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import errno
 import os
 import pty
 import select
@@ -47,6 +48,22 @@ def test_only_name_port_and_ids_change(tmp_path: Path, configs: Path) -> None:
     ]
     checked = contid("check mine.yaml", tmp_path)
     assert (checked.returncode, checked.stdout.startswith("mine: 2 robots")) == (0, True)
+
+
+def test_a_file_system_without_links_is_written_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As FAT and exFAT; what another program has made in the meantime stays."""
+
+    def link(*arguments: object, **named: object) -> None:
+        raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+
+    monkeypatch.setattr(os, "link", link)
+    template, path = new_file.read_template("hand"), tmp_path / "mine.yaml"
+    assert new_file.write_copy(template, path, {}, {}).file.name == "mine"
+    path.write_text("another's")
+    with pytest.raises(ContidError, match="exists already; nothing was written"):
+        new_file.write_copy(template, path, {}, {})
+    assert path.read_text() == "another's"
+    assert [*tmp_path.iterdir()] == [path]
 
 
 @pytest.mark.parametrize("name", ["123", "null", "1e3", ".5", "yes"])

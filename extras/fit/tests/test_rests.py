@@ -55,3 +55,19 @@ def test_a_regulator_that_reports_nothing_is_named_as_the_reason() -> None:
         CalibrationError, match=r"rests\.mcap: arm has a rest in which a regulator reports no"
     ):
         session_calibration(session(set(range(100))), "arm", robot(), 3e-4, reported=True)
+
+
+def test_an_arm_that_was_disarmed_settles_anew() -> None:
+    """The same command before and after it are two rests, and what is measured meanwhile belongs to none."""
+    arm, rows = robot(), []
+    for second in range(4):
+        for row in session(set()):
+            row["t_s"] += second
+            if 1.0 <= row["t_s"] < 1.2:
+                row |= {key: math.nan for key in row if key.startswith("command.")}
+            rows.append(row)
+    before, after = rests(rows, "arm", arm, build_model(arm))
+    assert (before.times_s[0], before.times_s[-1]) == pytest.approx((0.5, 0.99))
+    assert after.since_s == pytest.approx(1.2)
+    assert (after.times_s[0], after.times_s[-1]) == pytest.approx((1.7, 3.99))
+    assert (before.actuation, before.side) == (after.actuation, after.side)

@@ -195,14 +195,14 @@ class _Conductor:
             ContidError: a node did not confirm in time; all hold before it.
         """
         largest_s = max(offset.bound_s for offset in offsets.values())
+        # Before the time is chosen: what many notes take is not taken from the confirmation.
+        await asyncio.gather(*(self._note(name, offset, "start") for name, offset in offsets.items()))
         at_s = time.monotonic() + max(LEAD_S, LEAD_BOUNDS * largest_s)
 
         async def order(name: str) -> Fields:
             async with asyncio.timeout(at_s - CONFIRMED_S - time.monotonic()):
                 return await self._clients[name].start(self._moves[name], offsets[name].there(at_s))
 
-        for name, offset in offsets.items():
-            await self._note(name, offset, "start")
         await self._each("start", order)
         return at_s
 

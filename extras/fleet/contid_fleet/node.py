@@ -34,6 +34,8 @@ DUPLICATE: Final = "duplicate"
 RETRY_S: Final = 1.0
 #: Longest wait for one response of the daemon to `status` or `hold` [s].
 STATUS_TIMEOUT_S: Final = 0.5
+#: Longest wait for the response to a stop that goes by the connection of the bridge itself [s].
+STOP_TIMEOUT_S: Final = 1.0
 #: A hold after the end of a feed is tried at most this number of times, with this pause [s].
 HOLD_ATTEMPTS: Final = 50
 HOLD_PERIOD_S: Final = 0.1
@@ -276,4 +278,8 @@ class Node:
             self._links.end(origin)
         if self._watch is None:
             return refusal(Code.NO_ANSWER, f"no daemon listens at {self._path}")
-        return await self._watch.request(verb, fields)
+        try:
+            async with asyncio.timeout(STOP_TIMEOUT_S):
+                return await self._watch.request(verb, fields)
+        except TimeoutError:
+            return refusal(Code.NO_ANSWER, f"the daemon did not answer within {STOP_TIMEOUT_S:g} s")

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contid.errors import ContidError
+from contid_fleet.commands.feed import FedMachines
 from contid_fleet.feed_watch import FeedWatch
 from contid_fleet.fleet_file import MachineFile
 from contid_fleet.operator import FleetOperator
@@ -35,6 +36,20 @@ def test_it_lapses_once_after_each_feed_that_was_the_last(gaps: list[float]) -> 
         lapses += watch.lapsed(now_s)
         assert not watch.lapsed(now_s), "once"
     assert lapses == expected
+
+
+def test_a_machine_that_answers_no_more_is_reported_once() -> None:
+    lines: list[str] = []
+    fed = FedMachines(1.0, lines.append)
+    answer = {"ok": True, "result": {"after_s": 0.5}}
+    for tenth in range(50):  # hand2 is silent from 1 s to 4 s
+        fed.take("hand1", answer, 0.1 * tenth)
+        if not 10 < tenth < 40:
+            fed.take("hand2", answer, 0.1 * tenth)
+        fed.look(0.1 * tenth)
+    shown = "fed; its robots hold 0.5 s after the last feed"
+    silent = "not fed: no answer for 1 s; look at its bridge"
+    assert lines == [f"hand1: {shown}", f"hand2: {shown}", f"hand2: {silent}", f"hand2: {shown}"]
 
 
 @pytest.mark.process

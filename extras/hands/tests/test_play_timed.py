@@ -64,6 +64,23 @@ def test_bends_and_tips_begin_where_they_are(tmp_path: Path) -> None:
     assert rows[0] == [0.0, 1.0, 2.0, 99.0]
 
 
+@pytest.mark.parametrize("bend", ["bend_deg", "curvature_per_m"])
+def test_a_bend_turns_the_short_way(tmp_path: Path, bend: str) -> None:
+    found = player(tmp_path, Daemon())
+    found._last = {f"s1.{bend}": 30.0, "s1.azimuth_deg": 170.0}
+    _, rows = found.timed({f"s1.{bend}": 30.0, "s1.azimuth_deg": -170.0}, 5.0)
+    assert min(abs(azimuth) for _, _, azimuth in rows) == 170.0
+    assert min(row[1] for row in rows) > 29.5
+
+
+def test_to_the_other_side_a_bend_goes_through_straight(tmp_path: Path) -> None:
+    found = player(tmp_path, Daemon())
+    found._last = {"s1.bend_deg": 30.0, "s1.azimuth_deg": 45.0}
+    _, rows = found.timed({"s1.bend_deg": 60.0, "s1.azimuth_deg": -135.0}, 5.0)
+    assert min(row[1] for row in rows) < 2.0
+    assert all(min(abs(row[2] - 45.0), abs(row[2] + 135.0)) < 1e-6 for row in rows if row[1] > 1e-6)
+
+
 def test_refused_rows_end_the_sequence_where_they_are(tmp_path: Path) -> None:
     daemon = Daemon()
     daemon.refused = ["rows:1: out of reach"]

@@ -34,6 +34,17 @@ def test_a_robot_named_twice_is_taught_once(tmp_path: Path) -> None:
     assert taught.relaxed == ("f1", "f0")
 
 
+def test_the_line_has_the_unit_of_every_axis(tmp_path: Path) -> None:
+    describe = described(tmp_path)
+    robot = describe["robots"]["f0"]
+    robot["axes"]["wrist"] = {"min_deg": -90.0, "max_deg": 90.0}
+    robot |= {"velocity_deg_s": 60.0, "acceleration_deg_s2": 600.0, "jerk_deg_s3": 6000.0}
+    client = cast(Client, SimpleNamespace(describe=lambda: describe))
+    state = {"state": "OFF", "fault": 0, "measured": [50.0, 60.5, -45.0]}
+    line = TeachSession(client, ["f0"], None, 20.0, print)._line({"robots": {"f0": state}})
+    assert line.split() == ["f0", "OFF", "50.00", "60.50", "mm", "-45.00", "deg"]
+
+
 def test_no_names_are_all_robots_and_an_unknown_one_is_refused(tmp_path: Path) -> None:
     assert [each.robot for each in session(tmp_path).robots] == ["f0", "f1"]
     with pytest.raises(ContidError, match="no robot 'f9'"):

@@ -123,7 +123,11 @@ def command(
         from contid_fit.calibrate.target_robot import write_back
 
         source = ", ".join(path.name for path in sessions)
-        edits = changes(found, robots[name], f"identified {date.today().isoformat()} from {source}")
+        left_out: list[str] = []
+        note = f"identified {date.today().isoformat()} from {source}"
+        edits = changes(found, robots[name], note, left_out)
         write_back(Path(robot_file), name, edits, [])
         for edit in edits:
             click.echo(f"written to {robot_file}: {edit.key}: {json.dumps(edit.value)}", err=True)
+        if left_out:
+            raise ContidError(f"{'; '.join(left_out)}; everything else was written")

@@ -30,13 +30,14 @@ _WIDEST_S = 0.05
 _SHAPED_HZ = (0.5, 100.0)
 
 
-def changes(found: IdentifiedMotion, robot: RobotDescription, note: str) -> list[Change]:
+def changes(found: IdentifiedMotion, robot: RobotDescription, note: str, left_out: list[str]) -> list[Change]:
     """Keys relative to the robot.
 
     Args:
         found: what was identified.
         robot: description in the file.
         note: origin of the numbers: date, recordings, split.
+        left_out: gets the reason of what is not written although it was found, while the rest is.
 
     Raises:
         ContidError: nothing is known well enough to be written.
@@ -61,7 +62,12 @@ def changes(found: IdentifiedMotion, robot: RobotDescription, note: str) -> list
         out += _dynamics(found, len(robot.axis_names), note)
         out += _body(found, robot, note)
     if found.ring_downs:
-        out.append(shape_of(found.ring_downs[0], robot, note))
+        try:
+            out.append(shape_of(found.ring_downs[0], robot, note))
+        except ContidError as error:
+            if not out:
+                raise
+            left_out.append(str(error))
     if not out:
         raise ContidError("nothing is known well enough to be written; the report names what is missing")
     return out

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
+from contid.errors import ContidError
 from contid.robot_file.edit import Change, set_values
 from contid.robot_file.load import load_named
 from contid_identify.estimate import Interval
 from contid_identify.ring_down import FreeMode, RingDown
-from contid_identify.written import shape_of
+from contid_identify.stages import IdentifiedMotion
+from contid_identify.written import changes, shape_of
 
 SCHEDULE = (
     "      shape: {frequency_hz: 4, damping_ratio: 0.1, schedule: {middle: [0.5, 0.5, 0.5], half: [1, 1, 1], "
@@ -23,6 +27,23 @@ SCHEDULE = (
 def ring(frequency_hz: float) -> RingDown:
     mode = FreeMode(Interval(frequency_hz, 0.01), Interval(0.08, 0.01))
     return RingDown(np.array([0.9e5, 0.2e5, 0.4e5]), (mode,), 3, 1e-4, (frequency_hz, frequency_hz))
+
+
+def test_a_mode_that_cannot_be_shaped_leaves_the_other_values() -> None:
+    """A delay that is known is written; alone, the mode is refused as before."""
+    (robot,) = load_named("stiffflop1").driven.values()
+    known = Interval(0.02, 0.001)
+    axis = SimpleNamespace(name="c1", answer=SimpleNamespace(sum_s=known, delay_s=known, lag_s=known))
+    found = SimpleNamespace(axes=(axis,), tip=None, body=None, ring_downs=(ring(500.0),))
+    left_out: list[str] = []
+    edits = changes(cast(IdentifiedMotion, found), robot, "a shake", left_out)
+    assert "axes.c1.follow_delay_ms" in {edit.key for edit in edits}
+    assert all(not edit.key.startswith("rates") for edit in edits)
+    assert len(left_out) == 1
+    assert left_out[0].startswith("rates.shape: 500 ")
+    found.axes = ()
+    with pytest.raises(ContidError, match=r"rates\.shape: 500 "):
+        changes(cast(IdentifiedMotion, found), robot, "a shake", left_out)
 
 
 @pytest.mark.parametrize("schedule", ["", SCHEDULE])

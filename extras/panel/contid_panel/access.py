@@ -70,7 +70,7 @@ class Access:
         """
         found = _HOST.fullmatch(headers.get("host", ""))
         if found is None or found[1].lower() not in self.names:
-            raise AccessError(403, "the Host of the request is not a name of this panel")
+            raise AccessError(403, "the Host of the request is not a name of this panel; --name adds one")
 
     def check_origin(self, headers: Mapping[str, str], required: bool) -> None:
         """Refuse a request that a page of another origin made.

@@ -27,6 +27,7 @@ NICE: Final = -5
 DEFAULT_PORT: Final = 8421
 #: Seconds between pings of the WebSocket: a page whose network is gone is closed.
 PING_PERIOD_S: Final = 5.0
+_EVERY_ADDRESS: Final = frozenset(("", "0.0.0.0", "::"))
 
 
 class PanelError(ContidError):
@@ -63,7 +64,8 @@ class PanelSettings:
         """Refuse what would let other machines in unprotected.
 
         Raises:
-            PanelError: an address beyond loopback without ``allow_remote`` and TLS, or half of a TLS pair.
+            PanelError: an address beyond loopback without ``allow_remote`` and TLS, half of a TLS pair, or
+                every address without a name.
         """
         if (self.certificate is None) != (self.key is None):
             raise PanelError("--tls-certificate and --tls-key are given together")
@@ -74,6 +76,11 @@ class PanelSettings:
                 f"--host {self.host} is reachable from other machines: that needs --allow-remote, "
                 "--tls-certificate and --tls-key; a tunnel needs none of them: "
                 "ssh -L 8421:127.0.0.1:8421 THIS-MACHINE"
+            )
+        if self.host in _EVERY_ADDRESS and not self.names:
+            raise PanelError(
+                f"--host {self.host or '(empty)'} listens on every address and is no name for a browser: add "
+                "--name with the name or address of this machine, which the certificate has"
             )
 
 

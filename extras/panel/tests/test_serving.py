@@ -13,6 +13,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import httpx
@@ -161,6 +162,15 @@ def test_only_loopback_needs_no_flags(host: str) -> None:
         PanelSettings(Path("s"), host=host).check()
 
 
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", ""])
+def test_every_address_needs_a_name(host: str) -> None:
+    settings = PanelSettings(Path("s"), host, allow_remote=True, certificate=Path("c"), key=Path("k"))
+    with pytest.raises(PanelError, match="add --name"):
+        settings.check()
+    replace(settings, names=("robot.example",)).check()
+    replace(settings, host="192.168.1.7").check()
+
+
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.1.2.3", "::1", "localhost"])
 def test_loopback_needs_no_flags(host: str) -> None:
     PanelSettings(Path("s"), host=host).check()
@@ -235,7 +245,8 @@ def test_a_remote_panel_is_served_over_tls_only(running: Running, tmp_path: Path
          "-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1", "-keyout", key, "-out", certificate],
         check=True, capture_output=True,
     )  # fmt: skip
-    flags = ["--host", "0.0.0.0", "--allow-remote", "--tls-certificate", certificate, "--tls-key", key]
+    remote = ["--host", "0.0.0.0", "--name", "localhost", "--allow-remote"]
+    flags = [*remote, "--tls-certificate", certificate, "--tls-key", key]
     with panel(running, *map(str, flags)) as served:
         context = ssl.create_default_context(cafile=certificate)
         assert httpx.get(f"https://127.0.0.1:{served.port}/", verify=context).status_code == 200

@@ -31,6 +31,20 @@ def test_no_column_is_faster_than_its_share(share: float) -> None:
     assert speeds[0].max() < 0.05 * speeds.max()
 
 
+@pytest.mark.parametrize(("begin", "end"), [(170.0, -170.0), (0.0, 180.0), (-90.0, 45.0)])
+def test_a_bend_turns_the_short_way_and_no_faster_than_its_share(begin: float, end: float) -> None:
+    """The ends of the line between two bends are the farthest apart that two of its rows are."""
+    names = ("arm.s1.bend_deg", "arm.s1.azimuth_deg")
+    start, goal = (dict(zip(names, (40.0, azimuth), strict=True)) for azimuth in (begin, end))
+    line = slow_line(start, goal, dict(zip(names, (20.0, 100.0), strict=True)), 0.1)
+    times_s, bends, azimuths = np.array(line.rows).T
+    assert (azimuths[0], azimuths[-1]) == (begin, end)
+    points = bends * np.exp(1j * np.radians(azimuths))
+    steps = np.abs(np.diff(points))
+    assert steps.sum() == pytest.approx(abs(points[-1] - points[0]))
+    assert 0.95 * 2.0 < (steps / np.diff(times_s)).max() <= 2.0
+
+
 def test_a_target_where_the_robot_is_takes_a_moment() -> None:
     line = slow_line({"x_mm": 1.0}, {"x_mm": 1.0}, RATES, 0.01)
     assert {row[1] for row in line.rows} == {1.0}

@@ -29,6 +29,7 @@ from contid.control.tick.preflight.rows import TooFastError
 from contid.errors import ContidError, missing_extra
 from contid.kinematics.array import Array
 from contid.robot_file.load import LoadedFile
+from contid.trajectory.rows import MAX_ROWS
 from contid.trajectory.timed import Trajectory
 
 #: Points at which a path is solved, at least and at most.
@@ -89,7 +90,7 @@ def fastest(loaded: LoadedFile, trajectory: Trajectory, rate_hz: float) -> Faste
         rate_hz: of the tick; rows come at this rate.
 
     Raises:
-        ContidError: nothing moves, or toppra is not installed.
+        ContidError: nothing moves, it is too long, or toppra is not installed.
     """
     first = trajectory.targets_of_row(0)
     configs = [config for config in build_robot_configs(loaded, rate_hz) if config.name in first]
@@ -104,16 +105,30 @@ def fastest(loaded: LoadedFile, trajectory: Trajectory, rate_hz: float) -> Faste
     along = np.concatenate([[0.0], np.cumsum(steps_s)])[kept]
     if along[-1] < _NO_MOTION_S:
         raise ContidError("nothing to retime: no axis moves along this trajectory")
+    _check_count(along[-1] * rate_hz, rate_hz)  # before the work: it takes at least as long
 
     def exact(at: Array) -> Array:
         return _solved(configs, trajectory, np.interp(at, along, times[kept]))
 
     best = _parametrised(along, axes[kept], most, 1.0 / rate_hz, exact)
+    _check_count(len(best.along), rate_hz)
     at = np.interp(best.along, along, times[kept])
     rows = np.array([_row(trajectory, time_s) for time_s in at.tolist()])
     assert trajectory.layout.time is not None
     rows[:, trajectory.layout.time] = np.arange(len(rows)) / rate_hz
     return FastestPath(trajectory.columns, rows, (len(rows) - 1) / rate_hz, best.binding)
+
+
+def _check_count(count: float, rate_hz: float) -> None:
+    """Refuse more rows than a trajectory may have.
+
+    Raises:
+        ContidError: with their number.
+    """
+    if count > MAX_ROWS:
+        raise ContidError(
+            f"at {rate_hz:g} Hz the fastest timing has {count:.3g} rows; allowed are {MAX_ROWS}: cut the path"
+        )
 
 
 def _points(trajectory: Trajectory) -> Array:

@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from contid.errors import ContidError
 from contid.session.read import Session
+from contid_paths import fastest
+from contid_paths.fastest import fastest_trajectory
 from contid_sessions.check import check_session
 from tests.support.command import contid_in
 
@@ -90,3 +93,16 @@ def test_what_cannot_be_retimed_is_refused(text: str, message: str, tmp_path: Pa
     (tmp_path / "rows.csv").write_text(text)
     done = contid_in(tmp_path, "retime", "finger", "rows.csv")
     assert (done.returncode, done.stdout, message in done.stderr) == (2, "", True), done.stderr
+
+
+@pytest.mark.parametrize("early", [True, False])
+def test_a_timing_of_more_rows_than_a_trajectory_may_have_is_refused(
+    early: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before the work, by the greatest velocity, or by the timing that was found."""
+    rows = "t_s,left_mm,right_mm\n0,50,50\n1,95,50\n2,50,50\n"
+    count = len(fastest_trajectory("finger", "rows.csv", io.StringIO(rows)).rows)
+    assert count > 90.0 / 60.0 * RATE_HZ
+    monkeypatch.setattr(fastest, "MAX_ROWS", 10 if early else count - 1)
+    with pytest.raises(ContidError, match=r"the fastest timing has .* rows; allowed are"):
+        fastest_trajectory("finger", "rows.csv", io.StringIO(rows))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -65,6 +66,8 @@ def command(
     robots = loaded.driven
     if axis_sigma is not None and quality != "accuracy":
         raise click.UsageError("--axis-sigma is for --quality accuracy.")
+    if plot is not None:
+        _refuse_unwritable(plot)
     if quality is not None:
         _quality(loaded.file.name, robots, quality, axis_sigma, voxel_mm, across, as_json, plot)
         return
@@ -77,10 +80,11 @@ def command(
     if arms:
         with counting("voxels tested") as progress:
             reports.append(spatial_report(arms, voxel_mm, across, progress))
+    if as_json:
+        numbers = {key: value for each in reports for key, value in each.to_json().items()}
+        click.echo(json.dumps({"file": loaded.file.name, **numbers}))
     for number, report in enumerate(reports):
-        if as_json:
-            click.echo(json.dumps({"file": loaded.file.name, **report.to_json()}))
-        else:
+        if not as_json:
             _print(report)
         if plot is not None:
             from contid_reach.plot import save_plot
@@ -88,6 +92,21 @@ def command(
             path = plot if number == 0 else plot.with_stem(f"{plot.stem}-{number + 1}")
             save_plot(report, path, f"{loaded.file.name}: reach of the tips")
             click.echo(f"drawn: {path}", err=True)
+
+
+def _refuse_unwritable(path: Path) -> None:
+    """Refuse a file that cannot be written, before the work for it.
+
+    Raises:
+        ContidError: with the reason of the system.
+    """
+    from contid.errors import ContidError
+
+    try:
+        with path.open("ab") if path.exists() else tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise ContidError(f"{path}: cannot write it: {error.strerror or error}") from error
 
 
 def _quality(

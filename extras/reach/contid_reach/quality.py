@@ -100,7 +100,8 @@ def quality_map(
         progress: called with the number of places tested so far.
 
     Raises:
-        ContidError: the model has no compliance, errors of the axes are not stated, or nothing is reached.
+        ContidError: the model has no compliance, errors of the axes are not stated, nothing is reached, or it
+            is stable nowhere.
     """
     model, planar = build_model_for_ticks(robot), robot.dimension == 2
     of = _measure_of(name, robot, model, measure, axis_sigma)
@@ -111,6 +112,8 @@ def quality_map(
     places = sorted(volume.answers)
     scale = UNITS[measure][1]
     values = np.array([of(volume.answers[place]) * scale for place in places])
+    if np.isnan(values).all():
+        raise ContidError(f"{name}: no {measure} is known: no stable equilibrium at {len(places)} places")
     return QualityMap(measure, np.array(places, dtype=float) * volume.edge_m, values, volume.edge_m, planar)
 
 
@@ -138,8 +141,11 @@ def _measure_of(
 
 
 def _isotropy(jacobian: Array) -> float:
-    greatest, *_, least = np.linalg.svd(jacobian, compute_uv=False).tolist()
-    return least / greatest if greatest > 0.0 else 0.0
+    """Least over greatest singular value over the directions of the tip; 0 with fewer axes than those."""
+    if jacobian.shape[1] < jacobian.shape[0]:
+        return 0.0
+    values = np.linalg.svd(jacobian, compute_uv=False).tolist()
+    return float(values[-1] / values[0]) if values[0] > 0.0 else 0.0
 
 
 class _CalibratedAccuracy:

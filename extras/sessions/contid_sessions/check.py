@@ -31,6 +31,7 @@ from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
+from contid.errors import SessionError
 from contid.session.read import Session
 from contid_sessions.check_follow import FollowCheck
 
@@ -71,7 +72,7 @@ def check_session(session: Session) -> Iterator[Violation]:
     """Violations in the order of the ticks.
 
     Raises:
-        SessionError: the session has no robot file that this version reads.
+        SessionError: the session has no robot file that this version reads, or no tick.
     """
     configs = {config.name: config for config in build_robot_configs(session.robot_file(), session.rate_hz)}
     robots = [_RobotCheck(configs[robot.name]) for robot in session.layout.robots]
@@ -96,6 +97,8 @@ def check_session(session: Session) -> Iterator[Violation]:
             for rule, message in robot.tick(record.tick, now, events):
                 yield Violation(record.tick, robot.name, rule, message)
         before, events = record, later
+    if before is None:
+        raise SessionError(f"{session.path}: has no tick, so no motion to check; record a run")
 
 
 def _time(before: TickRecord, now: TickRecord, lost: bool) -> Iterator[Violation]:

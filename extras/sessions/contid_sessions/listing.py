@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,7 +45,7 @@ class ListedRecording:
 
 
 def recordings_in(folder: Path) -> list[ListedRecording]:
-    """The MCAP files of a folder, the newest first.
+    """The MCAP files of a folder, the newest first; one that vanishes meanwhile is left out.
 
     Raises:
         SessionError: there is no such folder, or it cannot be read.
@@ -53,11 +54,19 @@ def recordings_in(folder: Path) -> list[ListedRecording]:
         files = sorted(path for path in folder.iterdir() if path.suffix == ".mcap" and path.is_file())
     except OSError as error:
         raise SessionError(f"{folder}: cannot list it: {error.strerror}") from error
-    return sorted(map(listed, files), key=lambda each: each.began, reverse=True)
+    found = []
+    for path in files:
+        with suppress(FileNotFoundError):
+            found.append(listed(path))
+    return sorted(found, key=lambda each: each.began, reverse=True)
 
 
 def listed(path: Path) -> ListedRecording:
-    """One recording; what cannot be read has the reason as its state."""
+    """One recording; what cannot be read has the reason as its state.
+
+    Raises:
+        OSError: there is no such file.
+    """
     size = path.stat().st_size
     try:
         session = Session(path)

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
@@ -16,13 +17,14 @@ from contid.control.engine.events.robots import FaultLatched, ModeChanged, Order
 from contid.control.engine.tick_layout import SKIPPED, TICK
 from contid.control.process.setup import RunSetup
 from contid.control.tick.supervisor import Mode
+from contid.errors import SessionError
 from contid.robot_file.load import load_robot_file, parse_robot_file, with_mock
 from contid.session.format.entries import Entry
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
 from contid.targets import Target
 from contid_sessions.check import check_session
-from contid_sessions.check_command import MAX_VIOLATIONS
+from contid_sessions.check_command import MAX_VIOLATIONS, command
 from tests.campaign.script import close_hand
 from tests.session.runs import RUNS, record_virtual
 from tests.support.command import contid
@@ -270,6 +272,16 @@ def test_the_command_lists_violations_and_ends_with_1(run: Path, tmp_path: Path)
     lines = done.stdout.splitlines()
     assert len(lines) == MAX_VIOLATIONS + 1
     assert all("f0: velocity: f0." in line for line in lines[:-1])
+
+
+def test_a_recording_without_ticks_is_not_found_right(tmp_path: Path) -> None:
+    recording = RecordingObserver(tmp_path / "none.mcap", {"mock": "False", "input": "test"}, host="test")
+    recording.follow(RunSetup(load(1), 200.0, tmp_path, None, OnEnd.STOP, attended=False))
+    recording.detach()
+    done = CliRunner().invoke(command, [str(tmp_path / "none.mcap")])
+    assert isinstance(done.exception, SessionError)
+    assert "has no tick" in str(done.exception)
+    assert not done.stdout
 
 
 def test_a_motion_that_the_tensions_limit_breaks_no_rule(configs: Path, tmp_path: Path) -> None:

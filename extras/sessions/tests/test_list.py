@@ -12,7 +12,7 @@ from contid import Session, Sim
 from contid.errors import SessionError
 from contid.session.info import summarize
 from contid_sessions.list_command import command
-from contid_sessions.listing import listed, recordings_in
+from contid_sessions.listing import ListedRecording, listed, recordings_in
 
 
 def recorded(path: Path, ticks: int) -> Path:
@@ -58,3 +58,15 @@ def test_an_empty_folder_and_none(tmp_path: Path) -> None:
     assert "no recording" in CliRunner().invoke(command, [str(tmp_path)]).output
     with pytest.raises(SessionError, match="cannot list it: No such file"):
         recordings_in(tmp_path / "absent")
+
+
+def test_a_file_that_vanishes_meanwhile_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("first.mcap", "second.mcap"):
+        (tmp_path / name).write_bytes(b"nothing")
+
+    def listed_after(path: Path) -> ListedRecording:
+        (tmp_path / "second.mcap").unlink(missing_ok=True)
+        return listed(path)
+
+    monkeypatch.setattr("contid_sessions.listing.listed", listed_after)
+    assert [each.file for each in recordings_in(tmp_path)] == [str(tmp_path / "first.mcap")]

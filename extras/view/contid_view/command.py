@@ -23,6 +23,8 @@ def command(recording: str, serve: bool, robot: str | None) -> None:
     """
     from contid_view.view_target import Kind, ViewTarget, check
 
+    if robot is not None and recording.endswith(".rrd"):
+        raise click.UsageError("--robot is for sessions (.mcap): the shapes of an .rrd are drawn already")
     target = ViewTarget(Kind.SERVE if serve else Kind.SPAWN)
     check(target)
     if recording.endswith(".rrd"):

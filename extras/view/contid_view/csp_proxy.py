@@ -71,7 +71,9 @@ class _Request:
         length = self.headers.get("content-length", "0")
         if "transfer-encoding" in self.headers or not length.isascii() or not length.isdigit():
             raise _RefusedError(HTTPStatus.LENGTH_REQUIRED)
-        if int(length) > MAX_BODY_BYTES:
+        # Python makes no number of more than 4300 digits.
+        length = length.lstrip("0") or "0"
+        if len(length) > len(str(MAX_BODY_BYTES)) or int(length) > MAX_BODY_BYTES:
             raise _RefusedError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
         return int(length)
 

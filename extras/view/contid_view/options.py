@@ -67,9 +67,11 @@ class RrdExport:
         os.environ.setdefault("RUST_LOG", "off")  # contid reports errors itself
         from contid_view.export import draw
         from contid_view.view_target import Kind, ViewTarget
+        from contid_view.whole_drawing import whole_drawing
 
         entries = ((entry.values, entry.event) for entry in session.entries())
-        draw(entries, loaded, session.layout, ViewTarget(Kind.FILE, path))
+        with whole_drawing(path) as part:
+            draw(entries, loaded, session.layout, ViewTarget(Kind.FILE, part))
 
 
 class FoxgloveExport:
@@ -109,8 +111,10 @@ class SwingsExport:
         """Draw the modes of robots into a file."""
         os.environ.setdefault("RUST_LOG", "off")  # contid reports errors itself
         from contid_view.rerun.swings import draw_swings
+        from contid_view.whole_drawing import whole_drawing
 
-        draw_swings(loaded, swinging, path)
+        with whole_drawing(path) as part:
+            draw_swings(loaded, swinging, part)
 
 
 VIEW: Final = ViewOption()

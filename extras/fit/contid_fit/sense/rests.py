@@ -1,4 +1,4 @@
-"""The rests of an arm in a recorded session: intervals of constant commands with measured tips."""
+"""The rests of an arm in a recorded session: constant commands within one arming, with measured tips."""
 
 from __future__ import annotations
 
@@ -69,12 +69,15 @@ def rests(
     for row in rows:
         t_s = row["t_s"]
         command = tuple(robot.quantity.to_si(row[column]) for column in columns)
-        if any(math.isnan(value) for value in command):
-            continue
-        if command != now:
+        disarmed = any(math.isnan(value) for value in command)
+        if disarmed or command != now:
             if len(tips) >= MIN_TIPS:
                 yield RestInterval(np.array(times), since_s, now, side, _average(reports), np.array(tips))
-            now, side, since_s, times, tips, reports = command, play.to(command), t_s, [], [], []
+            now, since_s, times, tips, reports = command, t_s, [], [], []
+            if disarmed:  # it may have moved: the same command later is another rest, which settles anew
+                now = ()
+                continue
+            side = play.to(command)
         if t_s >= since_s + SETTLE_S:
             reports.append([robot.quantity.to_si(row.get(column, math.nan)) for column in reported])
         x, y, z = (row[column] / MM_PER_M for column in measured)

@@ -15,6 +15,8 @@ from contid.remote.client.move_arguments import columns_and_rows
 from contid.robot_file.positions import KeyPath
 from contid_hands.teach.check_targets import check_targets
 from contid_hands.teach.pose_file import PoseFile, SequenceStep
+from contid_paths.bends import between
+from contid_paths.shapes import minimum_jerk
 
 #: Period of requests that keep the lease during a wait; it lapses after two seconds.
 PING_PERIOD_S: Final = 0.25
@@ -121,9 +123,7 @@ class Player:
         rows = []
         for number in range(count + 1):
             s = number / count
-            share = s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
-            values = [start[column] + share * (end - start[column]) for column, end in target.items()]
-            rows.append([s * time_s, *values])
+            rows.append([s * time_s, *between(start, target, minimum_jerk(s))])
         return ["t_s", *target], rows
 
     def _present(self, target: Mapping[str, float]) -> dict[str, float]:

@@ -15,6 +15,7 @@ from contid_hands.teach.pose_file import read_pose_file
 from contid_hands.teach.pose_store import default_pose_file
 from contid_hands.teach.teacher import Teacher
 from contid_hands.teleop.keys import Keyboard
+from contid_hands.teleop.status_line import with_units
 
 #: The lease lapses this long after the last request.
 LEASE_TIMEOUT_S: Final = 2.0
@@ -115,6 +116,7 @@ class TeachSession:
         for each in self.robots:
             robot = frame["robots"][each.robot]
             fault = f" fault {robot['fault']}" if robot["fault"] else ""
-            values = " ".join(f"{value:8.2f}" for value in robot["measured"] or ())
-            parts.append(f"{each.robot} {robot['state']}{fault} {values} {each.unit}")
+            measured = robot["measured"]
+            values = with_units(measured, each.units, "8.2f") if measured else "not measured"
+            parts.append(f"{each.robot} {robot['state']}{fault} {values}")
         return "  ".join(parts)

@@ -15,6 +15,7 @@ from contid.robot_file.findings import allowed_names
 from contid_hands.teleop.jog_space import BEGIN, JogSpace, Space
 from contid_hands.teleop.jogger import Jogger
 from contid_hands.teleop.keys import Keyboard
+from contid_hands.teleop.status_line import with_units
 
 #: The lease lapses this long after the last request; between motions there is one every half second.
 LEASE_TIMEOUT_S: Final = 2.0
@@ -244,11 +245,12 @@ class JogSession:
             return
         self._shown_s = time.monotonic()
         tip = " ".join(f"{value:.1f}" for value in state["tip_mm"] or ())
-        axes = " ".join(f"{value:.2f}" for value in state["measured"] or ())
+        measured = state["measured"]
+        axes = with_units(measured, self.robot.units) if measured else "not measured"
         fault = f" fault {state['fault']}" if state["fault"] else ""
         self._show(
             f"{self.robot.robot} {state['state']}{fault} | {self.space.label(self._hold_s)}{self.note} | "
-            f"tip {tip} mm | axes {axes} {self.robot.unit}"
+            f"tip {tip} mm | axes {axes}"
         )
 
     @property

@@ -3,8 +3,17 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
+from itertools import groupby
 from types import TracebackType
 from typing import Self, TextIO
+
+
+def with_units(values: Sequence[float | None], units: Sequence[str], form: str = ".2f") -> str:
+    """Values of axes with the unit after the last of each: ``10.00 12.00 mm 45.00 deg``."""
+    shown = ["-" if value is None else f"{value:{form}}" for value in values]
+    groups = groupby(zip(shown, units, strict=True), key=lambda pair: pair[1])
+    return " ".join(" ".join([*(value for value, _ in group), unit]) for unit, group in groups)
 
 
 class StatusLine:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field
-from typing import Any
+
+from contid.errors import ContidError
 
 #: Position [m] and quaternion (x, y, z, w).
 EmulatedPose = tuple[float, float, float, float, float, float, float]
@@ -39,8 +40,20 @@ class EmulatedScene:
         return found
 
     def move(self, line: str) -> None:
-        """Take a line ``{"NAME": [x, y, z, qx, qy, qz, qw], ...}``; null hides a body."""
-        poses: dict[str, Any] = json.loads(line)
+        """Take a line ``{"NAME": [x, y, z, qx, qy, qz, qw], ...}``; null hides a body.
+
+        Raises:
+            ContidError: it is another line; no body has moved.
+        """
+        try:
+            poses = {name: None if pose is None else _pose(pose) for name, pose in json.loads(line).items()}
+        except (ValueError, TypeError, AttributeError, RecursionError) as error:
+            message = 'a line {"NAME": [x, y, z, qx, qy, qz, qw]} with numbers, or null, is expected'
+            raise ContidError(f"stdin: {line[:80]!r}: {message}") from error
         self.moving = False
-        for name, pose in poses.items():
-            self.bodies[name] = None if pose is None else tuple(float(value) for value in pose)  # type: ignore[assignment]
+        self.bodies |= poses
+
+
+def _pose(values: list[float]) -> EmulatedPose:
+    x, y, z, qx, qy, qz, qw = map(float, values)
+    return x, y, z, qx, qy, qz, qw

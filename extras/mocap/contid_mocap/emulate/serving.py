@@ -59,7 +59,7 @@ def serve(server: EmulatedServer, scene: EmulatedScene, rate_hz: float, faults: 
                 return
             *lines, text = (text + read).split(b"\n")
             for line in lines:
-                scene.move(line.decode())
+                scene.move(line.decode(errors="replace"))
         if time.monotonic() >= next_s:
             if rng.random() >= faults.loss:
                 server.send_frame(number, next_s - faults.delay_s)

@@ -42,6 +42,7 @@ export class Slider {
       onpointercancel: () => this.release(ended),
     });
     this.typed = typed;
+    this.ended = ended;
     this.name = name;
     this.unit = unit;
     this.number = h("input", {
@@ -94,7 +95,9 @@ export class Slider {
     if (document.activeElement === this.number) this.number.blur();
   }
 
+  /** A hand on a slider that is disabled is off: a browser tells of no end of its drag. */
   disable(disabled) {
+    if (disabled && this.held) this.release(this.ended);
     for (const each of [this.input, this.number]) if (each.disabled !== disabled) each.disabled = disabled;
   }
 

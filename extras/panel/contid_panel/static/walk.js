@@ -5,6 +5,12 @@
 
 const PERIOD_MS = 50;
 
+/** How far a column goes; an azimuth goes the short way around. */
+function wayOf(column, from, to) {
+  const way = to - from;
+  return column.endsWith("azimuth_deg") ? way - 360 * Math.round(way / 360) : way;
+}
+
 export class Walk {
   constructor(link, jog, speed) {
     this.jog = jog;
@@ -76,7 +82,8 @@ export class Walk {
     goal.stepped = now;
     const { rates } = this.rows.get(goal.columns);
     // All columns with the same share of their way, so that the path is straight.
-    const share = Math.min(1, ...goal.values.map((value, i) => (rates[i] * this.speed.share * passed_s) / Math.abs(value - goal.at[i])).filter((each) => !Number.isNaN(each)));
+    const ways = goal.columns.map((column, i) => wayOf(column, goal.at[i], goal.values[i]));
+    const share = Math.min(1, ...ways.map((way, i) => (rates[i] * this.speed.share * passed_s) / Math.abs(way)).filter((each) => !Number.isNaN(each)));
     if (share >= 1) {
       if (goal.at !== goal.values) this.jog.to(goal.robot, goal.columns, goal.values);
       goal.at = goal.values;
@@ -86,7 +93,7 @@ export class Walk {
       this.jog.end();
       return;
     }
-    goal.at = goal.at.map((each, i) => each + share * (goal.values[i] - each));
+    goal.at = goal.at.map((each, i) => each + share * ways[i]);
     this.jog.to(goal.robot, goal.columns, goal.at);
     goal.begun = true;
   }

@@ -66,11 +66,13 @@ export class Plots {
   /** Title, curves and size of one plot. */
   what(key, history, width) {
     const robot = this.robots[this.robot];
-    const axes = (list, dashed = false) => history.axes.map((name, i) => ({ name, colour: axisColour(i), dashed, values: (from) => from.lists[list][i] }));
+    const units = Object.values(robot.axes).map(unitOf);
+    const differ = new Set(units).size > 1; // a wrist may be in degrees
+    const axes = (list, dashed = false) => history.axes.map((name, i) => ({ name: differ ? `${name} [${units[i]}]` : name, colour: axisColour(i), dashed, values: (from) => from.lists[list][i] }));
     const tip = (list, dashed = false) => ["x", "y", "z"].filter((name) => robot.columns.includes(`${name}_mm`)).map((name, i) => ({ name, colour: axisColour(i), dashed, values: (from) => from.lists[list][i] }));
     switch (key) {
       case "axes":
-        return [`Axes [${robot.unit}], dashed: command`, [...axes("measured"), ...axes("command", true)], { width, height: HEIGHT, span: 0.04 * range(robot), decimals: robot.unit === "bar" ? 3 : 2 }];
+        return [`Axes [${[...new Set(units)].join(", ")}], dashed: command`, [...axes("measured"), ...axes("command", true)], { width, height: HEIGHT, span: 0.04 * range(robot), decimals: robot.unit === "bar" ? 3 : 2 }];
       case "tip":
         return ["Tip [mm], dashed: target", [...tip("tip"), ...tip("target", true)], { width, height: HEIGHT, span: 2 }];
       case "error":
@@ -116,6 +118,11 @@ export class Plots {
     if (history === undefined) return;
     for (const each of this.curves.values()) each.show(history, this.timespan.window, this.timespan.newest_s);
   }
+}
+
+/** The unit of an axis. */
+function unitOf(axis) {
+  return Object.keys(axis).find((key) => key.startsWith("min_")).slice(4);
 }
 
 /** The widest range of an axis, in the unit of most. */
