@@ -65,10 +65,10 @@ Verdict Board::configure(Reader& in) {
   return accepted();
 }
 
-// A motor that holds its position would run away, fall, or forget where it is.
+// A motor that holds its position would run away, fall, or forget where it is. Pressure that is let go is safe.
 bool Board::staged_loses(uint8_t i) const {
-  if ((staged_.mask & (1u << i)) == 0) return true;
   if (identity_.role != Role::MOTOR) return false;
+  if ((staged_.mask & (1u << i)) == 0) return true;
   const MotorConfig &now = config_.motor[i], &then = staged_.motor[i];
   return then.bridge != now.bridge || then.motor_reversed != now.motor_reversed ||
          then.encoder_reversed != now.encoder_reversed || then.power_up != now.power_up || then.home_at != now.home_at;
