@@ -13,7 +13,7 @@ from contid.cli.support.orders import file_option
 from contid.cli.support.parameters import NumberRange
 from contid.remote.protocol.wire import Fields
 
-#: A machine that has not answered for this time, or for so many feeds, is reported.
+#: A machine is reported that has not answered for this time, or for this number of feeds.
 SILENT_S: Final = 1.0
 SILENT_FEEDS: Final = 3.0
 
