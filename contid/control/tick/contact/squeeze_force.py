@@ -66,10 +66,10 @@ def measure_free(
         config, squeeze, [math.copysign(i, turn) for i, turn in zip(mean, turns, strict=True)]
     )
     growth_nm = 2.0 * _work_nm(config, squeeze, [a - b for a, b in zip(mean, early, strict=True)])
+    if squeeze.goal_n * travel_m < unsure_nm:  # first: so small a growth of the currents is noise
+        return after, SqueezeReport(SqueezeEnd.WEAK, unsure_nm / travel_m)
     if growth_nm > min(unsure_nm, _GROWTH * squeeze.goal_n * travel_m):  # something is in the way
         return after, SqueezeReport(SqueezeEnd.PRESSED, growth_nm / travel_m)
-    if squeeze.goal_n * travel_m < unsure_nm:
-        return after, SqueezeReport(SqueezeEnd.WEAK, unsure_nm / travel_m)
     return after, None
 
 
