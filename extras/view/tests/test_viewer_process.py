@@ -131,6 +131,7 @@ def test_a_viewer_that_was_stopped_reports_the_ticks_it_missed(tmp_path: Path, c
     assert 30 <= there["plots/timing"] <= 45  # the frames of the ticks left in the ring
 
 
+@pytest.mark.realtime
 def test_a_viewer_that_starts_after_the_run_still_writes_its_file(tmp_path: Path, configs: Path) -> None:
     """On a busy machine a short run has ended, and its ring is removed, before the viewer has imported."""
     loaded = load_robot_file(configs / "hand.yaml")
