@@ -19,6 +19,8 @@ from contid_identify.tip_motion import AheadError, TipMotion
 from contid_identify.tip_motion_file import read_tip_motion, write_tip_motion
 from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
 
+pytestmark = pytest.mark.slow
+
 PERIOD_S = 0.02
 HZ, RATIO, DELAY_S = 1.5, 0.25, 0.13
 
