@@ -149,6 +149,7 @@ class Engine:
         except Exception as error:
             name = type(message).__name__.lower()
             self._sink.event(OrderRefused(message=f"{name}: {type(error).__name__}: {error}"))
+        self._outcomes.end_replaced(tick_number)
 
     def cycle(self, timing: Timing) -> None:
         """One tick of everything."""
@@ -174,6 +175,7 @@ class Engine:
                 self._tick_again(stage, outcomes, now_s)
         commands: dict[str, dict[str, float]] = {name: {} for name in self._buses}
         bus_of = exchange.bus_of
+        self._outcomes.end_replaced(timing.tick)
         for index, (config, outcome) in enumerate(zip(robots.configs, outcomes, strict=True)):
             self._outcomes.take(index, timing.tick, outcome, targets.get(config.name))
             for axis, value in zip(config.axes, outcome.device, strict=False):

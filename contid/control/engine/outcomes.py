@@ -52,8 +52,22 @@ class Outcomes:
         self._going_back = going_back
         self._arrivals = arrivals
         self._sink = sink
-        #: Goto of each robot in the tick before; a replaced one has ended.
+        #: Goto of each robot at the last look (`end_replaced`).
         self._going: list[Target | None] = [None for _ in robots.configs]
+
+    def end_replaced(self, number: int) -> None:
+        """After an order and before the results of a tick: the gotos that another one, or none, replaced end.
+
+        Several orders may come between two ticks, so that no tick sees some of their gotos.
+        """
+        for index, state in enumerate(self._robots.states):
+            if index in self._going_back:
+                continue
+            before = self._going[index]
+            if before is not None and before is not state.goto:
+                name = self._robots.configs[index].name
+                self._sink.event(GotoEnded(robot=name, arrived=False, tick=number))
+            self._going[index] = None if state.recovering else state.goto
 
     def take(self, index: int, number: int, outcome: TickResult, target: Target | None) -> None:
         """Take over the tick of a robot; queues its request to the devices and reports the end of a goto."""
@@ -61,8 +75,6 @@ class Outcomes:
         config, state, tally = robots.configs[index], robots.states[index], robots.tallies[index]
         going, recovered = state.goto, state.recovering
         retreating = index in self._going_back
-        if self._going[index] is not None and self._going[index] is not going and not retreating:
-            self._sink.event(GotoEnded(robot=config.name, arrived=False, tick=number))
         state = outcome.state
         if state.pending is not Effect.NONE:
             state = self._exchange.ask(index, state)

@@ -145,6 +145,26 @@ def test_a_stopped_robot_in_fault_stays_there_until_it_is_cleared(order: Message
     assert "cannot arm while FAULT" in str(events_of(went, "refused")[0]["message"])
 
 
+@pytest.mark.parametrize(
+    ("orders", "arrived"),
+    [
+        ([Goto("f0", HERE), Hold()], [False]),
+        ([Goto("f0", HERE), Stop()], [False]),
+        ([Goto("f0", HERE), Estop()], [False]),
+        ([Goto("f0", HERE), Resume(("f0",))], [False]),
+        ([Goto("f0", HERE), Goto("f0", THERE)], [False, True]),
+        ([Goto("f0", HERE), Hold(), Goto("f0", THERE)], [False, True]),
+        ([Goto("f0", HERE), Mark(7)], [True]),
+    ],
+)
+def test_each_goto_ends_once_also_one_that_no_tick_has_seen(
+    orders: list[Message], arrived: list[bool]
+) -> None:
+    """Orders of one tick: a client whose goto never ends waits for ever, and so do those after it."""
+    went = run({50: [Hold()], 300: orders}, 900)
+    assert [event["arrived"] for event in events_of(went, "goto")] == arrived
+
+
 def test_an_order_that_fails_inside_is_that_robots_fault_and_the_run_goes_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
