@@ -124,12 +124,10 @@ class Walk:
         goal = {name: each for name, each in goal.items() if name in self._guard.arms}
         after = {**self._now, **goal}
         motion = {name: self._motion(name, self._now[name], each) for name, each in goal.items()}
-        if (moved_m := self._moved_with(motion)) is not None or not any(motion.values()):
-            self._now, self._shapes, self._moved_m = (
-                after,
-                Shapes(self._guard, after),
-                moved_m or self._moved_m,
-            )
+        moved_m = self._moved_with(motion)
+        if moved_m is not None or not any(motion.values()):
+            self._now, self._shapes = after, Shapes(self._guard, after)
+            self._moved_m = self._moved_m if moved_m is None else moved_m
             return ""
         self._settle()
         bounds: dict[tuple[str, str], float] = {}
