@@ -24,8 +24,9 @@ struct JointStop {
 inline JointStop joint_stop(const Moving& at, const std::vector<double>& velocity,
                             const std::vector<double>& acceleration, const std::vector<double>& jerk, bool keeps_line) {
   const int axes = static_cast<int>(velocity.size());
-  AxisNumbers v, a, most, jolts;  // in units of the greatest velocities
-  int lead = 0;                   // the fastest axis
+  // In units of the greatest velocities.
+  AxisNumbers v = {}, a = {}, most = {}, jolts = {};
+  int lead = 0;  // the fastest axis
   const auto rounded = [](double value) { return std::fabs(value) < kNone ? 0.0 : value; };
   for (int k = 0; k < axes; ++k) {
     v[k] = rounded(at.velocity[k] / velocity[k]), a[k] = rounded(at.acceleration[k] / velocity[k]);

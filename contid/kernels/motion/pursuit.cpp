@@ -120,7 +120,7 @@ bool pursued(const Moving& state, const double* goal, const double* frame, const
 
 bool kept_line(const Moving& state, const double* goal, const AxisRates& rates, double time_s, Lines lines,
                Moving& after) {
-  AxisNumbers velocity, acceleration, most, shares, end;
+  AxisNumbers velocity = {}, acceleration = {}, most = {}, shares, end;
   for (int k = 0; k < rates.axes; ++k) {
     velocity[k] = rounded(state.velocity[k] / rates.velocity[k]);
     acceleration[k] = rounded(state.acceleration[k] / rates.velocity[k]);
