@@ -5,7 +5,7 @@
 
 namespace contid {
 
-// What module.cpp calls.
+// What modules.hpp calls.
 void bind(nanobind::module_& module);
 
 // `count` floats of any sequence, without a temporary; raises ValueError(what) for another length.

@@ -92,3 +92,5 @@ void contid::bind(nb::module_& module) {
            nb::arg("seeds"), nb::arg("chained"), nb::arg("out"), nb::arg("threads"))
       .def("follow", &follow, nb::arg("tips"), nb::arg("seed"), nb::arg("lengths"));
 }
+
+#include "../modules.hpp"

@@ -214,3 +214,5 @@ void contid::bind(nb::module_& m) {
       .def("of_bends", &Engine::of_bends, nb::arg("asked"), nb::arg("force"), nb::arg("seed"))
       .def("critical", &Engine::critical, nb::arg("pressures"), nb::arg("force"), nb::arg("max_factor") = 1.0);
 }
+
+#include "../modules.hpp"

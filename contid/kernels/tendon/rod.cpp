@@ -81,3 +81,5 @@ void contid::bind(nb::module_& module) {
       .def("solve", &Solver::solve, nb::arg("pulls"), nb::arg("force"), nb::arg("start"), nb::arg("into"),
            nb::arg("derivatives"));
 }
+
+#include "../modules.hpp"

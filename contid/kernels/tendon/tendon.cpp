@@ -56,3 +56,5 @@ void contid::bind(nb::module_& module) {
       .def("solve", &solve, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(), nb::arg("seed"),
            nb::arg("rotation") = nb::none());
 }
+
+#include "../modules.hpp"

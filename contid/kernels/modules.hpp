@@ -1,0 +1,16 @@
+// The entries of the extension modules that one file of bindings is linked to: KERNEL_MODULE, for every processor, and
+// KERNEL_MODULE_WIDE, for wider registers. Included once, at the end of the bindings: compiled by itself, it would take
+// as long as nanobind's headers for each.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+namespace contid {
+void bind(nanobind::module_& module);
+}
+
+// A domain each, NB_DOMAIN: both register the same C++ types, and a test may load both.
+NB_MODULE(KERNEL_MODULE, module) { contid::bind(module); }
+#undef NB_DOMAIN
+#define NB_DOMAIN KERNEL_MODULE_WIDE
+NB_MODULE(KERNEL_MODULE_WIDE, module) { contid::bind(module); }
