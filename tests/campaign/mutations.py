@@ -18,7 +18,7 @@ from contid.control.tick import robot_tick as loop
 from contid.control.tick.arming import next_arming
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits
-from contid.control.tick.state import Effect, RobotState
+from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
 from contid.control.tick.transitions import estop, stay
 from contid.hal import Sample
@@ -112,7 +112,7 @@ def _powered_stop(patch: pytest.MonkeyPatch) -> None:
     """An emergency stop that skips the devices."""
 
     def forgetful(*arguments: Any) -> RobotState:
-        return replace(estop(*arguments), pending=Effect.NONE)
+        return replace(estop(*arguments), pending=())
 
     patch.setattr(transitions, "estop", forgetful)
 

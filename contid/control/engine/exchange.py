@@ -90,24 +90,29 @@ class Exchange:
             return ()
 
     def ask(self, index: int, state: RobotState) -> RobotState:
-        """Queue the pending request of a robot; returns its state without it."""
+        """Queue the pending requests of a robot in their order; returns its state without them."""
+        for effect in state.pending:
+            self._queue(index, effect)
+        return replace(state, pending=())
+
+    def _queue(self, index: int, effect: Effect) -> None:
         lost = [bus for bus in self._axes_on[index] if self._ports[bus].lost]
         name = self._robots.configs[index].name
-        if lost and state.pending is Effect.CLEAR:
+        if lost and effect is Effect.CLEAR:
             message = f"{name}: not cleared, {self._ports[lost[0]].lost}"
             self._sink.event(OrderRefused(robot=name, message=message))
-            return replace(state, pending=Effect.NONE)
+            return
         for bus in lost:
-            message = (
-                f"{name}: {state.pending.name.lower()} does not reach its devices on {bus}, which is lost"
-            )
+            message = f"{name}: {effect.name.lower()} does not reach its devices on {bus}, which is lost"
             self._sink.event(BusChanged(bus=bus, message=f"{message}; their own watchdog stops them"))
+        self._send(index, effect)
+
+    def _send(self, index: int, effect: Effect) -> None:
+        """Queue a request on every bus of a robot that is not lost."""
         for bus, axes in self._axes_on[index].items():
-            if bus in lost:
-                continue
-            self._queued[bus].append((index, state.pending, axes))
-            self._outstanding[index].add(bus)
-        return replace(state, pending=Effect.NONE)
+            if not self._ports[bus].lost:
+                self._queued[bus].append((index, effect, axes))
+                self._outstanding[index].add(bus)
 
     def limit_effort(self, who: Sequence[str] | None, share: float) -> dict[str, bool]:
         """Limit the effort of robots by name (None: all); by robot, whether it has an axis for it."""
@@ -203,7 +208,7 @@ class Exchange:
                 self._robots.fail(index, Fault.ARM_REFUSED, message, now_s)
                 # Other devices of the robot may have armed.
                 rest = Effect(REST_OF[self._robots.configs[index].stops.on_fault])
-                self.ask(index, replace(self._robots.states[index], pending=rest))
+                self._queue(index, rest)
             else:
                 robot = self._robots.configs[index].name
                 self._sink.event(OrderRefused(robot=robot, message=message))
@@ -220,14 +225,20 @@ class Exchange:
                 self._sink.event(OrderRefused(robot=config.name, message=str(error)))
 
     def _lose(self, name: str, port: BusPort, fault: Fault, message: str, now_s: float) -> None:
-        """A bus is lost: its robots fail and its queued requests are dropped."""
+        """A bus is lost: its robots fail and its queued requests are dropped.
+
+        What such a robot has on other buses comes to the rest of its ``on_fault``.
+        """
         port.lose(message)
         self._queued[name] = []
         self._invalidate(port)
         for index in self._robots_on(name):
             self._outstanding[index].discard(name)
-            if self._robots.states[index].mode is not Mode.OFF:
+            state, config = self._robots.states[index], self._robots.configs[index]
+            if state.mode is not Mode.OFF:
                 self._robots.fail(index, fault, message, now_s)
+            if state.enabled or state.mode is Mode.ARMING:
+                self._send(index, Effect(REST_OF[config.stops.on_fault]))
 
     def _stalled(self, name: str, port: BusPort, now_s: float) -> None:
         """A bus did not answer in time: a missed exchange for its robots; lost after ``tolerance_ticks``."""

@@ -19,7 +19,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.contact.squeeze_way import SqueezeEnd, SqueezeReport
 from contid.control.tick.preflight.reasons import NEAR_M
 from contid.control.tick.robot_tick import TickResult
-from contid.control.tick.state import Effect, RobotState
+from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
 from contid.targets import Target
 
@@ -76,7 +76,7 @@ class Outcomes:
         going, recovered = state.goto, state.recovering
         retreating = index in self._going_back
         state = outcome.state
-        if state.pending is not Effect.NONE:
+        if state.pending:
             state = self._exchange.ask(index, state)
         if outcome.squeezed is not None:
             self._sink.event(_squeeze_event(config, number, outcome.squeezed))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeAlias, TypeVar
+from typing import Final, TypeAlias, TypeVar
 
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import Sink
@@ -12,7 +12,7 @@ from contid.control.engine.tick_costs import TickCosts, TickTooLongError
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, describe
-from contid.control.tick.state import Effect, OrderRefusedError, RobotState
+from contid.control.tick.state import OrderRefusedError, RobotState
 from contid.control.tick.statistics import RobotTally
 from contid.control.tick.supervisor import MOVING, UNARMED, Mode
 from contid.control.tick.tip_feedback import Measurement
@@ -22,6 +22,8 @@ from contid.targets import Vec3
 #: Returns the state of a robot after an order given at a time [s].
 Order: TypeAlias = Callable[[RobotConfig, RobotState, float], RobotState]
 T = TypeVar("T")
+#: Orders that are refused where they apply to no robot.
+_GO_ON: Final = (transitions.resume, transitions.recover)
 
 
 def stopping(policy: StopPolicy | None, reason: str) -> Order:
@@ -77,12 +79,17 @@ class Robots:
     def resting(self) -> bool:
         """True when every robot is OFF or in FAULT, disabled, with no request pending."""
         return all(
-            state.mode in (Mode.OFF, Mode.FAULT) and not state.enabled and state.pending is Effect.NONE
+            state.mode in (Mode.OFF, Mode.FAULT) and not state.enabled and not state.pending
             for state in self.states
         )
 
     def order(self, who: msg.RobotNames, order: Order, now_s: float) -> None:
-        """Give an order to robots by name; a refusal becomes an event."""
+        """Give an order to robots by name; a refusal becomes an event.
+
+        An order to all robots skips those it does not apply to; one to go on that applies to none is
+        refused.
+        """
+        refused: dict[str, str] = {}
         for name in self._index if who is None else who:
             index = self._index.get(name)
             if index is None:
@@ -91,10 +98,13 @@ class Robots:
             try:
                 self.change(index, order, now_s)
             except OrderRefusedError as error:
-                # An order to all robots skips those it does not apply to, but for one that moves on.
-                clears = order is transitions.ask_clear and self.states[index].mode is Mode.FAULT
-                if who is not None or clears or self.states[index].mode is Mode.STOPPING:
-                    self._refuse(name, str(error))
+                refused[name] = str(error)
+        skips = who is None and not (order in _GO_ON and refused.keys() == self._index.keys())
+        for name, message in refused.items():
+            mode = self.states[self._index[name]].mode
+            clears = order is transitions.ask_clear and mode is Mode.FAULT
+            if not skips or clears or mode is Mode.STOPPING:
+                self._refuse(name, message)
 
     def change(self, index: int, order: Order, now_s: float) -> None:
         """Change the state of one robot; an error becomes a fault of that robot only.

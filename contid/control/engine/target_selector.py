@@ -14,7 +14,6 @@ the run finishes                         ``finishing``: no source; each robot st
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Final
 
 from contid.control.engine.chain_monitor import ChainMonitor
@@ -24,8 +23,8 @@ from contid.control.engine.messages import RobotNames
 from contid.control.engine.robots import Robots, stopping
 from contid.control.engine.sources import Live, Source, Timed
 from contid.control.tick import transitions
-from contid.control.tick.state import Effect, RobotState
-from contid.control.tick.supervisor import REST_OF, Mode
+from contid.control.tick.state import RobotState
+from contid.control.tick.supervisor import Mode
 from contid.control.tick.tip_feedback import Measurement
 from contid.robot_file.base import StopPolicy
 from contid.targets import Target
@@ -179,8 +178,7 @@ class TargetSelector:
         states = self._robots.states
         for index, (config, state) in enumerate(zip(self._robots.configs, states, strict=True)):
             if state.mode is Mode.FAULT and state.enabled and not any(state.increments):
-                resting = Effect(REST_OF[config.stops.on_fault])
-                states[index] = replace(state, pending=resting, enabled=False, motion=None)
+                states[index] = transitions.resting(state, config.stops.on_fault)
 
     def _states(self) -> dict[str, RobotState]:
         configs, states = self._robots.configs, self._robots.states

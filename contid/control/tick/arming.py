@@ -52,7 +52,9 @@ def next_arming(
             lead=NO_LEAD,
             shaped=NOT_SHAPED,
         )
-        return replace(moved(config, cleared, Event.ARM, now_s), pending=Effect.ENABLE, enabled=False)
+        return replace(
+            moved(config, cleared, Event.ARM, now_s), pending=(*cleared.pending, Effect.ENABLE), enabled=False
+        )
     if state.mode is Mode.ARMING and state.enabled and present is not None:
         still = (0.0,) * len(present)
         state = replace(

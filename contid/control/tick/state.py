@@ -30,7 +30,6 @@ AxisMotion: TypeAlias = Approach | JerkLimitedStop | StraightStop
 class Effect(enum.Enum):
     """A request of a robot to its devices."""
 
-    NONE = "none"
     ENABLE = "enable"
     CLEAR = "clear"
     HOLD = Rest.HOLD
@@ -80,7 +79,7 @@ class RobotState:
         motion_s: its start, at the previous command: the next tick is one period into it.
         policy: of the stop that runs.
         misses: exchanges in a row that each axis missed.
-        pending: next request to the devices.
+        pending: next requests to the devices, in the order in which they are asked.
         correction: of the closed loop on the tip.
         recovering: to move inside the limits slowly once armed, or on the way.
         lead: what is added to commands to lead play and friction of the drives; none at rest.
@@ -106,7 +105,7 @@ class RobotState:
     motion_s: float = 0.0
     policy: StopPolicy | None = None
     misses: tuple[int, ...] = ()
-    pending: Effect = Effect.NONE
+    pending: tuple[Effect, ...] = ()
     correction: Correction = NO_CORRECTION
     recovering: bool = False
     lead: Lead = NO_LEAD

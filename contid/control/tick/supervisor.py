@@ -91,12 +91,29 @@ REST_OF: Final[dict[StopPolicy, Rest]] = {
     StopPolicy.VENT: Rest.VENT,
 }
 
+#: Orders that cause events; other events are not a person's to give.
+_ORDERS: Final = {
+    Event.CONNECT: "resume",
+    Event.ARM: "resume",
+    Event.FOLLOW: "move",
+    Event.HOLD: "hold",
+    Event.STOP: "stop",
+    Event.ESTOP: "estop",
+    Event.CLEAR: "clear-fault",
+    Event.RECOVER: "recover",
+}
+
 
 def move(mode: Mode, event: Event) -> Mode | None:
     """The mode after ``event``, or None when it is not allowed."""
     return MOVES.get((mode, event))
 
 
+def order_of(event: Event) -> str:
+    """The order that causes an event, as a person gives it; the event itself where none does."""
+    return _ORDERS.get(event, event.value)
+
+
 def allowed(mode: Mode) -> tuple[str, ...]:
-    """Events that are allowed in a state, for messages that refuse an order."""
-    return tuple(event.value for event in Event if (mode, event) in MOVES)
+    """Orders that are allowed in a state, for messages that refuse one."""
+    return tuple(dict.fromkeys(order for event, order in _ORDERS.items() if (mode, event) in MOVES))

@@ -15,7 +15,7 @@ from contid.control.tick.contact.squeeze import why_not
 from contid.control.tick.contact.squeeze_way import Squeeze
 from contid.control.tick.faults import WITHOUT_MODEL, Fault
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
-from contid.control.tick.supervisor import REST_OF, Event, Mode, allowed, move
+from contid.control.tick.supervisor import REST_OF, Event, Mode, allowed, move, order_of
 from contid.hal import Rest, Sample
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
@@ -36,7 +36,7 @@ def moved(config: RobotConfig, state: RobotState, event: Event, now_s: float) ->
     if mode is None:
         why = f" ({state.message})" if state.mode is Mode.FAULT else ""
         raise OrderRefusedError(
-            f"{config.name}: cannot {event.value} while {state.mode.name}{why}; "
+            f"{config.name}: cannot {order_of(event)} while {state.mode.name}{why}; "
             f"possible now: {', '.join(allowed(state.mode))}"
         )
     squeeze = state.squeeze if mode in _SQUEEZING else None
@@ -144,8 +144,11 @@ def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: floa
     if _brakes(config, state) and policy is not StopPolicy.VENT:
         return replace(after, policy=policy)
     if after.mode in (Mode.OFF, Mode.FAULT):
-        resting = _effect(policy) if state.command else Effect.NONE
-        return replace(after, pending=resting, enabled=False, motion=None)
+        if state.command and (state.enabled or REST_OF[policy] is not Rest.HOLD):
+            return resting(after, policy)
+        return replace(
+            after, enabled=False, motion=None
+        )  # to hold would close the valve of an arm that vents
     if not state.command or policy is StopPolicy.VENT:
         return stopped(config, replace(after, policy=policy), now_s)
     if policy is StopPolicy.REST and not outside(config, state.command):
@@ -158,15 +161,14 @@ def stopped(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """The stop is done: OFF, or still in FAULT, the devices at the rest of its policy."""
     assert state.policy is not None
     after = state if state.mode is Mode.FAULT else moved(config, state, Event.STOPPED, now_s)
-    return replace(after, pending=_effect(state.policy), enabled=False, motion=None, policy=None)
+    return replace(resting(after, state.policy), policy=None)
 
 
 def estop(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """Relax or vent now, from any state; OFF afterwards, a latched fault stays. Never refused."""
     if state.mode is not Mode.OFF:
         state = moved(config, state, Event.ESTOP, now_s)
-    resting = _effect(config.stops.estop)
-    return replace(_without_orders(state), enabled=False, motion=None, policy=None, pending=resting)
+    return replace(resting(_without_orders(state), config.stops.estop), policy=None)
 
 
 def fail(config: RobotConfig, state: RobotState, fault: Fault, message: str, now_s: float) -> RobotState:
@@ -174,21 +176,26 @@ def fail(config: RobotConfig, state: RobotState, fault: Fault, message: str, now
     if state.mode is Mode.FAULT:
         return state
     after = faulted(config, state, fault, message, now_s)
-    if fault in (Fault.DEVICE_LOST, Fault.BUS_STALLED, Fault.DRIVER_ENDED) or not state.enabled:
-        # The bus is lost or nothing is enabled: only the devices' own watchdogs can act. A rest that an order
-        # asked for in this tick, such as an emergency stop, is asked of the devices all the same.
-        resting = state.pending if isinstance(state.pending.value, Rest) else Effect.NONE
-        return replace(after, enabled=False, motion=None, pending=resting)
+    lost = fault in (Fault.DEVICE_LOST, Fault.BUS_STALLED, Fault.DRIVER_ENDED)
+    if not lost and state.mode is Mode.ARMING:  # its devices may have been enabled
+        return replace(resting(after, config.stops.on_fault), policy=None)
+    if lost or not state.enabled:
+        # Only the devices' own watchdogs can act; those on other buses the exchange brings to rest.
+        return replace(after, enabled=False, motion=None, policy=None)
     if config.stops.on_fault is StopPolicy.HOLD and state.command:
         brake = braking_at_once if fault in WITHOUT_MODEL else braking
         return brake(config, after, now_s)
-    return replace(after, enabled=False, motion=None, pending=_effect(config.stops.on_fault))
+    return replace(resting(after, config.stops.on_fault), policy=None)
 
 
 def faulted(config: RobotConfig, state: RobotState, fault: Fault, message: str, now_s: float) -> RobotState:
-    """The state with a fault, without the orders and requests before it; its motion goes on."""
+    """The state with a fault, without the orders before it but for a stop; its motion goes on.
+
+    A robot that was being stopped rests by the policy of that stop when it stands.
+    """
     after = _without_orders(moved(config, state, Event.FAULT, now_s))
-    return replace(after, fault=fault, message=message, policy=None, pending=Effect.NONE)
+    policy = state.policy if config.motion_rules > 3 else None
+    return replace(after, fault=fault, message=message, policy=policy, pending=_rests(state))
 
 
 def too_near(config: RobotConfig, state: RobotState, message: str, now_s: float) -> RobotState:
@@ -206,7 +213,7 @@ def ask_clear(config: RobotConfig, state: RobotState, now_s: float) -> RobotStat
         return clear(config, state, (), now_s)
     if _brakes(config, state):
         raise OrderRefusedError(f"{config.name}: still braking; clear the fault when it stands")
-    return replace(state, pending=Effect.CLEAR)
+    return replace(state, pending=(*state.pending, Effect.CLEAR))
 
 
 def clear(config: RobotConfig, state: RobotState, samples: Sequence[Sample], now_s: float) -> RobotState:
@@ -241,5 +248,17 @@ def _wrong(config: RobotConfig, samples: Sequence[Sample]) -> list[str]:
     return out if len(samples) == len(config.axes) else [*out, "its bus is not open"]
 
 
-def _effect(policy: StopPolicy) -> Effect:
-    return Effect(REST_OF[policy])
+def resting(state: RobotState, policy: StopPolicy) -> RobotState:
+    """The state disabled, its devices asked for the rest of a policy.
+
+    A rest that was asked for before in this tick, such as that of an emergency stop, is asked for as well; a
+    request to arm or to clear is dropped.
+    """
+    effect, before = Effect(REST_OF[policy]), _rests(state)
+    pending = before if before[-1:] == (effect,) else (*before, effect)
+    return replace(state, pending=pending, enabled=False, motion=None)
+
+
+def _rests(state: RobotState) -> tuple[Effect, ...]:
+    """What is pending of a robot but requests to arm or to clear."""
+    return tuple(each for each in state.pending if isinstance(each.value, Rest))

@@ -178,6 +178,9 @@ class _ServoLoop:
             expected, given = ", ".join(self._columns), ", ".join(row)
             raise RemoteError(Code.BAD_TARGET, f"the controller returned {given}; at first it was {expected}")
         values = [float(row[name]) for name in self._columns]  # also NumPy's numbers
+        for name, value in zip(self._columns, values, strict=True):
+            if not math.isfinite(value):
+                raise RemoteError(Code.BAD_TARGET, f"the controller returned {name}={value}: no number")
         if not self._protocol.credits.get(self._move, 0):
             await self._client._wait_notice(self._period_s)
             self._check_stopped()
@@ -195,7 +198,8 @@ class _ServoLoop:
             if error.code == Code.SUPERSEDED:  # lost on a network; the next one follows
                 self._skipped += 1
                 return ""
-            self._move = 0
+            if error.code not in (Code.BAD_REQUEST, Code.BAD_TARGET):
+                self._move = 0  # not ours any more: a hold would stop what another client does
             raise
         took_s = time.monotonic() - begin_s
         self._steps, self._total_s = self._steps + 1, self._total_s + took_s

@@ -147,6 +147,11 @@ class RequestFields:
             raise _unexpected(name, f"a number from {minimum:g} to {maximum:g}", value)
         return float(value)
 
+    def given_number(self, name: str, minimum: float, maximum: float) -> float | None:
+        """A number in a range, or None when absent or null."""
+        given = self._fields.get(name) is not None
+        return self.number(name, minimum, minimum, maximum) if given else self._fields.pop(name, None)
+
     def flag(self, name: str) -> bool:
         """True or false; false when absent."""
         value = self._fields.pop(name, False)

@@ -111,7 +111,7 @@ class MotionOrders:
         if left:
             message = "; ".join(
                 self._refusals.get(name, f"{name}: not cleared, its devices have not answered")
-                for name in left
+                for name in sorted(left)
             )
             faults = self._run.view.faults(self._run.control.newest(), tuple(sorted(left)))
             raise RemoteError(Code.FAULT, message, faults)
@@ -119,10 +119,13 @@ class MotionOrders:
 
     async def _move(self, caller: Caller, request: RequestFields) -> Fields:
         target, columns = request.mapping("target"), request.names("columns")
-        force_n = request.number("until_force_n", 0.0, 0.0, MAX_FORCE_N)
+        force_n = request.given_number("until_force_n", 0.0, MAX_FORCE_N)
         nearest = request.flag("nearest")
         request.end()
-        if force_n and target is None:
+        if force_n == 0.0:
+            message = "until_force_n: a force above 0 N is expected; leave it out to move without one"
+            raise RemoteError(Code.BAD_REQUEST, message)
+        if force_n is not None and target is None:
             raise RemoteError(Code.BAD_REQUEST, "until_force_n belongs to a target, not to columns")
         if (target is None) == (columns is None):
             message = "move takes a target (a point) or columns (a stream of rows), one of them"
@@ -131,7 +134,7 @@ class MotionOrders:
         own_stop = self._run.lease.require(caller.number, caller.name, time.monotonic(), caller.by)
         try:
             if target is not None:
-                begun = await self._run.moves.point(caller.number, target, caller.notify, force_n or None)
+                begun = await self._run.moves.point(caller.number, target, caller.notify, force_n)
             else:
                 begun = await self._run.moves.begin(caller.number, columns or (), caller.notify, nearest)
         except RemoteError:
@@ -142,8 +145,10 @@ class MotionOrders:
         return begun
 
     async def _grip(self, caller: Caller, request: RequestFields) -> Fields:
-        robots, share = self._run.robots_of(request), request.number("share", -1.0, 0.0, 1.0)
+        robots, share = self._run.robots_of(request), request.given_number("share", 0.0, 1.0)
         request.end()
+        if share is None:
+            raise RemoteError(Code.BAD_REQUEST, "share: a number from 0 to 1 is expected")
         self._run.lease.check_free(caller.number, time.monotonic())
         return {
             **await self._run.confirmed(self._run.pending.send([Grip(share, robots)]), robots),
@@ -161,6 +166,6 @@ class MotionOrders:
         return await self._run.moves.end(caller.number, number, hold)
 
     async def _start(self, caller: Caller, request: RequestFields) -> Fields:
-        number, at_s = int(request.number("move", 0, 0, 1e15)), request.number("at_s", -1.0, -1.0, 1e12)
+        number, at_s = int(request.number("move", 0, 0, 1e15)), request.given_number("at_s", 0.0, 1e12)
         request.end()
-        return await self._run.moves.start(caller.number, number, None if at_s < 0.0 else at_s)
+        return await self._run.moves.start(caller.number, number, at_s)

@@ -10,7 +10,7 @@ BUGS: Final[dict[str, str]] = {
         "from dataclasses import replace\n"
         "from contid.control.tick import transitions\n"
         "estop = transitions.estop\n"
-        "transitions.estop = lambda *given: replace(estop(*given), pending=transitions.Effect.NONE)\n"
+        "transitions.estop = lambda *given: replace(estop(*given), pending=())\n"
     ),
     "estop waits for the end of the motion": (
         "from contid.control.tick import transitions\n"

@@ -142,7 +142,7 @@ def test_a_stopped_robot_in_fault_stays_there_until_it_is_cleared(order: Message
     }  # fmt: skip
     went = run(orders, 500, SILENT)
     assert went.modes("f0")[-5:] == ["HOLD", "FAULT", "READY", "ARMING", "HOLD"]
-    assert "cannot arm while FAULT" in str(events_of(went, "refused")[0]["message"])
+    assert "cannot resume while FAULT" in str(events_of(went, "refused")[0]["message"])
 
 
 @pytest.mark.parametrize(

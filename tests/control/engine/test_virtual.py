@@ -184,7 +184,7 @@ def test_orders_that_do_not_fit_are_refused_with_a_message() -> None:
     orders: dict[int, list[msg.Message]] = {0: [msg.ClearFault(("f0",)), msg.Hold(("thumb",))]}
     run_virtual(loaded, RATE, None, sinks=[seen], orders=orders, ticks=5)
     message = [str(e["message"]) for e in seen.events if e["event"] == "refused"]
-    assert "cannot clear while CONNECTING" in message[0]
+    assert "cannot clear-fault while CONNECTING" in message[0]
     assert "no robot 'thumb'; there are f0" in message[1]
 
 

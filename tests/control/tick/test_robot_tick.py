@@ -81,8 +81,8 @@ def test_no_command_before_a_valid_sample_of_every_axis(config: RobotConfig) -> 
 
 def test_arming_starts_from_what_is_measured(config: RobotConfig) -> None:
     state = tick(config, transitions.resume(config, RobotState(), 0.0), 0.1, sampled(config), TARGET).state
-    assert (state.mode, state.pending, state.command) == (Mode.ARMING, Effect.ENABLE, ())
-    armed = replace(state, enabled=True, pending=Effect.NONE)
+    assert (state.mode, state.pending, state.command) == (Mode.ARMING, (Effect.ENABLE,), ())
+    armed = replace(state, enabled=True, pending=())
     state = tick(config, armed, 0.2, sampled(config, (0.031, 0.047)), TARGET).state
     assert state.mode is Mode.APPROACH
     assert state.command == pytest.approx((0.031, 0.047), abs=1e-15)
@@ -106,7 +106,7 @@ def test_an_arming_that_is_interrupted_does_not_go_back_to_old_commands(
     ready = replace(running(config), mode=Mode.READY, enabled=False)
     arming = tick(config, ready, 1.0, sampled(config, (0.09, 0.03)), TARGET).state
     assert arming.mode is Mode.ARMING
-    state = replace(arming, enabled=True, pending=Effect.NONE)
+    state = replace(arming, enabled=True, pending=())
     if interruption == "stop":
         state = transitions.stop(config, state, StopPolicy.HOLD, 1.005)
     for number in range(5):
@@ -115,7 +115,7 @@ def test_an_arming_that_is_interrupted_does_not_go_back_to_old_commands(
         assert out.device == ()
         state = out.state
     assert state.mode is (Mode.FAULT if interruption == "fault" else Mode.OFF)
-    assert state.pending is Effect.HOLD
+    assert state.pending == (Effect.HOLD,)
     assert not state.enabled
 
 
@@ -156,7 +156,7 @@ def test_clear_looks_again_and_never_moves(config: RobotConfig) -> None:
     cleared = transitions.clear(config, state, sampled(config), 2.0)
     assert (cleared.mode, cleared.fault) == (Mode.READY, Fault.NONE)
     out = tick(config, cleared, 3.0, sampled(config), TARGET)
-    assert (out.state.mode, out.device, out.state.pending) == (Mode.READY, (), Effect.NONE)
+    assert (out.state.mode, out.device, out.state.pending) == (Mode.READY, (), ())
 
 
 @pytest.mark.parametrize("policy", [None, *StopPolicy])
@@ -170,16 +170,16 @@ def test_orders_do_not_end_the_braking_of_a_fault(config: RobotConfig, policy: S
     if policy is not None:
         state = transitions.stop(config, state, policy, 1.0)
     while state.enabled and any(state.increments):
-        assert state.pending is Effect.NONE
+        assert state.pending == ()
         now_s += config.period_s
         state = tick(config, state, now_s, sampled(config), None).state
         assert now_s < 5.0
     assert state.mode is Mode.FAULT
     if policy is None:
-        assert transitions.ask_clear(config, state, now_s).pending is Effect.CLEAR
+        assert transitions.ask_clear(config, state, now_s).pending == (Effect.CLEAR,)
         return
     resting = {"hold": Effect.HOLD, "rest": Effect.HOLD, "relax": Effect.RELAX, "vent": Effect.VENT}
-    assert (state.pending, state.enabled, state.motion) == (resting[policy.value], False, None)
+    assert (state.pending, state.enabled, state.motion) == ((resting[policy.value],), False, None)
     assert now_s == 1.0 if policy is StopPolicy.VENT else now_s > 1.0
 
 
@@ -191,7 +191,7 @@ def test_a_stop_ends_in_the_rest_of_its_policy(config: RobotConfig, policy: Stop
         state = tick(config, state, now_s, sampled(config), TARGET).state
         now_s += config.period_s
     expected = {"hold": Effect.HOLD, "rest": Effect.HOLD, "relax": Effect.RELAX, "vent": Effect.VENT}
-    assert (state.mode, state.pending, state.enabled) == (Mode.OFF, expected[policy.value], False)
+    assert (state.mode, state.pending, state.enabled) == (Mode.OFF, (expected[policy.value],), False)
     if policy is StopPolicy.REST:
         assert state.command == pytest.approx(config.rest, abs=1e-15)
 
@@ -200,7 +200,7 @@ def test_a_stop_ends_in_the_rest_of_its_policy(config: RobotConfig, policy: Stop
 def test_estop_is_never_refused(config: RobotConfig, mode: Mode) -> None:
     state = transitions.estop(config, replace(running(config), mode=mode), 1.0)
     latched = Mode.FAULT if mode is Mode.FAULT else Mode.OFF
-    assert (state.mode, state.pending, state.enabled) == (latched, Effect.RELAX, False)
+    assert (state.mode, state.pending, state.enabled) == (latched, (Effect.RELAX,), False)
 
 
 @pytest.mark.parametrize("order", ["hold", "stop"])

@@ -90,7 +90,7 @@ class BodyWatch(TickStage):
                 body.command(device if state.squeeze is None else (), samples)
             elif settling.goal and settling.last is None:
                 # In the tick of the last command the devices are asked to rest.
-                holds = state.pending is Effect.HOLD and state.mode is not Mode.FAULT
+                holds = state.pending[-1:] == (Effect.HOLD,) and state.mode is not Mode.FAULT
                 settling.leave(samples, holds, now_s)
                 body.command((), samples)
 

@@ -1,0 +1,126 @@
+"""Orders between two ticks, and faults while a robot stops: no rest of the devices is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import pytest
+
+from contid.control.engine import messages as msg
+from contid.control.engine.events import RunEvent
+from contid.control.engine.events.buses import BusAnswered
+from contid.control.engine.virtual import VirtualProcess
+from contid.control.tick.faults import Fault
+from contid.control.tick.state import RobotState
+from contid.control.tick.supervisor import Mode
+from contid.robot_file.base import StopPolicy
+from contid.robot_file.load import parse_robot_file
+from contid_drivers.sim.bus import SimBus
+from tests.support.fingers import circle, fingers, load
+
+AT, LONG = 400, 600
+LOST = "faults: [{at_s: 2.0, kind: lost, for_s: 9}]"
+
+
+class Seen:
+    """What the devices were asked for, and the rest of a run."""
+
+    def __init__(self) -> None:
+        self.events: list[RunEvent] = []
+        self.powered: set[str] = set()
+        self.state = RobotState()
+
+    def write(self, values: list[float]) -> None: ...
+
+    def event(self, event: RunEvent) -> None:
+        self.events.append(event)
+
+    def done(self, since: int = AT) -> list[str]:
+        """Requests that a bus carried out from a tick on."""
+        answers = [each for each in self.events if isinstance(each, BusAnswered) and each.tick >= since]
+        return [effect for each in answers for _, effect in each.done]
+
+
+def run(
+    orders: Mapping[int, Sequence[msg.Message]],
+    fails_at: int | None = None,
+    on_fault: str = "hold",
+    text: str = "",
+) -> Seen:
+    """A finger that is armed at once and follows a circle."""
+    seen = Seen()
+    loaded = parse_robot_file(text, "two.yaml") if text else load(1, on_fault=on_fault)
+    source = None if text else circle(loaded, period_s=3.0)
+    process = VirtualProcess(loaded, 200.0, seen, trajectory=source, attended=True)
+    process.engine.arm()
+    while process.tick < LONG:
+        process.begin()
+        if process.tick == fails_at:
+            process.engine.robots.fail(0, Fault.INTERNAL, "made by the test", process.tick / 200.0)
+        for message in orders.get(process.tick, ()):
+            process.engine.obey(message, process.tick)
+        process.turn()
+    seen.state = process.engine.robots.states[0]
+    for bus in process.buses.values():
+        assert isinstance(bus, SimBus)
+        seen.powered |= {axis for axis, device in bus.devices.items() if device.on}
+    process.close()
+    return seen
+
+
+@pytest.mark.parametrize(
+    ("after", "mode", "asked"),
+    [
+        ([msg.ClearFault()], Mode.READY, ["RELAX", "CLEAR"]),
+        ([msg.Stop(policy=StopPolicy.HOLD)], Mode.FAULT, ["RELAX"]),
+        ([msg.Estop()], Mode.FAULT, ["RELAX"]),
+        ([msg.Stop(policy=StopPolicy.VENT), msg.ClearFault()], Mode.READY, ["RELAX", "VENT", "CLEAR"]),
+    ],
+)
+@pytest.mark.parametrize("first", [msg.Estop(), msg.Stop(policy=StopPolicy.RELAX)])
+def test_an_order_after_a_stop_of_the_same_tick_does_not_replace_its_rest(
+    first: msg.Message, after: list[msg.Message], mode: Mode, asked: list[str]
+) -> None:
+    seen = run({AT: [first, *after]}, fails_at=200)
+    assert (seen.state.mode, seen.done(), seen.powered) == (mode, asked, set())
+
+
+def test_an_emergency_stop_drops_what_was_to_be_cleared_before_it() -> None:
+    seen = run({AT: [msg.ClearFault(), msg.Estop()]}, fails_at=200)
+    assert (seen.state.mode, seen.done(), seen.powered) == (Mode.FAULT, ["RELAX"], set())
+
+
+def test_a_robot_armed_again_in_the_tick_of_its_emergency_stop_is_relaxed_first() -> None:
+    seen = run({AT: [msg.Estop(), msg.Resume()]})
+    assert (seen.state.mode, seen.done()) == (Mode.RUN, ["RELAX", "ENABLE"])
+
+
+@pytest.mark.parametrize("later", [0, 1, 2, 5])
+def test_a_fault_while_a_robot_stops_does_not_forget_the_stop(later: int) -> None:
+    seen = run({AT: [msg.Stop(policy=StopPolicy.RELAX)]}, fails_at=AT + later)
+    assert (seen.state.mode, seen.done(), seen.powered) == (Mode.FAULT, ["RELAX"], set())
+
+
+def test_a_stop_does_not_ask_devices_at_rest_to_hold() -> None:
+    seen = run({AT: [msg.Estop()], AT + 50: [msg.Stop(policy=StopPolicy.HOLD)]}, fails_at=200)
+    assert (seen.state.mode, seen.done()) == (Mode.FAULT, ["RELAX"])
+
+
+@pytest.mark.parametrize("on_fault", ["hold", "relax"])
+def test_what_a_robot_has_on_other_buses_rests_when_one_is_lost(on_fault: str) -> None:
+    text = fingers(1, buses=2, options=LOST, on_fault=on_fault)
+    text = text.replace("right: {bus: bus0", "right: {bus: bus1")
+    seen = run({AT: []}, text=text)
+    assert seen.state.fault is Fault.DEVICE_LOST
+    assert seen.done() == [on_fault.upper()]
+    assert "f0.right" not in seen.powered
+
+
+@pytest.mark.parametrize("on_fault", ["hold", "relax"])
+def test_devices_that_were_being_armed_rest_in_a_fault(on_fault: str) -> None:
+    seen = run({AT: [msg.Estop(), msg.Resume()]}, fails_at=AT + 1, on_fault=on_fault)
+    assert (seen.state.mode, seen.done(), seen.powered) == (
+        Mode.FAULT,
+        ["RELAX", "ENABLE", on_fault.upper()],
+        set(),
+    )
