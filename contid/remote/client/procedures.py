@@ -124,6 +124,8 @@ class Procedures(Orders):
     async def servo(self, rate_hz: float, controller: Controller, *, nearest: bool = False) -> ServoReport:
         """Follow the set-points of a controller, called at a fixed rate with the newest telemetry.
 
+        A subscription of the same client ends, and its frames that were not taken are dropped.
+
         Args:
             rate_hz: up to the rate of the daemon's tick.
             controller: gets a `ServoState`; returns columns of a trajectory with their values,

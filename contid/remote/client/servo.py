@@ -81,6 +81,7 @@ async def servo(client: Orders, rate_hz: float, controller: Controller, nearest:
     if not 0.0 < rate_hz <= tick_hz:
         message = f"rate_hz={rate_hz:g}: allowed: above 0, up to the rate of the daemon, {tick_hz:g} Hz"
         raise RemoteError(Code.BAD_REQUEST, message)
+    client._protocol.frames.clear()  # those of an earlier subscription are old
     await client.request("subscribe", rate_hz=min(rate_hz, MAX_TELEMETRY_HZ))
     loop = _ServoLoop(client, rate_hz, controller, nearest)
     try:
