@@ -72,6 +72,12 @@ def states_page() -> str:
         "stop from every state but FAULT to OFF. In FAULT both stops bring the devices to rest; the latch",
         "stays.",
         "",
+        "Orders between two ticks are carried out one after another, and so is what they ask of the devices: a",
+        "`clear-fault` or a `resume` after an `estop` does not replace its rest, and a stop drops what is to be",
+        "armed or cleared before it. A stop by `hold` in FAULT does nothing to devices that rest: an arm that",
+        "vents goes on venting. A fault while a robot is being armed brings its devices to the rest of",
+        "`on_fault`; so does the loss of a bus, with what the robot has on others.",
+        "",
         "| state | number | meaning | what can happen |",
         "|---|---|---|---|",
     ]

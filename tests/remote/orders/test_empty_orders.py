@@ -1,4 +1,4 @@
-"""Orders that would do nothing, or something else than their fields say, are refused."""
+"""Orders that would do nothing, or something else than their fields read, are refused."""
 
 from __future__ import annotations
 
