@@ -184,8 +184,9 @@ def _slow_tip(config: RobotConfig, command: Actuation) -> Callable[[float], Vec3
     """The tip by time [s] on a slow motion of the axes from where they stand and back; world frame [m].
 
     It begins inside the limits: a device may measure its end as a step of its encoder beyond them, and the
-    model searches long for a tip that is out of reach by so little. Each axis goes a share of its way to the middle between the middle of its range and one end of it, the
-    upper one of every second axis: share (1 - cos(2 pi t / `MOTION_S`)) / 2, at most at `SPEED` of its limit.
+    model searches long for a tip that is out of reach by so little. Each axis goes a share of its way to the
+    middle between the middle of its range and one end of it, the upper one of every second axis: share
+    (1 - cos(2 pi t / `MOTION_S`)) / 2, at most at `SPEED` of its limit.
     """
     lower, upper = config.model.lower, config.model.upper
     own = zip(lower, upper, command, strict=False)
