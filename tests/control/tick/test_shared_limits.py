@@ -183,7 +183,7 @@ def test_only_axes_that_a_shared_limit_brakes_are_flagged() -> None:
 
 @pytest.mark.parametrize("name", ["finger", "trirack2", "catheter"])
 def test_a_command_that_stays_clear_of_shared_limits_is_left_as_it_is(name: str) -> None:
-    """The look that saves the closer one is right wherever it says so, from deep inside up to the limits."""
+    """The look that saves the closer one is right wherever it succeeds, from deep inside up to the limits."""
     config, rng = config_of(name), np.random.default_rng(44)
     assert config.shared is not None
     lower, upper = (np.array(side) for side in zip(*((e.lower, e.upper) for e in config.limits), strict=True))
