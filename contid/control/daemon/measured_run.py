@@ -183,13 +183,17 @@ class MeasuredRun:
 def _slow_tip(config: RobotConfig, command: Actuation) -> Callable[[float], Vec3]:
     """The tip by time [s] on a slow motion of the axes from where they stand and back; world frame [m].
 
-    Each axis goes a share of its way to the middle between the middle of its range and one end of it, the
-    upper one of every second axis: share (1 - cos(2 pi t / `MOTION_S`)) / 2, at most at `SPEED` of its limit.
+    It begins inside the limits: a device may measure its end as a step of its encoder beyond them, and the
+    model searches long for a tip that is out of reach by so little. Each axis goes a share of its way to the
+    middle between the middle of its range and one end of it, the upper one of every second axis: share
+    (1 - cos(2 pi t / `MOTION_S`)) / 2, at most at `SPEED` of its limit.
     """
     lower, upper = config.model.lower, config.model.upper
+    own = zip(lower, upper, command, strict=False)
+    begin = [min(max(at, low), high) for low, high, at in own]
     ways = [
         0.25 * (low + high) + 0.5 * (low, high)[k % 2] - at
-        for k, (low, high, at) in enumerate(zip(lower, upper, command, strict=False))
+        for k, (low, high, at) in enumerate(zip(lower, upper, begin, strict=True))
     ]
     bounds = [
         SPEED * limit * MOTION_S / (math.pi * abs(way))
@@ -200,7 +204,7 @@ def _slow_tip(config: RobotConfig, command: Actuation) -> Callable[[float], Vec3
 
     def tip_at(time_s: float) -> Vec3:
         part = share * 0.5 * (1.0 - math.cos(2.0 * math.pi * time_s / MOTION_S))
-        axes = tuple(at + part * way for at, way in zip(command, ways, strict=False))
+        axes = tuple(at + part * way for at, way in zip(begin, ways, strict=True))
         return config.frame.point_in_world(config.model.forward(axes).tip_m)
 
     return tip_at

@@ -22,7 +22,7 @@ import numpy as np
 
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.joint_steps import within
-from contid.control.tick.limits import allowed_steps, limit
+from contid.control.tick.limits import allowed_steps
 from contid.control.tick.shared_limits import limit_shared
 from contid.control.tick.taut import keeps_tensions, limit_taut
 from contid.control.tick.way import Way
@@ -68,7 +68,7 @@ def next_command(
         # They stand where they have to be: every limit held when the last command was made.
         return last, (0,) * len(last), straight and target_in_base is not None
     if target_in_base is None:
-        command, flags = limit(config.limits, last, last_steps, reference, reference_steps)
+        command, flags = config.guard.limit(last, last_steps, reference, reference_steps)
         straight = False
     else:
         command, flags, straight = limit_on_path(
@@ -76,6 +76,8 @@ def next_command(
         )
     own = len(command) - config.extra_axes
     if config.shared is not None:
+        if config.guard.stays_clear(last, command):  # the usual case
+            return command, flags, straight
         kept, bound = limit_shared(
             config.shared, config.limits[:own], last[:own], last_steps[:own], (command[:own], flags[:own])
         )
@@ -106,7 +108,7 @@ def limit_on_path(
     straight: bool = False,
 ) -> tuple[Actuation, tuple[int, ...], bool]:
     """`next_command` of a robot that follows targets, before the limits that its axes share."""
-    command, flags = limit(config.limits, last, last_steps, answer, answer_steps)
+    command, flags = config.guard.limit(last, last_steps, answer, answer_steps)
     own = len(command) - config.extra_axes
     if command[:own] == answer[:own] or not all(map(math.isfinite, answer)):
         return command, flags, False

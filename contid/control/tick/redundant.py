@@ -26,7 +26,9 @@ class Redundant:
         limits: of the axes.
         low, high: commands that they allow in this tick.
         task: what the target asks for, of a command [m].
-        J: derivative of the task at the last command.
+        here: the task at the last command.
+        J: its derivative there.
+        inverse: pseudo-inverse of that.
         exact_m: error of the task at which a command is on target.
     """
 
@@ -34,14 +36,16 @@ class Redundant:
     low: Array
     high: Array
     task: Task
+    here: Array
     J: Array
+    inverse: Array
     exact_m: float
 
     def held(self, last: Array, answer: Array, answer_steps: Array, clipped: Array) -> Array | None:
         """A command with the tip where the answer has it, near a shared step; None if none was found."""
         goal = self.task(answer)
         J = self.J
-        needed = pseudo_inverse(J) @ (goal - self.task(last))
+        needed = self.inverse @ (goal - self.here)
         freely = self._braked(answer - last - needed, answer_steps - needed)
         shared = last + needed + self._share(freely, last + needed) * freely
         for begin in (shared, clipped):

@@ -232,7 +232,7 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
     target_tip = in_base.tip_m
     if target_tip is None:
         asked = solution.actuation if in_base.arcs else in_base.actuation or command
-        target_tip = config.model.forward(asked, in_base.load_n).tip_m
+        target_tip = tip if asked == command else config.model.forward(asked, in_base.load_n).tip_m
     return TickResult(result.state, result.device, solution, math.dist(tip, target_tip), result.limits)
 
 

@@ -70,14 +70,6 @@ def limit_shared(
         limited: command under the limits of every axis by itself, and its flags.
     """
     command, flags = limited
-    if command == last:
-        return limited
-    moves_m = [abs(new - old) for new, old in zip(command, last, strict=True)]
-    on = max([size / each.change for size, each in zip(moves_m, limits, strict=True)])
-    # The usual case, in a third of the time: no stop from the command gets to a limit.
-    reach_m = _STEEPEST * sum(moves_m) * (1.0 + max(0.0, 0.5 * (on - 1.0)))
-    if -max(shared.excess(command)) > reach_m:
-        return limited
     before = shared.excess(last)
     moves = zip(limits, command, last, last_steps, strict=True)
     brakes = [each.change if new != old or step != 0.0 else 0.0 for each, new, old, step in moves]

@@ -55,9 +55,16 @@ def task_of(config: RobotConfig, target: Target, extra: Actuation) -> Task:
     return lambda own: np.array(rows(forward((*own.tolist(), *extra), target.load_n))).ravel()
 
 
-def jacobian_of(task: Task, at: Array, limits: Sequence[AxisLimits], middle: Array) -> Array:
-    """Forward differences of the task, towards the middle of each travel; shape ``(rows, axes)``."""
-    here = task(at)
+def jacobian_of(task: Task, at: Array, here: Array, limits: Sequence[AxisLimits], middle: Array) -> Array:
+    """Forward differences of the task, towards the middle of each travel; shape ``(rows, axes)``.
+
+    Args:
+        task: rows of the target.
+        at: axes.
+        here: the task there.
+        limits: of the axes.
+        middle: of their travels.
+    """
     columns = []
     for k in range(len(at)):
         moved = at.copy()
@@ -66,15 +73,15 @@ def jacobian_of(task: Task, at: Array, limits: Sequence[AxisLimits], middle: Arr
     return np.stack(columns, axis=1)
 
 
-def displacement_of(task: Task, last: Array, directed: bool) -> Displacement:
+def displacement_of(task: Task, last: Array, begin: Array, directed: bool) -> Displacement:
     """Change of the rows of a target [m] by a step of the axes.
 
     Args:
         task: rows of the target.
         last: axes at the last command, from which a step counts.
+        begin: the task there.
         directed: the target has a direction; the change of its rows 3 to 5 is then the vector of the turn.
     """
-    begin = task(last)
 
     def of(step: Array) -> Array:
         change: Array = task(last + step) - begin

@@ -75,27 +75,35 @@ class Way:
         self._redundant = _freedoms(config, target, len(last)) > 0
         self._before = self._answer  # the answer that goes along with the line, a tick ago
         self._to_answer: StraightLine | None = None  # line of the tip to the answer, as far as it moves
-        self._chase: StraightLine | None = None  # the same, as far as axes that speed up can go along with it
         self._task = None if target.tip_m is None else task_of(config, target, extra)
         if self._task is None:
             self._jumped = self._too_fast(self._paces)
             return
         lower, upper = (np.array(ends[: len(last)]) for ends in (config.model.lower, config.model.upper))
-        self._J = jacobian_of(self._task, self._last, config.limits, 0.5 * (lower + upper))
-        displaced = displacement_of(self._task, self._last, target.direction is not None)
+        self._here = here = self._task(self._last)
+        self._J = jacobian_of(self._task, self._last, here, config.limits, 0.5 * (lower + upper))
+        self._inverse = pseudo_inverse(self._J)
+        displaced = displacement_of(self._task, self._last, here, target.direction is not None)
         goal = displaced(self._answer - self._last)
         drift = goal - displaced(self._answer - self._last - self._paces)
-        needed = pseudo_inverse(self._J) @ drift
+        needed = self._inverse @ drift
         self._jumped = self._too_fast(needed)
         drift = np.zeros(len(goal)) if self._jumped else drift
-        part = 0.0 if self._jumped else feasible_part(needed, low, high)
+        self._part = part = 0.0 if self._jumped else feasible_part(needed, low, high)
         self._before = self._answer - part * self._paces
+        self._goal, self._drift, self._displaced = goal, drift, displaced
         self._to_answer = StraightLine(limits, self._J, displaced, goal, drift)
+
+    @cached_property
+    def _chase(self) -> StraightLine | None:
+        """The line of the tip to the answer, as far as axes that speed up can go along with it."""
         # Few frames between two are in reach, and the roll of an arm may take all of its travel.
-        if target.rotation is None:
-            self._chase = self._to_answer
-            if part < 1.0:
-                self._chase = StraightLine(limits, self._J, displaced, goal, part * drift)
+        if self._task is None or self._target.rotation is not None:
+            return None
+        if self._part < 1.0:
+            drift = self._part * self._drift
+            return StraightLine(self._limits, self._J, self._displaced, self._goal, drift)
+        return self._to_answer
 
     def _too_fast(self, paces: Array) -> bool:
         """True for an answer that goes further in a tick than an axis can: it has jumped."""
@@ -107,7 +115,9 @@ class Way:
         if self._task is None or not on_target or not self._redundant:
             return None
         low, high = self._last + self._low, self._last + self._high
-        redundant = Redundant(self._limits, low, high, self._task, self._J, exact_m)
+        redundant = Redundant(
+            self._limits, low, high, self._task, self._here, self._J, self._inverse, exact_m
+        )
         return redundant.held(self._last, self._answer, self._paces, clipped)
 
     def towards(self, last_steps: Array, straight: bool) -> WayCommand | None:

@@ -7,6 +7,8 @@ using contid::Finger, contid::Matrix, contid::Table;
 
 namespace {
 
+using Points = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
 // Poses of many rows; the GIL is released.
 void forward_many(const Finger& self, Matrix racks, Table out, int threads) {
   const std::size_t rows = out.shape(0);
@@ -55,6 +57,21 @@ nb::object inverse(const Finger& self, double x, double y) {
   return nb::make_tuple(nb::make_tuple(racks[0], racks[1]), residual);
 }
 
+// The nearest racks within every limit.
+nb::tuple clamp(const Finger& self, double left, double right) {
+  const double racks[2] = {left, right};
+  double nearest[2];
+  self.clamp(racks, nearest);
+  return nb::make_tuple(nearest[0], nearest[1]);
+}
+
+// Points along the finger, written to an array (points, 3).
+void shape(const Finger& self, double left, double right, Points out) {
+  if (out.shape(1) != 3 || out.shape(0) < 2) throw nb::value_error("out: an array (points, 3) of two points or more");
+  const double racks[2] = {left, right};
+  self.shape(racks, static_cast<int>(out.shape(0)), out.data());
+}
+
 }  // namespace
 
 NB_MODULE(KERNEL_MODULE, module) {
@@ -66,6 +83,8 @@ NB_MODULE(KERNEL_MODULE, module) {
            nb::arg("arc_length_min"))
       .def("forward", &forward, nb::arg("left"), nb::arg("right"))
       .def("inverse", &inverse, nb::arg("x"), nb::arg("y"))
+      .def("clamp", &clamp, nb::arg("left"), nb::arg("right"))
+      .def("shape", &shape, nb::arg("left"), nb::arg("right"), nb::arg("out"))
       .def("forward_many", &forward_many, nb::arg("actuations"), nb::arg("out"), nb::arg("threads"))
       .def("inverse_many", &inverse_many, nb::arg("tip"), nb::arg("out"), nb::arg("threads"));
 }

@@ -71,6 +71,47 @@ struct Finger {
     xy[1] = s * sinc(theta) + tip * direction[1];
   }
 
+  // Points of the arc and of the straight tip behind it at equal steps along both: x, y, 0 of each.
+  void shape(const double* racks, int points, double* out) const {
+    double s, theta;
+    arc(racks, s, theta);
+    const double sin = std::sin(theta), cos = std::cos(theta), length = s + tip, step = length / (points - 1);
+    for (int k = 0; k < points; ++k) {
+      const double at = k == 0 ? 0.0 : k + 1 == points ? length : k * step;
+      const double on_arc = std::min(at, s), straight = at - on_arc;
+      const double turned = s > 0.0 ? theta * on_arc / s : 0.0;
+      out[3 * k] = on_arc * cosc(turned) + straight * sin;
+      out[3 * k + 1] = on_arc * sinc(turned) + straight * cos;
+      out[3 * k + 2] = 0.0;
+    }
+  }
+
+  // The greatest commanded curvature at an arc length, of either sign.
+  double curvature_bound(double arc_length) const {
+    constexpr double pi = 3.14159265358979323846;
+    const double g = gain(arc_length);
+    const double by_racks =
+        std::min(2.0 * (length_max / arc_length - 1.0) / spacing, 2.0 * (1.0 - length_min / arc_length) / spacing);
+    return std::max(0.0, std::min(std::min(curvature_max / g, by_racks), 2.0 * pi / (arc_length * g)));
+  }
+
+  // The nearest feasible racks in arc length, then in curvature; feasible racks come back untouched.
+  void clamp(const double* racks, double* out) const {
+    constexpr double rounding = 1e-12;
+    const double least = std::max(arc_length_min, length_min), asked = 0.5 * (racks[0] + racks[1]);
+    double left = racks[0], right = racks[1];
+    const auto commanded = [&](double arc_length) { return (racks[1] - racks[0]) / (spacing * arc_length); };
+    const bool fits = least <= asked && asked <= length_max &&
+                      std::fabs(commanded(asked)) <= curvature_bound(asked) * (1.0 + rounding);
+    if (!fits) {
+      const double s = std::min(std::max(asked, least), length_max), bound = curvature_bound(s);
+      const double bend = 0.5 * spacing * std::min(std::max(commanded(s), -bound), bound) * s;
+      left = s - bend, right = s + bend;
+    }
+    out[0] = std::min(std::max(left, length_min), length_max);
+    out[1] = std::min(std::max(right, length_min), length_max);
+  }
+
   // Arc length and curvature of the one arc that ends at (x, y); false where there is none.
   bool solve_arc(double x, double y, double& arc_length, double& curvature) const {
     constexpr double pi = 3.14159265358979323846;

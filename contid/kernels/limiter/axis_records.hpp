@@ -31,6 +31,22 @@ inline int axes_of(nanobind::handle limits, Axis* axes) {
   return static_cast<int>(count);
 }
 
+// The next command of every axis, and per axis the limits that bound: `contid.control.tick.limits.limit`.
+inline nanobind::tuple limited(const Axis* axes, int count, nanobind::handle last, nanobind::handle last_steps,
+                               nanobind::handle targets, nanobind::handle target_steps) {
+  constexpr char what[] = "limit: one number per axis";
+  AxisNumbers at, steps, to, paces, commands;
+  read(last, at, count, what), read(last_steps, steps, count, what);
+  read(targets, to, count, what), read(target_steps, paces, count, what);
+  nanobind::tuple flags = nanobind::steal<nanobind::tuple>(PyTuple_New(count));
+  for (int k = 0; k < count; ++k) {
+    const AxisCommand next = limit_axis(axes[k], at[k], steps[k], to[k], paces[k]);
+    commands[k] = next.value;
+    PyTuple_SET_ITEM(flags.ptr(), k, PyLong_FromLong(next.flags));
+  }
+  return nanobind::make_tuple(tuple_of(commands, count), flags);
+}
+
 // A `contid.trajectory.pursuit.MovingAxes`.
 inline void read_moving(nanobind::handle state, Moving& out, int axes, const char* what) {
   read(state[0], out.position, axes, what), read(state[1], out.velocity, axes, what);

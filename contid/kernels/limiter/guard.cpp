@@ -103,6 +103,23 @@ class RobotGuard {
     return excess(at);
   }
 
+  // See `contid.control.tick.limits.limit`, for the axes of this robot.
+  nb::tuple limit(nb::handle last, nb::handle last_steps, nb::handle targets, nb::handle target_steps) const {
+    return contid::limited(guard_.limits.data(), guard_.axes, last, last_steps, targets, target_steps);
+  }
+
+  // Whether no stop from a command gets to a limit that the axes share, by the greatest slope of these.
+  bool stays_clear(nb::handle last, nb::handle command) const {
+    AxisNumbers before, at;
+    read(last, before, guard_.axes, kPerAxis), read(command, at, guard_.axes, kPerAxis);
+    double sum = 0.0, ticks = 0.0;
+    for (int k = 0; k < guard_.own; ++k) {
+      const double move = std::fabs(at[k] - before[k]);
+      sum += move, ticks = std::max(ticks, move / guard_.limits[k].change);
+    }
+    return -excess(at) > contid::kSteepest * sum * (1.0 + std::max(0.0, 0.5 * (ticks - 1.0)));
+  }
+
   // See `contid.control.tick.jerk_guard.guarded`: the paces of the answer, the state of axes that are not on it or
   // None, whether a tendon robot stops before it goes on, and flags per axis.
   nb::tuple guarded(nb::handle answer, nb::handle last, nb::handle steps, nb::handle last_steps, nb::handle reference,
@@ -214,6 +231,9 @@ void bind_guard(nb::module_& module) {
            nb::arg("extra_axes"), nb::arg("motion_rules"), nb::arg("shared").none(), nb::arg("taut").none(),
            nb::arg("lower"), nb::arg("upper"))
       .def("excess", &RobotGuard::excess_at, nb::arg("axes"))
+      .def("limit", &RobotGuard::limit, nb::arg("last"), nb::arg("last_steps"), nb::arg("targets"),
+           nb::arg("target_steps"))
+      .def("stays_clear", &RobotGuard::stays_clear, nb::arg("last"), nb::arg("command"))
       .def("guarded", &RobotGuard::guarded, nb::arg("answer"), nb::arg("last"), nb::arg("steps"), nb::arg("last_steps"),
            nb::arg("reference"), nb::arg("last_paces"), nb::arg("motion").none(), nb::arg("brakes"))
       .def("stops_inside", &RobotGuard::stops_inside, nb::arg("state"), nb::arg("last"))

@@ -33,18 +33,8 @@ nb::tuple limit_axis(nb::handle limits, double last, double last_step, double ta
 
 nb::tuple limit(nb::handle limits, nb::handle last, nb::handle last_steps, nb::handle targets,
                 nb::handle target_steps) {
-  constexpr char what[] = "limit: one number per axis";
   Axis axes[kMostAxes];
-  double at[kMostAxes], steps[kMostAxes], to[kMostAxes], paces[kMostAxes], commands[kMostAxes];
-  int flags[kMostAxes];
-  const int count = axes_of(limits, axes);
-  read(last, at, count, what), read(last_steps, steps, count, what);
-  read(targets, to, count, what), read(target_steps, paces, count, what);
-  for (int k = 0; k < count; ++k) {
-    const AxisCommand next = contid::limit_axis(axes[k], at[k], steps[k], to[k], paces[k]);
-    commands[k] = next.value, flags[k] = next.flags;
-  }
-  return nb::make_tuple(contid::tuple_of(commands, count), numbers_of(flags, count));
+  return contid::limited(axes, contid::axes_of(limits, axes), last, last_steps, targets, target_steps);
 }
 
 // How many of the first targets (a row per tick) `limit` commands as they are.

@@ -1,10 +1,10 @@
-// Motions of simulated devices for Python.
-#include "profile.hpp"
+// Simulated devices and their motions for Python.
+#include "device.hpp"
 
 #include <nanobind/nanobind.h>
 
 namespace nb = nanobind;
-using contid::Phase, contid::Phases, contid::ProfileMotion;
+using contid::DeviceNumbers, contid::Phase, contid::Phases, contid::ProfileMotion, contid::SimulatedDevice;
 
 namespace {
 
@@ -31,6 +31,24 @@ nb::list planned_to_moving(double t_s, double position, double velocity, double 
 
 void go_with(ProfileMotion& self, double goal, double rate, double until_s, double v_max, double a_max) {
   self.go_with({goal, rate, until_s}, v_max, a_max);
+}
+
+void make_device(SimulatedDevice* self, double time_s, double value, double tau_s, double top, double quantum,
+                 double velocity_quantum, double lowest, double highest, double acceleration, double current_limit_a,
+                 double overload_s, double amperes_per_lag, bool streams) {
+  const DeviceNumbers numbers{quantum,         velocity_quantum, lowest,          highest, acceleration,
+                              current_limit_a, overload_s,       amperes_per_lag, streams};
+  new (self) SimulatedDevice(time_s, value, tau_s, top, numbers);
+}
+
+// Position, velocity, current and temperature.
+nb::tuple reading(const SimulatedDevice& self, double noise) {
+  const contid::DeviceReading now = self.read(noise);
+  return nb::make_tuple(now.value, now.velocity, now.current_a, now.temperature_c);
+}
+
+void bear(SimulatedDevice& self, double shaft, double current_a) {
+  self.borne = true, self.shaft = shaft, self.borne_a = current_a;
 }
 
 }  // namespace
@@ -62,6 +80,19 @@ void bind_profile(nb::module_& module) {
       .def("stop", &ProfileMotion::stop)
       .def("freeze", &ProfileMotion::freeze)
       .def("advance", &ProfileMotion::advance, nb::arg("to_s"));
+  nb::class_<SimulatedDevice, ProfileMotion>(module, "SimulatedDevice")
+      .def("__init__", &make_device, nb::arg("time_s"), nb::arg("value"), nb::arg("tau_s"), nb::arg("top"),
+           nb::arg("quantum"), nb::arg("velocity_quantum"), nb::arg("lowest"), nb::arg("highest"),
+           nb::arg("acceleration"), nb::arg("current_limit_a"), nb::arg("overload_s"), nb::arg("amperes_per_lag"),
+           nb::arg("streams"))
+      .def_rw("top", &SimulatedDevice::top)
+      .def_rw("powered", &SimulatedDevice::powered)
+      .def_rw("saturated_s", &SimulatedDevice::saturated_s)
+      .def("advance", &SimulatedDevice::advance, nb::arg("to_s"))
+      .def("bear", &bear, nb::arg("shaft"), nb::arg("current_a"))
+      .def("switch_on", &SimulatedDevice::switch_on)
+      .def("command", &SimulatedDevice::command, nb::arg("value"))
+      .def("read", &reading, nb::arg("noise"));
 }
 
 }  // namespace contid

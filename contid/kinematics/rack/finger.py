@@ -114,15 +114,9 @@ class RackFingerModel:
 
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone at equal steps of S + h, shape (points, 3) [m]: the arc, then the straight tip."""
-        arc_length_m, theta = self.arc(actuation)
-        sin, cos = math.sin(theta), math.cos(theta)
-        rows = []
-        for s in np.linspace(0.0, arc_length_m + self.tip_length_m, points):
-            on_arc = min(float(s), arc_length_m)
-            straight = float(s) - on_arc
-            turned = theta * on_arc / arc_length_m if arc_length_m > 0.0 else 0.0
-            rows.append((on_arc * cosc(turned) + straight * sin, on_arc * sinc(turned) + straight * cos, 0.0))
-        return np.array(rows)
+        found = np.empty((points, 3))
+        self.kernel.shape(*actuation, found)
+        return found
 
     def solve_arc(self, x_m: float, y_m: float) -> tuple[float, float] | None:
         """Arc length S [m] and actual curvature k [1/m] of the one arc that ends at a tip position.
@@ -209,7 +203,7 @@ class RackFingerModel:
         )
 
     def _clamped(self, requested: Actuation) -> Solution:
-        actuation = self.envelope.clamp(requested)
+        actuation = self.kernel.clamp(*requested)
         off = max([abs(a - w) for a, w in zip(actuation, requested, strict=True)])
         if off <= LIMIT_TOLERANCE_M:
             return Solution(actuation, 0.0, converged=True)

@@ -150,21 +150,6 @@ class RackFingerEnvelope:
             low, high = (middle, high) if self._limit(middle) == self._limit(low) else (low, middle)
         return high
 
-    def clamp(self, racks: Actuation) -> Actuation:
-        """Nearest feasible racks in S, then in curvature; feasible racks come back untouched."""
-        left, right = racks
-        least = max(self.arc_length_min_m, self.length_min_m)
-        arc_length_m = 0.5 * (left + right)
-        if least <= arc_length_m <= self.length_max_m:
-            commanded = (right - left) / (self.rack_spacing_m * arc_length_m)
-            bound = self.curvature_bound(arc_length_m)
-            if abs(commanded) <= bound * (1.0 + _ROUNDING):
-                return self.snap((left, right))
-        arc_length_m = min(max(arc_length_m, least), self.length_max_m)
-        bound = self.curvature_bound(arc_length_m)
-        commanded = (right - left) / (self.rack_spacing_m * arc_length_m)
-        return self.snap(self.racks(arc_length_m, min(max(commanded, -bound), bound)))
-
     def binding(self, racks: Actuation) -> tuple[str, ...]:
         """Names of the limits that bind at a feasible pair of racks."""
         left, right = racks

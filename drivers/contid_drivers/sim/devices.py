@@ -19,13 +19,7 @@ from contid.units import BAR
 from contid_drivers.sim.options import SimAxisOptions
 
 RPM: Final = 2.0 * math.pi / 60.0
-AMBIENT_C: Final = 25.0
 _CONVERTER_STEPS: Final = 4095.0
-#: A motor board joins commands to a stream as its firmware does: those no farther apart than this [s] and no
-#: faster than this times its top speed; its set-point goes on for this number of their intervals.
-STREAM_GAP_S: Final = 0.1
-STREAM_EXCESS: Final = 2.5
-STREAM_INTERVALS: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,24 +162,24 @@ def simulated_response(options: SimAxisOptions) -> DeviceResponse:
 
 
 class SimDevice:
-    """One device on the bus."""
+    """One device on the bus; it moves, warms up and reads in ``contid/kernels/plant/device.hpp``."""
 
-    # Shares of the current limit: friction of the gear, and the lag of the response at full speed. Free
-    # motion therefore never reaches the limit; only a blocked shaft does.
-    FRICTION_SHARE: Final = 0.05
+    # Share of the current limit that the lag of the response at full speed takes. Free motion therefore never
+    # reaches the limit; only a blocked shaft does.
     FULL_SPEED_SHARE: Final = 0.5
-    THERMAL_TAU_S: Final = 120.0
-    HEATING_C_PER_A2: Final = 30.0
 
     def __init__(self, options: SimAxisOptions, start: float, time_s: float, seed: str) -> None:
         self.kind = options.device
-        self.character = character_of(options)
-        #: Its profile and its own position (``contid/kernels/plant/profile.hpp``).
-        self.motion: Any = load("plant").ProfileMotion(time_s, start, self.character.tau_s)
+        self.character = character = character_of(options)
+        lag = max(character.velocity * character.tau_s, 10.0 * character.quantum)
+        #: Its profile, its own position, and the current for both.
+        self.motion: Any = load("plant").SimulatedDevice(
+            time_s, start, character.tau_s, character.velocity, character.quantum, character.velocity_quantum,
+            character.lowest, character.highest, character.acceleration, character.current_limit_a,
+            character.overload_s, self.FULL_SPEED_SHARE * character.current_limit_a / lag,
+            self.kind is DeviceKind.MOTOR,
+        )  # fmt: skip
         self.goal = start
-        self._top = self.character.velocity
-        #: Newest command of a stream and its time [s].
-        self._streamed = (start, -math.inf)
         #: True while the device follows goals: torque on, or regulator active.
         self.on = False
         self.rest = Rest.RELAX
@@ -194,77 +188,37 @@ class SimDevice:
         #: When the watchdog was last refreshed.
         self.fed_at_s = time_s
         self._noise = random.Random(seed)
-        self._temperature_c = AMBIENT_C
-        self._saturated_s = 0.0
-        lag = max(self.character.velocity * self.character.tau_s, 10.0 * self.character.quantum)
-        #: Where a body holds the shaft, None without one; the current for that, and its noise.
-        self._shaft: float | None = None
-        self._borne_a = self._current_noise_a = 0.0
+        #: Noise of the current of a shaft that a body holds, None without one.
+        self._current_noise_a: float | None = None
         self._current_noise = random.Random(f"{seed}:current")
-        self._amperes_per_lag = self.FULL_SPEED_SHARE * self.character.current_limit_a / lag
 
     def advance(self, to_s: float) -> bool:
         """Advance to ``to_s``; True when the device dropped its torque within this time."""
-        dt = to_s - self.motion.time_s
-        if dt <= 0.0:
+        if not self.motion.advance(to_s):
             return False
-        self.motion.advance(to_s)
-        if self.character.current_limit_a <= 0.0:
-            return False
-        current = self.current_a
-        warmest = AMBIENT_C + self.HEATING_C_PER_A2 * current * current
-        self._temperature_c = warmest + (self._temperature_c - warmest) * math.exp(-dt / self.THERMAL_TAU_S)
-        saturated = abs(current) >= self.character.current_limit_a
-        self._saturated_s = self._saturated_s + dt if saturated else 0.0
-        if self._saturated_s >= self.character.overload_s:
-            self.overload()
-            return True
-        return False
-
-    @property
-    def current_a(self) -> float:
-        """Current drawn [A]: friction plus a share that grows with the lag, limited."""
-        if not self.on and self.rest is not Rest.HOLD:
-            return 0.0
-        motion, limit = self.motion, self.character.current_limit_a
-        pull = self._amperes_per_lag * (motion.reference[0] - motion.value)
-        if self._shaft is not None:
-            return min(limit, max(-limit, self._borne_a + (pull if motion.blocked else 0.0)))
-        current: float = pull + self.FRICTION_SHARE * limit * math.tanh(motion.velocity / 0.05)
-        return min(limit, max(-limit, current))
+        self.overload()
+        return True
 
     def bear(self, shaft: float, current_a: float, noise_a: float) -> None:
         """A body holds the shaft at an angle, which takes a current [A]; measured with noise [A]."""
-        self._shaft, self._borne_a, self._current_noise_a = shaft, current_a, noise_a
+        self.motion.bear(shaft, current_a)
+        self._current_noise_a = noise_a
 
     def switch_on(self, time_s: float) -> None:
         """Goal := present, then follow goals; arms the watchdog."""
         self.goal = self.motion.value
-        self._streamed = (self.goal, -math.inf)
-        self.motion.freeze()
+        self.motion.switch_on()
         self.on = True
         self.fed_at_s = time_s
 
     def command(self, value: float) -> None:
         """Go to a goal, rounded to the device's steps and clamped to its range."""
-        if not self.on:
-            return
-        character = self.character
-        steps = round(min(character.highest, max(character.lowest, value)) / character.quantum)
-        self.goal = steps * character.quantum
-        (last, last_s), self._streamed = self._streamed, (value, self.motion.time_s)
-        gap_s = self.motion.time_s - last_s
-        if self.kind is DeviceKind.MOTOR and 0.0 < gap_s <= STREAM_GAP_S:
-            rate = (value - last) / gap_s
-            if abs(rate) <= STREAM_EXCESS * self._top:
-                until_s = self.motion.time_s + STREAM_INTERVALS * gap_s
-                self.motion.go_with(self.goal, rate, until_s, self._top, character.acceleration)
-                return
-        self.motion.go(self.goal, self._top, character.acceleration)
+        if self.on:
+            self.goal = self.motion.command(value)
 
     def slow(self, share: float) -> None:
         """From the next command on its top speed is a share of what its kind has."""
-        self._top = share * self.character.velocity
+        self.motion.top = share * self.character.velocity
 
     def settle(self, rest: Rest) -> None:
         """Rest: hold (keep position, or close the valve), relax, or vent at the vent rate.
@@ -273,6 +227,7 @@ class SimDevice:
         """
         self.on = False
         self.rest = rest
+        self.motion.powered = rest is Rest.HOLD
         if self.kind is not DeviceKind.REGULATOR and not self.motion.blocked:
             self.motion.stop()
         elif self.kind is not DeviceKind.REGULATOR or rest is Rest.HOLD:
@@ -289,31 +244,19 @@ class SimDevice:
         """Drop the torque and report it, latched."""
         self.settle(Rest.RELAX)
         self.fault = self.character.overload
-        self._saturated_s = 0.0
+        self.motion.saturated_s = 0.0
 
     def read(self, now_s: float) -> Sample:
         """The device's answer now."""
-        character, motion = self.character, self.motion
+        character = self.character
         noise = self._noise.gauss(0.0, character.noise) if character.noise > 0.0 else 0.0
-        shaft = motion.value if self._shaft is None else self._shaft
-        value = round((shaft + noise) / character.quantum) * character.quantum
-        velocity = motion.velocity
-        if character.velocity_quantum > 0.0:
-            velocity = round(velocity / character.velocity_quantum) * character.velocity_quantum
+        value, velocity, current, temperature_c = self.motion.read(noise)
         if self.kind is DeviceKind.REGULATOR:
-            duty = motion.reference[0] / character.highest
+            duty = self.motion.reference[0] / character.highest
             return Sample(max(0.0, value), now_s, True, 0.0, velocity, duty, None, None, self.fault)
-        current = self.current_a
-        if self._shaft is not None and current != 0.0:
+        if self._current_noise_a is not None and current != 0.0:
             current += self._current_noise.gauss(0.0, self._current_noise_a)
+        voltage_v = round(character.supply_v - 0.2 * abs(current), 1)
         return Sample(
-            value=value,
-            time_s=now_s,
-            valid=True,
-            age_s=0.0,
-            velocity=velocity,
-            effort=round(current, 3),
-            temperature_c=float(round(self._temperature_c)),
-            voltage_v=round(character.supply_v - 0.2 * abs(current), 1),
-            fault=self.fault,
+            value, now_s, True, 0.0, velocity, round(current, 3), temperature_c, voltage_v, self.fault
         )

@@ -13,7 +13,8 @@ LOW, HIGH = np.array([-0.5, -0.5]), np.array([0.5, 0.5])
 
 def redundant(low: np.ndarray = LOW, high: np.ndarray = HIGH) -> Redundant:
     limits = [AxisLimits(-9.0, 9.0, 4.0, 0.25)] * len(low)
-    return Redundant(limits, low, high, lambda at: at[:1], np.eye(1, len(low)), 1e-9)
+    J = np.eye(1, len(low))
+    return Redundant(limits, low, high, lambda at: at[:1], np.zeros(1), J, J.T, 1e-9)
 
 
 @pytest.mark.parametrize(

@@ -179,3 +179,27 @@ def test_only_axes_that_a_shared_limit_brakes_are_flagged() -> None:
     assert kept == pytest.approx((0.495, 0.495, 0.02))
     assert kept[2] == 0.02
     assert flags == (VELOCITY | POSITION, POSITION, VELOCITY)
+
+
+@pytest.mark.parametrize("name", ["finger", "trirack2", "catheter"])
+def test_a_command_that_stays_clear_of_shared_limits_is_left_as_it_is(name: str) -> None:
+    """The look that saves the closer one is right wherever it succeeds, from deep inside up to the limits."""
+    config, rng = config_of(name), np.random.default_rng(44)
+    assert config.shared is not None
+    lower, upper = (np.array(side) for side in zip(*((e.lower, e.upper) for e in config.limits), strict=True))
+    step, change = (np.array(side) for side in zip(*((e.step, e.change) for e in config.limits), strict=True))
+    clear = closer = 0
+    for _ in range(2000):
+        middle = 0.5 * (lower + upper)
+        last = middle + rng.uniform(0.0, 1.0) * (rng.uniform(lower, upper) - middle)
+        steps = rng.uniform(-1.0, 1.0) * step * rng.uniform(-1.0, 1.0, len(step))
+        command = tuple((last + np.clip(steps + rng.uniform(-change, change), -step, step)).tolist())
+        here, flags = tuple(last.tolist()), (0,) * len(last)
+        if config.guard.stays_clear(here, command):
+            kept = limit_shared(config.shared, config.limits, here, tuple(steps.tolist()), (command, flags))
+            assert kept == (command, flags)
+            clear += 1
+        else:
+            closer += 1
+    assert clear > 100
+    assert closer > 20

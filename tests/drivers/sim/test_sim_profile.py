@@ -1,9 +1,10 @@
-"""The profile obeys its limits, ends at its goal, and does not care how often it is looked at."""
+"""Profiles obey their limits and end at their goals, however often they are looked at; their devices."""
 
 from __future__ import annotations
 
 import itertools
 import math
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -135,3 +136,63 @@ def test_a_moving_goal_is_met_within_the_limits(position, velocity, goal, drift,
     assert phases[-1].velocity == phases[-1].acceleration == 0.0
     with_it = [phase for phase in phases if phase.start_s < 399.0][-1]
     assert with_it.at(399.0)[0] == pytest.approx(goal + 398.0 * drift, abs=1e-3)
+
+
+def simulated(
+    *, quantum: float = 0.1, limit_a: float = 1.0, overload_s: float = math.inf, tau_s: float = 0.1
+) -> Any:
+    """A device of top speed 5 at 0, whose current is 2 A per unit of lag."""
+    return kernel.SimulatedDevice(
+        0.0, 0.0, tau_s, 5.0, quantum, 0.25, -10.0, 10.0, math.inf, limit_a, overload_s, 2.0, False
+    )
+
+
+@pytest.mark.parametrize(
+    ("asked", "step", "goal"),
+    [
+        (0.26, 0.1, 0.3), (-0.26, 0.1, -0.3), (0.25, 0.5, 0.0), (0.75, 0.5, 1.0), (-0.75, 0.5, -1.0),
+        (99.0, 0.5, 10.0), (-99.0, 0.5, -10.0),
+    ],
+)  # fmt: skip
+def test_goals_are_whole_steps_within_the_range(asked: float, step: float, goal: float) -> None:
+    """Half a step goes to the even number of steps."""
+    assert simulated(quantum=step).command(asked) == pytest.approx(goal, abs=1e-15)
+
+
+def test_a_reading_of_no_steps_has_no_sign() -> None:
+    value, *_ = simulated().read(-0.04)
+    assert math.copysign(1.0, value) == 1.0
+
+
+def test_a_blocked_shaft_warms_up_to_its_current_and_gives_up() -> None:
+    """2 units off it would draw 4 A, so it draws the 1 A that it has: 30 K, in 120 s all but 1/e of it."""
+    device = simulated(overload_s=200.0)
+    device.switch_on()
+    device.blocked = True
+    device.command(2.0)
+    assert not device.advance(120.0)
+    _, velocity, current_a, temperature_c = device.read(0.0)
+    assert (velocity, current_a) == (0.0, 1.0)
+    assert temperature_c == round(25.0 + 30.0 * (1.0 - math.exp(-1.0)))
+    assert not device.advance(199.0)
+    assert device.advance(201.0)
+
+
+def test_a_device_without_power_draws_no_current() -> None:
+    device = simulated()
+    device.command(2.0)
+    device.advance(0.1)
+    assert device.read(0.0)[2] == 0.0
+    device.switch_on()
+    device.command(2.0)
+    device.advance(0.15)
+    lag = device.reference[0] - device.value
+    friction = 0.05 * math.tanh(device.velocity / 0.05)
+    assert device.read(0.0)[2] == pytest.approx(min(1.0, 2.0 * lag + friction), rel=1e-12)
+
+
+def test_a_shaft_that_a_body_holds_reads_the_angle_and_the_current_of_that() -> None:
+    device = simulated()
+    device.switch_on()
+    device.bear(0.5, 0.3)
+    assert device.read(0.0)[::2] == (0.5, 0.3)
