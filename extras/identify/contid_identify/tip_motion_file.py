@@ -77,7 +77,7 @@ def step_in(data: dict[str, Any]) -> float:
 
 
 def remembered_in(data: dict[str, Any], states: int) -> RememberedMotion | None:
-    """What is remembered in a file, by so many states.
+    """What is remembered in a file; ``states``: number of those it is remembered by.
 
     Raises:
         ValueError: numbers of another shape.

@@ -41,6 +41,11 @@ _REPEATS_S: Final = 0.1
 #: Time in front of a recording that begins with a step [s]; of the range of a robot, a step.
 _BEFORE_S: Final = 2.0
 _STEP: Final = 0.05
+#: Single tips are wrong that are farther from the median of five than this many times what this share of all
+#: is at most, and this share of their extent.
+_JUMP: Final = 5.0
+_USUAL: Final = 0.95
+_LEAST_JUMP: Final = 0.01
 #: Set-points this far outside of the limits of a robot, in shares of its range, have another unit.
 _BEYOND: Final = 0.5
 #: Tips this many lengths of the arm from its base have another unit or frame.
@@ -56,7 +61,7 @@ class TabledRecording:
 
 
 @dataclass(frozen=True, eq=False)
-class _Rows:
+class _MeantRows:
     """Rows of a table whose columns have a meaning; ``rows`` is NaN where a cell is lost."""
 
     table: Table
@@ -109,7 +114,7 @@ def read_tabled(path: Path, name: str, robot: RobotDescription, text: str, file:
     times = times_of(table, mapping, notes)
     values = _placed(values_of(table, mapping, "", notes), times, robot, mapping, notes)
     keep = check_order(table, times, mapping, values.rows, notes)
-    found = _Rows(table.chosen(keep), mapping, values.names, times[keep], values.rows[keep])
+    found = _MeantRows(table.chosen(keep), mapping, values.names, times[keep], values.rows[keep])
     return _recording(path.name, name, robot, found, notes)
 
 
@@ -154,7 +159,9 @@ def _placed(
     return replace(values, rows=place(placed, values))
 
 
-def _recording(file: str, name: str, robot: RobotDescription, of: _Rows, notes: list[str]) -> TabledRecording:
+def _recording(
+    file: str, name: str, robot: RobotDescription, of: _MeantRows, notes: list[str]
+) -> TabledRecording:
     """On equal ticks, in SI units and the base frame."""
     sent = np.column_stack([_held(of, axis) for axis in robot.columns])
     begun = np.isfinite(sent).all(axis=1)
@@ -191,6 +198,10 @@ def _recording(file: str, name: str, robot: RobotDescription, of: _Rows, notes: 
     fresh = _fresh(at_s, points) if tips[0] is not None else np.zeros(0, dtype=int)
     if lost := len(at_s) - int(np.isfinite(points).all(axis=1).sum()):
         notes.append(f"{lost} of {len(at_s)} rows have no tip")
+    if (jumps := _jumps(points[fresh])).any():
+        row = int(of.table.lines[first + fresh[int(np.argmax(jumps))]])
+        notes.append(f"{int(jumps.sum())} single tips jump and were left out, the first in line {row}")
+        fresh = fresh[~jumps]
     points = points[fresh] / MM_PER_M
     if before is None and (early := _early(at_s, sent, at_s[fresh], points)):
         notes.append(early)
@@ -240,7 +251,7 @@ def _early(at_s: Array, sent: Array, tip_at_s: Array, tips: Array) -> str:
         return ""
     return (
         f"the tip moves by {MM_PER_M * moved_m:.3g} mm before the first set-point changes ({first_s:.3g} s): "
-        "it begins in motion, which no model knows; begin recordings with a rest, or give measured axes "
+        "it begins in motion, and models begin at rest; begin recordings with a rest, or give measured axes "
         "(`meas.`)"
     )
 
@@ -251,7 +262,7 @@ def _tip_at_rest(robot: RobotDescription) -> Array:
     return np.append(own, np.zeros(3 - len(own)))
 
 
-def _held(of: _Rows, name: str) -> Array:
+def _held(of: _MeantRows, name: str) -> Array:
     """Set-points of an axis, each held until the next."""
     values = of.column(name)
     assert values is not None
@@ -270,7 +281,18 @@ def _fresh(at_s: Array, values: Array) -> NDArray[np.intp]:
     return np.array(out, dtype=int)
 
 
-def _check_limits(of: _Rows, robot: RobotDescription, sent: Array, first: int) -> None:
+def _jumps(points: Array) -> NDArray[np.bool_]:
+    """Which tips ``(n, 3)`` are far from the median of five about them, as single wrong frames are."""
+    if len(points) < 5:
+        return np.zeros(len(points), dtype=bool)
+    padded = np.pad(points, ((2, 2), (0, 0)), mode="edge")
+    middle = np.median(np.stack([padded[k : k + len(points)] for k in range(5)]), axis=0)
+    apart = np.linalg.norm(points - middle, axis=1)
+    usual = float(np.quantile(apart, _USUAL))
+    return np.asarray(apart > _JUMP * usual + _LEAST_JUMP * float(np.ptp(points, axis=0).max()))
+
+
+def _check_limits(of: _MeantRows, robot: RobotDescription, sent: Array, first: int) -> None:
     """Refuse set-points that no such robot has."""
     for k, name in enumerate(robot.columns[: len(robot.axis_names)]):
         low, high = (robot.quantity.from_si(each[k]) for each in (robot.lower, robot.upper))
@@ -285,7 +307,7 @@ def _check_limits(of: _Rows, robot: RobotDescription, sent: Array, first: int) -
             )  # fmt: skip
 
 
-def _check_tips(of: _Rows, robot: RobotDescription, tips: Array, rows: NDArray[np.intp]) -> None:
+def _check_tips(of: _MeantRows, robot: RobotDescription, tips: Array, rows: NDArray[np.intp]) -> None:
     """Refuse tips that no such robot reaches, or that stand still."""
     if not len(tips):
         return
