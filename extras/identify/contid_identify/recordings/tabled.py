@@ -19,9 +19,7 @@ from numpy.typing import NDArray
 
 from contid.errors import BadInputError, ContidError, Located
 from contid.kinematics.array import Array
-from contid.kinematics.batch import forward_many
 from contid.kinematics.frames import BaseFrame
-from contid.kinematics.model import build_model
 from contid.robot_file.robot import RobotDescription
 from contid.units import MM_PER_M
 from contid_adapt.adapt import rows_chosen
@@ -32,6 +30,14 @@ from contid_adapt.placing.frame import place, read_frame
 from contid_adapt.reading.read import read_table
 from contid_adapt.reading.table import Table
 from contid_identify.recording import LEAST_TICKS, RobotRecording
+from contid_identify.recordings.plausible import (
+    MeantRows,
+    check_limits,
+    check_tips,
+    jumping,
+    moves_early,
+    tip_at_rest,
+)
 
 MEASURED: Final = "meas."
 #: Ticks are no longer than this, so that set-points keep their times [s].
@@ -41,15 +47,6 @@ _REPEATS_S: Final = 0.1
 #: Time in front of a recording that begins with a step [s]; of the range of a robot, a step.
 _BEFORE_S: Final = 2.0
 _STEP: Final = 0.05
-#: Single tips are wrong that are farther from the median of five than this many times what this share of all
-#: is at most, and this share of their extent.
-_JUMP: Final = 5.0
-_USUAL: Final = 0.95
-_LEAST_JUMP: Final = 0.01
-#: Set-points this far outside of the limits of a robot, in shares of its range, have another unit.
-_BEYOND: Final = 0.5
-#: Tips this many lengths of the arm from its base have another unit or frame.
-_FARTHEST: Final = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,27 +55,6 @@ class TabledRecording:
 
     recording: RobotRecording
     notes: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class _MeantRows:
-    """Rows of a table whose columns have a meaning; ``rows`` is NaN where a cell is lost."""
-
-    table: Table
-    mapping: Mapping
-    names: tuple[str, ...]
-    times_s: Array
-    rows: Array
-
-    def column(self, name: str) -> Array | None:
-        """One column, None where the mapping has none."""
-        return self.rows[:, self.names.index(name)] if name in self.names else None
-
-    def at(self, row: int, name: str, message: str) -> BadInputError:
-        """A finding at the row, and at the line of the mapping that gives the column."""
-        line = self.mapping.lines.get(name)
-        found = [Located(self.mapping.file, line, 1, f"{name} is this one")] if line else []
-        return BadInputError([self.table.at(row, None, message), *found])
 
 
 def read_tabled(path: Path, name: str, robot: RobotDescription, text: str, file: str) -> TabledRecording:
@@ -114,7 +90,7 @@ def read_tabled(path: Path, name: str, robot: RobotDescription, text: str, file:
     times = times_of(table, mapping, notes)
     values = _placed(values_of(table, mapping, "", notes), times, robot, mapping, notes)
     keep = check_order(table, times, mapping, values.rows, notes)
-    found = _MeantRows(table.chosen(keep), mapping, values.names, times[keep], values.rows[keep])
+    found = MeantRows(table.chosen(keep), mapping, values.names, times[keep], values.rows[keep])
     return _recording(path.name, name, robot, found, notes)
 
 
@@ -153,14 +129,14 @@ def _placed(
         return values
     frame = BaseFrame.of(robot.base)
     turn = np.array(frame.rotation).reshape(3, 3)
-    rest = turn @ _tip_at_rest(robot) + np.array(frame.origin_in_world)
+    rest = turn @ tip_at_rest(robot) + np.array(frame.origin_in_world)
     placed = read_frame(mapping, values, times, MM_PER_M * rest, MEASURED)
     notes.append(f"frame: {placed.shown}")
     return replace(values, rows=place(placed, values))
 
 
 def _recording(
-    file: str, name: str, robot: RobotDescription, of: _MeantRows, notes: list[str]
+    file: str, name: str, robot: RobotDescription, of: MeantRows, notes: list[str]
 ) -> TabledRecording:
     """On equal ticks, in SI units and the base frame."""
     sent = np.column_stack([_held(of, axis) for axis in robot.columns])
@@ -172,7 +148,7 @@ def _recording(
         notes.append(f"{first} rows before the first set-points of all axes were left out")
     at_s = of.times_s[first:] - of.times_s[first]
     sent = sent[first:]
-    _check_limits(of, robot, sent, first)
+    check_limits(of, robot, sent, first)
     usual = float(np.median(np.diff(at_s))) if len(at_s) > 1 else 0.0
     if len(at_s) < LEAST_TICKS:
         raise ContidError(f"{of.table.file}: {len(at_s)} rows; at least {LEAST_TICKS} needed")
@@ -198,16 +174,16 @@ def _recording(
     fresh = _fresh(at_s, points) if tips[0] is not None else np.zeros(0, dtype=int)
     if lost := len(at_s) - int(np.isfinite(points).all(axis=1).sum()):
         notes.append(f"{lost} of {len(at_s)} rows have no tip")
-    if (jumps := _jumps(points[fresh])).any():
+    if (jumps := jumping(points[fresh])).any():
         row = int(of.table.lines[first + fresh[int(np.argmax(jumps))]])
         notes.append(f"{int(jumps.sum())} single tips jump and were left out, the first in line {row}")
         fresh = fresh[~jumps]
     points = points[fresh] / MM_PER_M
-    if before is None and (early := _early(at_s, sent, at_s[fresh], points)):
+    if before is None and (early := moves_early(at_s, sent, at_s[fresh], points)):
         notes.append(early)
     frame = BaseFrame.of(robot.base)
     points = (points - np.array(frame.origin_in_world)) @ np.array(frame.rotation).reshape(3, 3)
-    _check_tips(of, robot, points, fresh + first)
+    check_tips(of, robot, points, fresh + first)
     notes.append(
         f"{len(at_s)} rows, {usual:.4g} s apart, {at_s[-1]:.5g} s in all; {len(points)} measured tips"
         + (f", moving by {MM_PER_M * float(np.ptp(points, axis=0).max()):.4g} mm" if len(points) else "")
@@ -242,27 +218,7 @@ def _before(
     return out
 
 
-def _early(at_s: Array, sent: Array, tip_at_s: Array, tips: Array) -> str:
-    """A warning where the tip moves before the first set-point that changes; "" where it does not."""
-    first_s = at_s[int(np.argmax((sent != sent[0]).any(axis=1)))]
-    own = tips[tip_at_s <= first_s]
-    moved_m = float(np.ptp(own, axis=0).max()) if len(own) else 0.0
-    if moved_m < _STEP * np.ptp(tips, axis=0).max():
-        return ""
-    return (
-        f"the tip moves by {MM_PER_M * moved_m:.3g} mm before the first set-point changes ({first_s:.3g} s): "
-        "it begins in motion, and models begin at rest; begin recordings with a rest, or give measured axes "
-        "(`meas.`)"
-    )
-
-
-def _tip_at_rest(robot: RobotDescription) -> Array:
-    """The tip ``(3,)`` [m] in the base frame."""
-    own = np.asarray(forward_many(build_model(robot), np.array([robot.rest]))["tip_m"])[0]
-    return np.append(own, np.zeros(3 - len(own)))
-
-
-def _held(of: _MeantRows, name: str) -> Array:
+def _held(of: MeantRows, name: str) -> Array:
     """Set-points of an axis, each held until the next."""
     values = of.column(name)
     assert values is not None
@@ -279,48 +235,3 @@ def _fresh(at_s: Array, values: Array) -> NDArray[np.intp]:
             continue
         out.append(row)
     return np.array(out, dtype=int)
-
-
-def _jumps(points: Array) -> NDArray[np.bool_]:
-    """Which tips ``(n, 3)`` are far from the median of five about them, as single wrong frames are."""
-    if len(points) < 5:
-        return np.zeros(len(points), dtype=bool)
-    padded = np.pad(points, ((2, 2), (0, 0)), mode="edge")
-    middle = np.median(np.stack([padded[k : k + len(points)] for k in range(5)]), axis=0)
-    apart = np.linalg.norm(points - middle, axis=1)
-    usual = float(np.quantile(apart, _USUAL))
-    return np.asarray(apart > _JUMP * usual + _LEAST_JUMP * float(np.ptp(points, axis=0).max()))
-
-
-def _check_limits(of: _MeantRows, robot: RobotDescription, sent: Array, first: int) -> None:
-    """Refuse set-points that no such robot has."""
-    for k, name in enumerate(robot.columns[: len(robot.axis_names)]):
-        low, high = (robot.quantity.from_si(each[k]) for each in (robot.lower, robot.upper))
-        beyond = _BEYOND * (high - low)
-        out = (sent[:, k] < low - beyond) | (sent[:, k] > high + beyond)
-        if out.any():
-            row = int(np.argmax(out))
-            raise of.at(
-                row + first, name,
-                f"{name} is {sent[row, k]:.4g}, but the limits of the robot are {low:.4g} to {high:.4g}: is "
-                "its unit right, and are these limits those of the robot that was recorded?",
-            )  # fmt: skip
-
-
-def _check_tips(of: _MeantRows, robot: RobotDescription, tips: Array, rows: NDArray[np.intp]) -> None:
-    """Refuse tips that no such robot reaches, or that stand still."""
-    if not len(tips):
-        return
-    longest = float(np.linalg.norm(_tip_at_rest(robot)))
-    far = np.linalg.norm(tips, axis=1) > _FARTHEST * longest
-    if far.mean() > 0.5:
-        row = int(np.argmax(far))
-        off_mm = MM_PER_M * float(np.linalg.norm(tips[row]))
-        raise of.at(
-            int(rows[row]), f"{MEASURED}x_mm",
-            f"the tip is {off_mm:.4g} mm from the base, but the robot is "
-            f"{MM_PER_M * longest:.4g} mm long at rest: is its unit right? In the table of a camera the base "
-            "stands elsewhere: take its place off, or write `frame: {origin: rest, at: rest}`",
-        )  # fmt: skip
-    if not np.ptp(tips, axis=0).any():
-        raise ContidError(f"{of.table.file}: the measured tip never moves; are meas.x_mm .. its columns?")
