@@ -20,7 +20,7 @@ by looking at bends and lengths of these recordings, ``long_a`` among them; its 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -86,13 +86,19 @@ def read(name: str) -> PneumaticRun:
     return PneumaticRun((np.vstack((rest, sets)) - REST_PSI) / STEP_PSI, tip)
 
 
-def arcs(runs: Mapping[str, PneumaticRun], rows: Mapping[str, slice], judged: PneumaticRun) -> Array:
-    """Tips by the arcs of chambers."""
+def arcs(
+    runs: Mapping[str, PneumaticRun], rows: Mapping[str, slice], judged: PneumaticRun
+) -> dict[str, Array]:
+    """Tips by the arcs of chambers, with what they remember and without."""
     traces = [runs[name].trace(own, name) for name, own in rows.items()]
     model = fit_chamber_motion("arm", AXES, ARM, traces, "", kept_out=False)
     whole = judged.trace(slice(None))
     model = model.zeroed(whole.sent, PERIOD_S, whole.at_s, whole.measured)
-    return np.asarray(1e3 * model.predict(whole.sent, PERIOD_S, whole.at_s) * [1.0, -1.0, -1.0])
+    models = {"arcs": model, "arcs alone": replace(model, remembered=None)}
+    return {
+        name: 1e3 * each.predict(whole.sent, PERIOD_S, whole.at_s) * [1.0, -1.0, -1.0]
+        for name, each in models.items()
+    }
 
 
 def zeroed(run: PneumaticRun, tips: Array) -> Array:
@@ -157,8 +163,8 @@ def report() -> Iterator[str]:
         run = runs[name]
         x = np.concatenate([window(runs[k])[own] for k, own in rows.items()])
         y = np.concatenate([runs[k].tip[own] for k, own in rows.items()])
-        found = {
-            "arcs": arcs(runs, rows, run),
+        found: dict[str, Array | None] = {
+            **arcs(runs, rows, run),
             "map": tip_motion(runs, rows, run),
             "kernel ridge": kernel_ridge(x, y, window(run)),
             "linear FIR": ridge(x, y, window(run)),

@@ -59,9 +59,8 @@ def recording(grams: int) -> tuple[Array, Array]:
 
 
 def trace(sent: Array, tip: Array, name: str) -> CommandedTrace:
-    """One part of a recording; tips every 20 ms."""
-    at_s = np.arange(float(len(tip))) * PERIOD_S
-    return CommandedTrace(PERIOD_S, sent, at_s[::2], tip[::2], name)
+    """One part of a recording."""
+    return CommandedTrace(PERIOD_S, sent, np.arange(float(len(tip))) * PERIOD_S, tip, name)
 
 
 def statics_of(grams: int, share: float) -> Statics:

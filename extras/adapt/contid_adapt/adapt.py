@@ -90,7 +90,7 @@ def mean(table: Table, robot_file: str, mapping_text: str, mapping_file: str = "
     notes = [*table.notes]
     check_time_units(table, mapping)
     if mapping.rows is not None:
-        table = _condition(table, mapping, notes)
+        table = rows_chosen(table, mapping, notes)
     table = pick_session(table, mapping)
     times = times_of(table, mapping, notes)
     values = values_of(table, mapping, prefix, notes)
@@ -174,7 +174,12 @@ def _shortened(findings: list[Located]) -> list[Located]:
     return findings if len(findings) <= _SHOWN else [*findings[: _SHOWN - 1], findings[-1]]
 
 
-def _condition(table: Table, mapping: Mapping, notes: list[str]) -> Table:
+def rows_chosen(table: Table, mapping: Mapping, notes: list[str]) -> Table:
+    """The rows of the condition of a mapping.
+
+    Raises:
+        BadInputError: no condition, or no row has it.
+    """
     assert mapping.rows is not None
     keep = evaluate(mapping.rows.node, table)
     if keep.dtype != np.bool_:

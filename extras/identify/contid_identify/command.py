@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from contid.cli.support.parameters import NewFile, NumberRange, robot_names
-from contid_identify.robot_option import ROBOT, chosen_robot
+from contid_identify.robot_option import MAP, ROBOT, azimuths_of, chosen_robot, recorded
 
 
 @click.command()
@@ -18,6 +18,7 @@ from contid_identify.robot_option import ROBOT, chosen_robot
     "sessions", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False, path_type=Path)
 )
 @ROBOT
+@MAP
 @click.option("--ring-down", is_flag=True, help="Also frequency and damping, from rests behind moves.")
 @click.option("--body", is_flag=True, help="Also mass and damping of the body, from the same rests.")
 @click.option(
@@ -40,6 +41,13 @@ from contid_identify.robot_option import ROBOT, chosen_robot
     help="Of --motion; arcs of chambers predict patterns that were not recorded. Default: map.",
 )
 @click.option(
+    "--azimuths-deg",
+    "azimuths",
+    metavar="LIST",
+    help="To which side each chamber bends its section, for arcs: `0,180,none`, none for chambers that only "
+    "lengthen it. Default: by the statics of the file.",
+)
+@click.option(
     "--load-g",
     "loads_g",
     type=NumberRange(0.0, 1e5),
@@ -55,17 +63,19 @@ def command(
     robot_file: str,
     sessions: tuple[Path, ...],
     name: str | None,
+    map_file: Path | None,
     ring_down: bool,
     body: bool,
     settle_s: float,
     motion_file: Path | None,
     form: str | None,
+    azimuths: str | None,
     loads_g: tuple[float, ...],
     write: bool,
     html: Path | None,
     as_json: bool,
 ) -> None:
-    """Identify how a robot of ROBOT_FILE moves, from recordings (SESSIONS) of it.
+    """Identify how a robot of ROBOT_FILE moves, from recordings (SESSIONS) of it: of contid, or tables.
 
     Each stage is judged on blocks of time kept out of its fit and has 95 % intervals. What the recordings
     cannot show is stated first.
@@ -73,9 +83,9 @@ def command(
     `contid identify arm.yaml shake.mcap --ring-down --write`
     """
     from contid.errors import ContidError, require_extra
+    from contid.robot_file.base import Quantity
     from contid.robot_file.load import load_named
     from contid_identify.printed import lines, motion_lines, numbers
-    from contid_identify.recording import read_recording
     from contid_identify.stages import Rests, identify
     from contid_identify.written import changes
 
@@ -92,7 +102,10 @@ def command(
         )
     if form is not None and motion_file is None:
         raise ContidError("--form is the form of what --motion writes; give --motion FILE too")
-    recordings = [read_recording(path, name) for path in sessions]
+    if azimuths is not None and form != "arcs":
+        raise ContidError("--azimuths-deg is for arcs of chambers; give --motion FILE --form arcs too")
+    azimuths_rad = azimuths_of(azimuths)
+    recordings = [recorded(path, name, robots[name], map_file) for path in sessions]
     rests = Rests(settle_s, ring_down, body) if ring_down or body else None
     found = identify(name, robots[name], recordings, rests)
     if as_json:
@@ -106,8 +119,15 @@ def command(
 
         source = f"{', '.join(path.name for path in sessions)} on {date.today().isoformat()}"
         model = tip_motion(
-            name, robots[name], recordings, [1e-3 * each for each in loads_g], source, form or "map"
-        )
+            name, robots[name], recordings, [1e-3 * each for each in loads_g], source, form or "map",
+            azimuths_rad,
+        )  # fmt: skip
+        if form is None and robots[name].quantity is Quantity.PRESSURE and not any(loads_g):
+            click.echo(
+                "a pneumatic arm: the map is right only for patterns of pressure as they were recorded; "
+                "`--form arcs` also predicts others",
+                err=True,
+            )
         write_motion(model, motion_file)
         for line in motion_lines(model):
             click.echo(line, err=as_json)

@@ -1,6 +1,8 @@
 """What a robot carries, and what has changed in it, from a short recording and a `TipMotion` of before.
 
-Payload: the mass that makes predictions from commands alone meet the measured tips best. Recovery: after
+Payload: the mass whose predictions leave the least innovations over (`contid_identify.ahead`). What a model
+leaves over lasts for about a second, and is larger than what a payload does: the differences from its own
+forecast are white, and their least squares are the likelihood of the mass. Recovery: after
 tendons were tightened or a robot was mounted again, zero and gain of its axes, the place of its tip and one
 dead time are sought anew; swing and map stay. Whether they still hold is judged behind the part used.
 """
@@ -14,7 +16,7 @@ import numpy as np
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid_identify.ahead import error_ahead
+from contid_identify.ahead import error_ahead, innovations, predicted_tips
 from contid_identify.answer import CommandedTrace
 from contid_identify.estimate import Interval, estimate
 from contid_identify.tip_motion import AheadError, TipMotion
@@ -47,17 +49,19 @@ def payload_of(model: TipMotion, trace: CommandedTrace) -> Interval:
             "the model was identified with one payload only; identify with recordings of two at least, each "
             "with its --load-g"
         )
-    trace = _thinned(trace, "payload")
+    _check_long_enough(trace, "payload")
     beyond = _BEYOND * (high - low)
+    tips = predicted_tips(model, trace.sent, trace.period_s, trace.at_s, trace.measured, low)
 
     def left(parameters: Array) -> Array:
         load_kg = float(parameters[0])
-        return trace.measured - model.predict(trace.sent, trace.period_s, trace.at_s, load_kg)
+        found = model.predict(trace.sent, trace.period_s, tips.at_s, load_kg)
+        return innovations(model, tips.measured_m - found, tips.inside)
 
     starts = np.linspace(low, high, 5)
     start = min(starts, key=lambda load: float((left(np.array([load])) ** 2).sum()))
     ends = np.array([low - beyond]), np.array([high + beyond])
-    return estimate(left, np.array([start]), *ends, _blocks(trace)).interval(1.0)
+    return estimate(left, np.array([start]), *ends, _blocks(tips.at_s)).interval(1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +101,8 @@ def recover(model: TipMotion, trace: CommandedTrace, used_s: float, load_kg: flo
             f"{trace.name}: {trace.at_s[-1]:.0f} s; it must go on behind the {used_s:g} s that are used, for "
             "a fifth of its length at least"
         )
-    first = _thinned(first, "recovery")
+    _check_long_enough(first, "recovery")
+    first = first.picked(np.arange(0, len(first.at_s), max(len(first.at_s) // _MOST, 1)))
     axes = len(model.axes)
     reach = 1.0 / np.maximum(np.abs(model.turns).max(axis=0), 1e-300)
     size = np.sqrt(_ALIKE) * model.open_loop.rmse_m / np.sqrt(3.0)
@@ -124,7 +129,7 @@ def recover(model: TipMotion, trace: CommandedTrace, used_s: float, load_kg: flo
         return np.concatenate([first.measured - found, expected.reshape(-1, 3)])
 
     extra = -(-len(spread) // 3)
-    blocks = np.append(_blocks(first), np.full(extra, -1.0))
+    blocks = np.append(_blocks(first.at_s), np.full(extra, -1.0))
     start = np.zeros(len(spread))
     later = np.linspace(-0.3, 0.3, 13)
     start[2 * axes] = min(
@@ -161,14 +166,13 @@ def _without_mean(values: Array) -> Array:
     return np.asarray(values - values.mean(axis=0))
 
 
-def _thinned(trace: CommandedTrace, what: str) -> CommandedTrace:
-    if len(np.unique(_blocks(trace))) < _LEAST_BLOCKS:
+def _check_long_enough(trace: CommandedTrace, what: str) -> None:
+    if len(np.unique(_blocks(trace.at_s))) < _LEAST_BLOCKS:
         raise ContidError(
             f"{what}: {trace.name} has less than {_LEAST_BLOCKS * _BLOCK_S:g} s of measured tips; "
             "record longer"
         )
-    return trace.picked(np.arange(0, len(trace.at_s), max(len(trace.at_s) // _MOST, 1)))
 
 
-def _blocks(trace: CommandedTrace) -> Array:
-    return np.floor(trace.at_s / _BLOCK_S)
+def _blocks(at_s: Array) -> Array:
+    return np.floor(at_s / _BLOCK_S)

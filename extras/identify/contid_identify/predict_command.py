@@ -8,14 +8,18 @@ from typing import Any
 
 import click
 
-from contid.cli.support.parameters import NewFile, NumberRange
-from contid_identify.robot_option import ROBOT
+from contid.cli.support.parameters import NewFile, NumberRange, robot_names
+from contid_identify.robot_option import MAP, ROBOT, chosen_robot, recorded
 
 
 @click.command()
 @click.argument("motion_file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.argument("session", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @ROBOT
+@click.option(
+    "--for", "robot_file", shell_complete=robot_names, help="The robot file, where SESSION is a table."
+)
+@MAP
 @click.option("--load-g", type=NumberRange(0.0, 1e5), help="Payload on the tip; default: 0.")
 @click.option("--find-load", is_flag=True, help="Find the payload from the motion, with its interval.")
 @click.option(
@@ -38,6 +42,8 @@ def command(
     motion_file: Path,
     session: Path,
     name: str | None,
+    robot_file: str | None,
+    map_file: Path | None,
     load_g: float | None,
     find_load: bool,
     recover_s: float | None,
@@ -53,11 +59,11 @@ def command(
     `contid predict arm.motion.json today.mcap --recover 40 -o today.motion.json`
     """
     from contid.errors import ContidError
+    from contid.robot_file.load import load_named
     from contid_identify.ahead import predicted_tips
     from contid_identify.chambers.file import read_motion, write_motion
     from contid_identify.moved_on import payload_of, recover
     from contid_identify.prediction import csv_lines, lines, numbers, predicted
-    from contid_identify.recording import read_recording
     from contid_identify.tip_motion import TipMotion
 
     if output is not None and recover_s is None:
@@ -70,7 +76,12 @@ def command(
             f"{motion_file}: arcs of chambers have no payload, and begin by the first tips of each session "
             "without --recover; leave the option out"
         )
-    recording = read_recording(session, name or model.robot)
+    name, robot = name or model.robot, None
+    if robot_file is not None:
+        robots = load_named(robot_file).driven
+        name = chosen_robot(robot_file, robots, name if name in robots else None)
+        robot = robots[name]
+    recording = recorded(session, name, robot, map_file)
     if recording.axes[: len(model.axes)] != model.axes or len(recording.robot.axis_names) != len(model.axes):
         raise ContidError(
             f"{session}: its axes are {', '.join(recording.robot.axis_names)}; those of {motion_file} are "

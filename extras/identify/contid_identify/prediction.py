@@ -12,7 +12,7 @@ import numpy as np
 from contid_identify.ahead import PredictedTips, judged_ahead
 from contid_identify.estimate import Interval
 from contid_identify.moved_on import HOLDS, Recovery
-from contid_identify.tip_motion import AheadError, MovingTip
+from contid_identify.tip_motion import AheadError, MovingTip, TipMotion
 
 _MM = 1e3
 
@@ -56,6 +56,7 @@ def lines(
     model: MovingTip, found: JudgedPrediction, payload: Interval | None, recovery: Recovery | None
 ) -> Iterator[str]:
     """The report for a terminal."""
+    can_recover = isinstance(model, TipMotion) and recovery is None
     yield f"{model.robot}, identified from {model.source}"
     if payload is not None:
         yield (
@@ -90,7 +91,7 @@ def lines(
         "the robot is as it was identified"
         if found.holds
         else f"the robot has changed: its errors are more than {HOLDS:g} times those of its identification"
-        + ("; identify it anew" if recovery is not None else "; try --recover 40, or identify it anew")
+        + ("; try --recover 40, or identify it anew" if can_recover else "; identify it anew")
     )
 
 

@@ -18,7 +18,7 @@ from contid.session.read import Session
 from contid_identify.answer import CommandedTrace
 
 #: Ticks of a recording at least.
-_LEAST_TICKS: Final = 100
+LEAST_TICKS: Final = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +120,8 @@ def read_recording(path: Path, name: str) -> RobotRecording:
         if fresh and (not tip_at or captured_s > tip_at[-1] + 1e-6):
             tip_at.append(captured_s)
             tips.append(frame.point_in_base(record.measured_tip_m))
-    if len(sent) < _LEAST_TICKS:
-        raise ContidError(f"{path}: {name} has commands in {len(sent)} ticks; at least {_LEAST_TICKS} needed")
+    if len(sent) < LEAST_TICKS:
+        raise ContidError(f"{path}: {name} has commands in {len(sent)} ticks; at least {LEAST_TICKS} needed")
     return RobotRecording(
         path.name, robot, robot.all_axis_names, period_s, np.array(sent),
         tuple(map(np.array, axis_at)), tuple(map(np.array, axis_values)),

@@ -163,6 +163,7 @@ def tip_motion(
     loads_kg: Sequence[float],
     source: str,
     form: str = "map",
+    azimuths_rad: Sequence[float | None] = (),
 ) -> TipMotion | ChamberMotion:
     """The tip in motion, from all recordings with a measured tip, beginning with the statics of the file.
 
@@ -173,6 +174,7 @@ def tip_motion(
         loads_kg: payload of each; empty for none.
         source: origin of the numbers, for their file.
         form: ``map``, or ``arcs`` of chambers, which predict patterns that were not recorded.
+        azimuths_rad: of the chambers, see `arm_of`; empty for those of the file.
 
     Raises:
         ContidError: too few tips, no axis moved, or arcs of a robot without chambers or with payloads.
@@ -197,7 +199,8 @@ def tip_motion(
         return fit_tip_motion(name, robot.axis_names, traces, statics, source)
     if not isinstance(robot, Cosserat) or any(loads):
         raise ContidError(f"{name}: arcs are for pneumatic arms without payloads; use `--form map`")
-    return fit_chamber_motion(name, robot.axis_names, arm_of(robot), [each.trace for each in traces], source)
+    arm = arm_of(robot, azimuths_rad)
+    return fit_chamber_motion(name, robot.axis_names, arm, [each.trace for each in traces], source)
 
 
 def _statics(robot: RobotDescription, recordings: Sequence[RobotRecording]) -> list[Array] | None:

@@ -23,8 +23,11 @@ from contid_identify.tip_answer import monomials, swing
 
 #: Inputs are clamped this share of their range beyond it.
 _BEYOND: Final = 0.05
+#: Between two errors of the memory of files that do not state it [s].
+OLD_STEP_S: Final = 0.02
 #: Times before, by whose inputs recordings differ [s].
 _AGO_S: Final = (0.0, 0.2, 0.4)
+AGES: Final = len(_AGO_S)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +75,14 @@ class MovingTip(Protocol):
         """Weights ``(order,)`` by which the last errors go on, see `contid_identify.ahead`."""
 
     @property
+    def remembered(self) -> RememberedMotion | None:
+        """What is added where commands of the recordings come again."""
+
+    @property
+    def memory_step_s(self) -> float:
+        """Between two of these errors [s]."""
+
+    @property
     def errors(self) -> tuple[AheadError, ...]:
         """Of predictions on blocks kept out, the longest time ahead last."""
 
@@ -113,7 +124,7 @@ class TipMotion:
         weights: of a constant and the monomials ``(monomials, 3)`` [m].
         load_weights: the same per ``s`` [m/kg].
         loads_kg: least and greatest payload of the recordings.
-        memory: weights by which the last errors, `STEP_S` apart, go on; shape ``(order,)``.
+        memory: weights by which the last errors, ``memory_step_s`` apart, go on; shape ``(order,)``.
         errors: of predictions on blocks kept out, the longest time last.
         source: recordings and date.
         halves: how sure dead times, frequencies and ratios are.
@@ -140,6 +151,7 @@ class TipMotion:
     source: str
     halves: SwingHalves = _NOT_FIXED
     remembered: RememberedMotion | None = None
+    memory_step_s: float = OLD_STEP_S
 
     def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:
         """Tips ``(samples, 3)`` [m] in the base frame, from commands alone; the robot rests before.

@@ -14,7 +14,15 @@ from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.whole_file import replacing
 from contid_identify.remembered import RememberedMotion
-from contid_identify.tip_motion import AheadError, MovingTip, SwingHalves, TipMotion, features
+from contid_identify.tip_motion import (
+    AGES,
+    OLD_STEP_S,
+    AheadError,
+    MovingTip,
+    SwingHalves,
+    TipMotion,
+    features,
+)
 
 _FORMAT: Final = "contid tip motion 1"
 _VECTORS: Final = ("delay_s", "frequency_hz", "ratio", "centre", "low", "high", "memory")
@@ -38,13 +46,12 @@ def write_tip_motion(model: TipMotion, path: Path) -> None:
     }
     for name in (*_VECTORS, *_MATRICES):
         data[name] = getattr(model, name).tolist()
-    if (kept := model.remembered) is not None:
-        data["remembered"] = {name: getattr(kept, name).tolist() for name in _REMEMBERED}
     write_numbers(data, path)
 
 
 def common_of(model: MovingTip, form: str) -> dict[str, Any]:
     """What files of every model have."""
+    kept = model.remembered
     return {
         "format": form,
         "robot": model.robot,
@@ -56,7 +63,34 @@ def common_of(model: MovingTip, form: str) -> dict[str, Any]:
             for each in model.errors
         ],
         "memory": model.memory.tolist(),
+        "memory_step_s": model.memory_step_s,
+        "remembered": kept and {name: getattr(kept, name).tolist() for name in _REMEMBERED},
     }  # fmt: skip
+
+
+def step_in(data: dict[str, Any]) -> float:
+    """Between two errors of the memory [s]."""
+    step_s = float(data.get("memory_step_s", OLD_STEP_S))
+    if not 1e-3 <= step_s <= 1.0:
+        raise ValueError(f"memory_step_s {step_s}, not 0.001 to 1")
+    return step_s
+
+
+def remembered_in(data: dict[str, Any], states: int) -> RememberedMotion | None:
+    """What is remembered in a file; ``states``: number of those it is remembered by.
+
+    Raises:
+        ValueError: numbers of another shape.
+    """
+    kept = data.get("remembered")
+    if not kept:
+        return None
+    found = RememberedMotion(*(np.array(kept[name], dtype=float) for name in _REMEMBERED))
+    count = len(found.loads)
+    needed = ((states,), (count, states), (count,), (count, 3))
+    if tuple(getattr(found, name).shape for name in _REMEMBERED) != needed:
+        raise ValueError(f"remembered has numbers of another shape than {needed}")
+    return found
 
 
 def errors_of(data: dict[str, Any]) -> tuple[AheadError, ...]:
@@ -117,13 +151,11 @@ def tip_motion_of(data: dict[str, Any], path: str | Path) -> TipMotion:
         # Files of before have no intervals, and nothing is remembered.
         given = data.get("halves", {})
         halves = SwingHalves(*(math.inf if (v := given.get(k)) is None else float(v) for k in _HALVES))
-        kept = data.get("remembered")
-        remembered = kept and RememberedMotion(*(np.array(kept[name], dtype=float) for name in _REMEMBERED))
         model = TipMotion(
             str(data["robot"]), axes, softer_per_kg=float(data["softer_per_kg"]), degree=degree,
             less_per_kg=float(data["less_per_kg"]),
             loads_kg=(low_kg, high_kg), errors=errors_of(data), source=str(data["source"]), halves=halves,
-            remembered=remembered,
+            remembered=remembered_in(data, AGES * len(matrices["turns"])), memory_step_s=step_in(data),
             **vectors, **matrices,
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
@@ -152,11 +184,5 @@ def _check(model: TipMotion, path: str | Path) -> None:
                 f"{path}: {name} has shape {values.shape} or numbers that are not finite; needed: {shape}; "
                 f"{_REMEDY}"
             )
-    if (kept := model.remembered) is not None:
-        states = model.states(np.zeros((2, len(model.axes))), 1.0, np.zeros(1), 0.0).shape[1]
-        count = len(kept.loads)
-        needed = ((states,), (count, states), (count,), (count, 3))
-        if tuple(getattr(kept, name).shape for name in _REMEMBERED) != needed:
-            raise ContidError(f"{path}: remembered has numbers of another shape than {needed}; {_REMEDY}")
     if not model.errors or not (model.frequency_hz > 0.0).all():
         raise ContidError(f"{path}: no errors, or a frequency that is not above 0; {_REMEDY}")

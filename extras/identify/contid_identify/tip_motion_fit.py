@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid_identify.ahead import STEP_S, PredictedTips, judged_ahead, memory_of, predicted_tips
+from contid_identify.ahead import PredictedTips, judged_ahead, memory_of, predicted_tips, step_of
 from contid_identify.answer import CommandedTrace
 from contid_identify.estimate import estimate
 from contid_identify.remembered import RememberedMotion, remember
@@ -93,8 +93,11 @@ def fit_tip_motion(
         fit.centre, fit.turns, low, high, degree, weights, load_weights, (min(loads), max(loads)),
         np.zeros(1), (), source, halves,
     )  # fmt: skip
-    left = fit.left_out(own, degree, penalty)
-    found = replace(found, memory=memory_of(left), remembered=fit.remembered(found))
+    step_s = step_of([each.trace.at_s for each in traces])
+    left = fit.left_out(own, degree, penalty, step_s)
+    found = replace(
+        found, memory=memory_of(left, step_s), memory_step_s=step_s, remembered=fit.remembered(found)
+    )
     kept: list[tuple[PredictedTips, Mask]] = []
     for each in traces:
         trace = each.trace
@@ -334,7 +337,7 @@ class _Fit:
                 best = min(best, (float((errors**2).sum()), degree, penalty))
         return best[1], best[2]
 
-    def left_out(self, parameters: Array, degree: int, penalty: float) -> list[Array]:
+    def left_out(self, parameters: Array, degree: int, penalty: float, step_s: float) -> list[Array]:
         """Errors of left-out folds on steps of the recursion, one array per block without gaps."""
         (errors,) = self._left_out(parameters, degree, [penalty])
         out, place = [], 0
@@ -343,7 +346,7 @@ class _Fit:
             place += len(own)
             for block in np.unique(blocks):
                 rows = blocks == block
-                steps = np.arange(float(at_s[rows][0]), float(at_s[rows][-1]), STEP_S)
+                steps = np.arange(float(at_s[rows][0]), float(at_s[rows][-1]), step_s)
                 out.append(np.column_stack([np.interp(steps, at_s[rows], c) for c in part[rows].T]))
         return out
 

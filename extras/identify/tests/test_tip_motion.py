@@ -10,7 +10,7 @@ import pytest
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid_identify.ahead import STEP_S, goes_on, memory_of, predicted_tips
+from contid_identify.ahead import ahead, goes_on, memory_of, predicted_tips
 from contid_identify.answer import CommandedTrace
 from contid_identify.moved_on import payload_of, recover
 from contid_identify.prediction import lines, predicted
@@ -143,6 +143,39 @@ def test_a_payload_from_motion(model: TipMotion) -> None:
         payload_of(model, trace_of(7, 0.1, 3.0))
 
 
+def test_a_payload_among_errors_that_last(model: TipMotion) -> None:
+    """12 mm of a disturbance that lasts for a second: its innovations are small, and intervals hold."""
+    lasting = replace(model, memory=np.array([0.98, 0.0]))
+    found, plain = [], []
+    for seed in range(12):
+        trace, draw = trace_of(40 + seed, 0.1, 10.0), np.random.default_rng(seed)
+        off = np.zeros_like(trace.measured)
+        for k in range(1, len(off)):
+            off[k] = 0.98 * off[k - 1] + draw.normal(0.0, 12e-3 * np.sqrt(1.0 - 0.98**2), 3)
+        disturbed = replace(trace, measured=trace.measured + off)
+        found.append(payload_of(lasting, disturbed))
+        plain.append(payload_of(replace(model, memory=np.zeros(2)), disturbed))
+    errors, others = (np.array([each.value - 0.1 for each in part]) for part in (found, plain))
+    assert np.sqrt((errors**2).mean()) < 0.75 * np.sqrt((others**2).mean())
+    held = [abs(error) <= each.half for error, each in zip(errors, found, strict=True)]
+    assert sum(held) >= 10
+
+
+def test_a_prediction_ahead_uses_no_later_tip(model: TipMotion) -> None:
+    """30 ms ahead at steps of 20 ms: the tip 20 ms before is later than 30 ms before."""
+    trace = trace_of(5, duration_s=6.0)
+    found = []
+    for moved_m in (0.0, 0.01):
+        measured = trace.measured.copy()
+        measured[150] += moved_m
+        tips = predicted_tips(model, trace.sent, PERIOD_S, trace.at_s, measured, 0.0)
+        errors, known = ahead(model, tips, 0.03)
+        assert known[100:].all()
+        found.append(tips.errors_m - errors)
+    assert np.allclose(found[0][:152], found[1][:152])
+    assert not np.allclose(found[0][152], found[1][152])
+
+
 def test_recovery_after_a_change(model: TipMotion) -> None:
     changed = trace_of(9, delay_s=0.05, zero=0.03)
     found = recover(model, changed, 18.0)
@@ -188,7 +221,7 @@ def test_errors_go_on_by_their_recursion() -> None:
     draw, errors = np.random.default_rng(3), np.zeros((4000, 3))
     for k in range(1, len(errors)):
         errors[k] = 0.9 * errors[k - 1] + draw.normal(0.0, 1.0, 3)
-    weights = goes_on(memory_of([errors]), 5.0 * STEP_S)
+    weights = goes_on(memory_of([errors], 0.02), 5)
     assert weights.sum() == pytest.approx(0.9**5, abs=0.05)
 
 

@@ -8,12 +8,14 @@ from typing import Any, Final
 import numpy as np
 
 from contid.errors import ContidError
-from contid_identify.chambers.motion import NUMBERS, Beginning, ChamberArm, ChamberMotion
+from contid_identify.chambers.motion import INFLATIONS, NUMBERS, Beginning, ChamberArm, ChamberMotion
 from contid_identify.tip_motion import TipMotion
 from contid_identify.tip_motion_file import (
     common_of,
     content_of,
     errors_of,
+    remembered_in,
+    step_in,
     tip_motion_of,
     write_numbers,
     write_tip_motion,
@@ -89,7 +91,7 @@ def chamber_motion_of(data: dict[str, Any], path: str | Path) -> ChamberMotion:
             str(data["robot"]), axes, arm, float(data["rest_pa"]), float(data["span_pa"]),
             np.array(data["times_s"], dtype=float), np.column_stack([column(name) for name in NUMBERS]),
             begins, np.array(data["high"], dtype=float), np.array(data["memory"], dtype=float),
-            errors_of(data), str(data["source"]),
+            errors_of(data), str(data["source"]), remembered_in(data, INFLATIONS * len(axes)), step_in(data),
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
         raise ContidError(f"{path}: {error!r} where a number or a key should be; identify it anew") from None

@@ -6,6 +6,7 @@ robot file and with what silicone arms have; they stay near where recordings lea
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
@@ -18,9 +19,10 @@ from contid.kinematics.batch import forward_many
 from contid.kinematics.model import build_model
 from contid.robot_file.cosserat import Cosserat
 from contid.units import MM_PER_M
-from contid_identify.ahead import PredictedTips, judged_ahead, memory_of, predicted_tips
+from contid_identify.ahead import PredictedTips, judged_ahead, memory_of, predicted_tips, step_of
 from contid_identify.answer import CommandedTrace, between
 from contid_identify.chambers.motion import NUMBERS, Beginning, ChamberArm, ChamberMotion
+from contid_identify.remembered import RememberedMotion, remember
 from contid_identify.split import Mask, split_time
 from contid_identify.tip_answer import LEAST_TIPS
 
@@ -36,19 +38,39 @@ _HIGH: Final = np.array([1.4, 1.5, 3.0, 4.0, 0.98, 0.6, 2.0, 3.0, 2.0])
 _LENGTHS: Final = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
 #: Pressure of one chamber alone, as a share of its greatest, that shows where it bends the arm.
 _ALONE: Final = 0.2
+#: Folds of blocks of time, which show whether what is remembered harms.
+_FOLDS: Final = 5
 #: Tips of the search per recording at most, and what a deviation of one spread weighs [m].
 _ROWS: Final = 160
 _WEIGHT_M: Final = 3e-3
 
 
-def arm_of(robot: Cosserat) -> ChamberArm:
-    """Sections and chambers of a robot file; to which side a chamber bends is that of its statics."""
+def arm_of(robot: Cosserat, azimuths_rad: Sequence[float | None] = ()) -> ChamberArm:
+    """Sections and chambers of a robot file.
+
+    Args:
+        robot: its description.
+        azimuths_rad: to which side each chamber bends its section, from +x to +y of the base frame; None for
+            those that only lengthen it. Empty: the sides of the statics of the file.
+
+    Raises:
+        ContidError: not as many azimuths as chambers.
+    """
     count = len(robot.axis_names)
+    if azimuths_rad and len(azimuths_rad) != count:
+        raise ContidError(
+            f"{len(azimuths_rad)} azimuths for {count} chambers; give one each of "
+            f"{', '.join(robot.axis_names)}"
+        )
     tips = forward_many(build_model(robot), np.diag(_ALONE * np.array(robot.upper)))["tip_m"][:, :2]
     section = np.repeat(np.arange(count // 3), 3)
     lengths = [each.length_mm / MM_PER_M for each in robot.geometry.sections]
     links = [each.link_mm / MM_PER_M for each in robot.geometry.sections]
     directions = tips / np.linalg.norm(tips, axis=1)[:, None]
+    if azimuths_rad:
+        directions = np.array(
+            [(0.0, 0.0) if each is None else (math.cos(each), math.sin(each)) for each in azimuths_rad]
+        )
     return ChamberArm(section, directions, np.array(lengths), np.array(links))
 
 
@@ -125,7 +147,26 @@ def fit_chamber_motion(
         np.mean([each.offset_m for each in begun], axis=0),
     )
     inflations = [model.inflated(t.sent, t.period_s, float(t.at_s[-1])).max(axis=0) for t in traces]
-    return _judged(replace(model, begins=mean, high=np.max(inflations, axis=0)), traces, kept_out)
+    model = replace(model, begins=mean, high=np.max(inflations, axis=0))
+    model = replace(model, remembered=_remembered(model, traces, fitted))
+    return _judged(model, traces, kept_out)
+
+
+def _remembered(
+    model: ChamberMotion, traces: Sequence[CommandedTrace], fitted: Sequence[Mask]
+) -> RememberedMotion | None:
+    """What the arcs leave over of the fitted tips."""
+    states, left, folds = [], [], []
+    for trace, own in zip(traces, fitted, strict=True):
+        found = model.zeroed(trace.sent, trace.period_s, trace.at_s, trace.measured)
+        tips = found.predict(trace.sent, trace.period_s, trace.at_s)
+        x = found.inflated(trace.sent, trace.period_s, float(trace.at_s[-1]))
+        rows = trace.at_s / model.step_of(trace.period_s)
+        states.append(between(model.states(x, trace.period_s), rows)[own])
+        left.append((trace.measured - tips)[own])
+        folds.append(split_time(trace.at_s).blocks[own] // 2 % _FOLDS)
+    of_all = np.concatenate(states)
+    return remember(of_all, np.concatenate(left), np.zeros(len(of_all)), np.concatenate(folds))
 
 
 def _first(trace: CommandedTrace) -> Array:
@@ -136,6 +177,7 @@ def _first(trace: CommandedTrace) -> Array:
 
 def _judged(model: ChamberMotion, traces: Sequence[CommandedTrace], kept_out: bool) -> ChamberMotion:
     """With the recursion of errors by the fitted blocks, and the errors on those kept out."""
+    model = replace(model, memory_step_s=step_of([each.at_s for each in traces]))
     judged: list[tuple[PredictedTips, Mask]] = []
     pasts: list[Array] = []
     for trace in traces:
@@ -147,5 +189,5 @@ def _judged(model: ChamberMotion, traces: Sequence[CommandedTrace], kept_out: bo
         ends = np.flatnonzero(np.diff(out)) + 1
         parts = zip(np.split(tips.errors_m, ends), np.split(out, ends), strict=True)
         pasts += [errors for errors, own in parts if not (kept_out and own[0])]
-    model = replace(model, memory=memory_of(pasts))
+    model = replace(model, memory=memory_of(pasts, model.memory_step_s))
     return replace(model, errors=judged_ahead(model, judged))

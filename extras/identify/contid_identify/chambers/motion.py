@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid_identify.answer import between, checked_commands
-from contid_identify.tip_motion import AheadError
+from contid_identify.remembered import RememberedMotion
+from contid_identify.tip_motion import OLD_STEP_S, AheadError
 
 #: Steps of the simulation [s] at most.
 STEP_S: Final = 0.05
@@ -32,6 +33,9 @@ _LENGTH_MEETS: Final = 16.0
 _BEND_MEETS: Final = 6.0
 #: Of the longest length: what a bend of a section that is as long as it can be is still free by.
 _FREE: Final = 0.01
+#: Times before, by whose inflations recordings differ [s].
+_AGO_S: Final = (0.0, 0.5, 1.5)
+INFLATIONS: Final = len(_AGO_S)
 #: Tips until then show where a recording begins [s].
 ZERO_S: Final = 0.2
 #: What is expected of bends [rad] and of the play, as a share of its half width, at a beginning; tips [m].
@@ -110,7 +114,7 @@ class ChamberMotion:
             chamber, and bend by those of sections above.
         begins: as the recordings began, in the mean.
         high: greatest ``x`` of the recordings per chamber, ``(axes,)``.
-        memory, errors, source: as in `contid_identify.tip_motion.TipMotion`.
+        memory, memory_step_s, errors, source, remembered: as in `contid_identify.tip_motion.TipMotion`.
     """
 
     robot: str
@@ -125,6 +129,8 @@ class ChamberMotion:
     memory: Array
     errors: tuple[AheadError, ...]
     source: str
+    remembered: RememberedMotion | None = None
+    memory_step_s: float = OLD_STEP_S
 
     def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:
         """Tips ``(samples, 3)`` [m] in the base frame, from set-points alone; the arm rests before.
@@ -146,6 +152,8 @@ class ChamberMotion:
         at_s = np.arange(float(len(sent))) * period_s if at_s is None else at_s
         x = self.inflated(sent, period_s, float(at_s[-1]))
         tips = self.tips(x, self.begins)
+        if self.remembered is not None:
+            tips += self.remembered.added(self.states(x, period_s), 0.0)
         return between(tips, at_s / self.step_of(period_s))
 
     def zeroed(self, sent: Array, period_s: float, at_s: Array, tip_m: Array) -> Self:
@@ -170,6 +178,12 @@ class ChamberMotion:
         at_s = np.arange(np.ceil(until_s / step_s) + 1.0) * step_s
         late = between((sent - self.rest_pa) / self.span_pa, (at_s - self.times_s[0]) / period_s)
         return filled(filled(late, step_s, *self.times_s[1:3].tolist()), step_s, *self.times_s[3:5].tolist())
+
+    def states(self, x: Array, period_s: float) -> Array:
+        """Inflations ``(steps, axes)`` now and before, by which recordings are remembered."""
+        steps = np.arange(len(x))
+        ago = (round(ago_s / self.step_of(period_s)) for ago_s in _AGO_S)
+        return np.hstack([x[np.maximum(steps - each, 0)] for each in ago])
 
     def tips(self, x: Array, begins: Beginning) -> Array:
         """Tips ``(steps, 3)`` [m] of inflations ``(steps, axes)`` from a beginning on."""

@@ -1,0 +1,1 @@
+"""Recordings that are no sessions of contid: tables of other programs."""
