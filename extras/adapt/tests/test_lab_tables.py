@@ -10,6 +10,7 @@ import pytest
 
 from contid.errors import BadInputError, ContidError
 from contid_adapt.known import propose
+from contid_adapt.meaning.expression import numbers_of
 from contid_adapt.reading.lines import TextLines, lines_of
 from contid_adapt.reading.read import read_table
 
@@ -120,6 +121,25 @@ def test_an_ambiguous_or_broken_table_is_refused_in_its_place(
     path = tmp_path / "a.csv"
     path.write_text(text)
     with pytest.raises(BadInputError, match=message):
+        read_table(path)
+
+
+def test_a_damaged_time_is_refused_in_its_place(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    lines = [f"2024-05-01 10:00:0{k},{k}" for k in range(9)]
+    path.write_text("\n".join(["t,x", *lines]).replace("00:05", "0x:05") + "\n")
+    with pytest.raises(BadInputError, match=r":7:1: t: '2024-05-01 10:0x:05' is not a number"):
+        numbers_of(read_table(path), "t")
+
+
+def test_a_text_that_loses_its_line_ends_has_no_footer(tmp_path: Path) -> None:
+    """Behind a byte that is missing UTF-16 is one long line of other letters."""
+    path = tmp_path / "a.txt"
+    text = "t\tx\n" + "".join(f"{k}\t1.5\n" for k in range(99))
+    data = bytearray(text.encode("utf-16"))
+    del data[400]
+    path.write_bytes(data)
+    with pytest.raises(BadInputError, match="the row has 1 cells, the others have 2"):
         read_table(path)
 
 

@@ -69,7 +69,7 @@ def _built(
         notes.append(f"{len(others)} lines without these labels were left out, the first is line {others[0]}")
     columns = []
     times = times_of_texts(clocks)
-    if times is not None:
+    if times is not None and not times.bad:
         columns.append(TableColumn("clock", 1, times.values, "ns"))
         notes.append(f"clock: times were read as {times.since}")
     for place, (label, column) in enumerate(zip(names, values.T, strict=True), len(columns) + 1):

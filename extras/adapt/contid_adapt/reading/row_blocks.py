@@ -130,7 +130,7 @@ class RowBlocks:
                 return self._expanded(name, place, values, unit)
             if (times := times_of_texts(values.tolist())) is not None:
                 notes.append(f"{name or f'c{place + 1}'}: times were read as {times.since}")
-                return [TableColumn(name, place + 1, times.values, "ns")]
+                return [TableColumn(name, place + 1, times.values, "ns", tuple(times.bad))]
         elif len(bad) * 2 > len(values):
             values = values.astype(object)
         return [TableColumn(name, place + 1, values, unit, tuple(bad))]

@@ -19,8 +19,9 @@ from contid_adapt.reading.table import Table
 from contid_adapt.reading.transposed import transposed_table
 
 _MAX_FINDINGS: Final = 20
-#: Rows that are named as left out, one by one.
-_SHOWN: Final = 3
+#: Lines that a footer may have, and characters in each.
+_FOOTER: Final = 3
+_LONGEST: Final = 100
 #: What Motive and QTM call the number of rows of a file.
 _COUNTS: Final = ("Total Exported Frames", "NO_OF_FRAMES")
 
@@ -124,10 +125,12 @@ class _RowLines:
 
     def _is_footer(self, cells: Sequence[str], index: int) -> bool:
         """True for a line of one cell with letters at the end: ``(401 rows)``; at most three such lines."""
-        rest = self._lines[index : index + _SHOWN + 1]
-        if len(cells) > 1 or len(rest) > _SHOWN or not self.blocks.lines:
+        rest = self._lines[index : index + _FOOTER + 1]
+        if len(cells) > 1 or len(rest) > _FOOTER or not self.blocks.lines:
             return False
-        parts = [split(line, self._dialect.separator) for line in rest if line.strip()]
+        parts = [split(line[:_LONGEST], self._dialect.separator) for line in rest if line.strip()]
+        if any(len(line) > _LONGEST for line in rest):
+            return False
         return all(len(each) == 1 and sum(map(str.isalpha, each[0])) > 2 for each in parts)
 
     def _miscounted(self, line: str, index: int, count: int) -> Located:

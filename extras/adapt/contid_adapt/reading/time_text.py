@@ -33,6 +33,9 @@ _FORMS: Final = (
     (re.compile(r"(?P<m>\d{1,3}):(?P<s>\d\d)[.,](?P<f>\d{1,9})"), "nanoseconds, from minutes and seconds"),
     (re.compile(r"(?P<amount>[+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?) ?(?P<unit>sec|s|ms|msec)"), "nanoseconds"),
 )
+#: Cells that are looked at to decide, and the part of them all that may be no times.
+_SAMPLE: Final = 20
+_MOST_BAD: Final = 0.05
 _NS: Final = 10**9
 _HALF_DAY: Final = 12 * 3600 * _NS
 _NS_OF_UNIT: Final = {"s": 10**9, "sec": 10**9, "ms": 10**6, "msec": 10**6}
@@ -43,26 +46,34 @@ class TimeColumn(NamedTuple):
     """Times.
 
     Attributes:
-        values: nanoseconds, shape ``(rows,)``.
+        values: nanoseconds, shape ``(rows,)``; those of the row before where a cell has none.
         since: what they are counted from, for a note.
+        bad: rows and cells that are no times.
     """
 
     values: NDArray[np.int64]
     since: str
+    bad: list[tuple[int, str]]
 
 
 def times_of_texts(cells: Sequence[str]) -> TimeColumn | None:
-    """The times of cells that are all written alike; None where one is anything else, or lost."""
+    """The times of cells that are written alike; None where more than a part of them are anything else."""
+    typical = [cell.strip() for cell in cells[:: max(len(cells) // _SAMPLE, 1)]]
     for form, since in _FORMS:
-        if len(cells) and form.fullmatch(cells[0].strip()):
-            values = np.empty(len(cells), np.int64)
-            for row, cell in enumerate(cells):
-                found = form.fullmatch(cell.strip())
-                nanoseconds = _nanoseconds(found) if found else None
-                if nanoseconds is None:
-                    return None
-                values[row] = nanoseconds
-            return TimeColumn(_past_midnight(values) if since == _OF_DAY else values, since)
+        if 2 * sum(bool(form.fullmatch(cell)) for cell in typical) <= len(typical):
+            continue
+        values, bad, nanoseconds = np.empty(len(cells), np.int64), [], 0
+        for row, cell in enumerate(cells):
+            found = form.fullmatch(cell.strip())
+            time = _nanoseconds(found) if found else None
+            if time is None:
+                bad.append((row, cell))
+            else:
+                nanoseconds = time
+            values[row] = nanoseconds
+        if len(bad) > _MOST_BAD * len(cells) and len(bad) > 1:
+            return None
+        return TimeColumn(_past_midnight(values) if since == _OF_DAY else values, since, bad)
     return None
 
 
