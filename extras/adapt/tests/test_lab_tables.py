@@ -67,7 +67,7 @@ TEXTS: dict[str, tuple[str, dict[str, list[Any]]]] = {
     "serial plotter": ("8.2,y:3\nt:0,x:1.5,y:2\nt:10,x:1.5,y:3\nt:20,x:1.5,y:-4e-1\n", {
         "t": [0, 10, 20], "y": [2, 3, -0.4]
     }),
-    "serial plotter behind words of a board": (
+    "serial plotter behind messages of a board": (
         "rst:0x1 (POWERON)\nready\n" + "".join(f"millis: {10 * k} x: 1.5 y: {k}\n" for k in range(9)),
         {"millis": [10 * k for k in range(9)], "y": [*range(9)]},
     ),
