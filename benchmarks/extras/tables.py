@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from contid_adapt.adapt import check, mean
+from contid_adapt.adapt import check_written, mean
 from contid_adapt.reading.read import read_table
 
 MAPPING = "t_s: 1e-3*stamp\nx_mm, y_mm: [1000*x, 1000*y]\nframe: robot\n"
@@ -44,10 +44,10 @@ def measure(path: Path, rows: int) -> None:
     part("read")
     made = mean(table, "finger", MAPPING)
     part("placed")
-    check(made, "finger")
-    part("checked")
-    path.write_text(made.text())
-    part("written")
+    del table
+    with path.with_suffix(".csv").open("w+") as written:
+        check_written(made, "finger", written)
+    part("written and checked")
     print(f"{rows} rows:", ", ".join(parts), flush=True)
 
 

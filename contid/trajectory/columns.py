@@ -39,7 +39,7 @@ _UNITS: Final[Mapping[str, Mapping[str, float]]] = {
 _AXES: Final = ("x", "y", "z")
 #: A header with more mistakes is another file; the search for the nearest name takes a millisecond each.
 MAX_FINDINGS: Final = 20
-#: From this number of unknown columns on, and most of all, a table is one of another program.
+#: From this number of unknown columns on, and most of all, a table is one of another program: one finding.
 MIN_FOREIGN: Final = 4
 
 
@@ -203,7 +203,7 @@ def read_layout(
             raise BadInputError(findings)
         owner, message = _owner(name, vocabularies)
         if message:
-            if foreign:
+            if foreign and len(names) >= MIN_FOREIGN:
                 raise BadInputError([Located(file, line, column, f"{message}; {foreign}")])
             findings.append(Located(file, line, column, message))
             continue
@@ -228,7 +228,11 @@ def read_layout(
     if not groups and not findings:
         findings.append(Located(file, line, 1, f"no column moves a robot; {_choices(vocabularies)}"))
     if findings:
-        raise BadInputError(sorted(findings, key=lambda found: found.column))
+        findings.sort(key=lambda found: found.column)
+        if foreign:
+            last = findings.pop()
+            findings.append(Located(file, line, last.column, f"{last.message}; {foreign}"))
+        raise BadInputError(findings)
     time = seen.get(("", "time", 0))
     names_only = tuple(name for name, _ in names)
     return ColumnLayout(names_only, time[0] if time else None, tuple(factors), tuple(divisors), tuple(groups))
@@ -239,9 +243,10 @@ def _foreign(names: Sequence[tuple[str, int]], vocabularies: Mapping[str, Mappin
     known = {TIME, *(name for own in vocabularies.values() for name in own)}
     known |= {f"{robot}.{name}" for robot, own in vocabularies.items() for name in own}
     unknown = sum(name not in known for name, _ in names)
-    if unknown < MIN_FOREIGN or 2 * unknown <= len(names):
+    if unknown < len(names) and (unknown < MIN_FOREIGN or 2 * unknown <= len(names)):
         return ""
-    return f"{unknown} columns are unknown: contid adapt FILE --for ROBOT reads the tables of other programs"
+    what = "columns are" if unknown > 1 else "column is"
+    return f"{unknown} {what} unknown: contid adapt FILE --for ROBOT reads the tables of other programs"
 
 
 def _owner(name: str, vocabularies: Mapping[str, Mapping[str, Meaning]]) -> tuple[str, str]:

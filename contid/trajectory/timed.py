@@ -57,7 +57,7 @@ class Trajectory:
                 for robot in self.layout.robots:
                     columns = list(robot.moving)
                     coefficients[:, :, columns] = cubic(times, self.rows[:, columns])
-        object.__setattr__(self, "_times", array("d", times.tolist()))
+        object.__setattr__(self, "_times", array("d", times.tobytes()))
         object.__setattr__(self, "_coefficients", coefficients)
 
     @property

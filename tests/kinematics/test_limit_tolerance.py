@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contid.kinematics.model import build_model
+from contid.control.engine.wiring import build_robot_configs
+from contid.kinematics.model import Bending, build_model
 from contid.robot_file.base import Quantity
 from contid.robot_file.load import load_named
 from contid.targets import Target
-from contid.units import LIMIT_TOLERANCE_M, LIMIT_TOLERANCE_PA
+from contid.units import BAR, LIMIT_TOLERANCE_M, LIMIT_TOLERANCE_PA
 
 
 @pytest.mark.parametrize("quantity", list(Quantity))
@@ -49,3 +50,22 @@ def test_an_excess_below_the_tolerance_is_clamped_and_one_above_is_named(name):
     far = model.inverse(Target(actuation=tuple(rest)), robot.rest)
     assert not far.converged
     assert far.limited_by
+
+
+@pytest.mark.parametrize("name", ["stiffflop1", "stiffflop2", "chambers3"])
+def test_bends_that_are_asked_for_again_stay_as_they_are(name: str) -> None:
+    """With pressures up to 1e-7 bar above their limits, which were set to the limits: 8.4e-6 mm, of 1e-6."""
+    (config,) = build_robot_configs(load_named(name), 100.0)
+    model = config.model
+    assert isinstance(model, Bending)
+    lower, upper = np.array(model.lower), np.array(model.upper)
+    rng = np.random.default_rng(7)
+    changes = []
+    for _ in range(100):
+        near = rng.integers(0, 2, len(lower)) == 0
+        pressures = lower + np.where(near, 1e-7 * BAR, upper - lower) * rng.random(len(lower))
+        arcs = model.arcs(tuple(pressures.tolist()))
+        found = model.of_arcs(arcs.ravel().tolist(), tuple(pressures.tolist()))
+        changes.append(np.abs(model.arcs(found) - arcs)[:, 2].max() * 1e3)
+    assert np.nanmax(changes) < 1e-6
+    assert np.isnan(changes).sum() < 3

@@ -66,3 +66,13 @@ def test_the_table_of_another_program_has_one_message_and_the_command_that_reads
         read("Frame,Time,X,Y,Z,QX\n0,0,1,2,3,4\n")
     assert len(refused.value.findings) == 1
     assert "6 columns are unknown: contid adapt FILE --for ROBOT" in str(refused.value)
+
+
+@pytest.mark.parametrize("text", [
+    "LabVIEW Measurement\t\nSeparator\tTab\n", "t:0,x:1.5,y:2\nt:1,x:1.5,y:3\n", ",x,y\n2024-05-01,1,2\n",
+    "PK\3\4\n",
+])  # fmt: skip
+def test_a_table_without_a_column_of_the_robot_has_the_command_that_reads_it(text: str) -> None:
+    with pytest.raises(BadInputError, match="unknown: contid adapt FILE --for ROBOT reads") as refused:
+        read(text)
+    assert str(refused.value).count("contid adapt FILE") == 1

@@ -19,8 +19,8 @@ constexpr int kParts = 6, kStations = kParts + 1, kRounds = 40;
 constexpr double kBendStep = 1e-4;     // pressure step of the differences [bar]
 constexpr double kMostBendStep = 0.5;  // of a round [bar]
 constexpr double kWorth = 0.7;         // a step that leaves more than this share of the error does not lead on
-constexpr double kBent = 1e-8;         // error of bends [rad], of lengths by that of the section, of pressures [bar]
-constexpr double kAtLimit = 1e-7;      // a pressure this near to its lower limit is at it [bar]
+constexpr double kBent = 1e-9;         // error of bends [rad], of lengths by that of the section, of pressures [bar]
+constexpr double kAtLimit = 5e-9;      // a pressure this near to its lower limit is at it [bar]
 
 class Bends {
  public:

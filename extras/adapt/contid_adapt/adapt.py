@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final, NamedTuple, TypeAlias
+from tempfile import TemporaryFile
+from typing import IO, Final, NamedTuple, TextIO, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,15 +52,14 @@ class Adapted:
     notes: list[str] = field(default_factory=list)
     accepted: str = ""
 
-    def text(self) -> str:
-        """The trajectory as CSV."""
+    def write(self, stream: IO[str]) -> None:
+        """Write the trajectory as CSV."""
         formats = [f"%.{_DIGITS.get(name, _USUAL_DIGITS)}f" for name in self.names]
         line = (",".join(formats) + "\n").__mod__
-        parts = [",".join(self.names) + "\n"]
+        stream.write(",".join(self.names) + "\n")
         for begin in range(0, len(self.rows), _CHUNK):
             columns = (column.tolist() for column in (self.rows[begin : begin + _CHUNK] + 0.0).T)
-            parts.append("".join(map(line, zip(*columns, strict=True))))
-        return "".join(parts)
+            stream.write("".join(map(line, zip(*columns, strict=True))))
 
 
 def adapt(path: str | Path, robot_file: str, mapping_text: str, mapping_file: str = "mapping") -> Adapted:
@@ -126,10 +125,22 @@ def check(adapted: Adapted, robot_file: str) -> Adapted:
     Raises:
         ContidError: the robot cannot follow; findings have lines of the table.
     """
+    with TemporaryFile("w+", encoding="utf-8") as written:
+        return check_written(adapted, robot_file, written)
+
+
+def check_written(adapted: Adapted, robot_file: str, stream: IO[str]) -> Adapted:
+    """`check`, which leaves the trajectory in an empty file: a long one is in memory once, as numbers.
+
+    Raises:
+        ContidError: see `check`.
+    """
     from contid.control.daemon.check_trajectory import check_trajectory
 
+    adapted.write(stream)
+    stream.seek(0)
     try:
-        accepted = check_trajectory(robot_file, adapted.file, io.StringIO(adapted.text()))
+        accepted = check_trajectory(robot_file, adapted.file, cast("TextIO", stream))
     except BadInputError as error:
         raise BadInputError(
             _with_remedy([_at_table(each, adapted) for each in _shortened([*error.findings])], adapted)

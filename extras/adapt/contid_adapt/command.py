@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import click
 
 from contid.cli.support.parameters import NewFile, robot_names
+
+#: Characters that are copied at a time.
+_PART = 1 << 20
 
 
 @click.command()
@@ -27,7 +31,7 @@ def command(table: str, robot_file: str, mapping: str | None, output: str | None
     """
     from contid.errors import ContidError
     from contid.whole_file import replacing
-    from contid_adapt.adapt import check, mean
+    from contid_adapt.adapt import check_written, mean
     from contid_adapt.known import propose
     from contid_adapt.reading.read import read_table
 
@@ -57,7 +61,11 @@ def command(table: str, robot_file: str, mapping: str | None, output: str | None
     made = mean(found, robot_file, text, name)
     for note in made.notes:
         click.echo(note, err=True)
-    made = check(made, robot_file)
-    with replacing(Path(output)) as file:
-        file.write(made.text().encode())
+    del found
+    with TemporaryFile("w+", encoding="utf-8", newline="") as checked:
+        made = check_written(made, robot_file, checked)
+        checked.seek(0)
+        with replacing(Path(output)) as file:
+            for part in iter(lambda: checked.read(_PART), ""):
+                file.write(part.encode())
     click.echo(f"{output}: {made.accepted}")

@@ -115,19 +115,23 @@ def _program(table: Table) -> str:
 
 
 def _time(table: Table, program: str) -> str:
+    """The line of the time: of a column that is called so, or the only one with a unit of time."""
+    numbers = [each for each in table.columns if not each.is_text]
+    stated = [each for each in numbers if factor_to(each.unit, "s")]
     first = ("field.header.stamp",) if program == "rostopic -p" else ()
-    for name in (*first, *_TIMES):
-        for each in table.columns:
-            if each.alias.lower() != name.strip("%").lower() or each.is_text:
-                continue
-            factor = (
-                factor_to(each.unit, "s") if each.unit else (1e-9 if each.values.dtype.kind == "i" else 1.0)
-            )
-            return f"t_s: {_times(factor, each, table)}"
-    for each in table.columns:
-        if factor_to(each.unit, "s") and re.search("time|stamp|^t_", each.name, re.IGNORECASE):
-            return f"t_s: {_times(factor_to(each.unit, 's'), each, table)}"
-    return ""
+    called = [
+        each
+        for name in (*first, *_TIMES)
+        for each in numbers
+        if name.strip("%").lower() in (each.alias.lower(), each.alias.lower().rpartition(".")[2])
+    ]
+    called += [each for each in stated if re.search("time|stamp|^t_", each.name, re.IGNORECASE)]
+    called += stated if len(stated) == 1 else []
+    if not called:
+        return ""
+    column = called[0]
+    whole = 1e-9 if column.values.dtype.kind == "i" else 1.0
+    return f"t_s: {_times(factor_to(column.unit, 's') if column.unit else whole, column, table)}"
 
 
 def _stated_rate(table: Table) -> str:

@@ -24,12 +24,18 @@ _GAP_ROWS: Final = 4.0
 #: Times beyond this one are epochs: whole seconds are taken away [s].
 _EPOCH_S: Final = 1e6
 _WRAP: Final = 2**32
-_RATES: Final = ("FREQUENCY", "Export Frame Rate", "Capture Frame Rate", "DataRate")
+_RATES: Final = ("FREQUENCY", "Frequency", "Export Frame Rate", "Capture Frame Rate", "DataRate")
 
 
 def stated_rates(table: Table) -> list[tuple[str, float]]:
     """Rows per second that the preamble of a file states, with their names there."""
     rates = [(key, number(table.facts.get(key, "none given"))) for key in _RATES]
+    step = (
+        number(table.facts.get("Delta_X", "none given"))
+        if table.facts.get("X_Dimension", "Time") == "Time"
+        else None
+    )
+    rates += [("Delta_X", 1.0 / step)] if step else []  # LabVIEW: seconds between rows
     return [(key, rate) for key, rate in rates if rate]
 
 

@@ -42,7 +42,9 @@ class Values:
     mirrored: bool = False
 
     def chosen(self, keep: NDArray[np.bool_]) -> Values:
-        """The same quantities of some rows."""
+        """The same quantities of some rows; itself with all."""
+        if keep.all():
+            return self
         return replace(self, rows=self.rows[keep])
 
 

@@ -1,4 +1,4 @@
-"""Tables in Parquet, NumPy, MATLAB and HDF5 files, read where the library of each is installed."""
+"""Tables in Parquet, Arrow, NumPy, MATLAB and HDF5 files, read where the library of each is installed."""
 
 from __future__ import annotations
 
@@ -10,12 +10,16 @@ from typing import Any, Final
 import numpy as np
 
 from contid.errors import BadInputError, ContidError, Located, require_extra
+from contid_adapt.meaning.units import unit_of_name
+from contid_adapt.reading.cells import EXACT
 from contid_adapt.reading.objects import column_of, flat
 from contid_adapt.reading.source import Source
 from contid_adapt.reading.table import Table, TableColumn
 
 #: Structures inside structures that are looked into.
 _MAX_DEPTH: Final = 4
+#: Kinds of arrays that are columns: numbers, switches, dates and times.
+_NUMBERS: Final = "fiubmM"
 
 
 def read_binary(source: Source) -> Table:
@@ -67,13 +71,12 @@ def _columns(source: Source) -> Iterator[TableColumn]:
         require_extra("reading Parquet", "pyarrow")
         import pyarrow.parquet
 
-        table = pyarrow.parquet.read_table(data)
-        place = 0
-        for name in table.column_names:
-            rows = [dict(flat(each, name)) for each in table.column(name).to_pylist()]
-            for key in rows[0] if rows else ():
-                place += 1
-                yield column_of(key, place, [row.get(key) for row in rows])
+        yield from _of_arrow(pyarrow.parquet.read_table(data))
+    elif source.kind == "arrow":
+        require_extra("reading Arrow and Feather", "pyarrow")
+        import pyarrow.feather
+
+        yield from _of_arrow(pyarrow.feather.read_table(data))
     elif source.kind == "mat":
         require_extra("reading MATLAB files", "scipy")
         import scipy.io
@@ -89,7 +92,7 @@ def _columns(source: Source) -> Iterator[TableColumn]:
         with h5py.File(data, "r") as file:
 
             def keep(name: str, each: Any) -> None:
-                if isinstance(each, h5py.Dataset) and each.dtype.kind in "fiu" and each.ndim in (1, 2):
+                if isinstance(each, h5py.Dataset) and (each.dtype.names or each.dtype.kind in _NUMBERS):
                     arrays[name.replace("/", ".")] = np.asarray(each)
 
             file.visititems(keep)
@@ -107,29 +110,64 @@ def _of_structs(given: dict[str, Any], before: str = "", depth: int = 0) -> Iter
             yield from _of_structs(inner, f"{before}{name}.", depth + 1)
 
 
+def _of_arrow(table: Any) -> Iterator[TableColumn]:
+    """The columns of a table of Arrow; lists and structures in cells are several columns."""
+    import pyarrow
+
+    place = 0
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        if pyarrow.types.is_timestamp(column.type) or pyarrow.types.is_duration(column.type):
+            column = column.cast(
+                pyarrow.duration("ns") if "duration" in str(column.type) else "timestamp[ns]"
+            )
+        if column.null_count == 0 and not pyarrow.types.is_nested(column.type):
+            array = column.to_numpy()
+            if array.dtype.kind in _NUMBERS:
+                place += 1
+                yield _column(name, place, array)
+                continue
+        rows = [dict(flat(each, name)) for each in column.to_pylist()]
+        for key in rows[0] if rows else ():
+            place += 1
+            yield column_of(key, place, [row.get(key) for row in rows])
+
+
 def _of_arrays(arrays: dict[str, Any]) -> Iterator[TableColumn]:
     place = 0
     for name, each in arrays.items():
         array = np.asarray(each)
-        if array.dtype.kind in "fiu" and array.ndim in (1, 2) and array.size:
+        if (array.dtype.names or array.dtype.kind in _NUMBERS) and array.ndim in (1, 2) and array.size:
             for column in _of_array(name, array, place):
                 place = column.position
                 yield column
 
 
 def _of_array(name: str, array: Any, place: int) -> Iterator[TableColumn]:
+    """The columns of an array, or of the fields of one of records."""
     if array.dtype.names:
-        for at, field in enumerate(array.dtype.names, place + 1):
-            yield TableColumn(field, at, np.asarray(array[field], float))
+        before = "" if name == "c" else f"{name}."
+        for field in array.dtype.names:
+            own = array[field].reshape(len(array), -1) if array.ndim == 1 else array[field].reshape(-1, 1)
+            if own.dtype.kind in _NUMBERS:
+                for column in _of_array(f"{before}{field}", own, place):
+                    place = column.position
+                    yield column
         return
     if array.ndim == 2 and array.shape[0] < array.shape[1] and array.shape[0] <= 12:
         array = array.T
     table = array.reshape(len(array), -1)
     for at in range(table.shape[1]):
-        exact = table.dtype.kind in "iu" and np.abs(table[:, at]).max(initial=0) > 2**53
-        values = table[:, at].astype(np.int64 if exact else float)
         alone = name if table.shape[1] == 1 else (f"{name}{at + 1}" if name == "c" else f"{name}[{at}]")
-        yield TableColumn(alone, place + at + 1, values)
+        yield _column(alone, place + at + 1, table[:, at])
+
+
+def _column(name: str, position: int, values: Any) -> TableColumn:
+    """A column of numbers, of switches, or of dates and times, which become nanoseconds since 1970."""
+    if values.dtype.kind in "mM":
+        unit = "timedelta64[ns]" if values.dtype.kind == "m" else "datetime64[ns]"
+        return TableColumn(name, position, values.astype(unit).astype(np.int64), "ns")
+    exact = values.dtype.kind in "iu" and np.abs(values).max(initial=0) > EXACT
+    return TableColumn(name, position, values.astype(np.int64 if exact else float), unit_of_name(name))
 
 
 def _of_sheet(source: Source) -> Iterator[TableColumn]:

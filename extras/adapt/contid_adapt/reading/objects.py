@@ -44,7 +44,7 @@ def read_objects(lines: Sequence[str], file: str) -> Table | None:
     Raises:
         BadInputError: a line is no object, or has other keys than the first.
     """
-    head = "\n".join(lines).lstrip()[:1]
+    head = next((line.lstrip()[:1] for line in lines if line.strip()), "")
     if head not in ("{", "["):
         return None
     rows: list[tuple[int, dict[str, Any]]] = []

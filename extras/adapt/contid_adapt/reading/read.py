@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from contid_adapt.reading.lines import lines_of
 from contid_adapt.reading.objects import read_objects
-from contid_adapt.reading.source import lines_of, read_source
+from contid_adapt.reading.source import read_source
 from contid_adapt.reading.table import Table
 from contid_adapt.reading.text_table import read_text
 
@@ -21,9 +22,8 @@ def read_table(path: str | Path) -> Table:
         from contid_adapt.reading.binary import read_binary
 
         return read_binary(source)
-    lines, name, note = lines_of(source.text), source.name, source.note
-    whole_end = source.text.endswith(("\n", "\r"))
-    del source  # the bytes and the text of the whole file
+    lines, name, note = lines_of(source.data), source.name, source.note
+    whole_end = source.data.endswith((b"\n", b"\r"))
     table = read_objects(lines, name)
     if table is None:
         table = read_text(lines, name, whole_end)

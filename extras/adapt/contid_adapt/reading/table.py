@@ -110,7 +110,9 @@ class Table:
         return f"the file has: {shown}" + (f"; did you mean {near[0]!r}?" if near else "")
 
     def chosen(self, keep: NDArray[np.bool_]) -> Table:
-        """The table with some of its rows."""
+        """The table with some of its rows; itself with all."""
+        if keep.all():
+            return self
         kept, number = np.flatnonzero(keep), np.cumsum(keep) - 1
         columns = tuple(
             TableColumn(
