@@ -14,6 +14,7 @@ from typing import Final, Protocol, runtime_checkable
 from contid import kernels
 from contid.kinematics.any_target import tolerate
 from contid.kinematics.array import Array
+from contid.kinematics.isolated_robot import IsolatedRobot
 from contid.robot_file.model_plugins import load_plugin
 from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3, Wrench6
@@ -100,12 +101,15 @@ MODELS: Final[dict[str, str]] = {
 
 
 def build_model(robot: RobotDescription) -> Model:
-    """The model of a robot description; imports only that one.
+    """The model of a robot description; imports only that one, and none that has a process of its own.
 
     Raises:
         KernelMissingError: The kernels are not compiled in this installation.
     """
     kernels.require()
+    if isinstance(robot, IsolatedRobot):
+        connected: Model | None = robot.connected
+        return build_model(robot.described()) if connected is None else connected
     if robot.kinematics not in MODELS:
         built: Model = load_plugin(robot.model).build(robot)
         return built

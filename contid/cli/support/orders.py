@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from contid.errors import ContidError
+from contid.errors import ContidError, DeviceError
 
 if TYPE_CHECKING:
     from contid.client import Client, RemoteError
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 UNCONFIRMED: Final = (
     "look at the robot; the devices' own watchdogs stop them; repeat the order when they answer"
 )
+#: Exit code of an order to stop that a device may have missed, as of one that cannot be reached.
+MISSED: Final = DeviceError.exit_code
 #: How long an order to stop is repeated while its connection is lost, and the pause between two attempts.
 PERSISTENCE_S: Final = 10.0
 RETRY_S: Final = 0.02
@@ -66,6 +68,8 @@ def send(
 ) -> None:
     """Send a request to a daemon and print the response; a refusal keeps its faults in ``--json`` too.
 
+    Exits with 0 only if every robot obeyed and, after an order to stop, every axis answered in that tick.
+
     Args:
         socket: path of the socket of the daemon, None for the only one.
         as_json: print JSON.
@@ -81,11 +85,10 @@ def send(
             click.echo(json.dumps({"ok": False, "error": error.as_fields()}))
             sys.exit(error.exit_code)
         raise RequestRefusedError(error) from None
-    refused = response.get("refused", {})
+    refused, silent = response.get("refused", {}), response.get("silent", {})
     if as_json:
         click.echo(json.dumps({"ok": not refused, **response}))
-        sys.exit(2 if refused else 0)
-    silent = response.get("silent", {})
+        sys.exit(2 if refused else MISSED if silent else 0)
     for name, state in response.get("robots", {}).items():
         click.echo(f"{name}: {state}")
         if name in silent:
@@ -94,6 +97,8 @@ def send(
     if refused:
         messages = refused.values() if isinstance(refused, dict) else refused  # by robot, or of rows
         raise ContidError("refused: " + "; ".join(messages))
+    if silent:
+        sys.exit(MISSED)
 
 
 def _response(

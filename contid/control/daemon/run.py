@@ -30,8 +30,10 @@ from contid.control.engine.measured_tip import MeasuredTips
 from contid.control.engine.report import RunReport, outrun
 from contid.control.engine.virtual import Tee, run_virtual
 from contid.control.engine.wiring import build_robot_configs, record_layout
+from contid.control.process.isolation.model_port import models_beside
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.setup import RunSetup
+from contid.control.process.tick_alarm import LONGEST_S
 from contid.control.tick.preflight.rows import Preflight
 from contid.errors import ContidError
 from contid.targets import Target
@@ -51,7 +53,10 @@ def run(request: RunRequest, spawned: Spawned | None = None) -> RunReport:
         stack.callback(child.close)
         loaded = load(request)
         check_budget(loaded, rate_of(request, loaded), "stream" if request.trajectory is None else "path")
-        return asyncio.run(Daemon(loaded, open_input(request, loaded), request, child).run())
+        # What is checked before the run is asked here: many rows, and nothing moves yet.
+        source = open_input(request, loaded)
+        loaded = stack.enter_context(models_beside(loaded, LONGEST_S))
+        return asyncio.run(Daemon(loaded, source, request, child).run())
 
 
 def _virtual(request: RunRequest) -> RunReport:

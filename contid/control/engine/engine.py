@@ -25,7 +25,7 @@ from contid.control.engine.sources import Live
 from contid.control.engine.stages import EngineParts, TickStage, stages_of_extras, with_method
 from contid.control.engine.stall_watch import StallWatch
 from contid.control.engine.target_selector import TargetSelector
-from contid.control.engine.tick_costs import TickCosts, TickTooLongError
+from contid.control.engine.tick_costs import TickCosts, UnansweredError
 from contid.control.engine.watch.arrivals import Arrivals
 from contid.control.engine.watch.body_watch import BodyWatch
 from contid.control.engine.watch.path_pace import PathPace
@@ -199,30 +199,33 @@ class Engine:
     def _ticks(
         self, targets: Mapping[str, Target | None], number: int, now_s: float, live: bool
     ) -> list[TickResult]:
-        """The ticks of all robots; one that takes too long is a fault of its robot."""
+        """The ticks of all robots; a model that does not answer is a fault of its robot."""
         robots, samples_of, costs = self.robots, self.exchange.samples_of, self.costs
         outcomes: list[TickResult] = []
-        costs.watch(True)
         at_s = costs.now()
-        for index, (config, state) in enumerate(zip(robots.configs, robots.states, strict=True)):
-            name = config.name
-            try:
-                if name in robots.overran:
-                    raise TickTooLongError(robots.overran.pop(name))
-                costs.begin(index)
-                outcome = tick(
-                    config, state, now_s, samples_of(config), targets.get(name), robots.measured.get(name),
-                    live=live,
-                )  # fmt: skip
-                costs.running = -1
-            except TickTooLongError as error:
-                self._sink.event(RobotOverran(tick=number, robot=name, message=str(error)))
-                failed = transitions.fail(config, state, Fault.MODEL_TOO_SLOW, str(error), now_s)
-                outcome = stop_without_model(config, failed, now_s)
-            outcomes.append(outcome)
-            before_s, at_s = at_s, costs.now()
-            costs.robots_s[index] = at_s - before_s
-        costs.watch(False)
+        measured = robots.measured
+        with costs.watched():
+            for index, (config, state) in enumerate(zip(robots.configs, robots.states, strict=True)):
+                name = config.name
+                try:
+                    if name in robots.overran:
+                        raise robots.overran.pop(name)
+                    costs.begin(index)
+                    outcome = tick(
+                        config, state, now_s, samples_of(config), targets.get(name), measured.get(name),
+                        live=live,
+                    )  # fmt: skip
+                    costs.running = -1
+                except UnansweredError as error:
+                    fault = error.fault
+                    self._sink.event(
+                        RobotOverran(tick=number, robot=name, message=str(error), fault=int(fault))
+                    )
+                    failed = transitions.fail(config, state, fault, str(error), now_s)
+                    outcome = stop_without_model(config, failed, now_s)
+                outcomes.append(outcome)
+                before_s, at_s = at_s, costs.now()
+                costs.robots_s[index] = at_s - before_s
         costs.mark(-1)
         return outcomes
 

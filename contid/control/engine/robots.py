@@ -8,7 +8,7 @@ from typing import Final, TypeAlias, TypeVar
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events.robots import FaultLatched, ModeChanged, OrderRefused
-from contid.control.engine.tick_costs import TickCosts, TickTooLongError
+from contid.control.engine.tick_costs import TickCosts, UnansweredError
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, describe
@@ -42,7 +42,7 @@ class Robots:
         tallies: statistics of each.
         reported: mode of each in its newest event.
         costs: of the cycles, with the alarm of a model that takes too long.
-        overran: by robot the message of the fault of a model that did not answer in time, for its next tick;
+        overran: by robot the error of a model that did not answer, for its next tick;
             a replay puts those of the recording there.
         measured: newest measured tip by name.
         loads: estimated force on the tip and standard deviation of its components by name, world frame [N].
@@ -53,7 +53,7 @@ class Robots:
         self.states = [RobotState() for _ in configs]
         self.tallies = [RobotTally() for _ in configs]
         self.costs = costs
-        self.overran: dict[str, str] = {}
+        self.overran: dict[str, UnansweredError] = {}
         self._index = {config.name: index for index, config in enumerate(configs)}
         self.reported = [Mode.OFF for _ in configs]
         self.measured: dict[str, Measurement] = {}
@@ -113,11 +113,8 @@ class Robots:
             OrderRefusedError: its state does not allow it.
         """
         config, state = self.configs[index], self.states[index]
-        self.costs.watch(True)
-        try:
+        with self.costs.watched():
             after = self.ask(config.name, now_s, order, config, state, now_s)
-        finally:
-            self.costs.watch(False)
         if after is not None:
             self.states[index] = after
 
@@ -136,8 +133,8 @@ class Robots:
             answer = question(*arguments)
             costs.running = -1
             return answer
-        except TickTooLongError as error:
-            self.overran[name] = str(error)
+        except UnansweredError as error:
+            self.overran[name] = error
         except OrderRefusedError:
             costs.running = -1
             raise

@@ -77,19 +77,16 @@ class TargetSelector:
         if source is None:
             return _NOTHING
         if isinstance(source, Live):
-            self._robots.costs.watch(True)
-            given = source.targets(now_s, self._states(), self._robots.ask)
-            self._robots.costs.watch(False)
-            return given
+            with self._robots.costs.watched():
+                return source.targets(now_s, self._states(), self._robots.ask)
         targets = source.targets(step)
         self._note(targets, now_s)
         return targets
 
     def rows(self, targets: Mapping[str, Target | None], now_s: float) -> None:
         """A row of a live stream arrived."""
-        self._robots.costs.watch(True)
-        self._live().put(targets, now_s, self._states(), self._robots.ask)
-        self._robots.costs.watch(False)
+        with self._robots.costs.watched():
+            self._live().put(targets, now_s, self._states(), self._robots.ask)
         self._note(targets, now_s)
 
     def end_of_rows(self) -> None:

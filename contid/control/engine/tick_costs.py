@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+from contid.control.tick.faults import Fault
 
 
-class TickTooLongError(BaseException):
-    """Raised inside the tick of a robot that takes too long; no model may catch it as an error of its own."""
+class UnansweredError(BaseException):
+    """Raised inside the tick of a robot whose model does not answer; no model may catch it as its own error.
+
+    A replay has it from an event, and asks the model as little.
+
+    Attributes:
+        fault: of the robot.
+    """
+
+    def __init__(self, message: str, fault: Fault = Fault.MODEL_TOO_SLOW) -> None:
+        super().__init__(message)
+        self.fault = fault
 
 
 class TickCosts:
@@ -34,6 +47,15 @@ class TickCosts:
         self.begun = 0
         self.watch: Callable[[bool], None] = lambda begins: None
         self.mark: Callable[[int], None] = lambda index: None
+
+    @contextmanager
+    def watched(self) -> Iterator[None]:
+        """Where models are asked: one that takes too long is interrupted."""
+        self.watch(True)
+        try:
+            yield
+        finally:
+            self.watch(False)
 
     def begin(self, index: int) -> None:
         """The tick of a robot begins."""

@@ -12,7 +12,7 @@ import gc
 import logging
 import math
 import signal
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
@@ -27,6 +27,7 @@ from contid.control.engine.messages import Finish, Start
 from contid.control.engine.ports import BusPort, BusTrackers
 from contid.control.engine.report import robot_reports
 from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard, open_buses
+from contid.control.process.isolation.model_port import ModelPort, begin_ticks, model_ports
 from contid.control.process.isolation.port import IsolatedPort, isolated_ports
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.pace import Pace, PlannedStart
@@ -89,6 +90,7 @@ class ControlProcess:
         parent_watch: ParentWatch,
         ring: RingWriter,
         ports: dict[str, BusPort],
+        models: Sequence[ModelPort],
         logs: LogQueue,
     ) -> None:
         self._clock = RealClock()
@@ -98,6 +100,7 @@ class ControlProcess:
         self._setup = setup
         self._logs = logs
         self._ports = ports
+        self._models = models
         self._trackers = BusTrackers(port.bus for port in ports.values())
         self.engine = Engine(
             build_robot_configs(setup.loaded, setup.rate_hz), ports, setup.rate_hz, ring, self._clock.now,
@@ -105,6 +108,7 @@ class ControlProcess:
             guards=chain_guards(setup.loaded), clearance=clearance_guard(setup.loaded),
         )  # fmt: skip
         self.engine.costs.mark = ring.mark_robot
+        begin_ticks(models, self.engine.costs, setup.rate_hz)
 
     def run(self) -> None:
         """Run cycles until every robot is at rest."""
@@ -147,6 +151,8 @@ class ControlProcess:
             engine.cycle(timing)
             if timing.tick % COST_TICKS == 0:
                 self._ring.publish_costs(engine.costs.robots_s)
+                for model in self._models:
+                    model.tend()
             self._logs.write(self._ring, LOGS_PER_TICK)
             if start_s > stop_by_s:
                 break
@@ -164,11 +170,11 @@ def main(descriptor: int) -> int:
     assert isinstance(setup, RunSetup)
     parent_watch = ParentWatch(inbox)
     signal.signal(signal.SIGTERM, parent_watch.signalled)  # before, SIGTERM ended this process
-    isolated = isolated_ports(setup.loaded.buses)
+    isolated, models = isolated_ports(setup.loaded.buses), model_ports(setup.loaded, in_ticks=True)
     ring, logs = RingWriter(setup.ring), LogQueue("control")
     try:
         with handle_logs(setup.log_level, logs):
-            return _serve(setup, inbox, parent_watch, ring, logs, isolated)
+            return _serve(setup, inbox, parent_watch, ring, logs, isolated, models)
     finally:
         gc.unfreeze()  # what `disable_gc` froze is collected at the exit: models of the kernels are in cycles
         logs.write(ring)
@@ -186,6 +192,7 @@ def _serve(
     ring: RingWriter,
     logs: LogQueue,
     isolated: Mapping[str, IsolatedPort],
+    models: Sequence[ModelPort] = (),
 ) -> int:
     """Open the buses, run, close them."""
     ports: dict[str, BusPort] = {**isolated}
@@ -197,6 +204,8 @@ def _serve(
         ports |= {name: BusPort(bus, threaded=False) for name, bus in buses.items()}
         for each in isolated.values():
             each.finish_opening()
+        for model in models:
+            model.finish_building()
         log.debug("open: %s", ", ".join([*isolated, *buses]))
         logs.write(ring)
         why_not = request_real_time()
@@ -207,7 +216,7 @@ def _serve(
             )
             for name, bus in buses.items()
         }
-        process = ControlProcess(setup, inbox, parent_watch, ring, ports, logs)
+        process = ControlProcess(setup, inbox, parent_watch, ring, ports, models, logs)
         parent_watch.running = True
         disable_gc()
         try:
@@ -229,6 +238,8 @@ def _serve(
         for name, port in ports.items():
             with _logged(name):
                 port.close(CLOSE_TIMEOUT_S)
+        for model in models:
+            model.close()
     return 0
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Final
 
-from contid.control.engine.tick_costs import TickCosts, TickTooLongError
+from contid.control.engine.tick_costs import TickCosts, UnansweredError
 
 #: Longest tick of one robot: three periods, and at least this time [s].
 LONGEST_S: Final = 0.1
@@ -62,7 +62,7 @@ class TickAlarm:
         """Count the time of the tick that runs.
 
         Raises:
-            TickTooLongError: it has taken too long.
+            UnansweredError: it has taken too long.
         """
         costs = self._costs
         if costs.running < 0:
@@ -70,9 +70,9 @@ class TickAlarm:
         now_s, waited_s, before_s = costs.now(), self._processor_wait(), self._worked_s
         self._worked_s = time.thread_time()
         if costs.begun == self._begun:
+            own_s = now_s - self._looked_s - (waited_s - self._waited_s)
             # A process that was stopped by a signal gets one alarm only.
-            passed_s = min(now_s - self._looked_s, 2.0 * self._interval_s)
-            self._counted_s += passed_s - (waited_s - self._waited_s)
+            self._counted_s += min(max(own_s, 0.0), 2.0 * self._interval_s)
         else:
             self._begun, self._counted_s = costs.begun, 0.0
         self._looked_s, self._waited_s = now_s, waited_s
@@ -80,4 +80,4 @@ class TickAlarm:
         in_c = self._worked_s - before_s > self._longest_s
         if in_c or self._counted_s > (ALARMS - 1.5) * self._interval_s:
             costs.running = -1
-            raise TickTooLongError(f"its model was interrupted after {self._longest_s * 1e3:.0f} ms")
+            raise UnansweredError(f"its model was interrupted after {self._longest_s * 1e3:.0f} ms")

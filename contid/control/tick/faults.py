@@ -37,6 +37,7 @@ class Fault(enum.IntEnum):
     INTERNAL = 202
     TIP_OFF_TARGET = 203
     MODEL_TOO_SLOW = 204
+    MODEL_ENDED = 205
     CHAIN_FORBIDS = 301
     CHAIN_BROKEN = 302
     TOO_NEAR = 303
@@ -44,7 +45,7 @@ class Fault(enum.IntEnum):
 
 
 #: Faults after which nothing asks the model any more: it may be what failed.
-WITHOUT_MODEL: Final = (Fault.INTERNAL, Fault.MODEL_TOO_SLOW, Fault.NOT_A_NUMBER)
+WITHOUT_MODEL: Final = (Fault.INTERNAL, Fault.MODEL_TOO_SLOW, Fault.MODEL_ENDED, Fault.NOT_A_NUMBER)
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,9 +170,16 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "the recording",
     ),
     Fault.MODEL_TOO_SLOW: FaultPage(
-        "the tick of this robot alone took longer than 0.1 s and three periods, while it had a processor",
+        "the tick of this robot alone took longer than 0.1 s and three periods, while it had a processor; or "
+        "its model, of a package of others, did not answer a question within half a period",
         "its model was interrupted and is not asked again; " + _BY_POLICY,
         "make the model faster, or lower rate_hz; a model of contid: report it with the recording",
+    ),
+    Fault.MODEL_ENDED: FaultPage(
+        "the process of this robot's model, of a package of others, ended (crash, exit)",
+        _BY_POLICY,
+        "read the message and the log lines of the model before it; the process is started again by itself, "
+        "then clear-fault and resume; report it with those to the author of the model",
     ),
     Fault.CHAIN_FORBIDS: FaultPage(
         "on the way to the first target the rope between two arms would be too short, or below its floor",

@@ -13,10 +13,11 @@ import pytest
 
 from contid.control.engine.ports import BusJob
 from contid.control.process.isolation import port as port_module
-from contid.control.process.isolation.bus_process import MOST_SHARE, BusProcess
+from contid.control.process.isolation.bus_process import BusProcess
 from contid.control.process.isolation.link import ProcessState
 from contid.control.process.isolation.port import IsolatedPort
-from contid.control.process.isolation.wire import HEAD, LONGEST, BusAnswer, BusRequest, BusWire
+from contid.control.process.isolation.served_process import MOST_SHARE
+from contid.control.process.isolation.wire import HEAD, LONGEST, BusWire, KeptAnswer, RequestKind
 from contid.control.tick.state import Effect
 from contid.hal import Rest, Sample
 from contid.hal.isolated import IsolatedBusOptions
@@ -64,7 +65,7 @@ def test_devices_rest_whenever_the_control_process_dies(when: str) -> None:
     control, served = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     bus = Servos(control, dies=when == "during a job")
     if when != "between jobs":
-        control.send(HEAD.pack(BusRequest.JOB, 1) + BusWire(AXES).job(BusJob({})))
+        control.send(HEAD.pack(RequestKind.JOB, 1) + BusWire(AXES).job(BusJob({})))
     process = bus_process(served, bus)
     if when == "before it takes the answer":
         served.send(b"an answer that is not taken")
@@ -79,8 +80,8 @@ def test_a_bus_that_cannot_count_is_closed_all_the_same() -> None:
     control, served = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     bus = Servos(control)
     with control, served:
-        control.send(HEAD.pack(BusRequest.COUNTS, 1))
-        control.send(HEAD.pack(BusRequest.CLOSE, 2))
+        control.send(HEAD.pack(RequestKind.COUNTS, 1))
+        control.send(HEAD.pack(RequestKind.CLOSE, 2))
         bus_process(served, bus).serve()
         assert json.loads(control.recv(LONGEST)[HEAD.size :]) == {}
     assert bus.closed
@@ -109,16 +110,16 @@ def test_a_user_without_rights_may_give_up_real_time_priority() -> None:
 class Link:
     """The link to a bus process, which notes what is sent."""
 
-    def __init__(self, bus: str, body: bytes) -> None:
-        self.sent: list[BusAnswer] = []
+    def __init__(self, name: str, served: object, body: bytes) -> None:
+        self.sent: list[KeptAnswer] = []
         self.state = ProcessState.RUNS
 
     def start_process(self) -> None:
         self.state = ProcessState.RUNS
 
-    def request(self, kind: BusRequest, body: bytes = b"") -> None:
+    def request(self, kind: RequestKind, body: bytes = b"") -> None:
         if self.state is ProcessState.RUNS:
-            self.sent.append(BusAnswer(kind, body))
+            self.sent.append(KeptAnswer(kind, body))
 
     send_unanswered = request
 
@@ -134,7 +135,7 @@ def port(monkeypatch: pytest.MonkeyPatch) -> IsolatedPort:
     return IsolatedPort(cast(BusWiring, wiring))
 
 
-def sent(port: IsolatedPort) -> list[BusAnswer]:
+def sent(port: IsolatedPort) -> list[KeptAnswer]:
     return list(cast(Any, port._link).sent)
 
 
@@ -156,5 +157,5 @@ def test_a_bus_process_that_is_started_anew_gets_the_limits_of_effort(port: Isol
     port.limit_effort({"g.left": 0.5})
     cast(Any, port._link).sent.clear()
     port.start(BusJob({}, reopen=True))
-    assert [kind for kind, _ in sent(port)] == [BusRequest.JOB, BusRequest.EFFORT]
+    assert [kind for kind, _ in sent(port)] == [RequestKind.JOB, RequestKind.EFFORT]
     assert json.loads(sent(port)[1].body) == {"f.left": 0.25, "g.left": 0.5}

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from contid.control.process.isolation import bus_process, keeper
+from contid.control.process.isolation import keeper, served_process
+from contid.control.process.isolation.bus_process import BusProcess
 
 RESTS_S = 0.15
 
@@ -24,7 +25,7 @@ def test_the_bus_process_rests_its_devices(
     """The socket ends first, then comes the signal that a dying control process leaves behind."""
     ready, done = tmp_path / "ready", tmp_path / "done"
 
-    def rest_at_the_end(connection: int, output: int, body: bytes) -> int:
+    def rest_at_the_end(served: object, connection: int, output: int, body: bytes) -> int:
         with socket.socket(fileno=os.dup(connection)) as theirs:
             ready.touch()
             theirs.recv(1)
@@ -32,8 +33,8 @@ def test_the_bus_process_rests_its_devices(
         done.touch()
         return 0
 
-    monkeypatch.setattr(bus_process, "main", rest_at_the_end)
-    pid, orders = keeper.start("contid.bus.test", b"")
+    monkeypatch.setattr(served_process, "main", rest_at_the_end)
+    pid, orders = keeper.start("contid.bus.test", BusProcess, b"")
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     socket.send_fds(orders, [keeper.OPEN], [theirs.fileno()])
     theirs.close()

@@ -26,7 +26,7 @@ def theirs(monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
     """The end of a keeper that does what the test does."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     monkeypatch.setattr(
-        keeper, "start", lambda logger, body: (os.posix_spawn("/bin/true", ["true"], {}), ours)
+        keeper, "start", lambda logger, served, body: (os.posix_spawn("/bin/true", ["true"], {}), ours)
     )
     monkeypatch.setattr(port, "HANGS_S", 1e6)
     with theirs:

@@ -110,10 +110,17 @@ def test_an_estop_names_the_axes_it_did_not_reach(fault: str, axes: list[str]) -
         assert "silent" not in client.hold()
         until(lambda: states(client) == {"FAULT"}, "the devices fall silent")
         assert client.estop()["silent"] == {"f0": axes}
-        done = subprocess.run(
-            command("estop", "--socket", str(running.socket)), capture_output=True, text=True, check=True
-        )
-        assert f"f0: {', '.join(axes)} did not answer and may have missed the order" in done.stdout
+        for verb in ("estop", "stop"):
+            done = subprocess.run(
+                command(verb, "--socket", str(running.socket)), capture_output=True, text=True
+            )
+            assert f"f0: {', '.join(axes)} did not answer and may have missed the order" in done.stdout
+            assert done.returncode == 4
+            done = subprocess.run(
+                command(verb, "--json", "--socket", str(running.socket)), capture_output=True, text=True
+            )
+            assert json.loads(done.stdout)["silent"] == {"f0": axes}
+            assert done.returncode == 4
         assert ("which is lost" in running.end(None)) == (fault == "lost")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from contid.control.engine.events import RobotName, RunEvent, Text, TickNumber, run_event
+from contid.control.tick.faults import Fault
 
 
 @run_event("state")
@@ -95,11 +96,12 @@ class RobotReported(RunEvent):
 
 @run_event("overran")
 class RobotOverran(RunEvent):
-    """The tick of a robot was interrupted because it took too long; a replay needs it."""
+    """The model of a robot did not answer in its tick, which was interrupted; a replay needs it."""
 
     tick: TickNumber
     robot: RobotName
     message: Text
+    fault: Annotated[int, "number of the fault"] = int(Fault.MODEL_TOO_SLOW)
 
 
 @run_event("order")

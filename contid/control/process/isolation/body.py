@@ -1,4 +1,4 @@
-"""What builds a bus in its own process, packed so that the control process need not import its driver."""
+"""What builds a bus or a model in its own process, packed: the control process imports nothing of it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from contid.control.engine.wiring import WiredBus, device_response, simulated_bo
 from contid.control.tick.supervisor import REST_OF
 from contid.hal import AxisOnBus, Bus, Clock, Rest, SimulatesBodies, load_driver
 from contid.hal.isolated import IsolatedAxisOptions, IsolatedBusOptions
+from contid.kinematics.isolated_robot import IsolatedRobot
 from contid.robot_file.document import Isolation
 from contid.robot_file.load import LoadedFile
+from contid.robot_file.loader import robot_classes
+from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tick_rate import watchdog_s
 
 
@@ -46,7 +49,7 @@ class BusBody:
 
 
 def isolated(loaded: LoadedFile) -> LoadedFile:
-    """The robot file for the control process: the options of isolated buses are packed."""
+    """The robot file for the control process: isolated buses and models of others are packed."""
     wired = {each.wiring.name: each for each in wired_buses(loaded)}
     buses = dict(loaded.buses)
     for name, each in wired.items():
@@ -60,7 +63,29 @@ def isolated(loaded: LoadedFile) -> LoadedFile:
                 for axis, own in wiring.axes
             )
             buses[name] = replace(wiring, options=options, axes=axes)
-    return replace(loaded, buses=buses)
+    return with_isolated_models(replace(loaded, buses=buses))
+
+
+def with_isolated_models(loaded: LoadedFile) -> LoadedFile:
+    """The robot file with an `IsolatedRobot` for every robot whose model is not contid's."""
+    robots = loaded.file.robots
+    isolated = {
+        name: IsolatedRobot.of(robot, pickle.dumps(robot))
+        for name, robot in robots.items()
+        if _is_foreign(robot)
+    }
+    if not isolated:
+        return loaded
+    return replace(loaded, file=loaded.file.model_copy(update={"robots": {**robots, **isolated}}))
+
+
+def _is_foreign(robot: RobotDescription) -> bool:
+    """True for a model of another package.
+
+    A description that derives from one of contid's kinds stays: simulated bodies, sensing and the links of
+    chains recognise such a robot by its class, and use it in this process.
+    """
+    return not isinstance(robot, (IsolatedRobot, *robot_classes().values()))
 
 
 def _body(loaded: LoadedFile, bus: WiredBus) -> BusBody:

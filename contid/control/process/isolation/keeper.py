@@ -1,7 +1,8 @@
-"""The keeper of a bus process: forks it at every opening, forwards its output, reports its end, ends it.
+"""The keeper of a kept process: forks it at every start, forwards its output, reports its end, ends it.
 
-It is forked before the control process has real-time priority, threads or shared memory, and imports no
-driver. It ends when the control process does, and takes with it everything that the driver has started.
+The process is that of a bus or of a model. The keeper is forked before the control process has real-time
+priority, threads or shared memory, and imports nothing foreign. It ends when the control process does, and
+takes with it everything that its process has started.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
-from contid.control.process.isolation import bus_process
+from contid.control.process.isolation import served_process
 from contid.control.process.isolation.output import LineLimit
+from contid.control.process.isolation.served_process import LONGEST_RUN_US, ServedProcess
 
 #: Orders of the control process.
 OPEN: Final = b"open"
@@ -27,11 +29,11 @@ END: Final = b"end"
 #: Bytes of output per read, and the pause after one, which bound what a flood costs.
 PIECE: Final = 1 << 14
 PAUSE_S: Final = 0.01
-#: Priority under SCHED_FIFO: above the processes that a driver may start, below every bus.
+#: Priority under SCHED_FIFO: above the processes that foreign code may start, below every bus.
 PRIORITY: Final = 1
-#: Longest time that a bus process has at the end of the control process, when it does not end by itself.
+#: Longest time that the kept process has at the end of the control process, when it does not end by itself.
 REST_S: Final = 0.5
-#: Longest time to end what a driver has started; it may start more meanwhile.
+#: Longest time to end what foreign code has started; it may start more meanwhile.
 REAPED_S: Final = 1.0
 #: Options of prctl(2).
 _PR_SET_PDEATHSIG: Final = 1
@@ -39,10 +41,18 @@ _PR_SET_CHILD_SUBREAPER: Final = 36
 
 
 class Keeper:
-    """One keeper, in its own process."""
+    """One keeper, in its own process.
 
-    def __init__(self, control: socket.socket, logger: str, body: bytes) -> None:
+    Args:
+        control: the socket to the control process.
+        logger: name of the log records that are made of printed lines.
+        served: what its processes serve.
+        body: of the bus or the model.
+    """
+
+    def __init__(self, control: socket.socket, logger: str, served: type[ServedProcess], body: bytes) -> None:
         self._control = control
+        self._served = served
         self._body = body
         self._limit = LineLimit(logger)
         self._output, self._output_end = os.pipe()
@@ -55,7 +65,7 @@ class Keeper:
         signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
         signal.signal(signal.SIGCHLD, lambda number, frame: None)
         # The end of the control process comes twice: as the end of the socket, and as this signal. It only
-        # wakes the loop: raised in the middle of the end it would cut the time of the bus process.
+        # wakes the loop: raised in the middle of the end it would cut the time of the kept process.
         self._left = False
         signal.signal(signal.SIGTERM, self._note_end)
 
@@ -87,7 +97,7 @@ class Keeper:
             self._end()
 
     def _wait_for_rest(self) -> None:
-        """Time for the bus process to bring devices without a watchdog to rest; it sees the end as well."""
+        """Time for the kept process to bring devices without a watchdog to rest; it sees the end as well."""
         end_s = time.monotonic() + REST_S
         with suppress(ChildProcessError):
             while self._child and time.monotonic() < end_s and ended_child(os.P_PID, self._child) == 0:
@@ -114,19 +124,19 @@ class Keeper:
             return
         code = 1
         try:
-            # `bus_process.main` gives SIGTERM, SIGCHLD and SIGALRM their default action; other signals keep
-            # what the control process had set before it forked the keeper.
+            # `served_process.main` gives SIGTERM, SIGCHLD and SIGALRM their default action; other signals
+            # keep what the control process had set before it forked the keeper.
             signal.set_wakeup_fd(-1)
             os.setpgid(0, 0)
             bind(keeper, signal.SIGKILL)
-            code = bus_process.main(connection, self._output_end, self._body)
+            code = served_process.main(self._served, connection, self._output_end, self._body)
         except BaseException as error:  # the traceback goes into the log
             logging.getLogger().exception("%s: %s", type(error).__name__, error)
         finally:
             os._exit(code)
 
     def _end(self) -> int:
-        """End the bus process and everything that it has started; returns its status as `os.waitpid`.
+        """End the kept process and everything that it has started; returns its status as `os.waitpid`.
 
         A process that has ended keeps its number until it is waited for, so its group is killed before that:
         afterwards the number could be that of others.
@@ -138,7 +148,7 @@ class Keeper:
             with suppress(ChildProcessError):
                 status = os.waitpid(self._child, 0)[1]
             self._child = 0
-        # It is the reaper of what left the group of the bus process: those are its children now.
+        # It is the reaper of what left the group of the kept process: those are its children now.
         children = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children")
         end_s = time.monotonic() + REAPED_S
         while (found := children.read_text().split()) and time.monotonic() < end_s:
@@ -149,13 +159,14 @@ class Keeper:
         return status
 
     def _reap(self) -> None:
-        """Report the end of the bus process; others are orphans of it."""
+        """Report the end of the kept process; others are orphans of it."""
         with suppress(ChildProcessError):
             while pid := ended_child(os.P_ALL, 0):
                 if pid == self._child:
                     status = self._end()
                     self._forward()
-                    self._unsent.append(json.dumps({"ended": how_ended(status)}).encode())
+                    report = {"ended": how_ended(status), "of": pid}
+                    self._unsent.append(json.dumps(report).encode())
                 else:
                     os.waitpid(pid, 0)
 
@@ -187,7 +198,7 @@ def how_ended(status: int) -> str:
         return f"exited with status {os.waitstatus_to_exitcode(status)}"
     number = os.WTERMSIG(status)
     if number == signal.SIGXCPU:
-        longest_s = bus_process.LONGEST_RUN_US / 1e6
+        longest_s = LONGEST_RUN_US / 1e6
         return f"computed for {longest_s:g} s without a pause and was ended"
     try:
         return f"was ended by {signal.Signals(number).name}"
@@ -202,8 +213,8 @@ def bind(parent: int, number: int) -> None:
         os._exit(0)
 
 
-def start(logger: str, body: bytes) -> tuple[int, socket.socket]:
-    """Fork a keeper; its process id, and the socket to it."""
+def start(logger: str, served: type[ServedProcess], body: bytes) -> tuple[int, socket.socket]:
+    """Fork a keeper; its process id, and the socket to it. Arguments as of `Keeper`."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     control = os.getpid()
     keeper = os.fork()
@@ -213,13 +224,15 @@ def start(logger: str, body: bytes) -> tuple[int, socket.socket]:
     try:
         bind(control, signal.SIGTERM)
         signal.signal(signal.SIGTERM, _exit_at_once)  # until there is a `Keeper`
+        for number in (signal.SIGINT, signal.SIGHUP):  # of a terminal; the process before it decides
+            signal.signal(number, signal.SIG_IGN)
         ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
         with suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
         kept = theirs.detach()
         os.closerange(3, kept)
         os.closerange(kept + 1, 1 << 16)
-        Keeper(socket.socket(fileno=kept), logger, body).serve()
+        Keeper(socket.socket(fileno=kept), logger, served, body).serve()
     except BaseException:
         os._exit(1)
     finally:

@@ -1,8 +1,8 @@
-"""The control process's ends of a bus process: the socket to its keeper, and the socket to itself.
+"""The control process's ends of a kept process: the socket to its keeper, and the socket to itself.
 
-A keeper is forked once and outlives its bus processes, of which it has one at a time:
+A keeper is forked once and outlives its processes, of which it has one at a time:
 
-    state    of the bus process                                leads to
+    state    of the kept process                               leads to
     ABSENT   none was started                                  RUNS: `start_process`
     RUNS     it has its end of the socket                      CUT: it closes that; ENDED: as CUT
     CUT      its end is closed, and why is not known yet       ENDED: report or end of its keeper, or ours
@@ -24,9 +24,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from contid.control.process.isolation import keeper
-from contid.control.process.isolation.wire import HEAD, LONGEST, BusAnswer, BusRequest
+from contid.control.process.isolation.served_process import ServedProcess
+from contid.control.process.isolation.wire import HEAD, LONGEST, KeptAnswer, RequestKind
 
-#: Longest wait for a keeper that ends its bus process, and what that has started.
+#: Longest wait for a keeper that ends its process, and what that has started.
 CLOSE_S: Final = 2.0
 #: Flags of a thread that ends, writes a core, or got a deadly signal (linux/sched.h; proc_pid_stat, field 9).
 _ENDING: Final = 0x4 | 0x200 | 0x400
@@ -35,7 +36,7 @@ _UNANSWERED: Final = 0
 
 
 class ProcessState(enum.Enum):
-    """The states of a bus process; the table is above."""
+    """The states of a kept process; the table is above."""
 
     ABSENT = enum.auto()
     RUNS = enum.auto()
@@ -44,64 +45,72 @@ class ProcessState(enum.Enum):
 
 
 class KeptProcess:
-    """A keeper and its bus process; at most one request waits for its answer.
+    """A keeper and its process; at most one request waits for its answer.
 
     Attributes:
-        state: of the bus process.
+        state: of the process.
+        pid: of the process, 0 until its keeper has reported it.
         how_ended: why it is in `ProcessState.ENDED`.
         requested_s: when the newest request that has an answer was sent, on the monotonic clock.
     """
 
-    def __init__(self, bus: str, body: bytes) -> None:
-        """Fork the keeper; ``body`` is what builds the bus."""
+    def __init__(self, name: str, served: type[ServedProcess], body: bytes) -> None:
+        """Fork the keeper.
+
+        Args:
+            name: of the bus, or of the robot whose model it is; for logs.
+            served: what the process serves.
+            body: what builds the bus or the model.
+        """
         self.state = ProcessState.ABSENT
         self.how_ended = ""
         self.requested_s = 0.0
-        self._bus = bus
-        self._keeper, self._orders = keeper.start(f"contid.bus.{bus}", body)
+        self.pid = 0
+        self._name = name
+        self._logger = f"contid.{served.what}.{name}"
+        self._keeper, self._orders = keeper.start(self._logger, served, body)
         self._connection: socket.socket | None = None
         self._number = _UNANSWERED
-        self._pid = 0
 
-    # -- the bus process ---------------------------------------------------------------------------------
+    # -- the process -------------------------------------------------------------------------------------
 
     def start_process(self) -> None:
-        """Let the keeper fork a bus process, and end one that is there."""
+        """Let the keeper fork a process, and end one that is there."""
         if self._connection is not None:
             self._connection.close()
         self._connection, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._connection.setblocking(False)
         while select.select([self._orders], (), (), 0.0)[0] and self._take_report():  # of the one before
             pass
-        self.state, self._pid = ProcessState.RUNS, 0
+        self.state, self.pid, self.how_ended = ProcessState.RUNS, 0, ""
         with theirs, suppress(OSError):
             socket.send_fds(self._orders, [keeper.OPEN], [theirs.fileno()])
 
     def is_ending(self) -> bool:
-        """True when the bus process ends or has ended, also before its socket closes.
+        """True when the process ends or has ended, also before its socket closes.
 
         The kernel closes it after the memory was given back and a core was written: 10 to 100 ms on a busy
         machine, which is longer than a stall may last.
         """
         flags = 0
         with suppress(OSError):  # it is gone meanwhile, and the next look finds its socket closed
-            for thread in Path(f"/proc/{self._pid}/task").iterdir() if self._pid else ():
+            for thread in Path(f"/proc/{self.pid}/task").iterdir() if self.pid else ():
                 flags |= int((thread / "stat").read_text().rpartition(")")[2].split()[6])
         return self.state is ProcessState.CUT or bool(flags & _ENDING)
 
     def end_process(self, why: str) -> None:
-        """Let the keeper end the bus process."""
+        """Let the keeper end the process."""
         with suppress(OSError):
             self._orders.send(keeper.END, socket.MSG_DONTWAIT)
         self.state, self.how_ended = ProcessState.ENDED, why
 
     def close(self, timeout_s: float) -> None:
-        """Close the bus, and end its process and its keeper, at once when the bus does not answer in time."""
+        """Close what is served, and end process and keeper, at once when it does not answer in time."""
         if self._orders.fileno() < 0:
             return
         if self._connection is not None:
             if self.state is not ProcessState.ENDED:
-                self.request(BusRequest.CLOSE)
+                self.request(RequestKind.CLOSE)
                 self.answer(timeout_s)
             self._connection.close()
         self._orders.close()
@@ -115,18 +124,18 @@ class KeptProcess:
 
     # -- requests and answers ----------------------------------------------------------------------------
 
-    def request(self, kind: BusRequest, body: bytes = b"") -> None:
+    def request(self, kind: RequestKind, body: bytes = b"") -> None:
         """Send a request; answers to earlier ones are not taken any more."""
         self._number = self._number % 0xFFFFFFFF + 1
         self.requested_s = time.monotonic()
         self._send(kind, self._number, body)
 
-    def send_unanswered(self, kind: BusRequest, body: bytes) -> None:
+    def send_unanswered(self, kind: RequestKind, body: bytes) -> None:
         """Send a request whose answer is not taken, without regard to one that waits for its answer."""
         self._send(kind, _UNANSWERED, body)
 
-    def _send(self, kind: BusRequest, number: int, body: bytes) -> None:
-        with suppress(OSError):  # that the bus process has ended is reported by its keeper
+    def _send(self, kind: RequestKind, number: int, body: bytes) -> None:
+        with suppress(OSError):  # that the process has ended is reported by its keeper
             if self._connection is not None:
                 self._connection.send(HEAD.pack(kind, number) + body)
 
@@ -135,8 +144,8 @@ class KeptProcess:
         answer = self.answer(timeout_s)
         return None if answer is None else json.loads(answer.body)
 
-    def answer(self, timeout_s: float) -> BusAnswer | None:
-        """The answer to the newest request; None when none came in time or the bus process has ended."""
+    def answer(self, timeout_s: float) -> KeptAnswer | None:
+        """The answer to the newest request; None when none came in time or the process has ended."""
         end_s = time.monotonic() + timeout_s
         while self.state is not ProcessState.ENDED:
             watched = [self._orders]
@@ -145,16 +154,17 @@ class KeptProcess:
             ready = select.select(watched, (), (), max(end_s - time.monotonic(), 0.0))[0]
             if not ready:
                 return None
+            message = b""
             if self._connection is not None and self._connection in ready:
                 message = _received(self._connection)
                 if not message:
                     self.state = ProcessState.CUT
-                    continue
-                kind, number = HEAD.unpack_from(message)
-                if number == self._number:
-                    return BusAnswer(BusRequest(kind), message[HEAD.size :])
             if self._orders in ready:
                 self._take_report()
+            if message:
+                kind, number = HEAD.unpack_from(message)
+                if number == self._number:
+                    return KeptAnswer(RequestKind(kind), message[HEAD.size :])
         return None
 
     def _take_report(self) -> bool:
@@ -162,10 +172,12 @@ class KeptProcess:
         message = _received(self._orders)
         report: dict[str, Any] = json.loads(message) if message else {"ended": "has lost its keeper"}
         if "pid" in report:
-            self._pid = report["pid"]
+            self.pid = report["pid"]
         elif "log" in report:
             level, logger, text = report["log"]
-            logging.getLogger(logger).log(level, "%s: %s", self._bus, text)
+            logging.getLogger(logger).log(level, "%s: %s", self._name, text)
+        elif report.get("of", self.pid) != self.pid:  # one before, whose end was noticed before its report
+            logging.getLogger(self._logger).warning("%s: its process %s", self._name, report["ended"])
         elif self.state is not ProcessState.ENDED:
             self.state, self.how_ended = ProcessState.ENDED, report["ended"]
         return bool(message)

@@ -1,4 +1,4 @@
-"""What a bus process prints and logs, in one pipe; limited, so that a flood costs only its own bus."""
+"""What a kept process prints and logs, in one pipe; limited, so that a flood costs only its own robots."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any, Final
 
-#: Begins a line that is a log record; other lines were printed by the driver or a library of it.
+#: Begins a line that is a log record; other lines were printed by foreign code or a library of it.
 RECORD: Final = "\x1e"
 #: Lines forwarded per second; the others are counted.
 LINES_PER_S: Final = 20
@@ -21,7 +21,7 @@ LONGEST_ESCAPE: Final = 12
 
 
 class PipeHandler(logging.Handler):
-    """Writes log records of the bus process to a descriptor, a line each."""
+    """Writes log records of the kept process to a descriptor, a line each."""
 
     def __init__(self, descriptor: int) -> None:
         super().__init__()
@@ -31,7 +31,7 @@ class PipeHandler(logging.Handler):
         """See `logging.Handler.emit`."""
         try:
             text = self.format(record)
-        except Exception:  # a wrong format string must not stop a driver
+        except Exception:  # a wrong format string must not stop what is served
             self.handleError(record)
             return
         with suppress(OSError):

@@ -18,8 +18,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from contid.control.engine.ports import BusJob, BusPort, BusReply
+from contid.control.process.isolation.bus_process import BusProcess
 from contid.control.process.isolation.link import KeptProcess, ProcessState
-from contid.control.process.isolation.wire import BusRequest, BusWire
+from contid.control.process.isolation.wire import BusWire, RequestKind
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect
 from contid.errors import ContidError, DriverDefectError
@@ -89,7 +90,7 @@ class IsolatedPort(BusPort):
         self._wire = BusWire(axes)
         options = wiring.options
         assert isinstance(options, IsolatedBusOptions)
-        self._link = KeptProcess(wiring.name, options.body)
+        self._link = KeptProcess(wiring.name, BusProcess, options.body)
         self._shares: dict[str, float] = {}  # limits of effort
 
     # -- opening and closing -----------------------------------------------------------------------------
@@ -97,7 +98,7 @@ class IsolatedPort(BusPort):
     def begin_opening(self) -> None:
         """Start the bus process and let it open the bus; `finish_opening` waits for it."""
         self._link.start_process()
-        self._link.request(BusRequest.OPEN)
+        self._link.request(RequestKind.OPEN)
 
     def finish_opening(self) -> None:
         """Wait until the bus is open.
@@ -132,7 +133,7 @@ class IsolatedPort(BusPort):
         anew = self._link.state is ProcessState.ENDED and job.reopen
         if anew:
             self._link.start_process()
-        self._link.request(BusRequest.JOB, self._wire.job(job))
+        self._link.request(RequestKind.JOB, self._wire.job(job))
         if anew and self._shares:
             self.limit_effort({})
 
@@ -142,7 +143,7 @@ class IsolatedPort(BusPort):
             return None
         link = self._link
         answer = link.answer(timeout_s)
-        if answer is not None and answer.kind is BusRequest.JOB:
+        if answer is not None and answer.kind is RequestKind.JOB:
             reply, extra = self._wire.reply_of(answer.body)
             self.bus.tips += [
                 TipMeasured(robot, tuple(tip), at_s) for robot, tip, at_s in extra.get("tips", ())
@@ -177,14 +178,14 @@ class IsolatedPort(BusPort):
         effect = next(each for each in Effect if each.value is rest)
         robot = 0  # no robot takes the answer
         self._link.send_unanswered(
-            BusRequest.JOB, self._wire.job(BusJob({}, ((robot, effect, tuple(axes)),)))
+            RequestKind.JOB, self._wire.job(BusJob({}, ((robot, effect, tuple(axes)),)))
         )
 
     def counts(self) -> Mapping[str, int]:
         """What the bus counted; empty when it does not answer."""
         if self.busy or self._link.state is ProcessState.ENDED:
             return {}
-        self._link.request(BusRequest.COUNTS)
+        self._link.request(RequestKind.COUNTS)
         return self._link.answer_json(COUNTS_S) or {}
 
     def limit_effort(self, shares: Mapping[str, float]) -> None:
@@ -193,7 +194,7 @@ class IsolatedPort(BusPort):
         A bus process that is started anew gets those of before too.
         """
         self._shares |= shares
-        self._link.send_unanswered(BusRequest.EFFORT, json.dumps(self._shares).encode())
+        self._link.send_unanswered(RequestKind.EFFORT, json.dumps(self._shares).encode())
 
 
 def isolated_ports(buses: Mapping[str, BusWiring]) -> dict[str, IsolatedPort]:

@@ -1,4 +1,6 @@
-"""Messages between the control process and a bus process: fixed structs for every tick, JSON for the rest.
+"""Messages between the control process and a kept process; those of a bus: fixed structs for every tick.
+
+The messages of a model are in `contid.control.process.isolation.model_wire`.
 
     request  kind, number | of a job, per axis: has a command; command | JSON, if any
     answer   kind, number | of a job, per axis: parts that are there; their values | JSON, if any
@@ -18,7 +20,7 @@ from contid.control.engine.ports import BusJob, BusReply
 from contid.control.tick.state import Effect
 from contid.hal import REPORTED, Sample
 
-#: `BusRequest` and number, at the head of every message.
+#: `RequestKind` and number, at the head of every message.
 HEAD: Final = Struct("=BI")
 #: Longest message; a text is cut to `LONGEST_TEXT` characters.
 LONGEST: Final = 1 << 17
@@ -30,7 +32,7 @@ _PRESENT, _VALID = 1 << len(_NUMBERS), 2 << len(_NUMBERS)
 _SAMPLE: Final = Struct(f"=H{len(_NUMBERS)}d")
 
 
-class BusRequest(enum.IntEnum):
+class RequestKind(enum.IntEnum):
     """What a request asks for, and its answer answers; to a job whose bus cannot be built it is `OPEN`."""
 
     JOB = 1
@@ -38,12 +40,13 @@ class BusRequest(enum.IntEnum):
     COUNTS = 3
     EFFORT = 4
     CLOSE = 5
+    ASK = 6
 
 
-class BusAnswer(NamedTuple):
+class KeptAnswer(NamedTuple):
     """An answer without its number."""
 
-    kind: BusRequest
+    kind: RequestKind
     body: bytes
 
 

@@ -18,6 +18,8 @@ from contid.control.daemon.run_request import RunOptions
 from contid.control.engine.report import RunReport
 from contid.control.engine.tick_layout import TICK
 from contid.control.engine.wiring import build_preflight
+from contid.control.process.isolation.model_port import models_beside
+from contid.control.process.tick_alarm import LONGEST_S
 from contid.control.tick.preflight.rows import Unreachable
 from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile
@@ -80,6 +82,7 @@ def run_on_hardware(session: Session, recorded: LoadedFile, loaded: LoadedFile) 
         preflight.trajectory(trajectory, str(session.path))
     child = ControlChild()
     try:
-        return asyncio.run(Daemon(loaded, trajectory, RunOptions(rate_hz=rate_hz), child).run())
+        with models_beside(loaded, LONGEST_S) as own:
+            return asyncio.run(Daemon(own, trajectory, RunOptions(rate_hz=rate_hz), child).run())
     finally:
         child.close()

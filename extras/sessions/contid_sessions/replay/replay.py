@@ -22,8 +22,11 @@ from contid.control.engine.events.json_form import to_json
 from contid.control.engine.events.robots import OrderGiven, RobotOverran
 from contid.control.engine.messages import Play
 from contid.control.engine.order_events import answer_of, order_of
+from contid.control.engine.tick_costs import UnansweredError
 from contid.control.engine.tick_layout import DEADLINE, LATENESS, SKIPPED, TICK
 from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard
+from contid.control.process.isolation.model_port import models_beside
+from contid.control.tick.faults import Fault
 from contid.errors import ContidError, SessionError
 from contid.robot_file.load import LoadedFile
 from contid.session.format.metadata import DURING_RUN
@@ -96,6 +99,12 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
         message = "begins during a run: a replay needs the first tick, as `contid run --record` has it"
         raise SessionError(f"{session.path}: {message}")
     refuse_other_robots(session, loaded)
+    # Asked as in the run: what a model answers beside plain numbers passes through the same messages.
+    with models_beside(loaded) as own:
+        return _replay(session, own, tolerance)
+
+
+def _replay(session: Session, loaded: LoadedFile, tolerance: float) -> Replayed:
     recorded, sink = RecordedTick(), _Sink()
     ports = {
         bus.name: RecordedPort(bus.name, slots_of(session, [axis for axis, _ in bus.axes]), recorded)
@@ -192,7 +201,7 @@ def _apply(
                 waits = bool(event.order.get("waits", False))
                 engine.obey(order_of(event) if trajectory is None else Play(trajectory, waits), tick)
             case RobotOverran():
-                engine.robots.overran[event.robot] = event.message
+                engine.robots.overran[event.robot] = UnansweredError(event.message, Fault(event.fault))
             case BusAnswered():
                 recorded.answers[event.bus] = answer_of(event)
             case BusStalled():
