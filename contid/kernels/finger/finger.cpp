@@ -66,6 +66,6 @@ NB_MODULE(KERNEL_MODULE, module) {
            nb::arg("arc_length_min"))
       .def("forward", &forward, nb::arg("left"), nb::arg("right"))
       .def("inverse", &inverse, nb::arg("x"), nb::arg("y"))
-      .def("forward_many", &forward_many, nb::arg("actuations"), nb::arg("out"), nb::arg("threads"))
-      .def("inverse_many", &inverse_many, nb::arg("tip"), nb::arg("out"), nb::arg("threads"));
+      .def("forward_many", &forward_many, nb::arg("actuations"), nb::arg("out").noconvert(), nb::arg("threads"))
+      .def("inverse_many", &inverse_many, nb::arg("tip"), nb::arg("out").noconvert(), nb::arg("threads"));
 }
