@@ -80,13 +80,13 @@ def test_a_longer_time_is_shown_live_and_no_time_before_the_history() -> None:
     it = new Timespan(() => {});
     it.advance(50); it.advance(52); it.shift(-5); out.short = it.end_s;
     it.advance(3); it.advance(4); it.shift(-1); out.again = it.end_s;
-    it.advance(80); it.shift(-5); out.enough = it.end_s;
+    it.advance(80); it.goLive(); it.shift(-5); out.enough = it.end_s;
     console.log(JSON.stringify(out));
     """)
     assert ends["zoomed_in"] < 100.0
     assert {**ends, "zoomed_in": 0} == {
         "zoomed_out": None, "zoomed_in": 0, "earliest": 0, "later": None,
-        "short": None, "again": None, "enough": 75,
+        "short": 51, "again": 3.5, "enough": 75,
     }  # fmt: skip
 
 

@@ -57,9 +57,10 @@ export class Timespan {
     this.update();
   }
 
-  /** Show what ends at a time: not before there is as much to show, live where that is the newest. */
+  /** Show what ends at a time, live where that is the newest. The whole of it is shown, or half of a shorter history. */
   endAt(end_s) {
-    const end = Math.max(end_s, this.oldest_s + this.span_s);
+    const history_s = this.newest_s - this.oldest_s;
+    const end = Math.max(end_s, this.oldest_s + (history_s > this.span_s ? this.span_s : 0.5 * history_s));
     this.end_s = end >= this.newest_s ? null : end;
   }
 
