@@ -1,4 +1,4 @@
-"""Files of the machine: what was there is kept, and what did not come into force is said."""
+"""Files of the machine: what was there is kept, and what did not come into force is named."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A straight stop: what it says of the velocity is what its positions do, also at an end of an axis."""
+"""A straight stop: its velocity is that of its positions, also at an end of an axis."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class Outcomes:
         """After an order and before the results of a tick: the gotos that another one, or none, replaced end.
 
         Several orders may come between two ticks, so that no tick sees some of their gotos. The gotos of a
-        robot end in their order: clients tell them apart by it.
+        robot end in their order: clients know them by it.
         """
         for index, state in enumerate(self._robots.states):
             if index in self._going_back and (state.goto is None or state.goto is self._going_back[index]):

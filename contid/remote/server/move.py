@@ -88,7 +88,7 @@ class Move:
         waiting: robots whose goto has not ended.
         failed: robots whose goto was dropped.
         reasons: by robot why it was, where that is known.
-        refused: its client got an error instead of the move, so it is not told of an end.
+        refused: its client got an error instead of the move, so it gets no end.
     """
 
     number: int

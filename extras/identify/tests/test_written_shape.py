@@ -70,7 +70,7 @@ def test_a_shake_scales_the_schedule(schedule: str, tmp_path: Path) -> None:
     assert share == pytest.approx(after.rates.shape.frequency_hz / 4.0)
 
 
-def test_a_schedule_stays_in_what_shaping_takes_and_its_comment_says_what_is_new(tmp_path: Path) -> None:
+def test_a_schedule_stays_in_what_shaping_takes_and_its_comment_has_what_is_new(tmp_path: Path) -> None:
     path = tmp_path / "arm.yaml"
     slow = SCHEDULE.replace("frequency_hz: 4", "frequency_hz: 0.6")
     path.write_text(load_named("stiffflop1").text.replace("    rates:\n", f"    rates:\n{slow}", 1))

@@ -43,7 +43,7 @@ def run(code: str) -> Any:
     return json.loads(done.stdout)
 
 
-def test_an_axis_that_pushes_is_said_and_nothing_is_marked_when_nothing_is_known() -> None:
+def test_an_axis_that_pushes_is_named_and_nothing_is_marked_when_nothing_is_known() -> None:
     shown = run("""
     const { Follow } = await load("follow.js");
     const follow = new Follow({ a: "mm", b: "mm" }, { a: { tolerance_mm: 1 }, b: { tolerance_mm: 1 } });
@@ -90,7 +90,7 @@ def test_a_longer_time_is_shown_live_and_no_time_before_the_history() -> None:
     }  # fmt: skip
 
 
-def test_bring_up_says_what_is_slow_and_gives_a_command_that_can_be_copied() -> None:
+def test_bring_up_names_what_is_slow_and_gives_a_command_that_can_be_copied() -> None:
     text = run("""
     const { BringupCard } = await load("bringup.js");
     const card = new BringupCard();
@@ -103,7 +103,7 @@ def test_bring_up_says_what_is_slow_and_gives_a_command_that_can_be_copied() -> 
     card.describe({ file: "/home/u/arm.yaml", robots: { arm: { bringup: { y: bringup.y } } } });
     console.log(JSON.stringify([...parts, card.body.textContent]));
     """)
-    assert "old: the daemon does not tell; it is of an earlier version" in text[0]
+    assert "old: not known, the daemon is of an earlier version" in text[0]
     assert "arm: 1 of 3 axes proven, slow until x is" in text[0]
     assert text[0].endswith("contid bringup '/home/u/my robot'\\''s/arm.yaml'")
     assert "arm: 0 of 1 axes proven" in text[1]

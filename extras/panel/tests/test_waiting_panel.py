@@ -25,9 +25,9 @@ def test_a_taken_port_is_exit_code_2(tmp_path: Path) -> None:
         taken.listen()
         with waiting(tmp_path, taken.getsockname()[1]) as process:
             assert process.stderr is not None
-            said = process.stderr.read()
-            assert process.wait(60) == 2, said
-    assert "Fatal Python error" not in said
+            printed = process.stderr.read()
+            assert process.wait(60) == 2, printed
+    assert "Fatal Python error" not in printed
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, None])
@@ -40,6 +40,6 @@ def test_an_interrupt_and_the_end_of_stdin_end_it(tmp_path: Path, number: signal
             process.stdin.close()
         else:
             process.send_signal(number)
-        said = process.stderr.read()
-        assert process.wait(60) in (0, 130, -signal.SIGTERM, -signal.SIGINT), said
-    assert "Fatal Python error" not in said
+        printed = process.stderr.read()
+        assert process.wait(60) in (0, 130, -signal.SIGTERM, -signal.SIGINT), printed
+    assert "Fatal Python error" not in printed

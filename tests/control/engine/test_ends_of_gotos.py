@@ -46,7 +46,7 @@ def test_a_second_goto_to_the_target_of_a_waiting_one_ends_both(ticks: int) -> N
 
 
 def test_a_waiting_goto_ends_before_one_that_is_dropped_at_once() -> None:
-    """Clients tell them apart by their order; only the first has axes that are on their way."""
+    """Clients know them by their order; only the first has axes that are on their way."""
     run, target = arriving()
     run.engine.obey(Goto(run.config.name, target), run.process.tick)
     run.engine.obey(Hold(), run.process.tick)

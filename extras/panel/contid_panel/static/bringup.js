@@ -26,7 +26,7 @@ export class BringupCard {
 /** One robot in a sentence. */
 function summary(name, axes) {
   const able = axes.filter((each) => each.state !== "none");
-  if (!axes.length) return `${name}: the daemon does not tell; it is of an earlier version`;
+  if (!axes.length) return `${name}: not known, the daemon is of an earlier version`;
   if (!able.length) return `${name}: nothing to bring up, ${[...new Set(axes.map((each) => each.message))].join(", ")}`;
   const proven = able.filter((each) => each.state === "proven").length;
   const slow = able.filter((each) => SLOW.has(each.state)).map((each) => each.axis.slice(name.length + 1));

@@ -1,4 +1,4 @@
-"""The gotos of moves in the server: each move is told of its own end, and of nothing that it was refused."""
+"""The gotos of moves in the server: each move gets its own end only."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HERE = Target(tip_m=(0.0, 0.05, 0.0))
 
 
 class Robots:
-    """A control process that takes orders and answers when it is told to; also the view of its robots."""
+    """A control process that takes orders and answers when a test asks for it, and its view."""
 
     rate_hz = 200.0
 
@@ -28,7 +28,7 @@ class Robots:
         self.configs = dict.fromkeys(("left", "right"))
         self.pending = PendingOrders(self)  # type: ignore[arg-type]
         self.gotos = Gotos(self, self, self.pending)  # type: ignore[arg-type]
-        self.told: list[tuple[int, bool, str]] = []
+        self.notices: list[tuple[int, bool, str]] = []
 
     def send(self, message: object) -> None:
         self.sent.append(message)
@@ -46,7 +46,7 @@ class Robots:
         return {}
 
     def move(self, number: int) -> Move:
-        return Move(number, 1, lambda said: self.told.append((number, said["reached"], said["message"])))
+        return Move(number, 1, lambda sent: self.notices.append((number, sent["reached"], sent["message"])))
 
     def answer(self, *refusals: OrderRefused) -> None:
         """The events of the newest orders."""
@@ -65,25 +65,25 @@ class Robots:
         await begun
 
 
-async def test_a_move_is_told_of_its_own_end_after_one_that_was_refused() -> None:
+async def test_a_move_gets_its_own_end_after_one_that_was_refused() -> None:
     robots = Robots()
     with pytest.raises(RemoteError, match="no way"):
         await robots.begin(1, "left", refused="left")
     await robots.begin(2, "left")
     robots.gotos.ended(GotoEnded(robot="left", arrived=True, tick=5))
-    assert robots.told == [(2, True, "")]
+    assert robots.notices == [(2, True, "")]
 
 
-async def test_where_one_robot_refuses_the_others_hold_and_no_end_is_told() -> None:
+async def test_where_one_robot_refuses_the_others_hold_and_no_end_is_sent() -> None:
     robots = Robots()
     with pytest.raises(RemoteError, match="no way"):
         await robots.begin(1, "left", "right", refused="left")
     assert robots.sent[-1] == Hold(("right",))
     robots.gotos.ended(GotoEnded(robot="right", arrived=False, tick=5))
-    assert robots.told == []
+    assert robots.notices == []
     await robots.begin(2, "right")
     robots.gotos.ended(GotoEnded(robot="right", arrived=True, tick=9))
-    assert robots.told == [(2, True, "")]
+    assert robots.notices == [(2, True, "")]
 
 
 @pytest.mark.parametrize("refused", [False, True])
@@ -99,7 +99,7 @@ async def test_a_move_confirmed_too_late_takes_no_end_of_another(
     await robots.begin(2, "left")
     for arrived in (False, True)[refused:]:
         robots.gotos.ended(GotoEnded(robot="left", arrived=arrived, tick=5))
-    assert robots.told == [(2, True, "")]
+    assert robots.notices == [(2, True, "")]
 
 
 async def test_the_reason_of_a_move_survives_the_order_of_the_next_one() -> None:
@@ -110,7 +110,7 @@ async def test_the_reason_of_a_move_survives_the_order_of_the_next_one() -> None
     await robots.begin(2, "left")
     robots.gotos.ended(GotoEnded(robot="left", arrived=False, tick=5))
     robots.gotos.ended(GotoEnded(robot="left", arrived=False, tick=6))
-    assert robots.told == [
+    assert robots.notices == [
         (1, False, "left did not arrive; left: lost the object"),
         (2, False, "left did not arrive"),
     ]
