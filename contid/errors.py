@@ -1,15 +1,17 @@
 """The error tree of contid.
 
 Every error that a user can cause or meet derives from `ContidError`; the command line prints its message on
-stderr and exits with the exit code of its class (2 usage or a bad file, 4 a device error).
+stderr and exits with the exit code of its class (2 usage or a bad file, 4 a device error or a defect of a
+driver). A run that ends with a robot in FAULT is no error; its exit code is 3.
 """
 
 from __future__ import annotations
 
+import copyreg
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from typing import Final
+from typing import Any, Final
 
 #: At most this many findings of one file are listed.
 MAX_FINDINGS: Final = 100
@@ -19,6 +21,10 @@ class ContidError(Exception):
     """Base of all errors of contid."""
 
     exit_code = 2
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled without its constructor, whose arguments are not those of `Exception`."""
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
 
 @dataclass(frozen=True, slots=True)

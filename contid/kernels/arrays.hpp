@@ -8,6 +8,7 @@
 
 namespace contid {
 
+// Filled for the caller: its arguments are `noconvert`, or a copy would be filled and lost.
 using Rows = nanobind::ndarray<double, nanobind::c_contig, nanobind::device::cpu>;
 using Given = nanobind::ndarray<const double, nanobind::c_contig, nanobind::device::cpu>;
 

@@ -6,6 +6,7 @@ at the top of a checkout: ``hand`` is ``configs/hand.yaml``.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -38,6 +39,13 @@ class LoadedFile:
     text: str
     file: RobotFile
     buses: Mapping[str, BusWiring]
+
+    @property
+    def sha256(self) -> str:
+        """Of the values that were written, without rates and bring-up, which change no robot's shape."""
+        left_out: Any = {"bringup": True, "robots": {"__all__": {"rates"}}}
+        values = self.file.model_dump_json(exclude=left_out, exclude_unset=True, serialize_as_any=True)
+        return hashlib.sha256(values.encode()).hexdigest()
 
     @property
     def driven(self) -> Mapping[str, RobotDescription]:
@@ -120,6 +128,14 @@ def configs_folder() -> Path:
     return inside if inside.is_dir() else package.parent / "configs"
 
 
+def _is_file(path: Path) -> bool:
+    """False for a name that is too long to be one."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
 def load_named(name: str) -> LoadedFile:
     """Read and check a robot file, or the shipped one of that name.
 
@@ -144,7 +160,7 @@ def find_robot_file(name: str) -> Path:
         raise ContidError(f"{name}: is a folder; name a robot file in it")
     if exists:  # a pipe as well: contid check <(sed ... hand.yaml)
         return path
-    beside = [file for suffix in (".yaml", ".yml") if (file := Path(name + suffix)).is_file()]
+    beside = [file for suffix in (".yaml", ".yml") if _is_file(file := Path(name + suffix))]
     shipped = {file.stem: file for file in sorted(configs_folder().glob("*.yaml"))}
     if len(beside) + (name in shipped) > 1:
         places = ", ".join(str(file) for file in [*beside, *([shipped[name]] if name in shipped else [])])
@@ -153,6 +169,8 @@ def find_robot_file(name: str) -> Path:
         return beside[0]
     if name in shipped:
         return shipped[name]
-    emulated = "." in name.removesuffix(".yaml")  # each is shipped a second time as NAME.emulated
+    emulated = "." in name.removesuffix(".yaml").removesuffix(
+        ".yml"
+    )  # each is shipped a second time as NAME.emulated
     listed = [each for each in shipped if emulated or "." not in each]
     raise ContidError(f"{name}: no such file and no shipped robot file; {allowed_names(listed, name)}")

@@ -62,9 +62,10 @@ def robot_file_schema(drivers: Iterable[str] | None = None, models: Iterable[str
         bus["properties"]["driver"] = {"const": name, "description": f"`{name}`."}
         buses.append(bus)
         axes.append(joined(AxisDescription, driver.axis_options, f"axis on a bus with driver {name}"))
-    definitions[name_of[BusDescription]] = {"oneOf": buses}
+    nothing: Schema = {"not": {}}  # without drivers there is no bus
+    definitions[name_of[BusDescription]] = {"oneOf": buses} if buses else nothing
     # The driver of an axis is a key of its bus, which a schema cannot relate: any driver is allowed.
-    definitions[name_of[AxisDescription]] = {"anyOf": axes}
+    definitions[name_of[AxisDescription]] = {"anyOf": axes} if axes else nothing
     for driver in loaded.values():
         for own in (driver.bus_options, driver.axis_options):
             definitions.pop(name_of[own], None)

@@ -61,7 +61,6 @@ class SimulatedTendons(SimulatedPayload):
 
     Attributes:
         dynamics: true: the body moves with the masses and the damping of ``dynamics``.
-        payload_g, payload_at_s, payload_until_s, tracker: as for every simulated body.
     """
 
     dynamics: Literal[True]

@@ -13,6 +13,7 @@ from contid.robot_file.document import BusWiring
 SHARE: Final = 0.9
 #: Slower rates are written with decimals.
 _WHOLE_HZ: Final = 10.0
+_ROUNDING: Final = 1e-9
 #: Ticks refresh the watchdogs of devices: one lost tick must not trip them.
 _WATCHDOG_PERIODS: Final = 2.0
 
@@ -27,7 +28,10 @@ def exchange_time(bus: BusWiring) -> ExchangeTime | None:
 
 def highest_rate_hz(time: ExchangeTime) -> float:
     """Highest rate that fits with plain reads and a slow adapter [Hz], rounded down."""
-    rate_hz = SHARE / time.most_s
+    return _rounded_down(SHARE / time.most_s)
+
+
+def _rounded_down(rate_hz: float) -> float:
     return float(math.floor(rate_hz)) if rate_hz >= _WHOLE_HZ else math.floor(rate_hz * 100.0) / 100.0
 
 
@@ -39,7 +43,8 @@ def rate_too_high(buses: Iterable[BusWiring], rate_hz: float) -> Iterator[str]:
             yield (
                 f"{rate_hz:g} Hz is too fast for the wire of bus {bus.name!r}: {time.what} need "
                 f"{time.least_s * 1e3:.3g} ms per exchange, a period is {1e3 / rate_hz:.3g} ms; "
-                f"allowed is at most {highest_rate_hz(time):g} Hz, or a higher baud rate"
+                f"at most {highest_rate_hz(time):g} Hz fit in every case, "
+                f"{_rounded_down(1.0 / time.least_s):g} Hz are allowed; or raise the baud rate"
             )
 
 
@@ -68,8 +73,9 @@ def watchdog_too_short(buses: Iterable[BusWiring], rate_hz: float) -> Iterator[s
     for bus in buses:
         longest_s = watchdog_s(bus)
         if longest_s and longest_s * rate_hz < _WATCHDOG_PERIODS:
-            rate_min_hz = _WATCHDOG_PERIODS / longest_s
+            # Rounded up: a rate that is named is allowed.
+            rate_min_hz = math.ceil(_WATCHDOG_PERIODS / longest_s * 100.0 - _ROUNDING) / 100.0
             yield (
                 f"{rate_hz:g} Hz is too slow for the watchdog of bus {bus.name!r} (watchdog_ms "
-                f"{longest_s * 1e3:g}); allowed is at least {rate_min_hz:g} Hz, or a longer watchdog_ms"
+                f"{longest_s * 1e3:g}); allowed is at least {rate_min_hz:.10g} Hz, or a longer watchdog_ms"
             )

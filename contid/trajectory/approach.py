@@ -47,8 +47,9 @@ class Approach:
         duration_s: time until every axis rests.
 
     Raises:
-        MotionError: numbers that are not finite, or the solver finds no motion. From states of robots that is
-            not known, only for limits unlike theirs: at full speed and a rising one, with a low jerk.
+        MotionError: numbers that are not finite, limits that are not above 0, or the solver finds no motion.
+            From states of robots that is not known, only for limits unlike theirs: at full speed and a rising
+            one, with a low jerk.
     """
 
     def __init__(
@@ -66,8 +67,12 @@ class Approach:
         self._goal: Actuation = tuple(float(value) for value in goal)
         self._start: Actuation = tuple(float(value) for value in start)
         self._start_velocity: Actuation = tuple(float(value) for value in start_velocity)
-        if not all(map(math.isfinite, (*start, *start_velocity, *goal))):
+        if not all(map(math.isfinite, (*start, *start_velocity, *goal, *start_acceleration))):
             raise MotionError(f"no motion from {list(start)} to {self._goal}: they must be finite")
+        if not all(0.0 < each < math.inf for each in (*velocity_limit, *acceleration_limit, *jerk_limit)):
+            raise MotionError(
+                f"no motion from {list(start)} to {self._goal}: limits must be above 0 and finite"
+            )
         # ruckig leaves the line where the limits of the axes differ, as those of a wrist do; `cruise` has no
         # acceleration at the begin.
         limits = velocity_limit, acceleration_limit, jerk_limit

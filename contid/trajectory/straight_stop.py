@@ -27,13 +27,17 @@ class StraightStop:
     Args:
         position: of the axes [m or Pa].
         step: position minus that of the tick before [m or Pa].
-        changes: greatest change of a step of each axis from tick to tick [m or Pa].
-        ends: minimum and maximum position of each axis; an axis that begins inside stays inside.
+        changes: greatest change of a step of each axis from tick to tick, above 0 [m or Pa].
+        ends: minimum and maximum position of each axis; an axis that begins inside stays inside, and rests
+            where it meets an end.
         period_s: of the tick.
 
     Attributes:
         duration_s: time until every axis rests.
         distances: length of the way of each axis, before it is limited to ``ends`` [m or Pa].
+
+    Raises:
+        ValueError: a change that is not above 0.
     """
 
     def __init__(
@@ -44,6 +48,8 @@ class StraightStop:
         ends: Sequence[tuple[float, float]],
         period_s: float,
     ) -> None:
+        if not all(change > 0.0 for change in changes):
+            raise ValueError(f"changes: above 0 is expected, got {list(changes)}")
         self._position = position
         self._step = step
         self._ends = ends
@@ -57,10 +63,15 @@ class StraightStop:
         """The state a time after the start; the start before it, rest at the end after."""
         tick = min(max(time_s, 0.0), self.duration_s) / self._period_s
         steps = tick - 0.5 * tick * (tick + 1.0) / self._ticks
+        free = [begin + step * steps for begin, step in zip(self._position, self._step, strict=True)]
         reached = [
-            min(max(begin + step * steps, min(low, begin)), max(high, begin))
-            for begin, step, (low, high) in zip(self._position, self._step, self._ends, strict=True)
+            min(max(at, min(low, begin)), max(high, begin))
+            for at, begin, (low, high) in zip(free, self._position, self._ends, strict=True)
         ]
         moving = tick * self._period_s < self.duration_s
         velocity_per_step = (1.0 - tick / self._ticks) / self._period_s if moving else 0.0
-        return MotionState(tuple(reached), tuple([step * velocity_per_step for step in self._step]))
+        velocity = [
+            step * velocity_per_step if at == there else 0.0
+            for step, at, there in zip(self._step, free, reached, strict=True)
+        ]
+        return MotionState(tuple(reached), tuple(velocity))

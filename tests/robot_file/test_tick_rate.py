@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
 from contid.control.daemon.run_request import RunRequest, load
 from contid.errors import BadInputError, ContidError
+from contid.hal import ExchangeTime
+from contid.robot_file import tick_rate
+from contid.robot_file.document import BusWiring
 from contid.robot_file.load import parse_robot_file
-from contid.robot_file.tick_rate import exchange_time, rate_finding
+from contid.robot_file.tick_rate import exchange_time, rate_finding, rate_too_high, watchdog_too_short
 
 
 def finger(configs: Path, **values: object) -> str:
@@ -48,3 +53,21 @@ def test_the_rate_of_a_run_is_checked_unless_its_devices_are_simulated(tmp_path:
     with pytest.raises(ContidError, match="--rate: 100 Hz is too fast for the wire of bus 'servos'"):
         load(RunRequest(str(path), rate_hz=100.0))
     assert load(RunRequest(str(path), rate_hz=100.0, mock=True)).buses["servos"].driver == "sim"
+
+
+@pytest.mark.parametrize("watchdog_ms", [5, 7, 35, 70, 90, 110, 130, 300])
+def test_the_rate_that_a_short_watchdog_names_is_allowed(watchdog_ms: int) -> None:
+    bus = cast(BusWiring, SimpleNamespace(name="b", options=SimpleNamespace(watchdog_ms=watchdog_ms)))
+    (message,) = watchdog_too_short([bus], 0.5)
+    named_hz = float(message.partition("at least ")[2].partition(" Hz")[0])
+    assert list(watchdog_too_short([bus], named_hz)) == []
+    assert list(watchdog_too_short([bus], 0.999 * named_hz)) != []
+
+
+def test_the_rate_that_a_slow_wire_allows_is_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tick_rate, "exchange_time", lambda bus: ExchangeTime(0.0013, 0.004, "3 axes"))
+    bus = cast(BusWiring, SimpleNamespace(name="b"))
+    (message,) = rate_too_high([bus], 1100.0)
+    assert "at most 225 Hz fit in every case, 769 Hz are allowed" in message
+    assert list(rate_too_high([bus], 769.0)) == []
+    assert list(rate_too_high([bus], 770.0)) != []

@@ -52,7 +52,9 @@ def test_another_version_is_replaced_and_kept(tmp_path: Path) -> None:
 
 def test_a_command_that_fails_ends_with_its_output(tmp_path: Path) -> None:
     path = tmp_path / "a"
-    with pytest.raises(ContidError, match=r"is written; sh -c echo why >&2; exit 3: why"):
+    with pytest.raises(
+        ContidError, match=r"is written and not yet in force: sh -c echo why >&2; exit 3: why"
+    ):
         HostFile("nothing", path, "x", (("sh", "-c", "echo why >&2; exit 3"),)).install()
     with pytest.raises(ContidError, match=r"no-such-command: No such file"):
         HostFile("nothing", path, "x", (("no-such-command",),)).install()

@@ -157,3 +157,20 @@ def test_its_bits_are_those_of_the_package_of_ruckig(seed: int) -> None:
         for share in (0.01, 0.3, 0.5, 0.99):
             position, speed, _ = way.at_time(share * way.duration)
             assert motion.at(share * way.duration) == (tuple(position), tuple(speed))
+
+
+@pytest.mark.parametrize("wrong", ["acceleration", "limit"])
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 0.0])
+@pytest.mark.parametrize("straight", [False, True])
+def test_numbers_of_which_there_is_no_motion_are_refused(wrong: str, value: float, straight: bool) -> None:
+    """Whatever way it takes: limits that differ between the axes have one of their own."""
+    one = (1.0, 1.0)
+    for limit in range(3):
+        limits = [one, one, one]
+        begin = (0.0, 0.0)
+        if wrong == "acceleration":
+            begin = (value or float("-inf"), 0.0)
+        else:
+            limits[limit] = (value, 2.0)
+        with pytest.raises(MotionError):
+            Approach((0.0, 0.0), (0.0, 0.0), one, *limits, straight=straight, start_acceleration=begin)

@@ -42,9 +42,9 @@ def command(
 
     Each reference is searched twice, with a way back between. One that repeats to more than 1 degree (2 mm of
     a tendon), or that is that far from the file's zero, is an error; --force gives the file's zero up.
-    ROBOT_FILE may be the name of a shipped one. Each zero is written, in one step, as soon as it is found: an
-    error or an interrupt at a later axis keeps it. Ctrl-C, SIGTERM, and `contid estop`, `stop` or `hold`
-    from another terminal take the torque off at once.
+    Shipped files are not written: by the name of one, --dry-run and --parked only. Each zero is written, in
+    one step, as soon as it is found: an error or an interrupt at a later axis keeps it. Ctrl-C, SIGTERM, and
+    `contid estop`, `stop` or `hold` from another terminal take the torque off at once.
 
     With --parked, AXES (default: all without homing) count from their parked pose again, after a restart of
     their board lost it. Look at the robot first: contid moves as if it stood there.

@@ -28,7 +28,18 @@ def require_axes(buses: Sequence[WiredBus], axes: Sequence[str]) -> None:
 
 
 def require_writable(path: Path, verb: str) -> None:
-    """Raise `ContidError` when a robot file cannot be replaced; ``verb`` is what to do with a copy."""
+    """Refuse to write into a robot file; ``verb`` is what to do with a copy.
+
+    Raises:
+        ContidError: it is a shipped one, found by its name, or it cannot be replaced.
+    """
+    from contid.robot_file.load import configs_folder
+
+    if path.parent == configs_folder():
+        raise ContidError(
+            f"{path}: is shipped with contid and stays as it is; "
+            f"`contid new NAME --from {path.stem}` makes a file of yours: {verb} that one"
+        )
     if not os.access(path.resolve().parent, os.W_OK):
         raise ContidError(f"{path}: its folder is read-only; copy the file and {verb} the copy, or --dry-run")
 

@@ -36,15 +36,17 @@ class NewFile(click.Path):
 
 
 class NewFigure(NewFile):
-    """A figure to write; its ending is checked before any work."""
+    """A figure to write; its ending and its folder are checked before any work."""
 
     def convert(
         self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
     ) -> Any:
-        """The path; an unknown ending is a usage error."""
+        """The path; an unknown ending and a missing folder are usage errors."""
         path = super().convert(value, param, ctx)
         if path.suffix.lower() not in _FIGURES:
             self.fail(f"{str(path)!r} must end in {', '.join(_FIGURES)}.", param, ctx)
+        if not path.parent.is_dir():
+            self.fail(f"{str(path)!r}: there is no folder {str(path.parent)!r}.", param, ctx)
         return path
 
 

@@ -116,7 +116,7 @@ class Engine:
         self._orders = OrderHandler(
             self.robots, self.selector, self.exchange, chains, stages, sink, self._fail
         )
-        going_back = () if contacts is None else contacts.going_back
+        going_back = {} if contacts is None else contacts.going_back
         self._outcomes = Outcomes(self.robots, self.selector, self.exchange, going_back, arrivals, sink)
         self._rate_hz = rate_hz
         self._step = -1
@@ -148,7 +148,8 @@ class Engine:
             self._orders.obey(message, tick_number, self._step + 1, (self._step + 1) / self._rate_hz)
         except Exception as error:
             name = type(message).__name__.lower()
-            self._sink.event(OrderRefused(message=f"{name}: {type(error).__name__}: {error}"))
+            robot = getattr(message, "robot", "")
+            self._sink.event(OrderRefused(robot=robot, message=f"{name}: {type(error).__name__}: {error}"))
         self._outcomes.end_replaced(tick_number)
 
     def cycle(self, timing: Timing) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container
+from collections.abc import Mapping
 from functools import reduce
 from operator import or_
 from typing import Final
@@ -41,11 +41,11 @@ class Outcomes:
         robots: Robots,
         selector: TargetSelector,
         exchange: Exchange,
-        going_back: Container[int],
+        going_back: Mapping[int, Target | None],
         arrivals: Arrivals,
         sink: Sink,
     ) -> None:
-        """``going_back``: indices of the robots that retreat from a contact."""
+        """``going_back``: see `contid.control.engine.contact_stage.ContactStage`."""
         self._robots = robots
         self._selector = selector
         self._exchange = exchange
@@ -58,12 +58,15 @@ class Outcomes:
     def end_replaced(self, number: int) -> None:
         """After an order and before the results of a tick: the gotos that another one, or none, replaced end.
 
-        Several orders may come between two ticks, so that no tick sees some of their gotos.
+        Several orders may come between two ticks, so that no tick sees some of their gotos. The gotos of a
+        robot end in their order: clients know them by it.
         """
         for index, state in enumerate(self._robots.states):
-            if index in self._going_back:
+            if index in self._going_back and (state.goto is None or state.goto is self._going_back[index]):
                 continue
             before = self._going[index]
+            if state.goto is not None and state.goto is not before:
+                self._arrivals.replaced(index, number)
             if before is not None and before is not state.goto:
                 name = self._robots.configs[index].name
                 self._sink.event(GotoEnded(robot=name, arrived=False, tick=number))

@@ -23,6 +23,8 @@ LIMITS: Final = "contid.conf"
 UNIT_FOLDERS: Final = ("/etc/systemd/system", "/usr/local/lib/systemd/system", "/usr/lib/systemd/system")
 RULES_FOLDERS: Final = ("/etc/udev/rules.d", "/usr/local/lib/udev/rules.d", "/usr/lib/udev/rules.d")
 LIMITS_FOLDER: Final = "/etc/security/limits.d"
+#: How long a command that makes the machine read a file may take [s].
+COMMAND_S: Final = 30.0
 
 
 @dataclass(frozen=True)
@@ -44,31 +46,53 @@ class HostFile:
     after: str = ""
 
     def install(self) -> None:
-        """Write the file in one step and run the commands; what was there is kept as ``FILE.before``.
+        """Write the file in one step and run the commands.
+
+        What was there is kept as ``FILE.before``, or ``FILE.before2`` and so on.
 
         Raises:
-            ContidError: it cannot be written, or a command failed.
+            ContidError: it cannot be written, is masked, or commands failed, which are named.
         """
-        part = self.path.with_name(f".{self.path.name}.part")
+        if self.path.is_symlink() and self.path.samefile(os.devnull):
+            raise ContidError(f"{self.path} is masked; `systemctl unmask {self.path.name}` first")
+        if self.path.exists() and not self.path.is_file():
+            raise ContidError(f"{self.path}: cannot write it: it is no file")
+        path = self.path.resolve()
+        part = path.with_name(f".{path.name}.part")
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             part.write_text(self.text, encoding="utf-8")
             part.chmod(0o644)
-            if self.path.exists():
-                shutil.copy2(self.path, f"{self.path}.before")
-            part.replace(self.path)
+            if path.exists():
+                shutil.copy2(path, _unused(f"{path}.before"))
+            part.replace(path)
         except OSError as error:
             with suppress(OSError):
                 part.unlink()
-            raise ContidError(f"{self.path}: cannot write it: {error.strerror}") from error
-        for command in self.then:
-            try:
-                done = subprocess.run(command, capture_output=True, text=True, check=False)
-            except OSError as error:
-                raise ContidError(f"{self.path} is written; {' '.join(command)}: {error.strerror}") from error
-            if done.returncode != 0:
-                message = (done.stderr or done.stdout).strip() or f"exit code {done.returncode}"
-                raise ContidError(f"{self.path} is written; {' '.join(command)}: {message}")
+            raise ContidError(f"{self.path}: cannot write it: {error.strerror or error}") from error
+        if failed := {command: why for command in self.then if (why := _failure(command))}:
+            todo = " && ".join(" ".join(command) for command in failed)
+            why = "; ".join(failed.values())
+            raise ContidError(f"{self.path} is written and not yet in force: {why}; as root: {todo}")
+
+
+def _unused(name: str) -> Path:
+    numbers = ("", *range(2, 1000))
+    return next(path for number in numbers if not (path := Path(f"{name}{number}")).exists())
+
+
+def _failure(command: tuple[str, ...]) -> str:
+    """Run a command; why it failed, "" if it did not."""
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", check=False, timeout=COMMAND_S
+        )
+    except OSError as error:
+        return f"{' '.join(command)}: {error.strerror}"
+    except subprocess.TimeoutExpired:
+        return f"{' '.join(command)}: no end within {COMMAND_S:g} s"
+    message = (done.stderr or done.stdout).strip() or f"exit code {done.returncode}"
+    return f"{' '.join(command)}: {message}" if done.returncode else ""
 
 
 def shipped_text(name: str) -> str:

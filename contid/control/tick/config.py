@@ -38,8 +38,9 @@ if TYPE_CHECKING:
 #: while a body is behind (`contid.control.engine.watch.path_pace`); how far axes go on that stop is a bound.
 #: 4: late rows of a live stream are expected to go on as those before, and met smoothly; rows that waited are
 #: no new period (`contid.control.engine.live`); a robot on its way to a goto stops before a source moves
-#: it; a fault is not cleared while the robot brakes.
-MOTION_RULES: Final = 4
+#: it; a fault is not cleared while the robot brakes. 5: a correction of the tip of a robot without a target
+#: that began to fade is whole again with the next measurement.
+MOTION_RULES: Final = 5
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1
 

@@ -108,7 +108,8 @@ def tick(
                 state = replace(state, correction=learnt)
             return _follow(config, state, now_s, target, live)
         if config.feedback is not None:
-            state = replace(state, correction=kept(config.feedback, state.correction, now_s, measurement))
+            held = kept(config.feedback, state.correction, now_s, measurement, config.motion_rules)
+            state = replace(state, correction=held)
         if mode in (Mode.CONNECTING, Mode.READY, Mode.ARMING):
             return TickResult(next_arming(config, state, now_s, samples, target))
         if mode in (Mode.RUN, Mode.APPROACH) and state.goto is None and (target is None or not state.follow):

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from contid.control.tick.config import FeedbackConfig, RobotConfig
+from contid.control.tick.config import MOTION_RULES, FeedbackConfig, RobotConfig
 from contid.control.tick.play import led
 from contid.hal import Sample
 from contid.targets import ZERO3, Actuation, Target, Vec3
@@ -101,13 +101,22 @@ def observed(
 
 
 def kept(
-    feedback: FeedbackConfig, before: Correction, now_s: float, measurement: Measurement | None
+    feedback: FeedbackConfig,
+    before: Correction,
+    now_s: float,
+    measurement: Measurement | None,
+    rules: int = MOTION_RULES,
 ) -> Correction:
-    """The correction of a robot without a target: kept while measurements come, else it fades."""
+    """The correction of a robot without a target: kept while measurements come, else it fades.
+
+    One that began to fade between two measurements is whole again with the next; none moves the robot.
+    ``rules``: of motion.
+    """
     if before.error_m == ZERO3:
         return before
     if measurement is not None and measurement.time_s > before.used_s:
-        before = replace(before, used_s=measurement.time_s, faded_from_m=before.error_m)
+        whole = before.faded_from_m if rules > 4 else before.error_m
+        before = replace(before, used_s=measurement.time_s, error_m=whole, faded_from_m=whole)
     return _faded(feedback, before, now_s)
 
 

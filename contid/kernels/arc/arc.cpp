@@ -83,14 +83,14 @@ void contid::bind(nb::module_& module) {
       .def("forward", &contid::forward_row, nb::arg("lengths"))
       .def("avoid", &contid::avoid_rows, nb::arg("obstacles"), nb::arg("radius"), nb::arg("margin"), nb::arg("from_"),
            nb::arg("zone"), nb::arg("force"))
-      .def("differentiate", &contid::differentiate_row, nb::arg("lengths"), nb::arg("tip"), nb::arg("spin"),
-           nb::arg("mid"))
+      .def("differentiate", &contid::differentiate_row, nb::arg("lengths"), nb::arg("tip").noconvert(),
+           nb::arg("spin").noconvert(), nb::arg("mid").noconvert())
       .def("solve", &solve, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(), nb::arg("seed"),
            nb::arg("rotation") = nb::none())
-      .def("forward_many", &forward_many, nb::arg("actuations"), nb::arg("out"), nb::arg("threads"))
+      .def("forward_many", &forward_many, nb::arg("actuations"), nb::arg("out").noconvert(), nb::arg("threads"))
       .def("inverse_many", &inverse_many, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(),
-           nb::arg("seeds"), nb::arg("chained"), nb::arg("out"), nb::arg("threads"))
-      .def("follow", &follow, nb::arg("tips"), nb::arg("seed"), nb::arg("lengths"));
+           nb::arg("seeds"), nb::arg("chained"), nb::arg("out").noconvert(), nb::arg("threads"))
+      .def("follow", &follow, nb::arg("tips"), nb::arg("seed"), nb::arg("lengths").noconvert());
 }
 
 #include "../modules.hpp"

@@ -204,12 +204,13 @@ void contid::bind(nb::module_& m) {
       .def("inverse", &Engine::inverse, nb::arg("tip"), nb::arg("mid").none(), nb::arg("direction").none(),
            nb::arg("force"), nb::arg("seed"))
       .def("inverse_many", &Engine::inverse_many, nb::arg("tip"), nb::arg("mid").none(), nb::arg("direction").none(),
-           nb::arg("force").none(), nb::arg("seeds"), nb::arg("out"), nb::arg("threads"))
-      .def("forward_many", &Engine::forward_many, nb::arg("pressures"), nb::arg("force").none(), nb::arg("out"),
-           nb::arg("threads"))
+           nb::arg("force").none(), nb::arg("seeds"), nb::arg("out").noconvert(), nb::arg("threads"))
+      .def("forward_many", &Engine::forward_many, nb::arg("pressures"), nb::arg("force").none(),
+           nb::arg("out").noconvert(), nb::arg("threads"))
       .def("forward", &Engine::forward, nb::arg("pressures"), nb::arg("force"))
       .def("near", &Engine::near, nb::arg("pressures"), nb::arg("force"), nb::arg("guess"))
-      .def("statics", &Engine::statics, nb::arg("pressures"), nb::arg("loads"), nb::arg("stations"), nb::arg("out"))
+      .def("statics", &Engine::statics, nb::arg("pressures"), nb::arg("loads"), nb::arg("stations"),
+           nb::arg("out").noconvert())
       .def("bends", &Engine::bends, nb::arg("pressures"), nb::arg("force"))
       .def("of_bends", &Engine::of_bends, nb::arg("asked"), nb::arg("force"), nb::arg("seed"))
       .def("critical", &Engine::critical, nb::arg("pressures"), nb::arg("force"), nb::arg("max_factor") = 1.0);

@@ -81,7 +81,8 @@ Ends ends_of(const Rod& rod, const double* pressures, Vec base_moment, Vec tip_f
 void judge(const Rod& rod, const double* pressures, Vec base_moment, Vec tip_force, double share, int elements,
            Judged& out);
 
-// Derivative of the tip by the force on it, pressures constant, of a rod in equilibrium; false at a critical load.
+// Derivative of the tip by the force on it, pressures constant, of a rod in equilibrium, without loads on its joints
+// (`Rod::joints` false); false at a critical load.
 bool tip_compliance(const Rod& rod, const double* pressures, Vec base_moment, Vec tip_force, int elements, Mat& out);
 
 constexpr std::size_t kFrame = 12;  // position, then the rotation row by row

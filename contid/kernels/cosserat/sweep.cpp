@@ -1,4 +1,6 @@
 // Sweeps of a rod from base to tip: nearly all the time of an answer. Compiled a second time for wider registers.
+#include <cassert>
+
 #include "../column.hpp"
 #include "arcs.hpp"
 #include "element.hpp"
@@ -143,6 +145,7 @@ void judge(const Rod& rod, const double* pressures, Vec base_moment, Vec tip_for
 }
 
 bool tip_compliance(const Rod& rod, const double* pressures, Vec base_moment, Vec tip_force, int elements, Mat& out) {
+  assert(!rod.joints);
   constexpr int kColumns = padded(6);
   State state;
   static_cast<Pose&>(state) = base_pose(base_moment);

@@ -2,6 +2,8 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/vector.h>
 
+#include <cmath>
+
 #include "../arrays.hpp"
 #include "../python.hpp"
 #include "rod_motion.hpp"
@@ -15,6 +17,13 @@ constexpr int kPose = 12;         // position and rotation, rows one after the o
 constexpr int kInterrupt = 1000;  // steps between looks at Ctrl-C
 
 void fill(std::vector<double>& into, const Given& given, const char* what) { into = numbers(given, into.size(), what); }
+
+std::vector<double> finite(const Given& given, size_t count, const char* what) {
+  std::vector<double> values = numbers(given, count, what);
+  for (double value : values)
+    if (!std::isfinite(value)) throw nb::value_error("finite numbers are expected");
+  return values;
+}
 
 struct Rod {
   RodMotion motion;
@@ -52,9 +61,11 @@ struct Rod {
     double g[3];
     read(gravity, g, 3, "gravity: three numbers");
     const size_t n = motion.setup().elements;
-    const std::vector<double> wrenches = numbers(nodes, 6 * n, "nodes: six numbers per element");
-    fill(motion.loads.strains, strains, "strains: six numbers per element");
-    fill(motion.loads.pulls, pulls, "pulls: one number per tendon");
+    const std::vector<double> wrenches = finite(nodes, 6 * n, "nodes: six numbers per element");
+    std::vector<double> own = finite(strains, motion.loads.strains.size(), "strains: six numbers per element");
+    std::vector<double> pulled = finite(pulls, motion.loads.pulls.size(), "pulls: one number per tendon");
+    // Nothing is replaced before all of it is checked.
+    motion.loads.strains.swap(own), motion.loads.pulls.swap(pulled);
     motion.loads.gravity = {g[0], g[1], g[2]};
     for (size_t e = 0; e < n; ++e) {
       const double* w = &wrenches[6 * e];
@@ -69,8 +80,7 @@ struct Rod {
   }
 
   void put(Given strains) {
-    if (strains.size() != motion.strain.size()) throw nb::value_error("strains: six numbers per element");
-    motion.put(strains.data());
+    motion.put(finite(strains, motion.strain.size(), "strains: six numbers per element").data());
   }
 
   void pose(int node, double* out) const {
@@ -131,11 +141,11 @@ NB_MODULE(KERNEL_MODULE, module) {
       .def("stiffen", &Rod::stiffen, nb::arg("stiffness"), nb::arg("damping_s"))
       .def("put", &Rod::put, nb::arg("strains"))
       .def("settle", [](Rod& r) { return r.motion.settle(); })
-      .def("run", &Rod::run, nb::arg("step"), nb::arg("every"), nb::arg("nodes"), nb::arg("poses"))
-      .def("poses", &Rod::poses, nb::arg("out"))
-      .def("state", &Rod::state, nb::arg("strain"), nb::arg("momentum"))
+      .def("run", &Rod::run, nb::arg("step"), nb::arg("every"), nb::arg("nodes"), nb::arg("poses").noconvert())
+      .def("poses", &Rod::poses, nb::arg("out").noconvert())
+      .def("state", &Rod::state, nb::arg("strain").noconvert(), nb::arg("momentum").noconvert())
       .def("kinetic", [](Rod& r) { return r.motion.kinetic(); })
       .def("potential", [](Rod& r) { return r.motion.potential(); })
-      .def("linearise", &Rod::linearise, nb::arg("mass"), nb::arg("stiffness"))
+      .def("linearise", &Rod::linearise, nb::arg("mass").noconvert(), nb::arg("stiffness").noconvert())
       .def("tensions", &Rod::tensions);
 }

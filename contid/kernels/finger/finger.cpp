@@ -84,7 +84,7 @@ NB_MODULE(KERNEL_MODULE, module) {
       .def("forward", &forward, nb::arg("left"), nb::arg("right"))
       .def("inverse", &inverse, nb::arg("x"), nb::arg("y"))
       .def("clamp", &clamp, nb::arg("left"), nb::arg("right"))
-      .def("shape", &shape, nb::arg("left"), nb::arg("right"), nb::arg("out"))
-      .def("forward_many", &forward_many, nb::arg("actuations"), nb::arg("out"), nb::arg("threads"))
-      .def("inverse_many", &inverse_many, nb::arg("tip"), nb::arg("out"), nb::arg("threads"));
+      .def("shape", &shape, nb::arg("left"), nb::arg("right"), nb::arg("out").noconvert())
+      .def("forward_many", &forward_many, nb::arg("actuations"), nb::arg("out").noconvert(), nb::arg("threads"))
+      .def("inverse_many", &inverse_many, nb::arg("tip"), nb::arg("out").noconvert(), nb::arg("threads"));
 }

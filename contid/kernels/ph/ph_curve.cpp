@@ -88,7 +88,7 @@ NB_MODULE(_ph_curve, module) {
            nb::arg("distances_m"), nb::arg("angles_rad"), nb::arg("split"))
       .def("solve", &ShapeInverse::solve, nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("ax"), nb::arg("ay"),
            nb::arg("az"), nb::arg("length") = nan_value)
-      .def("solve_rows", &ShapeInverse::solve_rows, nb::arg("poses"), nb::arg("out"));
+      .def("solve_rows", &ShapeInverse::solve_rows, nb::arg("poses"), nb::arg("out").noconvert());
   module.def("lowest", &lowest_point);
   module.def("through", &fit_through, nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("start_direction"),
              nb::arg("end_direction"), nb::arg("length") = nan_value, nb::arg("beta") = 0.0, nb::arg("gamma") = 0.0);

@@ -46,7 +46,7 @@ struct Solver {
   // equilibrium, 0 for another one, below 0 when none was found or it has no derivatives.
   int solve(Given pulls, nb::handle force, Given start, nb::handle into, bool derivatives) {
     const RodSetup& s = rod.setup();
-    const auto array = [&](const char* name) { return nb::cast<Rows>(into.attr(name)); };
+    const auto array = [&](const char* name) { return nb::cast<Rows>(into.attr(name), false); };
     Rows strain = array("strain"), points = array("points_m"), rotation = array("rotation"), tip = array("tip_m"),
          tensions = array("tensions_n"), jacobian = array("jacobian"), compliance = array("compliance");
     const size_t n = s.elements, m = s.tendons;

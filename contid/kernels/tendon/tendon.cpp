@@ -51,8 +51,8 @@ void contid::bind(nb::module_& module) {
       .def("forward", &contid::forward_row, nb::arg("bends"))
       .def("avoid", &contid::avoid_rows, nb::arg("obstacles"), nb::arg("radius"), nb::arg("margin"), nb::arg("from_"),
            nb::arg("zone"), nb::arg("force"))
-      .def("differentiate", &contid::differentiate_row, nb::arg("bends"), nb::arg("tip"), nb::arg("spin"),
-           nb::arg("mid"))
+      .def("differentiate", &contid::differentiate_row, nb::arg("bends"), nb::arg("tip").noconvert(),
+           nb::arg("spin").noconvert(), nb::arg("mid").noconvert())
       .def("solve", &solve, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(), nb::arg("seed"),
            nb::arg("rotation") = nb::none());
 }

@@ -2,29 +2,40 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections import deque
 from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events.robots import GotoEnded, SqueezeChanged
-from contid.control.engine.messages import Goto, Message
-from contid.remote.protocol.wire import Fields
+from contid.control.engine.messages import Goto, Hold, Message
+from contid.remote.protocol.wire import Fields, RemoteError
 from contid.remote.server.move import Move
-from contid.remote.server.pending_orders import PendingOrders
+from contid.remote.server.pending_orders import OrderResult, PendingOrders
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.targets import Target
 
 
+class _Begun(NamedTuple):
+    """A goto of a move, and the result of its order."""
+
+    move: Move
+    result: asyncio.Future[OrderResult]
+
+    def refused(self, robot: str) -> bool:
+        """True once the control process has refused it, so that no end of it will come."""
+        return self.result.done() and not self.result.cancelled() and robot in self.result.result().refused
+
+
 class Gotos:
-    """The gotos that have not ended, by robot."""
+    """The gotos that have not ended, by robot, in the order in which they were sent and will end."""
 
     def __init__(self, control: RunControl, view: TelemetryView, pending: PendingOrders) -> None:
         self._control = control
         self._view = view
         self._pending = pending
-        self._moves: dict[str, deque[Move]] = {name: deque() for name in view.configs}
-        #: Why the newest move of a robot until a force ended.
-        self._squeezed: dict[str, str] = {}
+        self._begun: dict[str, deque[_Begun]] = {name: deque() for name in view.configs}
 
     async def begin(
         self,
@@ -35,40 +46,57 @@ class Gotos:
     ) -> Fields:
         """Send the gotos of a move; returns when the control process has accepted them.
 
+        Where one robot refuses, the others hold.
+
         Raises:
-            RemoteError: a robot refused.
+            RemoteError: a robot refused, or nothing was confirmed in time.
         """
-        for name in targets:
-            move.waiting.add(name)
-            self._moves[name].append(move)
-            self._squeezed.pop(name, None)
         gotos = [Goto(name, target, until_force_n) for name, target in targets.items()]
-        outcome = await self._pending.confirmed(self._pending.send([*before, *gotos]))
-        if outcome.refused:
-            for name in outcome.refused:
-                move.waiting.discard(name)
-                if move in self._moves.get(name, ()):
-                    self._moves[name].remove(move)
-            raise outcome.refusal(self._view.faults(self._control.newest(), tuple(targets)))
+        result = self._pending.send([*before, *gotos])
+        move.waiting.update(targets)
+        for name in targets:
+            self._begun[name].append(_Begun(move, result))
+        try:
+            outcome = await self._pending.confirmed(result)
+            if outcome.refused:
+                raise outcome.refusal(self._view.faults(self._control.newest(), tuple(targets)))
+        except RemoteError:
+            move.refused = True
+            going = [name for name in targets if self._newest(name) is move]
+            if result.done() and going:
+                self._control.send(Hold(tuple(going)))
+            raise
         return {"move": move.number, "tick": outcome.tick}
 
     def ended(self, event: GotoEnded) -> None:
         """A goto ended; its move ends with the last one."""
-        robot = event.robot
-        if not self._moves.get(robot):
+        robot, begun = event.robot, self._of(event.robot)
+        if not begun:
             return
-        move = self._moves[robot].popleft()
+        move = begun.popleft().move
         move.waiting.discard(robot)
         if not event.arrived:
             move.failed.add(robot)
-            if event.message:
-                self._squeezed[robot] = event.message
-        if not move.waiting:
+            move.reasons[robot] = event.message or move.reasons.get(robot, "")
+        if not move.waiting and not move.refused:
             faults = self._view.faults(self._control.newest(), tuple(move.failed))
             message = f"{', '.join(sorted(move.failed))} did not arrive" if move.failed else ""
-            why = [f"{name}: {self._squeezed.pop(name)}" for name in sorted(move.failed & {*self._squeezed})]
+            why = [f"{name}: {move.reasons[name]}" for name in sorted(move.failed) if move.reasons[name]]
             move.end(not move.failed, "; ".join([message, *why]), faults)
 
     def squeezed(self, event: SqueezeChanged) -> None:
         """Keep why a move until a force ended, for its end."""
-        self._squeezed[event.robot] = event.message
+        if begun := self._of(event.robot):
+            begun[0].move.reasons[event.robot] = event.message
+
+    def _of(self, robot: str) -> deque[_Begun]:
+        """The gotos of a robot, the first of them not refused."""
+        begun = self._begun.get(robot, deque())
+        while begun and begun[0].refused(robot):
+            begun.popleft()
+        return begun
+
+    def _newest(self, robot: str) -> Move | None:
+        """The move of the newest goto of a robot, None for none that may still end."""
+        begun = self._begun[robot]
+        return begun[-1].move if begun and not begun[-1].refused(robot) else None

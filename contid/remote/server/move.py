@@ -87,6 +87,8 @@ class Move:
         notify: sends a notice to the owner.
         waiting: robots whose goto has not ended.
         failed: robots whose goto was dropped.
+        reasons: by robot why it was, where that is known.
+        refused: its client got an error instead of the move, so it gets no end.
     """
 
     number: int
@@ -94,6 +96,8 @@ class Move:
     notify: Notify
     waiting: set[str] = field(default_factory=set, init=False)
     failed: set[str] = field(default_factory=set, init=False)
+    reasons: dict[str, str] = field(default_factory=dict, init=False)
+    refused: bool = field(default=False, init=False)
 
     def end(self, reached: bool, message: str, faults: Mapping[str, Fields] | None = None) -> None:
         """Notify the owner of the end."""

@@ -90,7 +90,7 @@ class PendingOrders:
         """
         try:
             async with asyncio.timeout(timeout_s):
-                result = await future
+                result = await asyncio.shield(future)  # it may be confirmed later
         except TimeoutError:
             message = f"sent, but the control process has not confirmed it within {timeout_s:g} s"
             raise RemoteError(Code.NO_ANSWER, message) from None

@@ -173,7 +173,12 @@ class TelemetryView:
                 },
                 "bringup": {axis: proven[f"{name}.{axis}"].as_fields() for axis in config.axis_names},
             }
-        return {"name": self._loaded.file.name, "file": str(self._loaded.path.absolute()), "robots": robots}
+        return {
+            "name": self._loaded.file.name,
+            "file": str(self._loaded.path.absolute()),
+            "file_sha256": self._loaded.sha256,
+            "robots": robots,
+        }
 
     def status(self, record: TickRecord | None, now_s: float, costs_s: Sequence[float]) -> Fields:
         """Buses and robots at a time, on the clock of the record; ``costs_s`` of a tick of each robot."""

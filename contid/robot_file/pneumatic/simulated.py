@@ -57,7 +57,6 @@ class SimulatedArm(SimulatedPayload):
     Attributes:
         dynamics: false: the arm is at rest at every instant, by the literal equations of the paper, not by
             contid's model; true: it moves with the masses and the damping of ``dynamics``, without a wall.
-        payload_g, payload_at_s, payload_until_s, tracker: as for every simulated body.
         wall: rigid and without friction, in the world; it stops the tip only.
         errors: how the arm differs from the model.
     """

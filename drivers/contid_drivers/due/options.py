@@ -14,6 +14,9 @@ from contid_drivers.due.codes import NamedCode
 #: Calibration points of a regulator the board can hold.
 MAX_CALIBRATION_POINTS = 8
 Percent: TypeAlias = Annotated[float, Field(ge=0, le=100)]
+#: An analogue pin reads up to this [mV].
+PIN_MV = 3300.0
+_ROUNDING = 1e-9
 PinMillivolt: TypeAlias = Annotated[float, Field(ge=0, le=3300)]
 
 
@@ -107,7 +110,8 @@ class LoadCell(Strict):
         readings: two rows, the first with the lower reading: ``[mV at the pin, N]``, or of a converter
             ``[reading, N]``; measured with two weights.
         floor_n: least tension. The board follows the demand only as far as the tension stays above it, and
-            pulls where it is below. It is held while the axis is armed, stopped or without a host.
+            pulls where it is below. It is held while the axis is armed or stopped, and without a host where
+            ``on_watchdog`` is ``hold``.
         ceiling_n: tension above it for 20 ms is a fault.
         stiffness_n_per_deg: change of the tension per degree of the shaft at the stiffest pose; rather too
             large than too small.
@@ -140,6 +144,11 @@ class LoadCell(Strict):
             )
         if self.cell == "amplifier" and low <= self.wire_break_mv:
             raise ValueError(f"readings must lie above wire_break_mv {self.wire_break_mv:g}")
+        newtons = (high_n - low_n) / (high - low)
+        ends = (-most if self.cell == "converter" else self.wire_break_mv, most)
+        top_n = max(low_n + (end - low) * newtons for end in ends)
+        if self.ceiling_n > top_n * (1.0 + _ROUNDING):
+            raise ValueError(f"ceiling_n {self.ceiling_n:g} is never read: readings end at {top_n:.4g} N")
         if self.ceiling_n < 2.0 * self.floor_n:
             raise ValueError(f"ceiling_n {self.ceiling_n:g} must be at least twice floor_n {self.floor_n:g}")
         return self
@@ -324,10 +333,24 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
                     f"velocity_deg_s {self.velocity_deg_s:g} exceeds no_load_deg_s {self.no_load_deg_s:g}, "
                     "the speed of the motor at full duty"
                 )
+            self._check_range_of_motor()
             self._check_start()
         else:
             self._check_regulator()
         return self
+
+    def _check_range_of_motor(self) -> None:
+        full_ma = PIN_MV / 1e3 * self.current_ma_per_v
+        if self.stall_current_ma >= full_ma:
+            raise ValueError(
+                f"stall_current_ma {self.stall_current_ma:g} is never read: the pin ends at {full_ma:g} mA "
+                f"(3.3 V, current_ma_per_v {self.current_ma_per_v:g})"
+            )
+        if self.homing is not None and self.homing.speed_deg_s > self.no_load_deg_s:
+            raise ValueError(
+                f"homing: speed_deg_s {self.homing.speed_deg_s:g} exceeds no_load_deg_s "
+                f"{self.no_load_deg_s:g}, the speed of the motor at full duty"
+            )
 
     def _check_start(self) -> None:
         no_coast = self.bridge is Bridge.DIR_PWM
@@ -371,6 +394,24 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
             self._check_calibration()
         elif self.calibration is not None or self.trim_bar:
             raise ValueError(f"channel {self.channel} has valves; it has no calibration and no trim_bar")
+        self._check_readback()
+
+    def _check_readback(self) -> None:
+        assert self.readback is not None
+        (low_mv, low_bar), (high_mv, high_bar) = self.readback
+        assert self.ceiling_bar is not None
+        bar_per_mv = (high_bar - low_bar) / (high_mv - low_mv)
+        top_bar, zero_mv = high_bar + (PIN_MV - high_mv) * bar_per_mv, low_mv - low_bar / bar_per_mv
+        if self.ceiling_bar > top_bar * (1.0 + _ROUNDING):
+            raise ValueError(
+                f"ceiling_bar {self.ceiling_bar:g} is never read: "
+                f"readback ends at {top_bar:.4g} bar (3300 mV)"
+            )
+        if self.wire_break_mv and self.wire_break_mv >= zero_mv:
+            raise ValueError(
+                f"wire_break_mv {self.wire_break_mv:g} must be below {zero_mv:.4g} mV, "
+                "which readback has at 0 bar"
+            )
 
     def _check_calibration(self) -> None:
         assert self.calibration is not None

@@ -68,7 +68,9 @@ def test_commands_name_what_is_missing(folder: Path) -> None:
     assert "no bus with axes has driver 'due'" in contid_in(folder, "emulate", "due", "hand.yaml").stderr
     assert contid_in(folder, "scan", "hand.tty").returncode == 2
     shipped = contid_in(folder, "home", "trirack2")
-    assert (shipped.returncode, "no axis has `homing:`" in shipped.stderr) == (2, True), shipped.stderr
+    assert (shipped.returncode, "contid new NAME --from trirack2" in shipped.stderr) == (2, True), (
+        shipped.stderr
+    )
     assert "did you mean 'hand'" in contid_in(folder, "home", "hnad").stderr
 
 

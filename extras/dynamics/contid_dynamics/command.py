@@ -10,6 +10,7 @@ import click
 
 from contid import entry_points
 from contid.cli.support.added_options import ExtendedCommand
+from contid.cli.support.moving_commands import require_writable
 from contid.cli.support.parameters import NumberRange, robot_names
 from contid_dynamics.pose_option import POSE, actuation_at, moving_robots
 
@@ -57,16 +58,20 @@ def command(
     `contid modes tendon3 --at s1.t1_mm=3 --save modes.rrd`
     """
     from contid.errors import ContidError
-    from contid.robot_file.load import load_named
+    from contid.robot_file.load import find_robot_file, load_named
     from contid_dynamics.report import range_over_poses
     from contid_dynamics.swing import SwingingPose
 
     if write and schedule is None:
         raise click.UsageError("--write needs --schedule COUNT, the poses whose frequencies are written")
+    if write:
+        require_writable(find_robot_file(robot_file), "shape")
     found: dict[str, object] = {}
+    shapes: dict[str, Mapping[str, Any]] = {}
     swinging: dict[str, SwingingPose] = {}
-    for name, robot in moving_robots(robot_file).items():
-        actuation = actuation_at(robot, name, at)
+    robots = moving_robots(robot_file)
+    for name, robot in robots.items():
+        actuation = actuation_at(robot, name, at, robots.keys() - {name})
         try:
             swinging[name] = SwingingPose(robot, actuation, count, payload_g)
         except ArithmeticError as error:
@@ -78,29 +83,23 @@ def command(
         else:
             _print(name, modes, ranges)
         if schedule is not None:
-            shape = _schedule(robot_file, name, robot, schedule, payload_g, write, quiet=as_json)
+            shapes[name] = _schedule(robot, schedule, payload_g, quiet=as_json)
             if as_json:
-                found[f"{name}.shape"] = shape
+                found[f"{name}.shape"] = shapes[name]
     if as_json:
         click.echo(json.dumps(found))
+    if write:
+        _write(find_robot_file(robot_file), shapes, quiet=as_json)
+    elif shapes and not as_json:
+        click.echo("  --write puts it into the robot file, --json prints it")
     for output, path in outputs.items():
         if path is not None:
             command.added[output].write(load_named(robot_file), swinging, Path(path))
             click.echo(f"  written to {path}; contid view {path} plays it", err=True)
 
 
-def _schedule(
-    robot_file: str,
-    name: str,
-    robot: RobotDescription,
-    poses: int,
-    load_g: float,
-    write: bool,
-    quiet: bool,
-) -> Mapping[str, Any]:
-    """Fit the schedule of a robot, print how well it fits, and write it."""
-    from contid.robot_file.edit import Change, set_values
-    from contid.robot_file.load import load_named
+def _schedule(robot: RobotDescription, poses: int, load_g: float, quiet: bool) -> Mapping[str, Any]:
+    """Fit the schedule of a robot, and print how well it fits."""
     from contid_dynamics.schedule import schedule_of
 
     found = schedule_of(robot, poses, load_g)
@@ -116,17 +115,22 @@ def _schedule(
             click.echo(
                 f"  {found.outside} poses swing slower or faster than shaping takes: as at its edge there"
             )
-    if write:
-        path = load_named(robot_file).path
-        set_values(path, [Change(f"robots.{name}.rates.shape", found.shape, "contid modes --schedule")])
-        if not quiet:
-            click.echo(f"  rates.shape written to {path}")
-    elif not quiet:
-        click.echo("  --write puts it into the robot file, --json prints it")
     return found.shape
 
 
+def _write(path: Path, shapes: Mapping[str, Mapping[str, Any]], quiet: bool) -> None:
+    """Write the schedules of all robots, or none."""
+    from contid.robot_file.edit import Change, set_values
+
+    note = "contid modes --schedule"
+    set_values(path, [Change(f"robots.{name}.rates.shape", shape, note) for name, shape in shapes.items()])
+    if not quiet:
+        click.echo(f"  rates.shape written to {path}")
+
+
 def _print(name: str, modes: PoseModes, ranges: list[tuple[float, float]] | None) -> None:
+    from contid.robot_file.rates import HIGHEST_HZ, LOWEST_HZ
+
     x, y, z = modes.tip_mm
     click.echo(f"{name}: tip at x {x:.1f}, y {y:.1f}, z {z:.1f} mm")
     click.echo(
@@ -140,6 +144,8 @@ def _print(name: str, modes: PoseModes, ranges: list[tuple[float, float]] | None
             f"  {k + 1:4}  {mode.frequency_hz:6.2f} Hz  {mode.ratio:13.3f}  {ends:>9}  {along:15}{over}"
         )
     first = modes.modes[0]
-    if 0.0 < first.ratio < 0.5:
+    if 0.0 < first.ratio < 0.5 and not LOWEST_HZ <= first.frequency_hz <= HIGHEST_HZ:
+        click.echo(f"  its first mode is not shaped: rates.shape takes {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz")
+    elif 0.0 < first.ratio < 0.5:
         shape = f"{{frequency_hz: {first.frequency_hz:.2f}, damping_ratio: {first.ratio:.3f}}}"
         click.echo(f"  rates with shape: {shape} end without this swing")

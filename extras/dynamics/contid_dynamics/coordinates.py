@@ -8,7 +8,7 @@ tension or above. Both have convex limits: planes, and cones of bends as the pla
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from contid.robot_file.robot import RobotDescription
 _STILL: Final = 0.05
 #: A limit acts where it is exceeded by more than this share of the greatest bound.
 _INSIDE: Final = 1e-9
+#: How often the planes that touch cones are looked for again where a row is led back to them.
+_TOUCHES: Final = 30
 
 
 class Planes(NamedTuple):
@@ -167,18 +169,50 @@ def held(coordinates: Coordinates, path: Array, wished: Array) -> HeldRows:
         coordinates: of the robot.
         path: coordinates of the path.
         wished: what leads it, as many rows or more.
+
+    Raises:
+        ValueError: ``wished`` has numbers that are not finite.
     """
+    if not np.isfinite(wished).all():
+        raise ValueError("wished: finite numbers are expected")
     rows, ticks = wished.copy(), 0
     before: Array | None = None
     for k, row in enumerate(rows):
-        normals, offsets = coordinates.limits(row, before)
-        room = offsets - normals @ row
-        if (room < -_INSIDE * np.abs(offsets).max()).any():
+        planes = coordinates.limits(row, before)
+        if _exceeded(planes, row).any():
             slope = coordinates.tip_slope(path[min(k, len(path) - 1)])
-            row += _least_change(slope, normals, room)
+            row += _change(coordinates, planes, slope, row, before)
             ticks += 1
         before = row
     return HeldRows(rows, ticks)
+
+
+def _exceeded(planes: Planes, row: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Which planes a row is beyond."""
+    inside: Array = planes.normals @ row - planes.offsets
+    return np.asarray(inside > _INSIDE * np.abs(planes.offsets).max(), dtype=np.bool_)
+
+
+def _change(
+    coordinates: Coordinates, planes: Planes, slope: Array, wished: Array, before: Array | None
+) -> Array:
+    """The d of `held` of one row.
+
+    A plane touches a cone where the row is, so another one may be exceeded where it is led to: it is added,
+    until none is. Each is a limit of every row within the cone (J. E. Kelley, "The Cutting-Plane Method for
+    Solving Convex Programs", 1960).
+    """
+    for _ in range(_TOUCHES):
+        change = _least_change(slope, planes.normals, planes.offsets - planes.normals @ wished)
+        found = coordinates.limits(wished + change, before)
+        beyond = _exceeded(found, wished + change)
+        if not beyond.any():
+            break
+        planes = Planes(
+            np.vstack((planes.normals, found.normals[beyond])),
+            np.concatenate((planes.offsets, found.offsets[beyond])),
+        )
+    return change
 
 
 def _least_change(slope: Array, normals: Array, room: Array) -> Array:

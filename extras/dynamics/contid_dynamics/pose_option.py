@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Final
 import click
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from contid.robot_file.robot import RobotDescription
 
 POSE: Final = click.option(
@@ -37,8 +39,16 @@ def moving_robots(robot_file: str) -> dict[str, RobotDescription]:
     return moving
 
 
-def actuation_at(robot: RobotDescription, name: str, at: tuple[str, ...]) -> list[float]:
+def actuation_at(
+    robot: RobotDescription, name: str, at: tuple[str, ...], others: Collection[str] = ()
+) -> list[float]:
     """The actuation [m or Pa] of ``--at``; other axes are at rest.
+
+    Args:
+        robot: of the file.
+        name: of the robot.
+        at: the parts of the option.
+        others: names of further robots; ``NAME.AXIS`` of one of them is none of this robot.
 
     Raises:
         click.UsageError: a part is no number of an axis of the robot.
@@ -47,6 +57,8 @@ def actuation_at(robot: RobotDescription, name: str, at: tuple[str, ...]) -> lis
     actuation = list(robot.rest[: len(columns)])
     for part in at:
         column, _, text = part.partition("=")
+        if column.partition(".")[0] in others and column not in columns:
+            continue
         own = column.removeprefix(f"{name}.")
         try:
             value = float(text)

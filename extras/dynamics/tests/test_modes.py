@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from ruamel.yaml import YAML
 
+from contid.cli.support.moving_commands import require_writable
 from contid.errors import ContidError
 from contid.kinematics.model import build_model
+from contid.robot_file import load as load_module
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import load_named, parse_robot_file
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
 from contid.units import STANDARD_GRAVITY
+from contid_dynamics import schedule
 from contid_dynamics.arm import MovingArm
 from contid_dynamics.command import command
 from contid_dynamics.report import pose_modes
@@ -193,3 +199,75 @@ def test_mistakes_in_dynamics_are_located() -> None:
         parse_robot_file(text.replace("mass_g_per_m: [133]", "mass_g_per_m: [1, 2, 3]"), "arm.yaml")
     with pytest.raises(ContidError, match="dynamics needs mass_g_per_m"):
         parse_robot_file(text.replace("mass_g_per_m: [133]", ""), "arm.yaml")
+
+
+def two_arms(folder: Path) -> Path:
+    yaml, path = YAML(), folder / "two.yaml"
+    data = yaml.load(load_named("stiffflop1").text)
+    arm = data["robots"]["arm"]
+    other = copy.deepcopy(arm)
+    for number, axis in enumerate(other["axes"].values()):
+        axis["channel"] = f"p{number + 3}"
+    data["robots"]["bee"] = other
+    yaml.dump(data, path)
+    return path
+
+
+def test_the_pose_of_one_of_two_robots_leaves_the_other_at_rest(tmp_path: Path) -> None:
+    path, column = two_arms(tmp_path), "arm.c1_bar"
+    (alone,) = load_named("stiffflop1").driven.values()
+    column = f"arm.{alone.axis_names[0]}_bar"
+    shown = [
+        CliRunner().invoke(command, [str(path), "--json", *at]) for at in ([], ["--at", f"{column}=0.6"])
+    ]
+    rest, bent = (json.loads(each.output) for each in shown)
+    assert bent["bee"] == rest["bee"]
+    assert bent["arm"] != rest["arm"]
+    wrong = CliRunner().invoke(command, [str(path), "--at", "cat.p1_bar=0.6"])
+    assert wrong.exit_code == 2
+    assert "no such axis" in wrong.output
+
+
+def test_the_schedules_of_two_robots_are_written_both_or_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = two_arms(tmp_path)
+    before, found = path.read_text(), schedule.schedule_of
+    asked: list[object] = []
+
+    def fails_for_the_second(*arguments: Any) -> Any:
+        asked.append(arguments)
+        if len(asked) == 2:
+            raise ContidError("swings too slowly")
+        return found(*arguments)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(schedule, "schedule_of", fails_for_the_second)
+        done = CliRunner().invoke(command, [str(path), "--schedule", "20", "--write"])
+        assert "swings too slowly" in str(done.exception)
+    assert path.read_text() == before
+    done = CliRunner().invoke(command, [str(path), "--schedule", "20", "--write"])
+    assert done.exit_code == 0, done.output
+    assert all(robot.rates.shape is not None for robot in load_named(str(path)).driven.values())
+
+
+def test_a_shipped_file_is_not_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shipped = tmp_path / "configs"
+    shipped.mkdir()
+    (shipped / "stiffflop1.yaml").write_text(load_named("stiffflop1").text)
+    monkeypatch.setattr(load_module, "configs_folder", lambda: shipped)
+    done = CliRunner().invoke(command, ["stiffflop1", "--schedule", "20", "--write"])
+    assert "`contid new NAME --from stiffflop1`" in str(done.exception)
+    with pytest.raises(ContidError, match="is shipped with contid"):
+        require_writable(load_module.find_robot_file("stiffflop1"), "home")
+    require_writable(two_arms(tmp_path), "home")
+
+
+def test_a_frequency_that_shaping_does_not_take_is_not_recommended(tmp_path: Path) -> None:
+    path = tmp_path / "arm.yaml"
+    path.write_text(load_named("stiffflop1").text.replace("mass_g_per_m: [133]", "mass_g_per_m: [100000]"))
+    done = CliRunner().invoke(command, [str(path), "--count", "1"])
+    assert done.exit_code == 0, done.output
+    assert "0.37 Hz" in done.output
+    assert "its first mode is not shaped: rates.shape takes 0.5 to 100 Hz" in done.output
+    assert "rates with shape" not in done.output

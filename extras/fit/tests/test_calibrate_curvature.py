@@ -8,8 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 
 from contid.robot_file.load import load_robot_file
+from contid_fit.calibrate import curvature_plot
+from contid_fit.commands import command
 from tests.support.command import contid
 from tests.support.photographs import photograph
 
@@ -78,3 +81,24 @@ def test_mistakes_are_explained(data: Path, arguments: list[str], message: str) 
     done = contid("calibrate", "curvature", str(data), *arguments)
     assert done.returncode == 2
     assert message in done.stderr
+
+
+def test_a_figure_without_a_folder_is_refused_first_and_one_that_fails_leaves_the_fit(
+    data: Path, tmp_path: Path, configs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot_file = tmp_path / "finger.yaml"
+    shutil.copy(configs / "finger.yaml", robot_file)
+    before = robot_file.read_text()
+    arguments = ["curvature", str(data), "--mm-per-px", "0.2", "--write", str(robot_file), "--plot"]
+    done = CliRunner().invoke(command, [*arguments, str(tmp_path / "none" / "fit.png")])
+    assert done.exit_code == 2
+    assert "there is no folder" in done.output
+    assert robot_file.read_text() == before
+
+    def fails(*_: object) -> None:
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(curvature_plot, "plot_curvature", fails)
+    done = CliRunner().invoke(command, [*arguments, str(tmp_path / "fit.png")])
+    assert "the disk is full" in str(done.exception)
+    assert "from markers.csv" in robot_file.read_text()

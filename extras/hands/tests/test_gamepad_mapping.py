@@ -43,7 +43,8 @@ def test_kernels_that_give_a_3d_mouse_absolute_axes_need_no_other_file() -> None
     [
         (("BTN_TL", "BTN_LT"), "2:11: dead_man: 'BTN_LT' is no button; allowed: BTN_0"),
         (("BTN_TL", "BTN_TL2"), "2:11: Microsoft X-Box 360 pad has no BTN_TL2; allowed: BTN_SOUTH"),
-        (("BTN_TL\n", "BTN_EAST\n"), "a button has one meaning; twice: BTN_EAST"),
+        (("BTN_TL\n", "BTN_EAST\n"), "3:8: BTN_EAST is dead_man already; a button has one meaning"),
+        (("ABS_X}", "ABS_Z}"), "5:13: ABS_Z of Microsoft X-Box 360 pad is at an end of its range: a trigger"),
         (("dead_man: BTN_TL\n", ""), "key 'dead_man' is missing"),
         (("estop", "e_stop"), "3:1: unknown key 'e_stop'; allowed: contid_gamepad"),
         (("ABS_X}", "ABS_THROTTLE}"), "5:13: Microsoft X-Box 360 pad has no ABS_THROTTLE; allowed: ABS_X"),

@@ -16,6 +16,7 @@ from typing import Any
 from contid.errors import ContidError
 from contid.robot_file.dynamics import Dynamics
 from contid.robot_file.edit import Change
+from contid.robot_file.rates import HIGHEST_HZ, LOWEST_HZ
 from contid.robot_file.robot import RobotDescription
 from contid_identify.body_fit import scaled
 from contid_identify.estimate import Interval
@@ -26,8 +27,6 @@ from contid_identify.stages import IdentifiedMotion
 _MARGIN = 1.25
 #: An interval of a delay or lag wider than this is not written [s].
 _WIDEST_S = 0.05
-#: Frequencies that input shaping takes [Hz].
-_SHAPED_HZ = (0.5, 100.0)
 
 
 def changes(found: IdentifiedMotion, robot: RobotDescription, note: str, left_out: list[str]) -> list[Change]:
@@ -60,7 +59,7 @@ def changes(found: IdentifiedMotion, robot: RobotDescription, note: str, left_ou
             ]
     if getattr(robot, "dynamics", None) is not None:
         out += _dynamics(found, len(robot.axis_names), note)
-        out += _body(found, robot, note)
+        out += _body(found, robot, note, left_out)
     if found.ring_downs:
         try:
             out.append(shape_of(found.ring_downs[0], robot, note))
@@ -69,7 +68,10 @@ def changes(found: IdentifiedMotion, robot: RobotDescription, note: str, left_ou
                 raise
             left_out.append(str(error))
     if not out:
-        raise ContidError("nothing is known well enough to be written; the report names what is missing")
+        why = "".join(f"; {each}" for each in left_out)
+        raise ContidError(
+            f"nothing is known well enough to be written; the report names what is missing{why}"
+        )
     return out
 
 
@@ -92,11 +94,12 @@ def _dynamics(found: IdentifiedMotion, count: int, note: str) -> list[Change]:
     ]
 
 
-def _body(found: IdentifiedMotion, robot: RobotDescription, note: str) -> list[Change]:
+def _body(found: IdentifiedMotion, robot: RobotDescription, note: str, left_out: list[str]) -> list[Change]:
     if found.body is None:
         return []
     body = found.body
     if not math.isfinite(body.mass.half) or body.mass.half > 0.5 * body.mass.value:
+        left_out.append("dynamics: the mass of the body is not written: allowed is what is known to a half")
         return []
     old: Dynamics = getattr(robot, "dynamics")  # noqa: B009
     new = scaled(old, body.mass.value, body.damping_s.value)
@@ -107,12 +110,14 @@ def _body(found: IdentifiedMotion, robot: RobotDescription, note: str) -> list[C
         Change(
             "dynamics.mass_g_per_m",
             [float(f"{each:.4g}") for each in new.mass_g_per_m],
-            f"{note}: +- {share:.1g} %, kept out {error:.2g} mm",
-        ),
-        Change(
-            "dynamics.damping_ms", float(f"{new.damping_ms:.3g}"), f"{note}: +- {_ms(body.damping_s.half)} ms"
+            f"{note}: +- {share:.2g} %, kept out {error:.2g} mm",
         ),
     ]
+    if math.isfinite(body.damping_s.half):
+        about = f"{note}: +- {_ms(body.damping_s.half)} ms"
+        out.append(Change("dynamics.damping_ms", float(f"{new.damping_ms:.3g}"), about))
+    else:
+        left_out.append("dynamics.damping_ms is not written: the recordings do not show it")
     if old.tip_mass_g:
         out.append(Change("dynamics.tip_mass_g", float(f"{new.tip_mass_g:.4g}"), note))
     return out
@@ -122,7 +127,7 @@ def shape_of(ring: RingDown, robot: RobotDescription, note: str) -> Change:
     """Input shaping for a mode; a schedule over poses is kept, and scaled to it at its pose."""
     mode = ring.modes[0]
     hz, ratio = mode.frequency_hz, mode.ratio
-    low, high = _SHAPED_HZ
+    low, high = LOWEST_HZ, HIGHEST_HZ
     if not low <= hz.value <= high or not math.isfinite(hz.half) or hz.half > 0.2 * hz.value:
         raise ContidError(
             f"rates.shape: {hz.value:.3g} +- {hz.half:.2g} Hz is not written; allowed: {low:g} to {high:g} "
@@ -137,12 +142,16 @@ def shape_of(ring: RingDown, robot: RobotDescription, note: str) -> Change:
     if old is not None and old.schedule is not None:
         own = robot.quantity.from_si(ring.command[: len(robot.axis_names)])
         share = hz.value / old.schedule.frequencies(own.tolist())[0]
-        at_rest = {"frequency_hz": old.frequency_hz * share, "damping_ratio": old.damping_ratio}
         value |= {
-            **at_rest,
+            "frequency_hz": min(max(old.frequency_hz * share, low), high),
+            "damping_ratio": old.damping_ratio,
             "schedule": old.schedule.scaled(share).model_dump(mode="json", exclude_defaults=True),
         }
-    return Change("rates.shape", value, f"{note}: +- {hz.half:.2g} Hz, ratio +- {ratio.half:.1g}")
+        about = f"{note}: scaled to {hz.value:.4g} +- {hz.half:.2g} Hz at its pose, ratio as before"
+    else:
+        known = f"ratio +- {ratio.half:.1g}" if math.isfinite(ratio.half) else "its ratio is uncertain"
+        about = f"{note}: +- {hz.half:.2g} Hz, {known}"
+    return Change("rates.shape", value, about)
 
 
 def _is_known(of: Interval) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -67,3 +68,46 @@ def test_a_shake_scales_the_schedule(schedule: str, tmp_path: Path) -> None:
     assert old is not None
     share = new.frequencies([0.3, 0.6, 0.5])[0] / old.frequencies([0.3, 0.6, 0.5])[0]
     assert share == pytest.approx(after.rates.shape.frequency_hz / 4.0)
+
+
+def test_a_schedule_stays_in_what_shaping_takes_and_its_comment_has_what_is_new(tmp_path: Path) -> None:
+    path = tmp_path / "arm.yaml"
+    slow = SCHEDULE.replace("frequency_hz: 4", "frequency_hz: 0.6")
+    path.write_text(load_named("stiffflop1").text.replace("    rates:\n", f"    rates:\n{slow}", 1))
+    (robot,) = load_named(str(path)).driven.values()
+    change = shape_of(ring(1.0), robot, "a shake")
+    assert isinstance(change.value, dict)
+    assert (change.value["frequency_hz"], change.value["damping_ratio"]) == (0.5, 0.1)
+    assert change.comment == "a shake: scaled to 1 +- 0.01 Hz at its pose, ratio as before"
+
+
+@pytest.mark.parametrize(
+    ("mass", "damping", "keys", "reason"),
+    [
+        (Interval(1.1, 0.137), Interval(0.004, 0.001), ["mass_g_per_m", "damping_ms"], ""),
+        (Interval(1.1, 0.137), Interval(0.004, math.inf), ["mass_g_per_m"], "damping_ms is not written"),
+        (Interval(1.1, math.inf), Interval(0.004, 0.001), [], "the mass of the body is not written"),
+    ],
+)
+def test_what_is_not_known_of_a_body_is_left_out_with_its_reason(
+    mass: Interval, damping: Interval, keys: list[str], reason: str
+) -> None:
+    (robot,) = load_named("tendon3").driven.values()
+    stage = SimpleNamespace(kept_out=SimpleNamespace(rmse=1.2e-4))
+    body = SimpleNamespace(mass=mass, damping_s=damping, stages=[stage])
+    known = Interval(0.02, 0.001)
+    axis = SimpleNamespace(name="c1", answer=SimpleNamespace(sum_s=known, delay_s=known, lag_s=known))
+    found = SimpleNamespace(axes=(axis,), tip=None, body=body, ring_downs=())
+    left_out: list[str] = []
+    edits = changes(cast(IdentifiedMotion, found), robot, "a shake", left_out)
+    written = {
+        edit.key.removeprefix("dynamics."): edit
+        for edit in edits
+        if "_g" in edit.key or "damping" in edit.key
+    }
+    assert [key for key in written if key != "tip_mass_g"] == keys
+    assert all("inf" not in edit.comment and "e+" not in edit.comment for edit in edits)
+    if keys:
+        assert "+- 12 %" in written["mass_g_per_m"].comment
+    assert len(left_out) == bool(reason)
+    assert not reason or reason in left_out[0]

@@ -84,9 +84,10 @@ def command(
 
 def _end_with_stdin() -> None:
     """End this process when the process that started it ends: its end of the pipe closes then."""
+    stdin = sys.stdin.fileno()
 
     def watch() -> None:
-        while sys.stdin.buffer.read(1):
+        while os.read(stdin, 4096):  # a thread in `sys.stdin.buffer` would abort the end of the interpreter
             pass
         os.kill(os.getpid(), signal.SIGTERM)
 

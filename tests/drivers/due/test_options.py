@@ -19,6 +19,7 @@ from contid_drivers.due.wiring import board_config
 from contid_emulate.due import BoardFault
 
 REGULATOR = {"calibration": [[0, 0], [100, 3]], "readback": [[600, 0], [3000, 3]], "ceiling_bar": 1.6}
+CELL = {"readings": [[500, 0], [1500, 10]], "floor_n": 1, "stiffness_n_per_deg": 1}
 BAD = [
     ({"channel": "m0", "no_load_deg_s": 452}, "velocity_deg_s 470 exceeds no_load_deg_s 452"),
     ({"channel": "m6"}, "channel"),
@@ -40,6 +41,14 @@ BAD = [
     ({"channel": "m0", "ceiling_bar": 2}, "is a motor; it has no ceiling_bar"),
     ({"channel": "p0", **REGULATOR, "stall_ms": 100}, "is a regulator; it has no stall_ms"),
     ({"channel": "m0", "current_ma_per_v": 25_000}, "less than or equal to 19800"),  # ACS758-050B: 40 mV/A
+    ({"channel": "m0", "stall_current_ma": 3300}, "never read: the pin ends at 3300 mA"),
+    (
+        {"channel": "m0", "homing": {"direction": 1, "speed_deg_s": 600}},
+        "speed_deg_s 600 exceeds no_load_deg_s 575",
+    ),
+    ({"channel": "m0", "tension": {**CELL, "ceiling_n": 29}}, "never read: readings end at 28 N"),
+    ({"channel": "p0", **REGULATOR, "readback": [[0, 0], [3300, 1.5]]}, "readback ends at 1.5 bar"),
+    ({"channel": "p0", **REGULATOR, "wire_break_mv": 600}, "must be below 600 mV"),
     ({"channel": "p0"}, "needs calibration, readback, ceiling_bar"),
     ({"channel": "p0", **REGULATOR, "ceiling_bar": 3.5}, "must reach from 0 bar to ceiling_bar 3.5"),
     ({"channel": "p0", **REGULATOR, "calibration": [[0, 0], [0, 3]]}, "must both rise"),
@@ -173,3 +182,11 @@ def test_a_pair_of_valves_states_what_a_reset_does(keys: dict[str, object], mess
     with pytest.raises(ValidationError, match=message):
         DueAxisOptions.model_validate(VALVES | keys)
     DueAxisOptions.model_validate(VALVES | {"valves": {"outlet": "normally_closed"}, "start_state": "hold"})
+
+
+def test_limits_at_the_end_of_what_a_pin_reads_are_allowed() -> None:
+    """A sensor whose rows end before the pin does is read beyond them."""
+    motor = {"start_state": "brake", "tension": {**CELL, "ceiling_n": 28}, "stall_current_ma": 3299}
+    DueAxisOptions.model_validate({"channel": "m0", **motor})
+    DueAxisOptions.model_validate({"channel": "p0", **REGULATOR, "readback": [[600, 0], [2000, 1.0]]})
+    DueAxisOptions.model_validate({"channel": "p0", **REGULATOR, "wire_break_mv": 540})

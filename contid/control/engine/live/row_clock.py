@@ -5,7 +5,10 @@ numbers are learnt by least squares over all rows, from `WINDOW_S` on with fadin
 whose gains are those of a growing least-squares fit: E. Brookner, "Tracking and Kalman Filtering Made Easy",
 1998, section 1.2.10). Rows are played `LAG` periods and the greatest lateness of the last seconds after that,
 so the rows that a curve needs have arrived. The phase, which counts rows, follows with a third-order filter:
-what the clock learns never shows as a step of velocity or acceleration.
+what the clock learns about a producer shows as no step of its velocity or acceleration. Another clock does:
+a period that is more than `FASTEST` times the one before lowers the rate of the phase at once, before rows
+that have not come are played, and rows far from what is played are played from there. The limits of the axes
+then hold by `contid.control.tick.jerk_guard`.
 """
 
 from __future__ import annotations
@@ -88,7 +91,7 @@ class RowClock:
 
         Args:
             now_s: when.
-            rows: how many rows after the newest; more than 1 after rows that were lost.
+            rows: how many rows after the newest, at least 1; more after rows that were lost.
         """
         gap_s = now_s - self._arrived_s
         self._motion = None
@@ -180,6 +183,8 @@ class RowClock:
 
     def stop(self, acceleration: float, jerk: float, forward: bool = False) -> bool:
         """One tick of the way of the phase to rest on the newest row; True when it is there.
+
+        A clock without a period has no such way: its rows are targets of their own.
 
         Args:
             acceleration: greatest one of the phase [1/s^2].

@@ -29,6 +29,11 @@ class Arrivals(TickStage):
         """The command of a robot is at the target of its goto."""
         self._waiting[index] = None
 
+    def replaced(self, index: int, number: int) -> None:
+        """Before a tick a robot goes elsewhere: the goto that still waits ends before the new one can."""
+        if index in self._waiting:
+            self._end(index, number, self._arrived(index))
+
     def before(self, targets: Targets, timing: Timing, now_s: float) -> Targets:
         """See `TickStage.before`: keeps the number of the tick."""
         self._tick = timing.tick
@@ -38,12 +43,17 @@ class Arrivals(TickStage):
         """See `TickStage.settle`: ends the gotos whose robots arrived, left, or had their time."""
         for index, until_s in list(self._waiting.items()):
             state = self._robots.states[index]
-            places = self._body_watch.places(index)
             until_s = self._waiting[index] = until_s or now_s + self._body_watch.settlings[index].settle_s
-            arrived = bool(places) and has_arrived(places) and state.mode is not Mode.FAULT
-            if not arrived and now_s < until_s and state.mode is Mode.HOLD and state.goto is None:
-                continue
-            del self._waiting[index]
-            far = "; ".join(str(place) for place in places if not place.arrived)
-            name = self._robots.configs[index].name
-            self._sink.event(GotoEnded(robot=name, arrived=arrived, tick=self._tick, message=far))
+            arrived = self._arrived(index)
+            if arrived or now_s >= until_s or state.mode is not Mode.HOLD or state.goto is not None:
+                self._end(index, self._tick, arrived)
+
+    def _arrived(self, index: int) -> bool:
+        places = self._body_watch.places(index)
+        return bool(places) and has_arrived(places) and self._robots.states[index].mode is not Mode.FAULT
+
+    def _end(self, index: int, number: int, arrived: bool) -> None:
+        del self._waiting[index]
+        far = "; ".join(str(place) for place in self._body_watch.places(index) if not place.arrived)
+        name = self._robots.configs[index].name
+        self._sink.event(GotoEnded(robot=name, arrived=arrived, tick=number, message=far))

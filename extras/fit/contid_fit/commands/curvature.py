@@ -32,11 +32,11 @@ def command(request: Calibration, mm_per_px: float | None) -> None:
     postures = read_postures(request.lines, request.source, rack_spacing_mm=spacing_mm, mm_per_px=mm_per_px)
     fit = fit_curvature(postures)
     click.echo(json.dumps(_numbers(fit)) if request.as_json else _text(fit))
+    request.write_back(name, _changes(fit, request.note))
     if request.plot is not None:
         from contid_fit.calibrate.curvature_plot import plot_curvature
 
         plot_curvature(request.plot, fit)
-    request.write_back(name, _changes(fit, request.note))
 
 
 def _numbers(fit: CurvatureFit) -> dict[str, object]:

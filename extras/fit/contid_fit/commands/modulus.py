@@ -41,11 +41,11 @@ def command(request: Calibration) -> None:
     fits = [fit(sections[number - 1], number, readings) for number in numbers]
     for found in fits:
         click.echo(json.dumps(_finite(asdict(found))) if request.as_json else _text(found))
+    request.write_back(name, _changes(fits, request.note))
     if request.plot is not None:
         from contid_fit.calibrate.modulus_plot import plot_fits
 
         plot_fits(request.plot, [(sections[found.section - 1], found) for found in fits], readings)
-    request.write_back(name, _changes(fits, request.note))
 
 
 #: Of x in eq. 20, for the coefficients b1 to b5.

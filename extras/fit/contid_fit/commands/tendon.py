@@ -56,16 +56,16 @@ def command(request: Calibration, held_out: TextIO | None, keep_out: float) -> N
         click.echo(json.dumps(_numbers(found.geometry, found.both, found.stages)))
     else:
         _print(found.geometry, found.both, found.stages)
-    if request.plot is not None:
-        from contid_fit.calibrate.tendon.plot import plot_stages
-
-        plot_stages(request.plot, found.stages, found.both)
     # Friction is added to a file that has none only where it predicts better.
     last, add = found.stages[-1], friction_predicts(found.stages)
     edits = changes(last, robot, found.both.servos, found.geometry, request.note)
     fitted = found.both.rows(0, last.train.rows)
     edits += friction_changes(last, robot, fitted, request.note, add)
     request.write_back(name, edits, measured=("geometry.sections",))
+    if request.plot is not None:
+        from contid_fit.calibrate.tendon.plot import plot_stages
+
+        plot_stages(request.plot, found.stages, found.both)
 
 
 def _read(data: TextIO, robot: str) -> TendonRecording:

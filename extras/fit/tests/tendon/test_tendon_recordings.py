@@ -96,3 +96,18 @@ def test_a_recording_continues_only_with_the_same_servos() -> None:
     both = recording.rows(0, 20).followed_by(recording.rows(20, 30))
     assert both.pattern == recording.pattern[:30]
     assert np.array_equal(both.pull_m, recording.pull_m[:30])
+
+
+def test_recordings_that_follow_each_other_are_runs_of_their_own() -> None:
+    """Also where the last pattern of one and the first of the other have the same label."""
+    one = excerpt()
+    both = one.followed_by(one.rows(len(one) - 5, len(one))).followed_by(one)
+    assert both.pattern[len(one) - 1] == both.pattern[len(one)]
+    runs = one.runs[-1] + 1.0
+    assert both.runs[-1] == 2.0 * runs
+    assert np.flatnonzero(np.diff(both.runs))[[int(runs) - 1, int(runs)]].tolist() == [
+        len(one) - 1,
+        len(one) + 4,
+    ]
+    part = both.rows(len(one) - 2, len(one) + 3)
+    assert part.runs.tolist() == [0.0, 0.0, 1.0, 1.0, 1.0]

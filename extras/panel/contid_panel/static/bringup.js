@@ -3,6 +3,7 @@
 import { byId, h } from "./dom.js";
 
 const OPEN = new Set(["pending", "changed", "failed"]);
+/** While one of its axes is so, a robot is slow. */
 const SLOW = new Set(["changed", "failed"]);
 
 export class BringupCard {
@@ -18,16 +19,23 @@ export class BringupCard {
     this.body.replaceChildren(
       h("ul", { className: "plain" }, ...Object.keys(robots).map((name) => h("li", {}, summary(name, axes.filter((each) => each.robot === name))))),
       h("ul", { className: "plain axes" }, ...listed.map(line)),
-      ...(listed.some((each) => OPEN.has(each.state)) ? [h("p", { className: "facts" }, "To do, when this run has ended: ", h("code", {}, `contid bringup ${file}`))] : []));
+      ...(listed.some((each) => OPEN.has(each.state)) ? [h("p", { className: "facts" }, "To do, when this run has ended: ", h("code", {}, `contid bringup ${quoted(file)}`))] : []));
   }
 }
 
 /** One robot in a sentence. */
 function summary(name, axes) {
   const able = axes.filter((each) => each.state !== "none");
+  if (!axes.length) return `${name}: not known, the daemon is of an earlier version`;
   if (!able.length) return `${name}: nothing to bring up, ${[...new Set(axes.map((each) => each.message))].join(", ")}`;
   const proven = able.filter((each) => each.state === "proven").length;
-  return `${name}: ${proven} of ${able.length} axes proven${able.some((each) => SLOW.has(each.state)) ? ", slow until all are" : ""}`;
+  const slow = able.filter((each) => SLOW.has(each.state)).map((each) => each.axis.slice(name.length + 1));
+  return `${name}: ${proven} of ${able.length} axes proven${slow.length ? `, slow until ${slow.join(", ")} ${slow.length > 1 ? "are" : "is"}` : ""}`;
+}
+
+/** A path as a word of a shell. */
+function quoted(path) {
+  return /^[\w@%+=:,./-]+$/.test(path) ? path : `'${path.replaceAll("'", "'\\''")}'`;
 }
 
 function line({ axis, state, message, date, device, firmware, bus, driver }) {

@@ -11,7 +11,7 @@ export function style(name) {
 
 export const axisColour = (number) => style(`--axis-${number % COUNT}`);
 
-/** Red, green, blue from 0 to 1, and opaque. */
+/** Red, green, blue from 0 to 1, and opaque, of `#rrggbb`; NaN of anything else. */
 export function rgba(hex) {
   return [...[1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255), 1];
 }

@@ -25,13 +25,14 @@ export class Follow {
   lost() {
     setText(this.summary, "not known");
     this.summary.className = "";
+    for (const each of this.axes) mark(each, "");
     for (const each of [...this.axes, ...this.tips]) for (const cell of [each.commanded, each.expected]) setText(cell, "–");
   }
 
   /** The newest frame. */
   show(robot) {
     const { expected } = robot;
-    const outside = [];
+    const [outside, pushing] = [[], []];
     this.axes.forEach((each, i) => {
       const [at, to] = [robot.measured?.[i] ?? null, robot.command[i]];
       setText(each.commanded, signed(at === null || to === null ? null : at - to, each.decimals));
@@ -39,18 +40,24 @@ export class Follow {
       setText(each.expected, signed(off, each.decimals));
       const isOutside = Math.abs(off ?? 0) > each.tolerance;
       const pushes = isOutside && expected.pushes[i];
-      if (isOutside && !pushes) outside.push(each.axis);
-      each.element.className = !isOutside ? "" : pushes ? "pushes" : "outside";
-      setText(each.mark, !isOutside ? "" : pushes ? "pushes " : "outside ");
+      if (isOutside) (pushes ? pushing : outside).push(each.axis);
+      mark(each, !isOutside ? "" : pushes ? "pushes" : "outside");
     });
     for (const { field, element, commanded } of this.tips) {
       const [at, to] = [robot[field], robot.command_tip_mm];
       setHidden(element, !at || !to || (field === "tip_mm" && !robot.measured));
       if (!element.hidden) setText(commanded, `${shown(Math.hypot(...at.map((value, k) => value - to[k])), 2)} mm`);
     }
-    setText(this.summary, !expected ? "not commanded" : `${expected.at_fault ? "at the fault: " : ""}${outside.length ? `${outside.join(", ")} outside` : "follows"}`);
+    const found = [[outside, "outside"], [pushing, pushing.length > 1 ? "push" : "pushes"]].filter(([axes]) => axes.length).map(([axes, what]) => `${axes.join(", ")} ${what}`);
+    setText(this.summary, !expected ? "not commanded" : `${expected.at_fault ? "at the fault: " : ""}${found.join("; ") || "follows"}`);
     this.summary.className = outside.length ? "outside" : "";
   }
+}
+
+/** How a line is marked: "outside", "pushes" or "". */
+function mark(line, what) {
+  line.element.className = what;
+  setText(line.mark, what && `${what} `);
 }
 
 /** One line: the cells that change, and what is allowed. */

@@ -65,7 +65,7 @@ def test_a_body_beside_its_commands_and_its_bring_up(browser: Browser) -> None:
         # Bring-up: by robot, then by axis with its device; what is to be done.
         card = it.text("#bringup")
         for part in (
-            "f0: 1 of 2 axes proven, slow until all are",
+            "f0: 1 of 2 axes proven, slow until right is",
             "f1: nothing to bring up, sim devices have no bring-up",
             "2026-11-20; device board-7, firmware 1.7.0",
             "its wiring in this file was changed since its bring-up, 2026-11-20; f0 moves at 20%",

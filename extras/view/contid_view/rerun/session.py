@@ -79,22 +79,27 @@ class RerunSession:
         self.server: WebServer | None = None
         self.window: Window | None = None
         layout = build_layout(scene, live=live, finished=not live or target.kind is Kind.FILE)
-        match target.kind:
-            case Kind.FILE:
-                assert target.path is not None
-                try:
-                    self.recording.save(target.path, default_blueprint=layout)
-                except Exception as error:  # rerun's own classes
-                    raise ViewError(f"{target.path}: cannot write it: {error}") from error
-            case Kind.SERVE:
-                self.server = WebServer()
-                self.recording.connect_grpc(self.server.data_url, default_blueprint=layout)
-            case Kind.SPAWN:
-                self.window = Window()
-                self.recording.connect_grpc(self.window.data_url, default_blueprint=layout)
-        rr.set_log_time_enabled(False, recording=self.recording)
-        rr.set_log_tick_enabled(False, recording=self.recording)
-        self.writer = RerunWriter(self.recording, scene, rate_hz)
+        try:
+            match target.kind:
+                case Kind.FILE:
+                    assert target.path is not None
+                    try:
+                        self.recording.save(target.path, default_blueprint=layout)
+                    except Exception as error:  # rerun's own classes
+                        raise ViewError(f"{target.path}: cannot write it: {error}") from error
+                case Kind.SERVE:
+                    self.server = WebServer()
+                    self.recording.connect_grpc(self.server.data_url, default_blueprint=layout)
+                case Kind.SPAWN:
+                    self.window = Window()
+                    self.recording.connect_grpc(self.window.data_url, default_blueprint=layout)
+            rr.set_log_time_enabled(False, recording=self.recording)
+            rr.set_log_tick_enabled(False, recording=self.recording)
+            self.writer = RerunWriter(self.recording, scene, rate_hz)
+        except BaseException:
+            if self.server is not None:
+                self.server.close()
+            raise
 
     def close(self) -> None:
         """Write what is left; a served page ends, a window stays open."""

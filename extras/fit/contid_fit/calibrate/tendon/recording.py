@@ -38,6 +38,7 @@ class TendonRecording:
         pull_m: pull of each tendon [m], shape ``(rows, tendons)``.
         tip_m: measured tip [m], shape ``(rows, 3)``.
         ends_n: tensions of each tendon at motor and body, shape ``(rows, tendons, 2)``; NaN without cells.
+        joins: rows with which a recording after the first begins (`followed_by`).
     """
 
     name: str
@@ -46,13 +47,16 @@ class TendonRecording:
     pull_m: Array
     tip_m: Array
     ends_n: Array | None = None
+    joins: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return len(self.pattern)
 
     @property
     def runs(self) -> Array:
-        """Number of the run of each row, from 0, shape ``(rows,)``; a change of the label begins a run.
+        """Number of the run of each row, from 0, shape ``(rows,)``.
+
+        A change of the label begins a run, and so does another recording (`followed_by`).
 
         Whole numbers as floats, like every `Array`.
         """
@@ -60,6 +64,7 @@ class TendonRecording:
         changes = np.flatnonzero(labels[1:] != labels[:-1]) + 1
         begins = np.zeros(len(self))
         begins[changes] = 1.0
+        begins[list(self.joins)] = 1.0
         return np.cumsum(begins)
 
     def rows(self, start: int, stop: int) -> TendonRecording:
@@ -70,6 +75,7 @@ class TendonRecording:
             pattern=self.pattern[part],
             pull_m=self.pull_m[part],
             tip_m=self.tip_m[part],
+            joins=tuple(row - start for row in self.joins if start < row < stop),
             ends_n=None if self.ends_n is None else self.ends_n[part],
         )
 
@@ -97,6 +103,7 @@ class TendonRecording:
             np.concatenate((self.tip_m, other.tip_m)),
             # The coefficient is that of this recording; the other one is predicted.
             None if self.ends_n is None else np.concatenate((self.ends_n, other._ends())),
+            (*self.joins, len(self), *[len(self) + row for row in other.joins]),
         )
 
     def _ends(self) -> Array:

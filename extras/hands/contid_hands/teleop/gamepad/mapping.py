@@ -92,11 +92,7 @@ class MappingFile(Strict):
     axes: Annotated[tuple[StickInput, ...], Field(max_length=16)] = ()
 
     @model_validator(mode="after")
-    def _once(self) -> MappingFile:
-        orders = self.buttons.model_dump(exclude_none=True)
-        names = [self.dead_man, self.estop, *orders.values()]
-        if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise ValueError(f"a button has one meaning; twice: {', '.join(twice)}")
+    def _moves(self) -> MappingFile:
         if not self.axes and not self.tip.model_dump(exclude_none=True):
             raise ValueError("nothing moves: tip: {x: {input: ABS_X}}, or axes: [{input: ABS_X}]")
         return self
@@ -187,6 +183,7 @@ class _Binder:
     def __init__(self, file: MappingFile, document: Document, has: Capabilities) -> None:
         self._file, self._document, self._has = file, document, has
         self._findings: list[Located] = []
+        self._meanings: dict[str, str] = {}  # of the buttons so far
 
     def bind(self) -> BoundMapping:
         file = self._file
@@ -210,6 +207,10 @@ class _Binder:
         return bound
 
     def _button(self, name: str, path: KeyPath) -> int:
+        meaning = str(path[-1])
+        if (before := self._meanings.setdefault(name, meaning)) != meaning:
+            message = f"{name} is {before} already; a button has one meaning"
+            self._findings.append(self._document.at_value(path, message))
         if BUTTONS[name] not in self._has.keys:
             self._missing(name, path, [each for each, code in BUTTONS.items() if code in self._has.keys])
         return BUTTONS[name]
@@ -232,6 +233,13 @@ class _Binder:
         info = self._has.absolute[code]
         if info.maximum <= info.minimum:
             message = f"{written.input} of {self._has.name} has no range"
+            self._findings.append(self._document.at_value((*path, "input"), message))
+            return None
+        if not info.minimum < info.value < info.maximum:
+            message = (
+                f"{written.input} of {self._has.name} is at an end of its range: a trigger rests there and "
+                "has no centre; name a stick, or let go of it"
+            )
             self._findings.append(self._document.at_value((*path, "input"), message))
             return None
         half = 0.5 * (info.maximum - info.minimum)

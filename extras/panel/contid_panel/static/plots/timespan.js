@@ -15,6 +15,7 @@ export class Timespan {
     this.span_s = LIVE_S;
     this.end_s = null; // null: live
     this.newest_s = 0;
+    this.oldest_s = Infinity; // since the page or the daemon began
     const button = (text, label, onclick) => h("button", { type: "button", className: "small", "aria-label": label, title: label, onclick }, text);
     this.live = button("Live", "Show the newest seconds", () => this.goLive());
     this.element = h("div", { className: "timespan", role: "group", "aria-label": "Time shown" },
@@ -30,6 +31,7 @@ export class Timespan {
   }
 
   advance(newest_s) {
+    this.oldest_s = newest_s < this.newest_s ? newest_s : Math.max(Math.min(this.oldest_s, newest_s), newest_s - HISTORY_S);
     this.newest_s = newest_s;
     if (this.end_s !== null && (this.end_s > newest_s || this.end_s < newest_s - HISTORY_S)) this.goLive();
   }
@@ -45,15 +47,21 @@ export class Timespan {
     const span = Math.min(Math.max(this.span_s * factor, SHORTEST_S), HISTORY_S);
     const { from } = this.window;
     const fixed = from + at * this.span_s;
-    if (this.end_s !== null || at < 0.98) this.end_s = Math.min(fixed + (1 - at) * span, this.newest_s);
     this.span_s = span;
+    if (this.end_s !== null || at < 0.98) this.endAt(fixed + (1 - at) * span);
     this.update();
   }
 
   shift(by_s) {
-    const end = (this.end_s ?? this.newest_s) + by_s;
-    this.end_s = end >= this.newest_s ? null : Math.max(end, this.newest_s - HISTORY_S + this.span_s);
+    this.endAt((this.end_s ?? this.newest_s) + by_s);
     this.update();
+  }
+
+  /** Show what ends at a time, live where that is the newest. The whole of it is shown, or half of a shorter history. */
+  endAt(end_s) {
+    const history_s = this.newest_s - this.oldest_s;
+    const end = Math.max(end_s, this.oldest_s + (history_s > this.span_s ? this.span_s : 0.5 * history_s));
+    this.end_s = end >= this.newest_s ? null : end;
   }
 
   update() {
