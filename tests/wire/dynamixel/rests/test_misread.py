@@ -104,7 +104,7 @@ def test_noise_while_a_pending_rest_is_confirmed_loses_no_bus(running: Any) -> N
     running.bus.disable(["r.a1"], Rest.RELAX)
     running.emulator.set("silent", 1, on=False)
     for _ in range(3):
-        running.emulator.set("misread", 1, count=1)
+        running.emulator.set("misread", 1, count=2)  # what separates it from the one before, and the read
         reply = perform(running.bus, BusJob({}))
         assert (reply.lost, reply.samples is None) == ("", False)
     running.emulator.set("misread", 1, count=0)
