@@ -137,7 +137,8 @@ def test_a_hold_after_a_fault_is_sent_until_it_is_confirmed(
     r.bus.enable(BOTH)
     r.tick()
     r.emulator.set("jam", 1)
-    axis, write, lost = r.bus._states["r.a1"], Servo.write, []
+    axis, write = r.bus._states["r.a1"], Servo.write
+    lost: list[bytes] = []
 
     def noisy(servo: Servo, address: int, data: bytes) -> Any:
         if servo.device == 1 and address == reg.GOAL_POSITION.address and axis.fault and len(lost) < 3:
@@ -178,7 +179,7 @@ def test_a_rest_that_is_not_confirmed_costs_a_tick_one_time_out(
         except LookupError:
             return []
 
-    answers = wire.answers
+    answers = replies.answers
     monkeypatch.setattr(replies, "_act", deaf)
     monkeypatch.setattr(wire, "answers", unanswered)
     took_ms = []
