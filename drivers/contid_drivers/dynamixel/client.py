@@ -33,7 +33,7 @@ PING_SLOT_S: Final = 3e-3
 #: Lengths of the reads that separate requests; no register and no block is that long.
 BARRIER_SIZES: Final = (5, 6, 7, 9, 10, 11)
 #: The instruction arrived damaged, and the servo did nothing: it is repeated like one without an answer.
-#: Every servo knows the instructions of `ServoClient`, so another one was read. With an intact CRC the other
+#: Every servo has the instructions of `ServoClient`, so another one was read. With an intact CRC the other
 #: errors are true refusals (e-manual, Protocol 2.0, Status Packet).
 _MISREAD: Final = (StatusError.INSTRUCTION, StatusError.CRC)
 _NEED_ORDER: Final = (Instruction.READ, Instruction.WRITE)
@@ -122,7 +122,9 @@ class ServoClient:
         Errors as `read_block`.
         """
         what, parameters = f"reading register {address}", read_parameters(address, size)
-        return self._checked(device, what, Instruction.READ, parameters, size, 1, self.port.latency_s)
+        return self._checked(
+            device, what, Instruction.READ, parameters, size, 1, latency_s=self.port.latency_s
+        )
 
     def read(self, device: int, register: Register) -> int:
         """Value of a register; errors as `read_block`."""
@@ -159,6 +161,7 @@ class ServoClient:
         parameters: bytes,
         size: int,
         tries: int,
+        *,
         latency_s: float = ACYCLIC_LATENCY_S,
     ) -> bytes:
         answer = self._ask(device, instruction, parameters, size, tries, latency_s)
@@ -185,7 +188,7 @@ class ServoClient:
 
         An answer names neither its instruction nor its register. After a time-out it may still come and would
         pass for the next one: `_barrier` first. An instruction that arrived damaged is repeated; when all
-        did, the last answer says so (`_MISREAD`).
+        did, the last answer is returned (`_MISREAD`).
         """
         answer = None
         for _ in range(tries):

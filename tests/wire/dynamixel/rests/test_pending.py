@@ -106,9 +106,7 @@ def test_a_rest_asked_for_while_the_port_is_lost_is_done_when_it_is_back(
 
 
 @pytest.mark.realtime
-def test_a_port_that_goes_during_a_relax_forgets_none_of_it(
-    rig: Make, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_port_that_goes_during_a_relax_loses_none_of_it(rig: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     r = running(rig)
     port = r.opened.client.port
     send = port.send
