@@ -171,7 +171,11 @@ class Bus(Protocol):
         """
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
-        """Bring axes to a state of rest; does not raise for a lost device."""
+        """Bring axes to a state of rest; does not raise for a lost device.
+
+        A rest stays asked for until its device confirms it, also over a loss of the bus: `exchange` asks
+        again when it answers, unless `enable` has made it ready meanwhile.
+        """
 
     def clear_fault(self, axes: Sequence[str]) -> None:
         """Clear latched device faults without motion; raises `DeviceError` if one persists."""

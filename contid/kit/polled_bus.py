@@ -47,6 +47,14 @@ class Reading:
     voltage_v: float | None = None
 
 
+@dataclass(slots=True)
+class _AskedRest:
+    """A rest that a device has not confirmed, and where it is to hold [rad or Pa], once that was read."""
+
+    rest: Rest
+    goal: float | None = None
+
+
 class PolledBus(ABC):
     """See `contid.hal.Bus`; a driver defines the abstract methods, and calls none of the others."""
 
@@ -57,6 +65,7 @@ class PolledBus(ABC):
         self._lost: DeviceLostError | None = DeviceLostError(name, "the bus is not open")
         self._enabled: set[str] = set()
         self._latched: dict[str, str] = {}
+        self._asked: dict[str, _AskedRest] = {}
         self._samples: dict[str, Sample] = {}
 
     @abstractmethod
@@ -108,7 +117,10 @@ class PolledBus(ABC):
         for axis, value in commands.items():
             if not math.isfinite(value):
                 raise DeviceError(axis, f"a command must be finite, got {value!r}")
-        self._look({axis: value for axis, value in commands.items() if axis in self._enabled})
+        found = self._look({axis: value for axis, value in commands.items() if axis in self._enabled})
+        if self._asked:
+            self._rest(found, found)
+            self._drop_unreported(found)
         return dict(self._samples)
 
     def enable(self, axes: Sequence[str]) -> None:
@@ -131,6 +143,8 @@ class PolledBus(ABC):
                     sent = all(_has_goal(found[axis], goal) for axis, goal in goals.items())
                 if sent and all(found[axis].powered for axis in new):
                     self._enabled.update(new)
+                    for axis in new:
+                        self._asked.pop(axis, None)
                     return
                 why = "its power does not switch on" if sent else "it does not take its goal"
                 with self._reaching():
@@ -151,26 +165,16 @@ class PolledBus(ABC):
         """See `contid.hal.Bus.disable`; a powered axis holds where it is, or loses its power."""
         self._require_axes(axes)
         self._enabled.difference_update(axes)
-        goals: dict[str, float] = {}
+        self._asked.update({axis: _AskedRest(rest) for axis in axes})
         try:
             for _ in range(ATTEMPTS):
                 found = self._look({})
-                on = [axis for axis in axes if axis not in found or found[axis].powered]
-                if not on:
+                self._rest(found, axes)
+                if self._asked.keys().isdisjoint(axes):
                     return
-                if rest is Rest.HOLD:  # where nothing confirms a goal, it is repeated
-                    if all(a in goals and _has_goal(found.get(a), goals[a], False) for a in on):
-                        return
-                    goals |= {a: found[a].value for a in on if a in found and a not in goals}
-                with self._reaching():
-                    if rest is Rest.HOLD:
-                        self.send(goals)
-                    else:
-                        self.power(on, False)
-            what, silent = "power off", on
-            if rest is Rest.HOLD:  # a device that reports no goal cannot confirm one
-                what, silent = "hold", [a for a in on if a not in found or not _has_goal(found[a], goals[a])]
-            if silent:
+            self._drop_unreported(found)
+            if silent := [axis for axis in axes if axis in self._asked]:
+                what = "hold" if rest is Rest.HOLD else "power off"
                 log.warning("%s: %s is not confirmed by %s", self.name, what, ", ".join(silent))
         except DeviceLostError:
             return
@@ -217,6 +221,35 @@ class PolledBus(ABC):
                 each.value, now, True, 0.0, each.velocity, each.effort, each.temperature_c, each.voltage_v,
                 self._latched.get(axis, ""),
             )  # fmt: skip
+
+    def _rest(self, found: Mapping[str, Reading], axes: Collection[str]) -> None:
+        """Send the rests of ``axes`` that ``found`` does not confirm; those that it confirms are done."""
+        goals: dict[str, float] = {}
+        off: list[str] = []
+        for axis in [axis for axis in axes if axis in self._asked]:
+            each, asked = found.get(axis), self._asked[axis]
+            if each is not None and not each.powered:
+                del self._asked[axis]
+            elif asked.rest is not Rest.HOLD:
+                off.append(axis)
+            elif asked.goal is not None:
+                if _has_goal(each, asked.goal, False):
+                    del self._asked[axis]
+                else:
+                    goals[axis] = asked.goal
+            elif each is not None:
+                asked.goal = goals[axis] = each.value
+        with self._reaching():
+            if goals:
+                self.send(goals)
+            if off:
+                self.power(off, False)
+
+    def _drop_unreported(self, found: Mapping[str, Reading]) -> None:
+        """A device that reports no goal cannot confirm that it holds, once that was sent to it."""
+        for axis, asked in tuple(self._asked.items()):
+            if asked.rest is Rest.HOLD and axis in found and found[axis].goal is None:
+                del self._asked[axis]
 
     @contextmanager
     def _reaching(self) -> Iterator[None]:

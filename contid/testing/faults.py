@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import pytest
 
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
@@ -81,6 +83,30 @@ class FaultContract:
         enabled.bus.close()
         enabled.bus.close()
         enabled.plug()
+
+    def test_a_relax_asked_for_while_the_bus_is_lost_is_done_when_it_is_back(
+        self, enabled: BusUnderTest
+    ) -> None:
+        enabled.unplug()
+        with pytest.raises(DeviceLostError):
+            enabled.bus.exchange({})
+        enabled.bus.disable(enabled.bus.axes, Rest.RELAX)
+        enabled.plug()
+        enabled.bus.open()
+        enabled.pump(enabled.facts.settle_s + enabled.facts.vent_s)
+        assert not any(enabled.powered(axis) for axis in enabled.bus.axes)
+
+    def test_a_relax_that_a_silent_axis_missed_is_done_when_it_answers(self, enabled: BusUnderTest) -> None:
+        """Whatever is asked of the bus meanwhile; it may be refused."""
+        first = enabled.bus.axes[0]
+        enabled.silence(first, True)
+        enabled.bus.disable((first,), Rest.RELAX)
+        enabled.pump(0.0)
+        enabled.silence(first, False)
+        with suppress(DeviceError):
+            enabled.bus.clear_fault((first,))
+        enabled.pump(enabled.facts.settle_s + enabled.facts.vent_s)
+        assert not enabled.powered(first)
 
     def test_devices_of_a_lost_bus_rest_and_do_not_move_when_it_is_back(self, enabled: BusUnderTest) -> None:
         goals = offset(enabled, enabled.bus.axes, enabled.facts.far)

@@ -172,6 +172,39 @@ def test_power_off_is_repeated_also_to_a_silent_device_and_named_when_not_confir
     assert "power off is not confirmed by a" in caplog.text
 
 
+@pytest.mark.parametrize("rest", [Rest.RELAX, Rest.HOLD])
+@pytest.mark.parametrize("reports", [True, False])
+def test_a_rest_that_a_silent_device_missed_is_sent_when_it_answers(
+    bus: ScriptedBus, rest: Rest, reports: bool
+) -> None:
+    bus.enable(["a"])
+    device = bus.devices["a"]
+    device.reports = reports
+    bus.exchange({"a": 3.0})
+    device.silent, device.deaf, device.goal = True, 99, 7.0
+    bus.disable(["a"], rest)
+    device.silent, device.deaf = False, 0
+    for _ in range(3):
+        bus.exchange({})
+    assert device.powered is (rest is Rest.HOLD)
+    at, sent = device.value, len(bus.sent)
+    bus.exchange({})
+    assert (device.goal, len(bus.sent)) == (at, sent)
+
+
+def test_a_rest_asked_for_while_the_bus_is_lost_is_sent_when_it_is_back(bus: ScriptedBus) -> None:
+    bus.enable(["a"])
+    bus.gone = True
+    with pytest.raises(DeviceLostError):
+        bus.exchange({})
+    bus.disable(["a"], Rest.RELAX)
+    bus.gone = False
+    bus.open()
+    bus.exchange({})
+    bus.exchange({})
+    assert not bus.devices["a"].powered
+
+
 def test_hold_keeps_one_place_whatever_is_repeated(bus: ScriptedBus) -> None:
     bus.enable(bus.axes)
     bus.devices["a"].goal = bus.devices["a"].value = 4.0

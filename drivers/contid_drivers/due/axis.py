@@ -7,6 +7,7 @@ import math
 from contid.hal import AxisOnBus, DeviceKind, Sample
 from contid_drivers.due.codes import DUTY_FULL, BoardState
 from contid_drivers.due.messages import BoardReport
+from contid_drivers.due.options import SafeState
 from contid_drivers.due.wiring import axis_options, board_units
 
 #: Magnitude limit of a demand [counts or Pa]; the board computes in 32 bits.
@@ -29,6 +30,7 @@ class BoardAxis:
         motor: True for a motor, False for a pressure regulator.
         power_up_rad: where a motor without homing is parked.
         homes: True when the robot file has ``homing`` for it.
+        safe: its safe state.
         has_current: True when the board measures the current of the motor.
         value, time_s: last valid position [rad] or pressure [Pa], and its time [monotonic s].
         report: its report in the newest telemetry that had the channel; None before the first.
@@ -45,6 +47,7 @@ class BoardAxis:
         self.motor = options.kind is DeviceKind.MOTOR
         self.power_up_rad = math.radians(options.power_up_deg)
         self.homes = options.homing is not None
+        self.safe = options.safe
         self.has_current = options.stall_current_ma > 0
         self.value: float | None = None
         self.time_s = -math.inf
@@ -68,6 +71,13 @@ class BoardAxis:
     def armed(self) -> bool:
         """True when the channel followed demands in the newest telemetry."""
         return self.report is not None and self.report.state is BoardState.ARMED
+
+    @property
+    def holds_safely(self) -> bool:
+        """True while it holds in its safe state, in which the board takes no other rest."""
+        return (
+            self.report is not None and self.report.state is BoardState.SAFE and self.safe is SafeState.HOLD
+        )
 
     def command_velocity(self, value: float, now: float) -> int | None:
         """Velocity of a stream of commands, by this one and the one before, in the board's units per second.

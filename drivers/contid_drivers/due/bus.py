@@ -82,7 +82,6 @@ class DueBus:
         self._lost = "it is closed"
         for axis in self._by_name.values():
             axis.enabled = False
-        self._pending_rest.clear()
 
     def _positions(self) -> dict[str, float | None]:
         """Where the motors without homing stand [rad]; None where their position is lost."""
@@ -109,7 +108,7 @@ class DueBus:
         }
         body = messages.demand(session.config_crc, session.echo_ms, values, velocities)
         fresh = self._update(self._command(session, Type.DEMAND, body))
-        if fresh and self._pending_rest:
+        if fresh and any(not self._axis(name).holds_safely for name in self._pending_rest):
             self._stop(session)
         self._exchanges += 1
         self._unanswered += not fresh
@@ -154,27 +153,35 @@ class DueBus:
         """See `contid.hal.Bus.disable`: motors hold or coast, regulators hold, close or vent."""
         for name in axes:
             self._axis(name).enabled = False
+        self._pending_rest.update(dict.fromkeys(axes, RestCode[rest.name]))
         session = self._session
         if session is None or self._lost:
             return
-        self._pending_rest.update(dict.fromkeys(axes, RestCode[rest.name]))
         try:
             for _ in range(_TRIES):
                 if self._stop(session):
+                    if held := [name for name in axes if name in self._pending_rest]:
+                        names = ", ".join(held)
+                        log.error("%s: %s: hold in their safe state until clear-fault", self.name, names)
                     return
         except DeviceLostError:
             return
         log.error("%s: stop not confirmed for %s; it is repeated", self.name, ", ".join(axes))
 
     def _stop(self, session: DueConnection) -> bool:
-        """Request the pending rests; False when one is not confirmed."""
+        """Request the pending rests; False when one is not confirmed.
+
+        A board ignores those of channels in their safe state. Where that state holds, another rest stays
+        pending until the fault is cleared.
+        """
         for rest in dict.fromkeys(self._pending_rest.values()):
             names = [name for name, pending in self._pending_rest.items() if pending is rest]
             body = messages.stop((self._axis(name).channel for name in names), rest)
             if not self._update(self._command(session, Type.STOP, body)):
                 return False
             for name in names:
-                del self._pending_rest[name]
+                if rest is RestCode.HOLD or not self._axis(name).holds_safely:
+                    del self._pending_rest[name]
         return True
 
     def clear_fault(self, axes: Sequence[str]) -> None:

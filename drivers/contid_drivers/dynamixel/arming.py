@@ -7,12 +7,12 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from contid.errors import DeviceError, DeviceLostError
+from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel import turns
 from contid_drivers.dynamixel.axis import Axis, TorqueState, Turn
 from contid_drivers.dynamixel.checks import identity
-from contid_drivers.dynamixel.client import TRIES, NoAnswerError, ServoClient, ServoRefusedError
+from contid_drivers.dynamixel.client import TRIES, NoAnswerError, ServoClient, ServoError, ServoRefusedError
 from contid_drivers.dynamixel.grip import goal_current, limit_ma, read_own_limit
 from contid_drivers.dynamixel.mapping import map_block
 from contid_drivers.dynamixel.options import DynamixelBusOptions
@@ -172,7 +172,10 @@ def hold_position(client: ServoClient, axis: Axis) -> None:
     """Switch the watchdog off, tripped or not, and set the goal to the present position.
 
     Torque stays as it is, on or off. Both go out in one write, so that a servo with torque and an old goal
-    does not start towards it.
+    does not start towards it; one read confirms both.
+
+    Raises:
+        ServoError: it does not confirm them.
     """
     device, present = axis.device, reg.PRESENT_POSITION
     # A silent servo costs the others on its bus one time-out at most.
@@ -185,7 +188,9 @@ def hold_position(client: ServoClient, axis: Axis) -> None:
         client.port.flush()
         client.port.send(release + stay)
         axis.watchdog_units = 0
-        if client.read(device, reg.GOAL_POSITION) == position:
+        first, goal = reg.BUS_WATCHDOG, reg.GOAL_POSITION
+        found = client.read_block(device, first.address, goal.address + goal.size - first.address)
+        if not found[0] and goal.decode(found[-goal.size :]) == position:
             return
     client.write(device, reg.BUS_WATCHDOG, 0)
     client.write(device, reg.GOAL_POSITION, position)
@@ -194,22 +199,28 @@ def hold_position(client: ServoClient, axis: Axis) -> None:
 def rest(client: ServoClient, axis: Axis, position: int | None) -> None:
     """Apply the pending rest of a servo that answers again; in a tick, so with one try.
 
+    It stays pending until a read confirms it.
+
     Args:
         client: client of its bus.
         axis: the servo.
         position: its position in this exchange, None when the exchange did not read it.
 
     Raises:
-        NoAnswerError: it is silent again.
+        ServoError: it is silent again.
     """
     device, present = axis.device, reg.PRESENT_POSITION
     if position is None:
-        position = present.decode(client.read_block(device, present.address, present.size, tries=1))
-    if axis.state is TorqueState.HOLD_PENDING:
-        goal = reg.GOAL_POSITION.encode(position)
-        client.port.send(sync_write(reg.GOAL_POSITION.address, 4, [(device, goal)]))
-    elif torque_off(client, [axis]):
+        position = present.decode(client.look(device, present.address, present.size))
+    holds = axis.state is TorqueState.HOLD_PENDING
+    register, value = (reg.GOAL_POSITION, position) if holds else (reg.TORQUE_ENABLE, 0)
+    client.port.send(sync_write(register.address, register.size, [(device, register.encode(value))]))
+    if register.decode(client.look(device, register.address, register.size)) != value:
         return
+    if not holds:
+        # Where torque is off, a watchdog that stays on moves nothing.
+        client.port.send(sync_write(reg.BUS_WATCHDOG.address, 1, [(device, b"\0")]))
+        axis.watchdog_units = 0
     if axis.turn is Turn.LOST:
         turns.adopt(client, axis, position)
     axis.state = TorqueState.IDLE
@@ -233,7 +244,7 @@ def torque_off(client: ServoClient, axes: Sequence[Axis]) -> list[str]:
     for _ in range(TRIES):
         client.port.flush()
         client.port.send(packet)
-        asked = [axis for axis in asked if not _reads_zero(client, axis, reg.TORQUE_ENABLE)]
+        asked = [axis for axis in asked if not _torque_is_off(client, axis)]
         if not asked and not dead:
             break
     silent = dead + asked
@@ -254,32 +265,48 @@ def _watchdog_off(client: ServoClient, axis: Axis) -> None:
     """
     try:
         client.write(axis.device, reg.BUS_WATCHDOG, 0)
-    except DeviceLostError:
-        raise
-    except DeviceError as error:
+    except ServoError as error:
         log.error("%s", error)
 
 
-def _reads_zero(client: ServoClient, axis: Axis, register: Register) -> bool:
+def _torque_is_off(client: ServoClient, axis: Axis) -> bool:
+    torque = reg.TORQUE_ENABLE
     try:
-        return client.read_block(axis.device, register.address, register.size, tries=1) == b"\0"
-    except NoAnswerError:
+        return client.read_block(axis.device, torque.address, torque.size, tries=1) == b"\0"
+    except ServoError:
         return False
+
+
+def finish_rest(client: ServoClient, axis: Axis) -> None:
+    """Bring a servo to the rest that it has not confirmed yet, if there is one; not for a tick.
+
+    Raises:
+        ServoError: it still does not confirm it, and the rest stays pending.
+    """
+    if axis.state is TorqueState.RELAX_PENDING and torque_off(client, [axis]):
+        remedy = "check its cable, or switch its power off"
+        raise NoAnswerError(client.name(axis.device), "torque off is not confirmed", remedy)
+    if axis.state is TorqueState.HOLD_PENDING:
+        hold_position(client, axis)
+    axis.state = TorqueState.IDLE
 
 
 def recover(client: ServoClient, axis: Axis) -> None:
     """Bring a faulty servo to a state that can be armed, without moving it.
 
-    Torque stays as it is, but a servo with a hardware error is rebooted, and its torque is off then.
+    Torque stays as it is, but a rest that is pending is finished first, and a servo with a hardware error is
+    rebooted: its torque is off then.
 
     Raises:
-        DeviceError: it is silent, the fault persists, or its turn count cannot be inferred.
+        DeviceError: it is silent, a rest is not confirmed, the fault persists, or its turn count cannot be
+            inferred.
     """
     device = axis.device
     if axis.dead:
         # Every time-out of a dead servo would freeze the goals of the others on its bus.
         raise NoAnswerError(client.name(device), "no answer", "check its power")
     identity.require_same(client, axis)
+    finish_rest(client, axis)
     if client.read(device, reg.HARDWARE_ERROR):
         if axis.turn.known:
             axis.seen = axis.to_rad(client.read(device, reg.PRESENT_POSITION))

@@ -48,9 +48,10 @@ class TorqueState(enum.Enum):
     ===============================  ==========================================================
     watchdog and torque are on       ``ENABLED``
     a fault is latched               ``HOLD_PENDING``; ``RELAX_PENDING`` stays
-    a watchdog trips, the port fails ``IDLE``: the servo has stopped, or stops by its watchdog
+    a watchdog trips                 ``IDLE``: the servo has stopped; ``RELAX_PENDING`` stays
+    the port fails, or opens again   ``IDLE``: it stops by its watchdog; what is pending stays
     rest asked for, not confirmed    ``HOLD_PENDING`` or ``RELAX_PENDING``
-    rest confirmed, fault cleared    ``IDLE``
+    rest confirmed                   ``IDLE``; arming and clearing a fault confirm it first
     ===============================  ==========================================================
     """
 
@@ -84,7 +85,7 @@ class Axis:
     return_delay_s: float = 0.0
     mark: str = ""  # which servo it is, see `checks.identity`; "" where that is not known
     own_pwm: int | None = None  # PWM Limit (36)
-    own_limit_ma: float | None = None  # Current Limit (38), where its mode limits the current
+    own_limit_ma: float | None = None  # Current Limit (38), of a model that has one
     # State; an axis with a fault is not enabled:
     state: TorqueState = TorqueState.IDLE
     turn: Turn = Turn.UNKNOWN

@@ -15,7 +15,7 @@ from contid_drivers.dynamixel import arming, readings, torque, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis, Turn
 from contid_drivers.dynamixel.checks import identity
-from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
+from contid_drivers.dynamixel.client import ServoClient, ServoError
 from contid_drivers.dynamixel.exchange.block import ServoReading
 from contid_drivers.dynamixel.exchange.cyclic import Cyclic
 from contid_drivers.dynamixel.grip import CurrentShare
@@ -80,9 +80,9 @@ class DynamixelBus:
                 self._retry(cyclic, found.keys(), full)
             else:
                 self._count_complete(cyclic)
+            client.fed_s = time.monotonic()
             for device, doubtful in self._doubtful.items():
                 self._check_turn(client, device, doubtful)
-            client.fed_s = time.monotonic()
             now = self._clock.now()
             samples = {}
             for (name, axis), before in zip(self._states.items(), faults, strict=True):
@@ -90,8 +90,10 @@ class DynamixelBus:
                 if reading is None:
                     axis.misses += 1
                 samples[name] = axis.sample(now, reading is not None)
-                if axis.fault != before:
+                if reading is not None and reading.alert and axis.fault == readings.UNREAD_ALERT:
                     samples[name] = self._find_cause(client, axis, reading, now, samples[name])
+                if axis.fault != before:
+                    log.error("%s: %s", axis.name, axis.fault)
                 if axis.state.pending and reading is not None:
                     self._rest(client, axis, reading)
             self._note_missing(opened)
@@ -119,7 +121,7 @@ class DynamixelBus:
         try:
             if turns.has_reset(client, axis):
                 axis.latch_reset()
-        except NoAnswerError:
+        except ServoError:
             return
         readings.take(axis, reading, self._clock.now())
         self._taken[device] = reading
@@ -196,18 +198,16 @@ class DynamixelBus:
             cyclic.fast = self._link.probe_fast()
 
     def _find_cause(
-        self, client: ServoClient, axis: Axis, reading: ServoReading | None, now: float, sample: Sample
+        self, client: ServoClient, axis: Axis, reading: ServoReading, now: float, sample: Sample
     ) -> Sample:
-        """Read the cause of a new fault if the block did not hold it, and log it once."""
-        if reading is not None and reading.alert and not axis.hardware_error:
-            try:
-                axis.hardware_error = client.read(axis.device, reg.HARDWARE_ERROR)
-                readings.detect_reported(axis, reading)
-                sample = axis.sample(now, True)
-            except NoAnswerError:
-                pass
-        log.error("%s: %s", axis.name, axis.fault)
-        return sample
+        """Read the cause of an alert, which the block lacks; where that fails, the next exchange does."""
+        cause = reg.HARDWARE_ERROR
+        try:
+            axis.hardware_error = cause.decode(client.look(axis.device, cause.address, cause.size))
+        except ServoError:
+            return sample
+        readings.detect_reported(axis, reading)
+        return axis.sample(now, True)
 
     def _rest(self, client: ServoClient, axis: Axis, reading: ServoReading) -> None:
         """Bring a faulty servo to rest, now that it answers; not the servo of another robot."""
@@ -216,8 +216,8 @@ class DynamixelBus:
                 log.debug("%s: another servo answers, which is not brought to rest", axis.name)
                 return
             arming.rest(client, axis, None if axis.turn is Turn.LOST else reading.position)
-        except NoAnswerError:
-            log.debug("%s: silent again before it was brought to rest", axis.name)
+        except ServoError as error:
+            log.debug("%s: not brought to rest yet: %s", axis.name, error)
 
     def answer_counts(self) -> Mapping[str, int]:
         """Counts since the bus was built, by what is counted: ``exchanges``, ``late``, ``silent``."""

@@ -14,6 +14,7 @@ from contid_drivers.dynamixel.packets import (
     STATUS_ERROR_TEXT,
     Instruction,
     Packet,
+    StatusError,
     build,
     read_parameters,
     sync_read,
@@ -30,7 +31,11 @@ PING_SIZE: Final = 3
 #: Answers to a broadcast ping take up to this time per id besides their bytes (as in the SDK).
 PING_SLOT_S: Final = 3e-3
 #: Lengths of the reads that separate requests; no register and no block is that long.
-BARRIER_SIZES: Final = range(5, 12)
+BARRIER_SIZES: Final = (5, 6, 7, 9, 10, 11)
+#: The instruction arrived damaged, and the servo did nothing: it is repeated like one without an answer.
+#: Every servo has the instructions of `ServoClient`, so another one was read. With an intact CRC the other
+#: errors are true refusals (e-manual, Protocol 2.0, Status Packet).
+_MISREAD: Final = (StatusError.INSTRUCTION, StatusError.CRC)
 _NEED_ORDER: Final = (Instruction.READ, Instruction.WRITE)
 #: A servo answers again within this time after a reboot.
 REBOOT_S: Final = 2.0
@@ -41,12 +46,16 @@ FEED_S: Final = 0.02
 FEED_SIZE: Final = 3
 
 
-class NoAnswerError(DeviceError):
-    """A servo did not answer, or only damaged packets arrived."""
+class ServoError(DeviceError):
+    """One servo did not do what it was asked; the port is not lost (`contid.errors.DeviceLostError`)."""
 
 
-class ServoRefusedError(DeviceError):
-    """A servo answered with an error."""
+class NoAnswerError(ServoError):
+    """A servo did not answer, or only damaged packets arrived, here or there."""
+
+
+class ServoRefusedError(ServoError):
+    """A servo understood an instruction and answered with an error."""
 
 
 class Identity(NamedTuple):
@@ -82,7 +91,9 @@ class ServoClient:
     def ping(self, device: int, tries: int = TRIES) -> int | None:
         """Model number of a servo, None when it is silent."""
         answer = self._ask(device, Instruction.PING, b"", PING_SIZE, tries)
-        return None if answer is None else int.from_bytes(answer.parameters[:2], "little")
+        if answer is None or not answer.parameters:
+            return None
+        return int.from_bytes(answer.parameters[:2], "little")
 
     def broadcast_ping(self) -> dict[int, Identity]:
         """Every servo on the bus, by id."""
@@ -99,11 +110,21 @@ class ServoClient:
         """Bytes of the control table.
 
         Raises:
-            NoAnswerError: the servo is silent.
+            NoAnswerError: the servo is silent, or only damaged packets arrive.
             ServoRefusedError: it answered with an error.
         """
         what = f"reading register {address}"
         return self._checked(device, what, Instruction.READ, read_parameters(address, size), size, tries)
+
+    def look(self, device: int, address: int, size: int) -> bytes:
+        """Bytes of the control table within a tick: one try, with the time-out of an exchange.
+
+        Errors as `read_block`.
+        """
+        what, parameters = f"reading register {address}", read_parameters(address, size)
+        return self._checked(
+            device, what, Instruction.READ, parameters, size, 1, latency_s=self.port.latency_s
+        )
 
     def read(self, device: int, register: Register) -> int:
         """Value of a register; errors as `read_block`."""
@@ -120,7 +141,10 @@ class ServoClient:
         Raises:
             NoAnswerError: it does not answer again.
         """
-        self._ask(device, Instruction.REBOOT, b"", 0, 1)
+        for _ in range(TRIES):
+            answer = self._ask(device, Instruction.REBOOT, b"", 0, 1)
+            if answer is None or answer.error & ~ALERT not in _MISREAD:
+                break
         until = time.monotonic() + REBOOT_S
         while time.monotonic() < until:
             # The answer to the reboot may arrive before the servo goes down.
@@ -130,50 +154,73 @@ class ServoClient:
         raise NoAnswerError(self.name(device), f"no answer within {REBOOT_S:g} s after a reboot")
 
     def _checked(
-        self, device: int, what: str, instruction: Instruction, parameters: bytes, size: int, tries: int
+        self,
+        device: int,
+        what: str,
+        instruction: Instruction,
+        parameters: bytes,
+        size: int,
+        tries: int,
+        *,
+        latency_s: float = ACYCLIC_LATENCY_S,
     ) -> bytes:
-        answer = self._ask(device, instruction, parameters, size, tries)
+        answer = self._ask(device, instruction, parameters, size, tries, latency_s)
         if answer is None:
             raise NoAnswerError(self.name(device), f"no answer ({what})", "check its power")
         if number := answer.error & ~ALERT:
             message = STATUS_ERROR_TEXT.get(number, f"error {number}")
+            if number in _MISREAD:
+                message = f"its instructions arrive damaged ({what}: {message})"
+                raise NoAnswerError(self.name(device), message, "check its cable and supply")
             raise ServoRefusedError(self.name(device), f"{what} was refused: {message}")
         return answer.parameters
 
     def _ask(
-        self, device: int, instruction: Instruction, parameters: bytes, size: int, tries: int
+        self,
+        device: int,
+        instruction: Instruction,
+        parameters: bytes,
+        size: int,
+        tries: int,
+        latency_s: float = ACYCLIC_LATENCY_S,
     ) -> Packet | None:
         """The servo's answer with ``size`` bytes or an error; skips others (echoed, of other servos).
 
         An answer names neither its instruction nor its register. After a time-out it may still come and would
-        pass for the next one: `_barrier` first.
+        pass for the next one: `_barrier` first. An instruction that arrived damaged is repeated; when all
+        did, the last answer is returned (`_MISREAD`).
         """
+        answer = None
         for _ in range(tries):
-            if instruction in _NEED_ORDER and device in self._unanswered and not self._barrier(device):
+            order = instruction in _NEED_ORDER and device in self._unanswered
+            if order and not self._barrier(device, latency_s):
                 continue
-            answer = self._once(device, instruction, parameters, size)
-            if answer is not None:
+            answer = self._once(device, instruction, parameters, size, latency_s)
+            if answer is None:
+                self._unanswered.add(device)
+            elif answer.error & ~ALERT not in _MISREAD:
                 return answer
-            self._unanswered.add(device)
-        return None
+        return answer
 
-    def _barrier(self, device: int) -> bool:
+    def _barrier(self, device: int, latency_s: float) -> bool:
         """Wait for the answer to a read of a length of its own; what came before it is dropped.
 
         The lengths differ from those of the registers and from barrier to barrier.
         """
         self._barriers += 1
         size = BARRIER_SIZES[self._barriers % len(BARRIER_SIZES)]
-        if self._once(device, Instruction.READ, read_parameters(0, size), size) is None:
+        if self._once(device, Instruction.READ, read_parameters(0, size), size, latency_s) is None:
             return False
         self._unanswered.discard(device)
         return True
 
-    def _once(self, device: int, instruction: Instruction, parameters: bytes, size: int) -> Packet | None:
+    def _once(
+        self, device: int, instruction: Instruction, parameters: bytes, size: int, latency_s: float
+    ) -> Packet | None:
         port = self.port
         if time.monotonic() - self.fed_s > FEED_S:
             self._feed(device)
-        allowance_s = port.return_delay_s + max(port.latency_s, ACYCLIC_LATENCY_S)
+        allowance_s = port.return_delay_s + max(port.latency_s, latency_s)
         port.flush()
         sent = port.send(build(device, instruction, parameters))
         for answer in port.packets(sent + port.status_s(size) + allowance_s):

@@ -12,7 +12,7 @@ from contid.kit.remembered import memory_of
 from contid.kit.serial_ports import UsbIdentity, find_port, identity_of
 from contid_drivers.dynamixel import duplicates, turns
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.axis import Axis, TorqueState, Turn
+from contid_drivers.dynamixel.axis import Axis, Turn
 from contid_drivers.dynamixel.checks import identity, left_over
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.cycle_time import Slack
@@ -82,14 +82,7 @@ class BusLink:
             starts = [map_block(client, axis) for axis in self.axes]
             layout = common_layout(starts)
             for axis in self.axes:
-                axis.misses, axis.state, axis.turn = 0, TorqueState.IDLE, Turn.UNKNOWN
-                try:
-                    turns.settle(client, axis)
-                except NoAnswerError:
-                    raise
-                except DeviceError as error:
-                    axis.latch(f"{error.message}; {error.remedy}")
-                    axis.state = TorqueState.IDLE
+                self._settle(client, axis)
             ids = [axis.device for axis in self.axes]
             cyclic = Cyclic(port, ids, layout, Slack(options.slack_ms), self.counts)
             self.adopt_return_delay(client)
@@ -105,6 +98,25 @@ class BusLink:
             cyclic.fast = self.probe_fast()
         except DeviceLostError as error:
             raise self.mark_lost(error) from None
+
+    def _settle(self, client: ServoClient, axis: Axis) -> None:
+        """The state of a servo on a port just opened; a rest that was asked for meanwhile stays pending.
+
+        Raises:
+            NoAnswerError: it is silent again.
+            DeviceLostError: the port is gone again.
+        """
+        axis.stop_commands()
+        axis.misses, axis.turn, asked_for = 0, Turn.UNKNOWN, axis.state
+        if axis.watchdog_units and client.read(axis.device, reg.BUS_WATCHDOG) == 0:
+            axis.watchdog_units = 0  # it reset while the port was closed, which `turns.settle` sees by itself
+        try:
+            turns.settle(client, axis)
+        except (NoAnswerError, DeviceLostError):
+            raise
+        except DeviceError as error:
+            axis.latch("; ".join(filter(None, (error.message, error.remedy))))
+            axis.state = asked_for
 
     def _name_left_over(self, client: ServoClient) -> None:
         """Log the limits that other programs have changed."""

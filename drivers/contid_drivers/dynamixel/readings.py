@@ -13,13 +13,14 @@ from contid.hal import SLACK_TENDON, SNAPPED_TENDON
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis, TorqueState, Turn
 from contid_drivers.dynamixel.exchange.block import ServoReading
+from contid_drivers.dynamixel.grip import current_limit_ma
 from contid_drivers.dynamixel.plausibility import FAR_RAD, has_jumped
 
 #: Difference of the time of the servo from that of the host, of readings that came late, and of its clock.
 TICK_SLACK_MS: Final = 50.0
 TICK_SLACK: Final = 0.05
 TORQUE_OFF_FAULT: Final = "its torque was switched off from outside: does another program use this bus?"
-_UNREAD_ALERT: Final = "hardware error: alert, cause not read yet"
+UNREAD_ALERT: Final = "hardware error: alert, cause not read yet"
 _JUMP: Final = "another program reset its count of turns, or its encoder is faulty"
 
 
@@ -76,11 +77,11 @@ def detect_reported(axis: Axis, reading: ServoReading) -> None:
     if reading.hardware_error is not None:
         axis.hardware_error = reading.hardware_error
     if reading.alert or reading.hardware_error:
-        if axis.fault == _UNREAD_ALERT:
+        if axis.fault == UNREAD_ALERT:
             axis.fault = ""
         message = reg.describe_hardware_error(axis.hardware_error)
         remedy = reg.remedy_of_hardware_error(axis.hardware_error)
-        axis.latch(f"hardware error: {message}: {remedy}" if message else _UNREAD_ALERT)
+        axis.latch(f"hardware error: {message}: {remedy}" if message else UNREAD_ALERT)
     if axis.enabled and reading.torque is False and reading.watchdog == axis.watchdog_units:
         axis.latch(TORQUE_OFF_FAULT)
     if not axis.watchdog_units or reading.watchdog in (None, axis.watchdog_units):
@@ -89,7 +90,8 @@ def detect_reported(axis: Axis, reading: ServoReading) -> None:
         axis.latch_reset()
         return
     waited_ms = axis.watchdog_units * reg.WATCHDOG_MS_PER_UNIT
-    if axis.latch(f"Bus Watchdog tripped: no instruction for {waited_ms} ms, it stopped"):
+    axis.latch(f"Bus Watchdog tripped: no instruction for {waited_ms} ms, it stopped")
+    if axis.state is TorqueState.HOLD_PENDING:
         axis.state = TorqueState.IDLE
 
 
@@ -108,7 +110,7 @@ def _detect_standstill(axis: Axis, value: float, velocity: float) -> None:
     if axis.goal is None:
         return
     error = axis.goal - value
-    limit_ma = axis.options.current_limit_ma or axis.model.current_limit_ma
+    limit_ma = current_limit_ma(axis)
     load = None if axis.effort is None or not limit_ma else abs(axis.effort) * 1e3 / limit_ma
     if not following.is_exceeded(error, velocity, load, axis.time_s):
         return

@@ -15,6 +15,7 @@ from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis, TorqueState
 from contid_drivers.dynamixel.checks import identity
+from contid_drivers.dynamixel.client import ServoError
 from contid_drivers.dynamixel.link import BusLink, Opened
 
 log = logging.getLogger(__name__)
@@ -23,7 +24,8 @@ log = logging.getLogger(__name__)
 def enable(link: BusLink, axes: Sequence[Axis]) -> None:
     """Put axes under torque where they stand, or leave all of them as they were (`contid.hal.Bus.enable`).
 
-    1. No axis may have a fault, and each must be the servo of when the bus was opened.
+    1. No axis may have a fault, and each must be the servo of when the bus was opened. A rest that one has
+       not confirmed is finished.
     2. Each servo still has its count of turns, and gets the settings of the robot file that differ.
     3. Goal := present position, torque on, read back, one servo after the other.
     4. The watchdogs come on together; with them `Axis.enabled` becomes True.
@@ -45,6 +47,8 @@ def enable(link: BusLink, axes: Sequence[Axis]) -> None:
     try:
         for axis in chosen:
             identity.require_same(client, axis)
+        for axis in chosen:
+            arming.finish_rest(client, axis)
         for axis in chosen:
             turns.require_kept(client, axis)
             arming.configure(client, axis, link.options)
@@ -87,30 +91,37 @@ def _back_out(link: BusLink, opened: Opened, chosen: Sequence[Axis], started: Se
     """Undo a failed `enable`: torque it switched on goes off, axes held before stay held."""
     if started:
         _relax(link, opened, started)
-    _hold(opened, [axis for axis in chosen if axis.watchdog_units and axis not in started])
+    held = [axis for axis in chosen if axis.watchdog_units and axis not in started]
+    _hold(opened, [axis for axis in held if not axis.state.pending])
 
 
 def _relax(link: BusLink, opened: Opened, axes: Sequence[Axis]) -> None:
     """Torque off; where it is not confirmed it stays pending."""
+    _ask_for(axes, TorqueState.RELAX_PENDING)
     silent = arming.torque_off(opened.client, axes)
     for axis in axes:
-        axis.state = TorqueState.RELAX_PENDING if axis.name in silent else TorqueState.IDLE
+        if axis.name not in silent:
+            axis.state = TorqueState.IDLE
     if silent:
         log.error("%s: torque off not confirmed by %s", link.name, ", ".join(silent))
 
 
 def _hold(opened: Opened, axes: Sequence[Axis]) -> None:
     """Goal := present position, watchdog off; where that fails it stays pending."""
+    _ask_for(axes, TorqueState.HOLD_PENDING)
     for axis in axes:
-        axis.state = TorqueState.HOLD_PENDING
         try:
             arming.hold_position(opened.client, axis)
             axis.state = TorqueState.IDLE
-        except DeviceLostError:
-            raise
-        except DeviceError as error:
+        except ServoError as error:
             # Its watchdog stays on; without further instructions it trips and stops the servo.
             log.error("%s", error)
+
+
+def _ask_for(axes: Sequence[Axis], pending: TorqueState) -> None:
+    """From here on each axis is to rest, whatever becomes of the first attempt."""
+    for axis in axes:
+        axis.state = pending
 
 
 def disable(link: BusLink, axes: Sequence[Axis], rest: Rest) -> None:
@@ -118,10 +129,11 @@ def disable(link: BusLink, axes: Sequence[Axis], rest: Rest) -> None:
 
     ``hold`` leaves torque on with the goal at the present position. ``relax`` switches it off, and so does
     ``vent``, which servos cannot do. A servo that does not confirm keeps the rest as pending
-    (`Axis.state`) until it answers.
+    (`Axis.state`) until it answers, also over a loss of the port.
     """
     opened = link.reachable
     if opened is None:
+        _ask_for(axes, TorqueState.HOLD_PENDING if rest is Rest.HOLD else TorqueState.RELAX_PENDING)
         return
     try:
         if rest is not Rest.HOLD:
@@ -130,8 +142,6 @@ def disable(link: BusLink, axes: Sequence[Axis], rest: Rest) -> None:
         _hold(opened, axes)
     except DeviceLostError as error:
         link.mark_lost(error)
-    except DeviceError as error:
-        log.error("%s", error)
 
 
 def clear_fault(link: BusLink, axes: Sequence[Axis]) -> None:

@@ -22,6 +22,10 @@ homes by a stop or by tension           refused until it was homed
 has no homing                           0, unchecked, with a warning
 ======================================  =========================================================
 
+All of it holds for a position that counts from the zero of the encoder, forwards. Another program may have
+set a Homing Offset or the reverse direction: `settle` writes 0 to both first, or refuses under torque, which
+locks them.
+
 Not detectable: a CLEAR sent by another program while contid does not run.
 """
 
@@ -51,6 +55,8 @@ _MULTI_TURN_MODES: Final = tuple(reg.MODE_NUMBERS.values())
 TURNS_MAX: Final = 80
 #: Greatest motion assumed between the last reading (``axis.seen``) and the first one after a reset.
 SEEN_TOLERANCE_RAD: Final = FAR_RAD
+#: Bit of Drive Mode that reverses the count.
+_REVERSE: Final = 0x01
 _CLEARED: Final = ((LAST_ADDRESS, LAST_ADDRESS.default), (reg.VELOCITY_I, reg.VELOCITY_I.default))
 
 
@@ -107,7 +113,7 @@ def has_reset(client: ServoClient, axis: Axis) -> bool:
         NoAnswerError: it is silent.
     """
     gain = reg.VELOCITY_I
-    return gain.decode(client.read_block(axis.device, gain.address, gain.size, 1)) != _GAIN_ZERO + axis.turns
+    return gain.decode(client.look(axis.device, gain.address, gain.size)) != _GAIN_ZERO + axis.turns
 
 
 def adopt(client: ServoClient, axis: Axis, position: int) -> None:
@@ -130,7 +136,7 @@ def require_kept(client: ServoClient, axis: Axis) -> None:
     Raises:
         DeviceError: it reset itself, or another program reset its count; or its turn cannot be inferred.
     """
-    if axis.turn is not Turn.IN_SERVO:
+    if axis.turn is not Turn.IN_SERVO or _displacement(client, axis):
         settle(client, axis)
     elif kept(client, axis) != axis.turns:
         axis.latch_reset()
@@ -141,15 +147,23 @@ def settle(client: ServoClient, axis: Axis) -> None:
     """Determine the turn before the axis may move, by the table above.
 
     Raises:
-        DeviceError: it cannot be inferred.
+        DeviceError: it cannot be inferred, or its position is displaced and torque is on.
     """
     if axis.turn is not Turn.LOST:
         axis.turn = Turn.UNKNOWN
+    displaced = _displacement(client, axis)
+    if displaced:
+        _count_from_encoder(client, axis, displaced)
     stored = kept(client, axis)
     if stored is not None:
-        axis.turns, axis.turn = stored, Turn.IN_SERVO
-        axis.seen = axis.to_rad(client.read(axis.device, reg.PRESENT_POSITION))
-        return
+        position = client.read(axis.device, reg.PRESENT_POSITION)
+        if not displaced or axis.seen is None or stored == _nearest(position, axis.seen):
+            axis.turns, axis.turn = stored, Turn.IN_SERVO
+            axis.seen = axis.to_rad(position)
+            return
+        # Displaced while contid ran: the last position, or the turn by it, was of the other scale.
+        client.write(axis.device, reg.VELOCITY_I, reg.VELOCITY_I.default)
+        axis.seen = None
     expected = _expected(client, axis)
     position = client.read(axis.device, reg.PRESENT_POSITION)
     turns = 0
@@ -165,6 +179,30 @@ def settle(client: ServoClient, axis: Axis) -> None:
             )
     store(client, axis, turns)
     axis.seen = axis.to_rad(position)
+
+
+def _displacement(client: ServoClient, axis: Axis) -> str:
+    """Which setting makes the position another one than the count of the encoder, "" for none."""
+    first, last = reg.DRIVE_MODE, reg.HOMING_OFFSET
+    block = client.read_block(axis.device, first.address, last.address + last.size - first.address)
+    if offset := last.decode(block[-last.size :]):
+        return f"{last.name} is {offset}"
+    return f"{first.name} is {block[0]} (reverse)" if block[0] & _REVERSE else ""
+
+
+def _count_from_encoder(client: ServoClient, axis: Axis, displaced: str) -> None:
+    """Make the position the count of the encoder.
+
+    Raises:
+        DeviceError: torque is on, which locks the two settings.
+    """
+    name = client.name(axis.device)
+    if client.read(axis.device, reg.TORQUE_ENABLE):
+        remedy = "support the robot and relax it, then clear-fault"
+        raise DeviceError(name, f"{displaced}, the robot file requires 0, and torque is on", remedy)
+    log.warning("%s: %s, set by another program; 0 now", name, displaced)
+    for register in (reg.DRIVE_MODE, reg.HOMING_OFFSET):
+        client.write(axis.device, register, 0)
 
 
 class _Expected(NamedTuple):
@@ -187,7 +225,9 @@ def _expected(client: ServoClient, axis: Axis) -> _Expected | None:
     if _has_address(client, axis):
         if homing is None:
             remedy = "bring it to its first turn by hand and switch its power off and on, or configure homing"
-        raise DeviceError(name, "another program reset its count of turns (operating mode)", remedy)
+        raise DeviceError(
+            name, "another program reset its count of turns (operating mode, homing offset)", remedy
+        )
     match homing:
         case SingleTurn(pose_deg=pose_deg, plausible_deg=plausible_deg):
             return _Expected(math.radians(pose_deg), math.radians(plausible_deg), "it is parked at")

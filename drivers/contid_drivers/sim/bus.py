@@ -43,6 +43,7 @@ class SimBus:
         self._open = False
         self._lost = ""
         self._enabled: set[str] = set()
+        self._missed: dict[str, Rest] = {}  # rests of axes that did not answer
         self._samples: dict[str, Sample] = {}
         self.arms: list[TrackedBody] = []
         self.fingers: list[FingerBody] = []
@@ -86,6 +87,7 @@ class SimBus:
             if axis not in self._enabled:
                 self.devices[axis].switch_on(now)
                 self._enabled.add(axis)
+                self._missed.pop(axis, None)
         self._note("enable", now, ", ".join(axes))
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
@@ -95,6 +97,8 @@ class SimBus:
             if not math.isfinite(value):
                 raise DeviceError(axis, f"a command must be finite, got {value!r}")
         now = self._advance_open()
+        if self._missed:
+            self._settle()
         latency_s = self._options.latency_ms / 1e3
         if not self.switches.on and latency_s <= 0.0:
             return self._exchanged_soundly(commands, now)
@@ -138,12 +142,15 @@ class SimBus:
             self._device(axis)
         self._enabled.difference_update(axes)
         now = self._advance()
-        if not self._open:
-            return
-        for axis in axes:
-            if not self._silent(axis):
-                self.devices[axis].settle(rest)
-        self._note("disable", now, ", ".join(axes))
+        self._missed.update(dict.fromkeys(axes, rest))
+        if self._open:
+            self._settle()
+            self._note("disable", now, ", ".join(axes))
+
+    def _settle(self) -> None:
+        """Bring the axes that answer to the rest they were asked for; the others do when they answer."""
+        for axis in [axis for axis in self._missed if not self._silent(axis)]:
+            self.devices[axis].settle(self._missed.pop(axis))
 
     def clear_fault(self, axes: Sequence[str]) -> None:
         """Clear latched device faults without motion; raises `DeviceError` if one persists."""

@@ -33,6 +33,7 @@ class WinchBus:
         self._lost = "it is not open"
         self._answered_s = 0.0
         self._enabled: set[str] = set()
+        self._asked: dict[str, Rest] = {}  # rests that are not confirmed
         self._samples: dict[str, Sample] = {}
 
     def open(self) -> None:
@@ -76,6 +77,7 @@ class WinchBus:
             else:
                 last = self._samples[axis]
                 self._samples[axis] = replace(last, valid=False, age_s=now - last.time_s)
+        self._ask_again({drum: state for drum, (_, state) in answering.items()})
         return dict(self._samples)
 
     def enable(self, axes: Sequence[str]) -> None:
@@ -91,16 +93,18 @@ class WinchBus:
         if new:
             self._order("on", new)
             self._enabled.update(new)
+            for axis in new:
+                self._asked.pop(axis, None)
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
         """See `contid.hal.Bus.disable`; ``vent`` relaxes a drum."""
         drums = [str(self._drum(axis)) for axis in axes]
         self._enabled.difference_update(axes)
+        self._asked.update(dict.fromkeys(axes, rest))
         if drums and self._link is not None:
-            how = "hold" if rest is Rest.HOLD else "relax"
             for _ in range(3):
                 try:
-                    if self._ask(" ".join(["off", how, *drums])) == "ok":
+                    if self._ask(" ".join(["off", _how(rest), *drums])) == "ok":
                         return
                 except DeviceLostError:
                     return
@@ -114,6 +118,15 @@ class WinchBus:
             self._enabled.difference_update(faulty)
 
     # -- inside ------------------------------------------------------------------------------------------
+
+    def _ask_again(self, states: Mapping[int, str]) -> None:
+        """Ask for the rests that the states of the drums do not show yet."""
+        for axis, rest in tuple(self._asked.items()):
+            state = states.get(self._drums[axis])
+            if state == "on" or (state == "held" and rest is not Rest.HOLD):
+                self._ask(" ".join(["off", _how(rest), str(self._drums[axis])]))
+            elif state is not None:
+                del self._asked[axis]
 
     def _order(self, verb: str, axes: Sequence[str]) -> None:
         """Send an order up to three times, until it is answered; orders are idempotent.
@@ -149,6 +162,10 @@ class WinchBus:
             raise DeviceError(
                 axis, f"no such axis on bus {self.name}; there are {', '.join(self.axes)}"
             ) from None
+
+
+def _how(rest: Rest) -> str:
+    return "hold" if rest is Rest.HOLD else "relax"
 
 
 def rad_per_step(axis: AxisOnBus) -> float:

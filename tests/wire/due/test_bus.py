@@ -6,6 +6,7 @@ import math
 import os
 import pty
 import time
+from pathlib import Path
 
 import pytest
 
@@ -210,3 +211,44 @@ def test_demand_beyond_the_travel_ends_at_it(world):
     bus.enable(["arm.l"])
     sample = settle(bus, 0.8, {"arm.l": 50.0})["arm.l"]
     assert sample.value == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_relax_asked_for_while_the_port_is_lost_is_done_when_it_is_back(world):
+    bus, emulator = world(watchdog_ms=5000)
+    bus.open()
+    bus.exchange({})
+    bus.enable(bus.axes)
+    settle(bus, 0.2, dict.fromkeys(bus.axes, 2.0))
+    emulator.switch({"fault": "unplug"})
+    with pytest.raises(DeviceLostError):
+        settle(bus, 2.0)
+    bus.disable(bus.axes, Rest.RELAX)
+    with pytest.raises(DeviceNotFoundError):
+        bus.open()
+    assert emulator.command("get 0").split()[4] == "2"
+    emulator.switch({"fault": "plug"})
+    while not Path(bus._options.port).exists():
+        time.sleep(0.001)
+    bus.open()
+    settle(bus, 0.1)
+    assert emulator.command("get 0").split()[4] != "2"
+
+
+def test_a_relax_of_a_motor_that_holds_in_its_safe_state_waits_for_clear_fault(world, caplog):
+    """The board keeps the rest of a channel in its safe state, and confirms the order all the same."""
+    keys = {"channel": "m0", "on_watchdog": "hold", "start_state": "brake"}
+    axes = [AxisOnBus("arm.l0", DueAxisOptions.model_validate(keys), None)]
+    bus, emulator = world(axes, watchdog_ms=100)
+    bus.open()
+    bus.exchange({})
+    bus.enable(bus.axes)
+    settle(bus, 0.2, {"arm.l0": 1.0})
+    time.sleep(0.3)
+    assert "watchdog" in settle(bus, 0.05)["arm.l0"].fault
+    bus.disable(bus.axes, Rest.RELAX)
+    settle(bus, 0.05)
+    assert emulator.command("get 0").split()[4] == "2"
+    assert "arm.l0: hold in their safe state until clear-fault" in caplog.text
+    bus.clear_fault(bus.axes)
+    settle(bus, 0.1)
+    assert emulator.command("get 0").split()[4] != "2"

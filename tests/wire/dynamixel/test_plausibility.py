@@ -84,6 +84,19 @@ def test_a_dead_encoder_is_a_fault(rig: Make) -> None:
     assert "dead encoder" in r.tick()["r.a1"].fault
 
 
+def test_a_servo_that_drives_away_at_its_own_low_limit_is_a_fault(rig: Make) -> None:
+    """It pushes: the limit that counts is the one in the servo, where the robot file has none."""
+    r = rig(1)
+    servo = r.emulator.servos[0]
+    servo.put(reg.CURRENT_LIMIT, 300)
+    servo.motion.load = lambda: -200.0
+    r.bus.open()
+    r.bus.enable(r.bus.axes)
+    r.emulator.set("share", 1, share=-1.0)
+    assert drive(r, 3.0, to=6000.0) < 2.0
+    assert "does not follow" in r.tick()["r.a1"].fault
+
+
 def test_a_long_motion_and_a_slow_one_are_no_faults(rig: Make) -> None:
     r = rig(2, axis={"profile_velocity_deg_s": 40})
     r.bus.open()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -10,6 +11,7 @@ import dynamixel_sdk as sdk
 import pytest
 
 from contid.errors import DeviceError
+from contid.hal import Rest
 from contid_devices.dynamixel.commission import sdk_bus
 from contid_drivers.dynamixel import DRIVER
 from contid_drivers.dynamixel import registers as reg
@@ -121,3 +123,83 @@ def test_the_stock_sdk_reads_one_turn_in_position_mode(rig: Make) -> None:
         assert bus.read(1, reg.PRESENT_POSITION) == 20
         assert protocol.read4ByteTxRx(bus._port, 1, reg.PRESENT_POSITION.address)[0] == 20
     assert math.isclose(r.emulator.servo(1).position_ticks, -4096 * 2 + 20.0)
+
+
+OFFSETS = (4096, -4096, 300)
+
+
+@pytest.mark.parametrize("offset", OFFSETS)
+def test_a_displaced_count_is_put_right_before_a_turn_is_taken(rig: Make, offset: int) -> None:
+    """Homing Offset is added to the position (e-manual, register 20): a turn taken by it would be wrong."""
+    r = rig(1, axis={"homing": {**POSE, "pose_deg": 0}}, servo={"position_ticks": 100.0})
+    r.emulator.servos[0].put(reg.HOMING_OFFSET, offset)
+    r.emulator.servos[0].put(reg.DRIVE_MODE, 1)
+    r.bus.open()
+    assert r.tick()["r.a1"].value == pytest.approx(100 * TICK)
+    r.bus.enable(["r.a1"])
+    samples = r.tick(3)
+    assert samples["r.a1"].value == pytest.approx(100 * TICK)
+    assert samples["r.a1"].fault == ""
+    assert [r.emulator.servo(1).get(each) for each in (reg.HOMING_OFFSET, reg.DRIVE_MODE)] == [0, 0]
+    assert r.emulator.servo(1).position_ticks == pytest.approx(100, abs=1)
+
+
+@pytest.mark.parametrize(("register", "value"), [(reg.HOMING_OFFSET, 4096), (reg.DRIVE_MODE, 1)])
+def test_a_displaced_count_under_torque_is_refused_by_name(
+    rig: Make, register: reg.Register, value: int
+) -> None:
+    r = rig(1)
+    r.emulator.servos[0].put(reg.OPERATING_MODE, 4)
+    r.emulator.servos[0].put(register, value)
+    r.emulator.servos[0].put(reg.TORQUE_ENABLE, 1)
+    r.bus.open()
+    assert f"{register.name} is {value}" in r.tick()["r.a1"].fault
+    with pytest.raises(DeviceError, match="torque is on"):
+        r.bus.clear_fault(["r.a1"])
+    assert r.emulator.servo(1).get(register) == value
+    r.bus.disable(["r.a1"], Rest.RELAX)
+    r.bus.clear_fault(["r.a1"])
+    assert r.tick()["r.a1"].value == pytest.approx(1000 * TICK)
+    r.bus.enable(["r.a1"])
+
+
+def test_homing_by_a_pose_measures_from_the_encoder(rig: Make) -> None:
+    r = rig(1, axis={"homing": POSE}, servo={"position_ticks": 1100.0})
+    r.emulator.servos[0].put(reg.HOMING_OFFSET, -250)
+    (homed,) = DRIVER.home("servos", r.options, r.axes, ("r.a1",), lambda line: None)  # type: ignore[attr-defined]
+    assert homed.value == pytest.approx(1100 * TICK, abs=2 * TICK)
+
+
+@pytest.mark.parametrize("offset", OFFSETS)
+def test_an_offset_by_another_program_between_two_runs_leaves_the_kept_turns_right(
+    rig: Make, offset: int
+) -> None:
+    r = rig(1)
+    driven_far(r, home=False)
+    another_program(r, (reg.HOMING_OFFSET, offset))
+    r.bus.open()
+    assert r.tick()["r.a1"].value == pytest.approx(FAR * TICK, abs=2 * TICK)
+    r.bus.enable(["r.a1"])
+    assert r.tick()["r.a1"].value == pytest.approx(FAR * TICK, abs=2 * TICK)
+
+
+@pytest.mark.parametrize("offset", OFFSETS)
+@pytest.mark.parametrize("pause_s", [0.0, 0.2])
+def test_an_offset_by_another_program_during_a_run_arms_no_wrong_turn(
+    rig: Make, offset: int, pause_s: float
+) -> None:
+    r = rig(1)
+    driven_far(r, home=False)
+    r.bus.open()
+    r.tick(3)
+    r.emulator.servos[0].put(reg.HOMING_OFFSET, offset)  # by a second adapter
+    time.sleep(pause_s)
+    r.tick(3)
+    for order in (r.bus.enable, r.bus.clear_fault, r.bus.enable):
+        try:
+            order(["r.a1"])
+        except DeviceError:
+            continue
+        sample = r.tick(2)["r.a1"]
+        if order == r.bus.enable and not sample.fault:
+            assert sample.value == pytest.approx(r.emulator.servo(1).position_ticks * TICK, abs=2 * TICK)

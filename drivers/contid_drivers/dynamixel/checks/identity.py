@@ -18,7 +18,7 @@ from contid.errors import DeviceError, DeviceNotFoundError
 from contid.kit.remembered import BusMemory, Remembered, accept_remedy
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
-from contid_drivers.dynamixel.client import TRIES, ServoClient
+from contid_drivers.dynamixel.client import ServoClient
 
 log = logging.getLogger(__name__)
 
@@ -28,13 +28,14 @@ _ALL: Final = range(1, 1 << 2 * _BITS)
 _SIZE: Final = reg.MAX_POSITION.size + reg.MIN_POSITION.size
 
 
-def read_mark(client: ServoClient, device: int, tries: int = TRIES) -> str:
+def read_mark(client: ServoClient, device: int, in_tick: bool = False) -> str:
     """The mark of a servo, three hexadecimal digits; "" without one.
 
     Raises:
         NoAnswerError: it is silent.
     """
-    block = client.read_block(device, reg.MAX_POSITION.address, _SIZE, tries)
+    read = client.look if in_tick else client.read_block
+    block = read(device, reg.MAX_POSITION.address, _SIZE)
     high = reg.MAX_POSITION.high - reg.MAX_POSITION.decode(block[:4])
     low = reg.MIN_POSITION.decode(block[4:])
     if not (0 <= high <= _PART and 0 <= low <= _PART and (high or low)):
@@ -116,7 +117,7 @@ def is_same(client: ServoClient, axis: Axis) -> bool:
     Raises:
         NoAnswerError: it is silent.
     """
-    return not axis.mark or read_mark(client, axis.device, tries=1) == axis.mark
+    return not axis.mark or read_mark(client, axis.device, in_tick=True) == axis.mark
 
 
 def require_same(client: ServoClient, axis: Axis) -> None:

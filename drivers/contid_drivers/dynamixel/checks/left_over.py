@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Final, NamedTuple
 
-from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.client import ServoClient
+from contid_drivers.dynamixel.client import ServoClient, ServoError
 from contid_drivers.dynamixel.registers import Register
 
 #: Errors after which every new servo drops its torque, and temperature limits of the models.
@@ -55,7 +54,7 @@ def followers(client: ServoClient, others: Collection[int], configured: Collecti
     for device in sorted(others):
         try:
             second = client.read(device, reg.SECONDARY_ID)
-        except DeviceError:
+        except ServoError:
             continue
         if second in configured:
             what = f"id {device} has the secondary id (12) {second}: it moves with servo {second}"

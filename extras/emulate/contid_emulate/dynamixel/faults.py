@@ -6,6 +6,7 @@ Each switch is an `InjectedFault`; as JSON it is one line appended to the contro
     {"fault": "delay", "id": 3, "ms": 4}        every answer of servo 3 is 4 ms late, until ms is 0
     {"fault": "corrupt", "id": 3, "count": 1}   a flipped bit in its next answer
     {"fault": "duplicate", "id": 3}             its next answer arrives twice
+    {"fault": "misread", "id": 3, "count": 2}   it receives the next two instructions damaged: CRC error
     {"fault": "echo", "on": true}               the adapter returns what the host sends
     {"fault": "silent", "id": 3, "on": true}    no reception and no answers until "on": false
     {"fault": "alert", "id": 3, "bits": 4}      hardware error status; 4 is overheated
@@ -92,6 +93,7 @@ _KEYS: Final[dict[str, tuple[str, ...]]] = {
     "delay": ("id", "ms"),
     "corrupt": ("id", "count"),
     "duplicate": ("id", "count"),
+    "misread": ("id", "count"),
     "echo": ("on",),
     "silent": ("id", "on"),
     "alert": ("id", "bits"),
@@ -156,7 +158,8 @@ class FaultSwitches:
         adapter: late, batched or chunked delivery.
         silent: ids that neither receive nor answer.
         delay_s: additional delay of answers, by id.
-        left: number of the next answers that are dropped, corrupted or duplicated, by kind and id.
+        left: number of the next answers that are dropped, corrupted or duplicated, or instructions that are
+            misread, by kind and id.
     """
 
     echo: bool = False
@@ -176,7 +179,7 @@ class FaultSwitches:
                 (self.silent.add if fault.on else self.silent.discard)(device)
             case "delay":
                 self.delay_s[device] = fault.ms / 1e3
-            case "drop" | "corrupt" | "duplicate":
+            case "drop" | "corrupt" | "duplicate" | "misread":
                 self.left[fault.kind, device] = fault.count
             case "host":
                 self.second_host_hz = fault.hz
@@ -193,7 +196,7 @@ class FaultSwitches:
         return True
 
     def spent(self, kind: str, device: int) -> bool:
-        """Whether the next answer of a servo has this fault; decrements its count."""
+        """Whether the next answer of a servo, or instruction to it, has this fault; decrements its count."""
         if not self.left.get((kind, device)):
             return False
         self.left[kind, device] -= 1

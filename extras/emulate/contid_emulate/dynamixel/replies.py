@@ -90,6 +90,16 @@ def answers(packet: Packet, servos: Sequence[Servo], byte_s: float) -> list[Stat
     return found
 
 
+def misreadings(packet: Packet, servos: Sequence[Servo], byte_s: float) -> list[StatusReply]:
+    """Answers of servos that an instruction to one of them reached damaged; they do nothing."""
+    found = []
+    for servo in servos:
+        if servo.device == packet.device and servo.get(reg.STATUS_RETURN_LEVEL) == 2:
+            wire = build_status(servo.device, StatusError.CRC | servo.alert)
+            found.append(StatusReply(servo.device, wire, servo.return_delay_s + len(wire) * byte_s))
+    return found
+
+
 def addressed(packet: Packet) -> Container[int]:
     """Ids that an instruction is for: its own, those named in a sync or bulk packet, or all."""
     if packet.device != BROADCAST:

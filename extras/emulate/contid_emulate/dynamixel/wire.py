@@ -20,9 +20,9 @@ from typing import Final, Self
 from contid.kit.control_file import ControlFile
 from contid.kit.pseudo_port import PseudoPort
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.packets import Instruction, Packet, build, read_parameters, take
+from contid_drivers.dynamixel.packets import BROADCAST, Instruction, Packet, build, read_parameters, take
 from contid_emulate.dynamixel.faults import FaultSwitches, InjectedFault
-from contid_emulate.dynamixel.replies import addressed, answers
+from contid_emulate.dynamixel.replies import addressed, answers, misreadings
 from contid_emulate.dynamixel.servo import Servo
 from contid_emulate.dynamixel.tendons import TendonPlant
 
@@ -238,7 +238,10 @@ class DynamixelEmulator:
                         servo.feed(now)
                     receiving.append(servo)
         end = self._line_free
-        for answer in answers(packet, receiving, byte_s):
+        # A damaged instruction to several servos is not answered; "drop" and "silent" are like it.
+        misread = packet.device != BROADCAST and self.faults.spent("misread", packet.device)
+        act = misreadings if misread else answers
+        for answer in act(packet, receiving, byte_s):
             device, wire = answer.device, answer.wire
             at = end + answer.at_s
             self._line_free = max(self._line_free, at)
