@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from contid.robot_file.robot import RobotDescription
     from contid_dynamics.report import PoseModes
 
+_ORIGIN: Final = "contid modes --schedule"
+#: Random motions in which the fall of tensions is searched.
+_TENSION_MOVES: Final = 60
+
 
 @click.command(cls=ExtendedCommand, group=entry_points.MODES)
 @click.argument("robot_file", shell_complete=robot_names)
@@ -31,7 +35,8 @@ if TYPE_CHECKING:
 @click.option(
     "--schedule",
     type=click.IntRange(1, 5000),
-    help="Also frequencies over this many random poses, and up to --payload-g, for rates.shape.",
+    help="Also frequencies over this many random poses, and up to --payload-g, for rates.shape; of tendon "
+    "robots also how far tensions fall in motion, for tension.swing_n.",
 )
 @click.option("--write", is_flag=True, help="Write rates.shape with its schedule into ROBOT_FILE.")
 @click.option("--json", "as_json", is_flag=True, help="The numbers and shapes as one JSON object.")
@@ -101,9 +106,25 @@ def _schedule(
     """Fit the schedule of a robot, print how well it fits, and write it."""
     from contid.robot_file.edit import Change, set_values
     from contid.robot_file.load import load_named
+    from contid.robot_file.rates import InputShape
+    from contid.robot_file.tendon.robot import TendonRobot
     from contid_dynamics.schedule import schedule_of
+    from contid_dynamics.tension_swing import tension_swing
 
     found = schedule_of(robot, poses, load_g)
+    changes = [Change(f"robots.{name}.rates.shape", found.shape, _ORIGIN)]
+    if isinstance(robot, TendonRobot):
+        assert robot.tension is not None
+        swing = tension_swing(robot, InputShape.model_validate(found.shape), _TENSION_MOVES, load_g)
+        floor_n = robot.tension.floor_n
+        changes.append(Change(f"robots.{name}.tension.swing_n", swing.swing_n, _ORIGIN))
+        if not quiet:
+            click.echo(
+                f"  tensions in {swing.moves} motions fall by {swing.median_n:.2f} N (median, greatest "
+                f"{swing.greatest_n:.2f}) below those of the commands: with tension.swing_n "
+                f"{swing.swing_n:g} they keep {floor_n:g} N; tighten the straight robot to "
+                f"{floor_n + swing.swing_n:g} N"
+            )
     low, high = found.shape["schedule"]["least_hz"], found.shape["schedule"]["most_hz"]
     medians, worst = ([f"{100 * each:.1f}" for each in pair] for pair in (found.median, found.worst))
     if not quiet:
@@ -118,9 +139,9 @@ def _schedule(
             )
     if write:
         path = load_named(robot_file).path
-        set_values(path, [Change(f"robots.{name}.rates.shape", found.shape, "contid modes --schedule")])
+        set_values(path, changes)
         if not quiet:
-            click.echo(f"  rates.shape written to {path}")
+            click.echo(f"  {', '.join(change.key.split('.', 2)[2] for change in changes)} written to {path}")
     elif not quiet:
         click.echo("  --write puts it into the robot file, --json prints it")
     return found.shape
