@@ -57,7 +57,7 @@ struct Rod {
 
   explicit Rod(nb::handle setup) : motion(setup_of(setup)) {}
 
-  void load(nb::handle gravity, Given nodes, Given strains, Given pulls) {
+  void load(nb::handle gravity, Given nodes, Given strains, Given pulls, double within_s) {
     double g[3];
     read(gravity, g, 3, "gravity: three numbers");
     const size_t n = motion.setup().elements;
@@ -66,7 +66,7 @@ struct Rod {
     std::vector<double> pulled = finite(pulls, motion.loads.pulls.size(), "pulls: one number per tendon");
     // Nothing is replaced before all of it is checked.
     motion.loads.strains.swap(own), motion.loads.pulls.swap(pulled);
-    motion.loads.gravity = {g[0], g[1], g[2]};
+    motion.loads.gravity = {g[0], g[1], g[2]}, motion.loads.reached_in_s = within_s;
     for (size_t e = 0; e < n; ++e) {
       const double* w = &wrenches[6 * e];
       motion.loads.nodes[e] = {{w[0], w[1], w[2]}, {w[3], w[4], w[5]}};
@@ -137,7 +137,8 @@ NB_MODULE(KERNEL_MODULE, module) {
   nb::class_<Rod>(module, "Rod")
       .def(nb::init<nb::handle>(), nb::arg("setup"))
       .def_prop_ro("free", [](const Rod& r) { return r.motion.free(); })
-      .def("load", &Rod::load, nb::arg("gravity"), nb::arg("nodes"), nb::arg("strains"), nb::arg("pulls"))
+      .def("load", &Rod::load, nb::arg("gravity"), nb::arg("nodes"), nb::arg("strains"), nb::arg("pulls"),
+           nb::arg("within_s"))
       .def("stiffen", &Rod::stiffen, nb::arg("stiffness"), nb::arg("damping_s"))
       .def("put", &Rod::put, nb::arg("strains"))
       .def("settle", [](Rod& r) { return r.motion.settle(); })

@@ -38,6 +38,7 @@ RodMotion::RodMotion(MotionSetup setup)
   right_.resize(size_), force_.resize(size_), matrix_.resize(size_ * size_), mass_ = matrix_, base_.resize(size_);
   dl_.resize(size_ * std::max(1, s_.tendons)), weights_.resize(s_.tendons);
   pulls_.assign(s_.tendons, Pull::SLACK), assumed_ = pulls_;
+  held_.assign(s_.tendons, 0.0), pull_ = pull_rate_ = held_;
   for (Placed* p : {&now_, &next_}) p->frames[0] = identity(), p->points[0] = {0.0, 0.0, s_.base};
   place(strain.data(), s_.lengths, s_.rigid, per_, now_);
 }
@@ -47,9 +48,18 @@ void RodMotion::put(const double* strains) {
   std::fill(momentum.begin(), momentum.end(), 0.0);
   std::fill(last_.begin(), last_.end(), 0.0);
   place(strain.data(), s_.lengths, s_.rigid, per_, now_);
+  fresh_ = true;
 }
 
-bool RodMotion::step(double h) { return advance(h, 0); }
+bool RodMotion::step(double h) {
+  if (fresh_) hold_pulls();
+  const double within = std::max(h, loads.reached_in_s);
+  for (int j = 0; j < s_.tendons; ++j) pull_rate_[j] = (loads.pulls[j] - held_[j]) / within;
+  const bool found = advance(h, 0);
+  loads.reached_in_s = std::max(0.0, loads.reached_in_s - h);
+  if (within <= h * (1.0 + 1e-9)) held_ = loads.pulls, loads.reached_in_s = 0.0;
+  return found;
+}
 
 bool RodMotion::advance(double h, int depth) {
   if (solve(h)) return true;
@@ -61,6 +71,7 @@ bool RodMotion::advance(double h, int depth) {
 
 bool RodMotion::solve(double h) {
   const int n = s_.elements;
+  for (int j = 0; j < s_.tendons; ++j) pull_[j] = held_[j] + 0.5 * h * pull_rate_[j];
   external(now_, force_.data());
   for (int i = 0; i < size_; ++i) base_[i] = momentum[i] + 0.5 * h * force_[i];
   spread(last_.data(), 1.0, trial_.data());
@@ -114,12 +125,14 @@ bool RodMotion::solve(double h) {
       momentum[i] = right_[i] - force_[i] + 0.5 * h * base_[i] + slow(e, k, h) * (trial_[j] - strain[j]);
       last_[i] = trial_[j] - strain[j];
     }
+  for (int j = 0; j < s_.tendons; ++j) held_[j] += h * pull_rate_[j];
   std::swap(strain, trial_);
   std::swap(now_, next_);
   return true;
 }
 
 bool RodMotion::settle() {
+  hold_pulls();
   const std::vector<double> began = strain;
   double most = 0.0;
   for (int e = 0; e < s_.elements; ++e) most = std::max(most, stiffness[kMaxStrains * e]);
@@ -176,6 +189,7 @@ double RodMotion::kinetic() {
 double RodMotion::potential() {
   const int n = s_.elements, m = s_.tendons;
   double sum = 0.0;
+  pull_ = fresh_ ? loads.pulls : held_;
   gradient(strain.data(), right_.data());  // the tensions
   for (int j = 0; j < m; ++j) sum += 0.5 * tensions[j] * tensions[j] / s_.tendon[j];
   for (int e = 0; e < n; ++e) {
@@ -196,6 +210,7 @@ void RodMotion::linearise(double* mass_out, double* stiffness_out) {
 }
 
 void RodMotion::differentiate(double* stiffness_out) {
+  pull_ = loads.pulls;
   std::vector<double> x = strain, low(size_), high(size_), force(size_);
   for (int e = 0; e < s_.elements; ++e)
     for (int k = 0; k < per_; ++k) {
@@ -264,25 +279,26 @@ void RodMotion::gradient(const double* x, double* out) {
       tensions[j] += piece.shortening;  // so far
     }
   }
-  for (int j = 0; j < m; ++j) tensions[j] = std::max(0.0, s_.rest[j] + s_.tendon[j] * (loads.pulls[j] - tensions[j]));
+  for (int j = 0; j < m; ++j) tensions[j] = std::max(0.0, s_.rest[j] + s_.tendon[j] * (pull_[j] - tensions[j]));
   for (int i = 0; i < size_; ++i)
     for (int j = 0; j < m; ++j) out[i] += tensions[j] * dl_[i * m + j];
 }
 
-// Tendons that pull are damped as the backbone is: a tension of the damping time and stiffness times the rate of
-// length, up to the tension of the spring. A tendon that tightens has no tension all at once then, which would leave
-// steps without an answer.
+// Tendons that pull are damped as the backbone is: a tension of the damping time and stiffness times the rate at which
+// they are stretched, up to the tension of the spring. A tendon that tightens has no tension all at once then, which
+// would leave steps without an answer.
 void RodMotion::damp_tendons(double h) {
   for (int j = 0; j < s_.tendons; ++j) {
     pulls_[j] = Pull::SLACK;
     if (!(tensions[j] > 0.0)) continue;
-    double longer = 0.0;
+    double longer = h * pull_rate_[j];
     for (int e = 0; e < s_.elements; ++e)
       for (int k = 0; k < per_; ++k)
         longer += dl_[index(e, k) * s_.tendons + j] * (trial_[kMaxStrains * e + k] - strain[kMaxStrains * e + k]);
     const double rate = damping_s * s_.tendon[j] * longer / h, more = std::clamp(rate, -tensions[j], tensions[j]);
     pulls_[j] = more == rate ? Pull::DAMPED : more > 0.0 ? Pull::DOUBLED : Pull::EASED;
     for (int i = 0; i < size_; ++i) force_[i] += more * dl_[i * s_.tendons + j];
+    tensions[j] += more;
   }
 }
 

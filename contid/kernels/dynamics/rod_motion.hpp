@@ -15,8 +15,9 @@
 // It is symplectic, of second order, stable for stiff strains, and rests where U' = J^T f: in the equilibrium of the
 // statics. U has the stiffness of the backbone, the moments of chambers (tau) and tendons as springs that only pull.
 // The first equation is solved by Newton's method with the matrix M(q) / h + h/4 U'' + D/2 of the step's beginning,
-// whose U'' is renewed where tendons begin to pull in another way. Their damping is at most the tension of their
-// spring.
+// whose U'' is renewed where tendons begin to pull in another way. A tendon is damped by the rate at which it is
+// stretched, that of its pull less that of its way along the body: one that is wound in as fast as the body bends has
+// no damping. It is at most the tension of the spring. Pulls change linearly in a step.
 //
 // Loads act for half a step at its beginning and at its end, so that the momentum is that of the time of q.
 // Twist and stretch of thin rods ring at 10^4 Hz, far above what a step resolves, and with almost no inertia their
@@ -47,6 +48,7 @@ struct MotionLoads {
   Vec gravity{0, 0, 0};                // acceleration [m/s^2]
   std::vector<Wrench6> nodes;          // dead force and moment on the end of each element [N, N m]
   std::vector<double> strains, pulls;  // tau: elements x 6 [N m, N]; pulls of the tendons [m]
+  double reached_in_s = 0.0;           // time in which the tendons are pulled so far, at least one step
 };
 
 // How a tendon pulls: with its spring and its damping, twice or not at all where damping has reached its limit.
@@ -90,11 +92,14 @@ class RodMotion {
   Placed now_, next_;
   std::vector<double> last_, trial_, middle_, right_, force_, matrix_, mass_, base_;
   std::vector<double> dl_, weights_;
-  std::vector<Pull> pulls_, assumed_;  // of the tendons, now and in the matrix
+  std::vector<double> held_, pull_, pull_rate_;  // pulls at the beginning of a step and where they act; their rate
+  bool fresh_ = true;                            // no step yet since the strains were put
+  std::vector<Pull> pulls_, assumed_;            // of the tendons, now and in the matrix
 
   int index(int e, int k) const { return per_ * e + k; }
   // Inertia of the rate of a strain over h: twist and stretch only.
   double slow(int e, int k, double h) const { return k < 2 ? 0.0 : kSlow * h * stiffness[kMaxStrains * e + k]; }
+  void hold_pulls() { pull_ = held_ = loads.pulls, fresh_ = false; }
   bool advance(double h, int depth);
   bool solve(double h);
 

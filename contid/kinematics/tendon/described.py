@@ -49,8 +49,8 @@ def statics_of(robot: TendonRobot, geometry: TendonGeometry) -> TendonStatics | 
         ),
         MM_PER_M * stiffness[geometry.section_of],
         # The least tension of the straight robot at zero pulls (`TendonStatics.rest_n`): with drives
-        # ``pretension_n``, with a motor per tendon the floor.
-        tension.floor_n if tension.pretension_n is None else tension.pretension_n,
+        # ``pretension_n``, with a motor per tendon the floor of the commands.
+        tension.commanded_floor_n if tension.pretension_n is None else tension.pretension_n,
         tension.max_n,
     )
 

@@ -19,12 +19,15 @@ class Tension(Strict):
     Attributes:
         floor_n: least tension; the straight robot is pretensioned to it, and a tendon below it counts as
             slack.
-        max_n: largest tension; at least twice ``floor_n``.
+        max_n: largest tension; at least twice ``floor_n`` plus ``swing_n``.
         bending_n_mm2: bending stiffness E I of the backbone: one number for all, or one per section.
         tendon_n_per_mm: axial stiffness of a tendon between its spool and its disc: one number for all, or
             one per section.
         pretension_n: tension of the tendons of the straight robot, which ``drives`` need; without them it is
-            ``floor_n``.
+            ``floor_n`` plus ``swing_n``.
+        swing_n: how far a tension falls below that of the commands while the body accelerates and swings;
+            commands keep ``floor_n`` and that, so that tensions in motion keep ``floor_n``.
+            `contid modes --schedule` computes it.
         spring_n_per_mm: stiffness of a spring in series with each tendon: one number for all, or one per
             section; none when left out.
     """
@@ -34,18 +37,29 @@ class Tension(Strict):
     bending_n_mm2: _PerSectionPositive
     tendon_n_per_mm: _PerSectionPositive
     pretension_n: Positive | None = None
+    swing_n: NonNegative = 0.0
     spring_n_per_mm: _PerSectionPositive | None = None
 
     @model_validator(mode="after")
     def _check_range(self) -> Tension:
-        if self.max_n < 2.0 * self.floor_n:
-            raise ValueError(f"max_n {self.max_n:g} is less than twice floor_n, {2.0 * self.floor_n:g}")
+        if self.max_n < 2.0 * self.commanded_floor_n:
+            what = "floor_n" if self.swing_n == 0.0 else "floor_n plus swing_n"
+            raise ValueError(
+                f"max_n {self.max_n:g} is less than twice {what}, {2.0 * self.commanded_floor_n:g}"
+            )
+        if self.pretension_n is not None and self.swing_n:
+            raise ValueError("swing_n is for robots with a motor per tendon; leave out pretension_n or it")
         if self.pretension_n is not None and not self.floor_n < self.pretension_n < self.max_n:
             raise ValueError(
                 f"pretension_n {self.pretension_n:g} is not between floor_n {self.floor_n:g} and max_n "
                 f"{self.max_n:g}"
             )
         return self
+
+    @property
+    def commanded_floor_n(self) -> float:
+        """Least tension of the commands, at rest: that of the straight robot without drives."""
+        return self.floor_n + self.swing_n
 
 
 class TendonRodStatics(Strict):

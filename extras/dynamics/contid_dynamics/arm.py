@@ -111,14 +111,20 @@ class MovingArm:
             self.offset_m = np.zeros(3)
         self._has_offset = bool(self.offset_m.any())
 
-    def command(self, actuation: Sequence[float], tip_force_n: Vec3 = ZERO3) -> None:
-        """What the actuators do from now on: pulls [m] or pressures [Pa], and a force on the tip."""
+    def command(
+        self, actuation: Sequence[float], tip_force_n: Vec3 = ZERO3, *, within_s: float = 0.0
+    ) -> None:
+        """What the actuators do from now on: pulls [m] or pressures [Pa], and a force on the tip.
+
+        Pulls get there evenly ``within_s``, one step at least; pressures and the force act at once.
+        """
         wrench = self._tip_wrench(tip_force_n)
         if isinstance(self.robot, TendonRobot):
             self.rod.load(
                 gravity_m_s2=self._gravity,
                 wrenches={self.rod.count - 1: wrench},
                 pulls_m=np.array(actuation, dtype=np.float64),
+                within_s=within_s,
             )
             return
         stiffness, strains = self._chambers.inflated(self._model.regulators.chambers(tuple(actuation)))

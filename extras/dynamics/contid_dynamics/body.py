@@ -70,11 +70,12 @@ class MovingBody:
             self._arm = MovingArm(self._robot, payload_kg)
             self._arm.rod.put(strain)
         steps = max(0, math.ceil((t_s - self._time_s) / STEP_S - 1e-9))
+        step_s = (t_s - self._time_s) / max(steps, 1)
         for part in range(1, steps + 1):
             now_s = self._time_s + (t_s - self._time_s) * part / steps
-            self._arm.command(self._actuators.act(actuators, now_s))
+            self._arm.command(self._actuators.act(actuators, now_s), within_s=step_s)
             try:
-                self._arm.rod.run((t_s - self._time_s) / steps, (t_s - self._time_s) / steps)
+                self._arm.rod.run(step_s, step_s)
             except ArithmeticError:
                 self.lost = True
         self._time_s = t_s

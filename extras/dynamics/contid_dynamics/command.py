@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from contid.robot_file.robot import RobotDescription
     from contid_dynamics.report import PoseModes
 
+_ORIGIN: Final = "contid modes --schedule"
+#: Random motions in which the fall of tensions is searched.
+_TENSION_MOVES: Final = 60
+
 
 @click.command(cls=ExtendedCommand, group=entry_points.MODES)
 @click.argument("robot_file", shell_complete=robot_names)
@@ -32,7 +36,8 @@ if TYPE_CHECKING:
 @click.option(
     "--schedule",
     type=click.IntRange(1, 5000),
-    help="Also frequencies over this many random poses, and up to --payload-g, for rates.shape.",
+    help="Also frequencies over this many random poses, and up to --payload-g, for rates.shape; of tendon "
+    "robots also how far tensions fall in motion, for tension.swing_n.",
 )
 @click.option("--write", is_flag=True, help="Write rates.shape with its schedule into ROBOT_FILE.")
 @click.option("--json", "as_json", is_flag=True, help="The numbers and shapes as one JSON object.")
@@ -67,7 +72,7 @@ def command(
     if write:
         require_writable(find_robot_file(robot_file), "shape")
     found: dict[str, object] = {}
-    shapes: dict[str, Mapping[str, Any]] = {}
+    schedules: dict[str, Mapping[str, Any]] = {}
     swinging: dict[str, SwingingPose] = {}
     robots = moving_robots(robot_file)
     for name, robot in robots.items():
@@ -83,14 +88,14 @@ def command(
         else:
             _print(name, modes, ranges)
         if schedule is not None:
-            shapes[name] = _schedule(robot, schedule, payload_g, quiet=as_json)
+            schedules[name] = _schedule(robot, schedule, payload_g, quiet=as_json)
             if as_json:
-                found[f"{name}.shape"] = shapes[name]
+                found[f"{name}.shape"] = schedules[name]["rates.shape"]
     if as_json:
         click.echo(json.dumps(found))
     if write:
-        _write(find_robot_file(robot_file), shapes, quiet=as_json)
-    elif shapes and not as_json:
+        _write(find_robot_file(robot_file), schedules, quiet=as_json)
+    elif schedules and not as_json:
         click.echo("  --write puts it into the robot file, --json prints it")
     for output, path in outputs.items():
         if path is not None:
@@ -99,10 +104,26 @@ def command(
 
 
 def _schedule(robot: RobotDescription, poses: int, load_g: float, quiet: bool) -> Mapping[str, Any]:
-    """Fit the schedule of a robot, and print how well it fits."""
+    """Fit the schedule of a robot and print how well it fits; the values to write, by their keys."""
+    from contid.robot_file.rates import InputShape
+    from contid.robot_file.tendon.robot import TendonRobot
     from contid_dynamics.schedule import schedule_of
+    from contid_dynamics.tension_swing import tension_swing
 
     found = schedule_of(robot, poses, load_g)
+    values: dict[str, Any] = {"rates.shape": found.shape}
+    if isinstance(robot, TendonRobot):
+        assert robot.tension is not None
+        swing = tension_swing(robot, InputShape.model_validate(found.shape), _TENSION_MOVES, load_g)
+        floor_n = robot.tension.floor_n
+        values["tension.swing_n"] = swing.swing_n
+        if not quiet:
+            click.echo(
+                f"  tensions in {swing.moves} motions fall by {swing.median_n:.2f} N (median, greatest "
+                f"{swing.greatest_n:.2f}) below those of the commands: with tension.swing_n "
+                f"{swing.swing_n:g} they keep {floor_n:g} N; tighten the straight robot to "
+                f"{floor_n + swing.swing_n:g} N"
+            )
     low, high = found.shape["schedule"]["least_hz"], found.shape["schedule"]["most_hz"]
     medians, worst = ([f"{100 * each:.1f}" for each in pair] for pair in (found.median, found.worst))
     if not quiet:
@@ -115,17 +136,23 @@ def _schedule(robot: RobotDescription, poses: int, load_g: float, quiet: bool) -
             click.echo(
                 f"  {found.outside} poses swing slower or faster than shaping takes: as at its edge there"
             )
-    return found.shape
+    return values
 
 
-def _write(path: Path, shapes: Mapping[str, Mapping[str, Any]], quiet: bool) -> None:
+def _write(path: Path, schedules: Mapping[str, Mapping[str, Any]], quiet: bool) -> None:
     """Write the schedules of all robots, or none."""
     from contid.robot_file.edit import Change, set_values
 
     note = "contid modes --schedule"
-    set_values(path, [Change(f"robots.{name}.rates.shape", shape, note) for name, shape in shapes.items()])
+    changes = [
+        Change(f"robots.{name}.{key}", value, note)
+        for name, values in schedules.items()
+        for key, value in values.items()
+    ]
+    set_values(path, changes)
     if not quiet:
-        click.echo(f"  rates.shape written to {path}")
+        keys = dict.fromkeys(key for values in schedules.values() for key in values)
+        click.echo(f"  {', '.join(keys)} written to {path}")
 
 
 def _print(name: str, modes: PoseModes, ranges: list[tuple[float, float]] | None) -> None:

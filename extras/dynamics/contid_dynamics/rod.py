@@ -70,7 +70,9 @@ class MotionKernel(Protocol):
     def free(self) -> int:
         """Number of free strains."""
 
-    def load(self, gravity: Sequence[float], nodes: Array, strains: Array, pulls: Array) -> None:
+    def load(
+        self, gravity: Sequence[float], nodes: Array, strains: Array, pulls: Array, within_s: float
+    ) -> None:
         """Set what acts from now on."""
 
     def stiffen(self, stiffness: Array, damping_s: float) -> None:
@@ -151,6 +153,7 @@ class MovingRod:
         wrenches: dict[int, Sequence[float]] | None = None,
         strains: Array | None = None,
         pulls_m: Array | None = None,
+        within_s: float = 0.0,
     ) -> None:
         """Set what acts from now on.
 
@@ -159,6 +162,7 @@ class MovingRod:
             wrenches: dead force [N] and moment [N m], six numbers, on ends of elements by their number.
             strains: moments that work on the strains, such as those of chambers, ``(elements, 6)``.
             pulls_m: pulls of the tendons.
+            within_s: time in which the tendons get there, evenly; one step at least.
         """
         self._nodes = np.zeros((self.count, 6))
         for node, wrench in (wrenches or {}).items():
@@ -168,7 +172,7 @@ class MovingRod:
         self._pulls = (
             np.zeros(len(self.elements.tendon)) if pulls_m is None else np.ascontiguousarray(pulls_m)
         )
-        self._kernel.load(self._gravity, self._nodes, self._strains, self._pulls)
+        self._kernel.load(self._gravity, self._nodes, self._strains, self._pulls, within_s)
 
     def put(self, strain: Array) -> None:
         """Be at rest with strains ``(elements, 6)``."""
@@ -226,7 +230,7 @@ class MovingRod:
 
     @property
     def tensions_n(self) -> Array:
-        """Tensions of the tendons."""
+        """Tensions of the tendons half-way in the last step, with their damping."""
         return np.array(self._kernel.tensions())
 
     def modes(self) -> Modes:
@@ -241,9 +245,9 @@ class MovingRod:
         squares, turned = np.linalg.eigh(whitened)
         shapes = np.linalg.solve(root.T, turned)
         rates = np.sqrt(np.maximum(squares, 0.0))
-        self._kernel.load([0.0, 0.0, 0.0], np.zeros_like(self._nodes), self._strains, self._pulls)
+        self._kernel.load([0.0, 0.0, 0.0], np.zeros_like(self._nodes), self._strains, self._pulls, 0.0)
         own = self._linearised()[1]
-        self._kernel.load(self._gravity, self._nodes, self._strains, self._pulls)
+        self._kernel.load(self._gravity, self._nodes, self._strains, self._pulls, 0.0)
         damped = self.damping_s * np.einsum("ik,ij,jk->k", shapes, own, shapes)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(rates > 0.0, 0.5 * damped / rates, np.inf)

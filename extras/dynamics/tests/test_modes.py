@@ -174,6 +174,19 @@ def test_a_schedule_is_written_and_lies_about_the_frequencies_of_the_model(tmp_p
     assert robot.rates.shape.frequency_hz == pytest.approx(printed.frequency_hz, rel=1e-3)
 
 
+def test_a_schedule_of_a_tendon_robot_has_room_for_the_fall_of_tensions(tmp_path: Path) -> None:
+    path = tmp_path / "arm.yaml"
+    path.write_text(load_named("bend1").text)
+    done = CliRunner().invoke(command, [str(path), "--schedule", "20", "--write"])
+    assert done.exit_code == 0, done.output
+    assert "rates.shape, tension.swing_n written to" in done.output
+    (robot,) = load_named(str(path)).driven.values()
+    assert isinstance(robot, TendonRobot)
+    assert robot.tension is not None
+    assert robot.tension.swing_n > 0.0
+    assert f"to {robot.tension.floor_n + robot.tension.swing_n:g} N" in done.output
+
+
 def test_mistakes_of_a_schedule_are_named(tmp_path: Path) -> None:
     path = tmp_path / "arm.yaml"
     path.write_text(load_named("stiffflop1").text)

@@ -131,7 +131,7 @@ def swing_mm(of: Plant, name: str, move: int, shape: InputShape | None, payload_
         rest = of.arm.tip_m
         of.arm.settle(of.starts[move].tolist(), steps=16)
         for row in commands(name, of.starts[move], of.goals[move], shape, payload_g):
-            of.arm.command(row)
+            of.arm.command(row, within_s=TICK_S)
             of.arm.rod.run(TICK_S, step_s)
         every = round(TICK_S / step_s)
         tips = of.arm.tips_of(of.arm.rod.run(WATCHED_S, step_s, every=every)[:, 0])

@@ -31,8 +31,10 @@ def test_a_press_draws_the_slowest_mode_and_the_last_press_ends_it() -> None:
         button.click()
         it.page.wait_for_selector("#view[data-swings='1']")
         assert "mode 1 of 3" in it.text(".swing .meaning")
+        right = "document.querySelector('.robot').getBoundingClientRect().right"
+        assert it.page.evaluate(f"{right} <= document.documentElement.clientWidth")
         if image := os.environ.get("CONTID_SWING_IMAGE"):
-            it.page.wait_for_timeout(700)
+            it.page.wait_for_timeout(500)
             it.page.screenshot(path=image)
         for _ in range(MODES):
             button.click()
