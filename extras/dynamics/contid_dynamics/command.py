@@ -143,9 +143,8 @@ def _write(path: Path, schedules: Mapping[str, Mapping[str, Any]], quiet: bool) 
     """Write the schedules of all robots, or none."""
     from contid.robot_file.edit import Change, set_values
 
-    note = "contid modes --schedule"
     changes = [
-        Change(f"robots.{name}.{key}", value, note)
+        Change(f"robots.{name}.{key}", value, _ORIGIN)
         for name, values in schedules.items()
         for key, value in values.items()
     ]

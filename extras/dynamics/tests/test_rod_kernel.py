@@ -48,7 +48,7 @@ def test_strains_and_loads_that_are_no_numbers_leave_everything_as_it_was(kernel
     ):
         energy = kernel.potential()
         with pytest.raises(ValueError, match=r"finite|pulls"):
-            kernel.load((0.0, 0.0, 0.0), *wrong)
+            kernel.load((0.0, 0.0, 0.0), *wrong, 0.0)
         assert kernel.potential() == energy
     kernel.poses(after)
     assert (after == before).all()
