@@ -53,7 +53,7 @@ def test_an_excess_below_the_tolerance_is_clamped_and_one_above_is_named(name):
 
 
 @pytest.mark.parametrize("name", ["stiffflop1", "stiffflop2", "chambers3"])
-def test_bends_that_are_asked_for_again_stay_as_they_are(name: str) -> None:
+def test_bends_that_are_wished_twice_stay_as_they_are(name: str) -> None:
     """With pressures up to 1e-7 bar above their limits, which were set to the limits: 8.4e-6 mm, of 1e-6."""
     (config,) = build_robot_configs(load_named(name), 100.0)
     model = config.model

@@ -27,7 +27,7 @@ from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.messages import RobotNames
-from contid.control.engine.robots import Robots, stopping
+from contid.control.engine.robots import Robots, Stopping
 from contid.control.engine.stages import Targets, TickStage
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
@@ -172,7 +172,7 @@ class ChainMonitor(TickStage):
             except Exception as error:  # the others have to stop all the same
                 message = _defect(chain, error)
             for i in resting if message else ():
-                self._robots.change(i, stopping(StopPolicy.HOLD, "on_end"), now_s)
+                self._robots.change(i, Stopping(StopPolicy.HOLD, "on_end"), now_s)
                 self._refuse(i, f"{message}; it stops where it is instead of at its rest pose")
 
     def _refuse(self, index: int, message: str) -> None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Final
+from typing import Final, TypeAlias
 
 from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.events.buses import BusChanged, BusStalled, DeviceFaultChanged
@@ -20,13 +20,15 @@ from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
-from contid.control.tick.supervisor import REST_OF, Mode
-from contid.hal import LimitsEffort, Sample
+from contid.control.tick.supervisor import REST_OF, Mode, stronger
+from contid.hal import LimitsEffort, Rest, Sample
 
 #: Interval between two attempts to reopen a lost bus.
 RETRY_S: Final = 1.0
 #: Shortest wait for the buses with workers of their own, together, as a share of the period.
 MIN_SHARE: Final = 0.25
+#: Index of a robot, what is asked of its devices on a bus, and their axes.
+_Request: TypeAlias = tuple[int, Effect, tuple[str, ...]]
 
 
 class Exchange:
@@ -64,7 +66,9 @@ class Exchange:
             }
             for config in robots.configs
         ]
-        self._queued: dict[str, list[tuple[int, Effect, tuple[str, ...]]]] = {name: [] for name in ports}
+        self._queued: dict[str, list[_Request]] = {name: [] for name in ports}
+        #: What the newest job of each bus asked for.
+        self._sent: dict[str, tuple[_Request, ...]] = dict.fromkeys(ports, ())
         self._outstanding: list[set[str]] = [set() for _ in robots.configs]
         self._device_faults: dict[str, str] = {}
         self._staleness = StalenessMonitor(
@@ -104,15 +108,18 @@ class Exchange:
             return
         for bus in lost:
             message = f"{name}: {effect.name.lower()} does not reach its devices on {bus}, which is lost"
-            self._sink.event(BusChanged(bus=bus, message=f"{message}; their own watchdog stops them"))
+            message = f"{message}; their own watchdog stops them, and it is sent when the bus is back"
+            self._sink.event(BusChanged(bus=bus, message=message))
         self._send(index, effect)
 
     def _send(self, index: int, effect: Effect) -> None:
-        """Queue a request on every bus of a robot that is not lost."""
+        """Queue a request on every bus of a robot; a lost one has a rest when it is back."""
         for bus, axes in self._axes_on[index].items():
             if not self._ports[bus].lost:
-                self._queued[bus].append((index, effect, axes))
                 self._outstanding[index].add(bus)
+            elif (index, effect, axes) in self._queued[bus]:
+                continue
+            self._queued[bus].append((index, effect, axes))
 
     def limit_effort(self, who: Sequence[str] | None, share: float) -> dict[str, bool]:
         """Limit the effort of robots by name (None: all); by robot, whether it has an axis for it."""
@@ -150,6 +157,7 @@ class Exchange:
                     port.start(BusJob({}, reopen=True))
                 continue
             effects, self._queued[name] = tuple(self._queued[name]), []
+            self._sent[name] = effects
             port.start(BusJob(commands[name], effects))
             before_s, at_s = at_s, now()
             buses_s[name] = at_s - before_s
@@ -204,11 +212,8 @@ class Exchange:
                 self._done(index, effect, now_s)
         for index, effect, message in answer.refused:
             self._outstanding[index].discard(name)
-            if effect is Effect.ENABLE:
+            if effect is Effect.ENABLE and self._robots.states[index].mode is Mode.ARMING:
                 self._robots.fail(index, Fault.ARM_REFUSED, message, now_s)
-                # Other devices of the robot may have armed.
-                rest = Effect(REST_OF[self._robots.configs[index].stops.on_fault])
-                self._queue(index, rest)
             else:
                 robot = self._robots.configs[index].name
                 self._sink.event(OrderRefused(robot=robot, message=message))
@@ -225,12 +230,14 @@ class Exchange:
                 self._sink.event(OrderRefused(robot=config.name, message=str(error)))
 
     def _lose(self, name: str, port: BusPort, fault: Fault, message: str, now_s: float) -> None:
-        """A bus is lost: its robots fail and its queued requests are dropped.
+        """A bus is lost: its robots fail, and of the requests to it the rests are sent again when it is back.
 
-        What such a robot has on other buses comes to the rest of its ``on_fault``.
+        All devices of such a robot come to rest, by its ``on_fault`` or the stop that ran: those on other
+        buses at once, those on this one when it is back, whether or not their own watchdog stopped them.
         """
         port.lose(message)
-        self._queued[name] = []
+        asked = (*self._sent[name], *self._queued[name])
+        self._queued[name] = [each for each in asked if isinstance(each[1].value, Rest)]
         self._invalidate(port)
         for index in self._robots_on(name):
             self._outstanding[index].discard(name)
@@ -238,7 +245,7 @@ class Exchange:
             if state.mode is not Mode.OFF:
                 self._robots.fail(index, fault, message, now_s)
             if state.enabled or state.mode is Mode.ARMING:
-                self._send(index, Effect(REST_OF[config.stops.on_fault]))
+                self._send(index, Effect(REST_OF[stronger(config.stops.on_fault, state.policy)]))
 
     def _stalled(self, name: str, port: BusPort, now_s: float) -> None:
         """A bus did not answer in time: a missed exchange for its robots; lost after ``tolerance_ticks``."""

@@ -10,7 +10,7 @@ from contid.control.engine.cycle import Sink
 from contid.control.engine.events.robots import EffortLimited, MarkReached, OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.order_events import order_event, rows_event
-from contid.control.engine.robots import Order, Robots, stopping
+from contid.control.engine.robots import Order, Robots, Stopping
 from contid.control.engine.stages import TickStage, with_method
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import transitions
@@ -104,7 +104,7 @@ class OrderHandler:
                 robots.order(who, transitions.resume, now_s)
             case msg.Stop(who, policy, reason):
                 selector.pause(who, step)
-                robots.order(who, stopping(policy, reason), now_s)
+                robots.order(who, Stopping(policy, reason), now_s)
                 chains.stopped(who, now_s)
             case msg.Estop(who):
                 selector.pause(who, step)

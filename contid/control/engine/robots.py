@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final, TypeAlias, TypeVar
 
 from contid.control.engine import messages as msg
@@ -14,8 +15,9 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, describe
 from contid.control.tick.state import OrderRefusedError, RobotState
 from contid.control.tick.statistics import RobotTally
-from contid.control.tick.supervisor import MOVING, UNARMED, Mode
+from contid.control.tick.supervisor import MOVING, UNARMED, Mode, stronger
 from contid.control.tick.tip_feedback import Measurement
+from contid.records import record
 from contid.robot_file.base import StopPolicy
 from contid.targets import Vec3
 
@@ -26,11 +28,21 @@ T = TypeVar("T")
 _GO_ON: Final = (transitions.resume, transitions.recover)
 
 
-def stopping(policy: StopPolicy | None, reason: str) -> Order:
+@record(frozen=True, slots=True)
+class Stopping:
     """The order to stop by a policy, None for each robot's policy for a reason (``on_end``, ...)."""
-    return lambda config, state, now_s: transitions.stop(
-        config, state, policy or getattr(config.stops, reason), now_s
-    )
+
+    policy: StopPolicy | None
+    reason: str
+
+    def policy_of(self, config: RobotConfig) -> StopPolicy:
+        """That of a robot."""
+        found: StopPolicy = self.policy or getattr(config.stops, self.reason)
+        return found
+
+    def __call__(self, config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
+        """The state that begins to stop."""
+        return transitions.stop(config, state, self.policy_of(config), now_s)
 
 
 class Robots:
@@ -117,6 +129,10 @@ class Robots:
             after = self.ask(config.name, now_s, order, config, state, now_s)
         if after is not None:
             self.states[index] = after
+        elif isinstance(order, Stopping):  # its model failed: it stops without it, and rests by the policy
+            failed = self.states[index]
+            policy = stronger(order.policy_of(config), failed.policy)
+            self.states[index] = replace(failed, policy=policy)
 
     def ask(self, name: str, now_s: float, question: Callable[..., T], /, *arguments: object) -> T | None:
         """The answer to a question that may need the model of a robot, outside its tick.

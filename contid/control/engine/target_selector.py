@@ -20,11 +20,11 @@ from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.events.run import SourceEnded, StopBegan, StreamDelayed
 from contid.control.engine.messages import RobotNames
-from contid.control.engine.robots import Robots, stopping
+from contid.control.engine.robots import Robots, Stopping
 from contid.control.engine.sources import Live, Source, Timed
 from contid.control.tick import transitions
 from contid.control.tick.state import RobotState
-from contid.control.tick.supervisor import Mode
+from contid.control.tick.supervisor import Mode, stronger
 from contid.control.tick.tip_feedback import Measurement
 from contid.robot_file.base import StopPolicy
 from contid.targets import Target
@@ -64,6 +64,7 @@ class TargetSelector:
         self.attended = attended
         self.ended = False
         self.finishing = False
+        self._end = Stopping(None, "on_end")
         self._robots = robots
         self._chains = chains
         self._rate_hz = rate_hz
@@ -160,10 +161,11 @@ class TargetSelector:
     def finish(self, policy: StopPolicy | None, reason: str, now_s: float) -> None:
         """Stop every robot; the run is over when all of them rest."""
         self.finishing, self.source = True, None
+        self._end = Stopping(policy, reason)
         states = self._robots.states
         for index, state in enumerate(states):
             if state.mode not in (Mode.OFF, Mode.FAULT):
-                self._robots.change(index, stopping(policy, reason), now_s)
+                self._robots.change(index, self._end, now_s)
         self._rest_faulted()
         self._chains.stopped(None, now_s)
         motions = [state.motion for state in states if state.mode in (Mode.STOPPING, Mode.FAULT)]
@@ -171,11 +173,12 @@ class TargetSelector:
         self._sink.event(StopBegan(reason=reason, seconds=seconds))
 
     def _rest_faulted(self) -> None:
-        """Bring the devices of robots stopped by a fault to the rest of ``on_fault``."""
+        """Bring the devices of robots that stand in FAULT to rest: by ``on_fault``, or what ends the run."""
         states = self._robots.states
         for index, (config, state) in enumerate(zip(self._robots.configs, states, strict=True)):
             if state.mode is Mode.FAULT and state.enabled and not any(state.increments):
-                states[index] = transitions.resting(state, config.stops.on_fault)
+                policy = stronger(config.stops.on_fault, self._end.policy_of(config))
+                states[index] = transitions.resting(state, stronger(policy, state.policy))
 
     def _states(self) -> dict[str, RobotState]:
         configs, states = self._robots.configs, self._robots.states

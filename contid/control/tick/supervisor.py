@@ -90,6 +90,8 @@ REST_OF: Final[dict[StopPolicy, Rest]] = {
     StopPolicy.RELAX: Rest.RELAX,
     StopPolicy.VENT: Rest.VENT,
 }
+#: From the one that leaves most power to the one that leaves least; ``rest`` also moves the robot.
+_BY_STRENGTH: Final = (StopPolicy.REST, StopPolicy.HOLD, StopPolicy.RELAX, StopPolicy.VENT)
 
 #: Orders that cause events; other events are not a person's to give.
 _ORDERS: Final = {
@@ -102,6 +104,11 @@ _ORDERS: Final = {
     Event.CLEAR: "clear-fault",
     Event.RECOVER: "recover",
 }
+
+
+def stronger(policy: StopPolicy, other: StopPolicy | None) -> StopPolicy:
+    """The one of two stop policies that leaves less power in the devices."""
+    return policy if other is None else max(policy, other, key=_BY_STRENGTH.index)
 
 
 def move(mode: Mode, event: Event) -> Mode | None:

@@ -15,7 +15,7 @@ from contid.control.tick.contact.squeeze import why_not
 from contid.control.tick.contact.squeeze_way import Squeeze
 from contid.control.tick.faults import WITHOUT_MODEL, Fault
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
-from contid.control.tick.supervisor import REST_OF, Event, Mode, allowed, move, order_of
+from contid.control.tick.supervisor import REST_OF, Event, Mode, allowed, move, order_of, stronger
 from contid.hal import Rest, Sample
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
@@ -139,16 +139,23 @@ def retreat(config: RobotConfig, state: RobotState, goal: Actuation, now_s: floa
 
 
 def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: float) -> RobotState:
-    """Begin to stop by a policy; the devices of a robot not armed, or standing in FAULT, rest at once."""
+    """Begin to stop by a policy; the devices of a robot not armed, or standing in FAULT, rest at once.
+
+    A stop that runs goes on where the new one would leave more power.
+    """
     after = _without_orders(moved(config, state, Event.STOP, now_s))
+    if state.policy is not None and config.motion_rules > 3:
+        policy = stronger(policy, state.policy)
+        if state.mode is Mode.STOPPING and policy is state.policy:
+            return state
     if _brakes(config, state) and policy is not StopPolicy.VENT:
         return replace(after, policy=policy)
     if after.mode in (Mode.OFF, Mode.FAULT):
-        if state.command and (state.enabled or REST_OF[policy] is not Rest.HOLD):
+        touched = state.command or state.mode is Mode.FAULT
+        if state.enabled or (touched and REST_OF[policy] is not Rest.HOLD):
             return resting(after, policy)
-        return replace(
-            after, enabled=False, motion=None
-        )  # to hold would close the valve of an arm that vents
+        # Devices at rest are not asked to hold: that would close the valve of an arm that vents.
+        return replace(after, enabled=False, motion=None)
     if not state.command or policy is StopPolicy.VENT:
         return stopped(config, replace(after, policy=policy), now_s)
     if policy is StopPolicy.REST and not outside(config, state.command):

@@ -88,7 +88,7 @@ def test_an_order_that_meets_a_defect_ends_nothing(order: Message) -> None:
         Mode.RUN if isinstance(order, Grip) else Mode.HOLD if order in (Hold(), Begin()) else Mode.OFF
     )
     assert states[1].mode is (Mode.OFF if order == Estop() else Mode.FAULT)
-    assert states[1].enabled is (order != Estop())
+    assert states[1].enabled is not isinstance(order, Stop | Estop)
 
 
 @pytest.mark.parametrize("kind", MODELS)

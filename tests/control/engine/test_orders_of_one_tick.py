@@ -10,6 +10,7 @@ from contid.control.engine import messages as msg
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.buses import BusAnswered
 from contid.control.engine.virtual import VirtualProcess
+from contid.control.tick import transitions
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
@@ -46,6 +47,7 @@ def run(
     fails_at: int | None = None,
     on_fault: str = "hold",
     text: str = "",
+    ticks: int = LONG,
 ) -> Seen:
     """A finger that is armed at once and follows a circle."""
     seen = Seen()
@@ -53,7 +55,7 @@ def run(
     source = None if text else circle(loaded, period_s=3.0)
     process = VirtualProcess(loaded, 200.0, seen, trajectory=source, attended=True)
     process.engine.arm()
-    while process.tick < LONG:
+    while process.tick < ticks and not process.engine.finished:
         process.begin()
         if process.tick == fails_at:
             process.engine.robots.fail(0, Fault.INTERNAL, "made by the test", process.tick / 200.0)
@@ -124,3 +126,55 @@ def test_devices_that_were_being_armed_rest_in_a_fault(on_fault: str) -> None:
         ["RELAX", "ENABLE", on_fault.upper()],
         set(),
     )
+
+
+def test_a_later_stop_that_leaves_more_power_does_not_replace_one_that_runs() -> None:
+    weaker: list[msg.Message] = [msg.Stop(policy=each) for each in (StopPolicy.REST, StopPolicy.HOLD)]
+    seen = run({AT: [msg.Stop(policy=StopPolicy.RELAX)], AT + 2: [*weaker, msg.Finish(StopPolicy.REST)]})
+    assert (seen.state.mode, seen.done(), seen.powered) == (Mode.OFF, ["RELAX"], set())
+    # It stops where it was: a way to the rest pose would be longer.
+    assert seen.state.command != pytest.approx((0.06, 0.06), abs=1e-3)
+
+
+def test_the_end_of_a_run_rests_a_robot_in_fault_by_its_own_policy_too() -> None:
+    seen = run({AT: [msg.Finish(StopPolicy.RELAX)]}, fails_at=200)
+    assert (seen.state.mode, seen.done(), seen.powered) == (Mode.FAULT, ["RELAX"], set())
+
+
+@pytest.mark.parametrize("before", [0, 2])
+def test_a_stop_that_runs_when_a_bus_is_lost_rests_the_other_one_by_its_policy(before: int) -> None:
+    text = fingers(1, buses=2, options=LOST).replace("right: {bus: bus0", "right: {bus: bus1")
+    seen = run({AT - before: [msg.Stop(policy=StopPolicy.RELAX)]}, text=text)
+    assert "RELAX" in seen.done(AT - before)
+    assert "f0.right" not in seen.powered
+
+
+def test_a_relax_after_a_fault_while_arming_reaches_the_devices() -> None:
+    orders: dict[int, list[msg.Message]] = {AT: [msg.Estop(), msg.Resume()]}
+    orders[AT + 50] = [msg.Stop(policy=StopPolicy.RELAX)]
+    seen = run(orders, fails_at=AT + 1)
+    assert (seen.state.mode, seen.done()[-1], seen.powered) == (Mode.FAULT, "RELAX", set())
+
+
+def test_an_order_to_stop_whose_model_fails_stops_and_rests_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fails(*arguments: object) -> object:
+        raise ValueError("made by the test")
+
+    monkeypatch.setattr(transitions, "braking", fails)
+    seen = run({AT: [msg.Stop(policy=StopPolicy.RELAX)]})
+    assert (seen.state.mode, seen.state.fault) == (Mode.FAULT, Fault.INTERNAL)
+    assert (seen.done()[-1], seen.powered) == ("RELAX", set())
+
+
+@pytest.mark.parametrize("on_fault", ["hold", "relax"])
+@pytest.mark.parametrize("ordered", [True, False])
+def test_a_rest_that_did_not_reach_a_lost_bus_is_sent_when_it_is_back(ordered: bool, on_fault: str) -> None:
+    options = "watchdog_ms: 5000\nfaults: [{at_s: 2.0, kind: lost, for_s: 0.2}]"
+    text = fingers(1, options=options, on_fault=on_fault)
+    seen = run({AT + 10: [msg.Estop()] if ordered else []}, text=text, ticks=900)
+    assert seen.state.fault is Fault.DEVICE_LOST
+    expected = [on_fault.upper(), "RELAX"][: 1 + ordered] if on_fault == "hold" else ["RELAX"]
+    assert seen.done() == expected
+    assert seen.powered == set()

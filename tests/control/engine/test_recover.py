@@ -130,8 +130,9 @@ def test_a_hold_stops_the_recovery_and_a_second_recover_goes_on() -> None:
     assert 0.1 < commands[300] == commands[399] < 0.11
     assert commands[-1] == 0.1
     refused = [str(event["message"]) for event in seen.events if event["event"] == "refused"]
-    assert len(refused) == 1
+    assert len(refused) == 2
     assert "recover first" in refused[0]
+    assert "nothing to recover" in refused[1]
 
 
 def test_recover_is_refused_within_limits_and_in_other_faults() -> None:

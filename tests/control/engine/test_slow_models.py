@@ -113,4 +113,4 @@ def test_a_model_that_is_slow_at_an_order_costs_its_robot_only(order: Message) -
     assert time.monotonic() - began_s < 30.0
     assert states[0].mode is (Mode.HOLD if order == Hold() else Mode.OFF)
     assert states[1].mode is (Mode.OFF if order == Estop() else Mode.FAULT)
-    assert states[1].enabled is (order != Estop())
+    assert states[1].enabled is (order == Hold())

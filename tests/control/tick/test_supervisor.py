@@ -97,7 +97,7 @@ def test_every_policy_ends_in_a_rest_of_the_device() -> None:
 
 
 def test_refusals_can_name_what_is_possible() -> None:
-    assert allowed(Mode.FAULT) == ("stop", "estop", "clear", "recover")
+    assert allowed(Mode.FAULT) == ("stop", "estop", "clear-fault", "recover")
 
 
 @pytest.mark.parametrize("fault", [f for f in Fault if f is not Fault.NONE])
