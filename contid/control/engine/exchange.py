@@ -174,12 +174,19 @@ class Exchange:
         self._staleness.classify(timing.tick, self.samples, after_s)
 
     def abandon(self) -> None:
-        """After an internal error: try to bring the devices to their ``on_host_loss`` rest."""
+        """After an internal error: try to bring the devices to their ``on_host_loss`` rest.
+
+        A rest that was asked for and not sent yet, such as that of an emergency stop, comes after it.
+        """
         for index, config in enumerate(self._robots.configs):
+            state = self._robots.states[index]
+            powered = state.enabled or state.mode is Mode.ARMING
             for name, axes in self._axes_on[index].items():
-                if self._robots.states[index].enabled:
+                queued = [effect for robot, effect, _ in self._queued[name] if robot == index]
+                rests = [each.value for each in (*queued, *state.pending) if isinstance(each.value, Rest)]
+                for rest in [*([REST_OF[config.stops.on_host_loss]] if powered else []), *rests]:
                     with suppress(Exception):
-                        self._ports[name].rest(axes, REST_OF[config.stops.on_host_loss])
+                        self._ports[name].rest(axes, rest)
 
     def _take_over(self, name: str, port: BusPort, answer: BusReply, now_s: float) -> None:
         """New samples, and what became of the requests to the devices, or that the bus is lost."""

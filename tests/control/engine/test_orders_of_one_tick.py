@@ -178,3 +178,18 @@ def test_a_rest_that_did_not_reach_a_lost_bus_is_sent_when_it_is_back(ordered: b
     expected = [on_fault.upper(), "RELAX"][: 1 + ordered] if on_fault == "hold" else ["RELAX"]
     assert seen.done() == expected
     assert seen.powered == set()
+
+
+def test_an_emergency_stop_in_the_tick_of_an_internal_error_reaches_the_devices() -> None:
+    loaded = load(1)
+    process = VirtualProcess(loaded, 200.0, Seen(), trajectory=circle(loaded, period_s=3.0), attended=True)
+    process.engine.arm()
+    while process.tick < AT:
+        process.begin()
+        process.turn()
+    process.engine.obey(msg.Estop(), process.tick)
+    process.engine.exchange.abandon()
+    (bus,) = process.buses.values()
+    assert isinstance(bus, SimBus)
+    assert not [axis for axis, device in bus.devices.items() if device.on]
+    process.close()
