@@ -188,6 +188,25 @@ def pressure_dialogue() -> Iterator[tuple[str, ...]]:
     yield ask(Type.DEMAND, messages.demand(crc, 1346, {}))
 
 
+def held_dialogue() -> Iterator[tuple[str, ...]]:
+    """A motor that holds in its safe state, with a shaft beside its set-point, until a stop lets it go."""
+    body, crc = config("motor", {"channel": "m0", "on_watchdog": "hold", "start_state": "brake"})
+    yield ("board", "motor")
+    yield ("tick", "1")
+    yield ask(Type.CONFIGURE, body)
+    yield ask(Type.ARM, messages.mask_body(crc, [0]))
+    yield ("tick", "101")
+    yield ("count", "0", "20")
+    yield ("tick", "5")
+    for rest in (RestCode.HOLD, RestCode.RELAX, RestCode.HOLD):
+        yield ask(Type.STOP, messages.stop([0], rest))
+        yield ("tick", "1")
+        yield ask(Type.DEMAND, messages.demand(crc, 1, {}))
+    yield ask(Type.CLEAR, messages.mask_body(crc, [0]))
+    yield ("tick", "1")
+    yield ask(Type.DEMAND, messages.demand(crc, 1, {}))
+
+
 def patched(body: bytes, at: int, value: int) -> bytes:
     """A configuration with one byte changed and its CRC made good again."""
     changed = bytearray(body)
@@ -244,6 +263,7 @@ def main() -> None:
         lines.append(f"noise {damaged}")
     lines += record(motor_dialogue())
     lines += record(pressure_dialogue())
+    lines += record(held_dialogue())
     (HERE / "vectors.txt").write_text("\n".join(lines) + "\n")
     sys.stderr.write(f"{len(lines)} lines\n")
 

@@ -55,7 +55,7 @@ def test_a_healthy_motor_is_proven_measured_and_written_down(robot: tuple[Path, 
     assert found.friction_percent == pytest.approx(5.0, rel=0.05)
     assert found.no_load_deg_s is None or found.no_load_deg_s == pytest.approx(575.0, rel=0.1)
     assert found.time_constant_ms is None or found.time_constant_ms == pytest.approx(40.0, rel=0.1)
-    assert found.firmware == "1.7.1"
+    assert found.firmware == "1.7.2"
     assert path.read_text().startswith(before.rstrip("\n"))
     page = path.with_name("robot-bringup.html").read_text()
     assert FIRST in page
@@ -89,9 +89,9 @@ def test_a_change_of_wiring_or_firmware_is_named_afterwards(robot: tuple[Path, D
     path.write_text(text.replace("channel: m0,", "channel: m0, counts_per_rev: 4800,"))
     changed = CliRunner().invoke(check, [str(path)]).output
     assert f"bringup {FIRST}: its wiring in this file was changed since its bring-up" in changed
-    path.write_text(text.replace("firmware: 1.7.1", "firmware: 1.5.0"))
+    path.write_text(text.replace("firmware: 1.7.2", "firmware: 1.5.0"))
     examined = CliRunner().invoke(doctor, [str(path)]).output
-    other = f"warn .*bringup {FIRST}: its firmware is 1.7.1; at its bring-up, .*, it was 1.5.0"
+    other = f"warn .*bringup {FIRST}: its firmware is 1.7.2; at its bring-up, .*, it was 1.5.0"
     assert re.search(other, examined)
     assert re.search(f"warn .*bringup {SECOND}: never brought up", examined)
     # A run finds it, too, before it begins; what it found is in the text that recordings keep.

@@ -124,7 +124,7 @@ def test_firmware_command(world, tmp_path, configs):
     file.write_text(text)
     result = run(firmware_command, ["info", str(file)])
     assert result.exit_code == 0, result.output
-    assert "role motor, firmware 1.7.1 (built by hand), chip e0e1" in result.output
+    assert "role motor, firmware 1.7.2 (built by hand), chip e0e1" in result.output
 
 
 def test_parked_by_command(world, tmp_path, configs):

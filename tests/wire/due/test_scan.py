@@ -62,11 +62,11 @@ def test_a_scan_finds_native_boards_and_resets_none(
     assert found["driver"] == "due"
     assert found["model"] == "Arduino Due, motor board"
     assert found["address"] == bytes(range(0xE0, 0xF0)).hex()
-    assert found["firmware"] == "1.7.1"
+    assert found["firmware"] == "1.7.2"
     assert boots(tmp_path / "programming.journal") == 1
     assert boots(tmp_path / "native.journal") == 1
     shown = CliRunner().invoke(scan_command, ports, catch_exceptions=False)
-    assert "Arduino Due, motor board  firmware 1.7.1" in shown.stdout
+    assert "Arduino Due, motor board  firmware 1.7.2" in shown.stdout
     assert "0 baud" not in shown.stdout
     assert shown.stderr.count("not opened at servo rates") == (2 if named else 3)
 
@@ -77,7 +77,7 @@ def test_a_teensy_is_found_by_its_hello(
     port = UsbEntry(str(boards["native"].port.resolve()), 0x16C0, 0x0483)
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [port])
     shown = CliRunner().invoke(scan_command, [], catch_exceptions=False)
-    assert "Teensy, motor board  firmware 1.7.1" in shown.stdout
+    assert "Teensy, motor board  firmware 1.7.2" in shown.stdout
     assert shown.stderr.count("not opened at servo rates") == 1
 
 

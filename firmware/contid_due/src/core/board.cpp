@@ -5,6 +5,10 @@
 
 namespace contid {
 
+namespace {
+Drive unpowered(Safe rest) { return rest == Safe::COAST ? Drive::COAST : Drive::BRAKE; }
+}  // namespace
+
 void Board::start(const Identity& identity, void (*mask_tick)(), void (*unmask_tick)(), uint32_t uptime_ms) {
   // A board is plain data: all zero is its state after a reset.
   memset(static_cast<void*>(this), 0, sizeof(*this));
@@ -80,11 +84,12 @@ bool Board::moves(uint8_t i) const {
 }
 
 bool Board::powered(uint8_t i) const {
-  const Channel& channel = channel_[i];
-  const bool holds = channel.state == State::STOPPED && channel.rest == Rest::HOLD;
-  const bool kept = channel.state == State::SAFE && channel.reason == Reason::WATCHDOG &&
-                    identity_.role == Role::MOTOR && config_.motor[i].safe == Safe::HOLD;
-  return moves(i) || holds || kept;
+  const State state = channel_[i].state;
+  return moves(i) || ((state == State::STOPPED || state == State::SAFE) && channel_[i].rest == Safe::HOLD);
+}
+
+Safe Board::rest_of_start(uint8_t i) const {
+  return identity_.role == Role::MOTOR ? config_.motor[i].start : config_.regulator[i].safe;
 }
 
 uint8_t Board::under_power() const {
@@ -105,81 +110,52 @@ void Board::trip(uint8_t i, Reason reason) {
     trips_ = static_cast<uint16_t>(trips_ + 1);
     if (now_ - fed_ > longest_ms_) longest_ms_ = now_ - fed_;
   }
-  channel_[i].state = State::SAFE;
-  channel_[i].reason = reason;
-  if (identity_.role == Role::MOTOR) motor_[i].hold();
+  const bool motor = identity_.role == Role::MOTOR;
+  // Holding needs a working encoder and shaft: after a fault of theirs the drive is off.
+  const bool holds = motor && reason == Reason::WATCHDOG && config_.motor[i].safe == Safe::HOLD;
+  channel_[i] = Channel{State::SAFE, reason, holds ? Safe::HOLD : rest_of_start(i)};
+  if (motor) motor_[i].hold();
 }
 
 Output Board::drive_motor(uint8_t i) {
   Channel& channel = channel_[i];
   Motor& motor = motor_[i];
+  const bool drives = channel.state == State::PULSING ? pulse_.drives() : powered(i);
   Output out = Output{Drive::COAST, 0};
-  bool powered = false;
-  switch (channel.state) {
-    case State::ARMED:
-      out = motor.follow();
-      powered = true;
-      break;
-    case State::HOMING:
-      out = motor.search();
-      powered = true;
-      if (motor.search_done()) {
-        channel.state = State::STOPPED;
-        channel.rest = Rest::HOLD;
-        motor.hold();
-      }
-      break;
-    case State::PULSING:
-      powered = pulse_.drives();
-      out = powered ? motor.pulse(pulse_.duty()) : motor.rest(motor.unpowered());
-      if (!pulse_.active()) channel.state = State::READY;
-      break;
-    case State::STOPPED:
-      powered = channel.rest == Rest::HOLD;
-      out = powered ? motor.follow() : motor.rest(Drive::COAST);
-      break;
-    case State::SAFE:
-      // Holding needs a working encoder and shaft: after a fault of theirs the drive is off.
-      powered = motor.config().safe == Safe::HOLD && channel.reason == Reason::WATCHDOG;
-      if (powered) {
-        out = motor.follow();
-        break;
-      }
-      out = motor.rest(motor.unpowered());
-      break;
-    default:
-      // A channel that was never armed has no power, whatever its safe state.
-      out = motor.rest(motor.unpowered());
-      break;
+  if (!drives) {
+    out = motor.rest(unpowered(channel.rest));
+    if (channel.state == State::PULSING && !pulse_.active()) channel.state = State::READY;
+  } else if (channel.state == State::PULSING) {
+    out = motor.pulse(pulse_.duty());
+  } else if (channel.state == State::HOMING) {
+    out = motor.search();
+    if (motor.search_done()) {
+      channel.state = State::STOPPED;
+      motor.hold();
+    }
+  } else {
+    out = motor.follow();
   }
   const bool bridge = (bridge_faults_ & (1u << i)) != 0;
-  if (powered && (bridge || motor.fault() != Reason::NONE)) {
+  if (drives && (bridge || motor.fault() != Reason::NONE)) {
     if (i == pulse_.channel()) pulse_.end();
     trip(i, bridge ? Reason::BRIDGE : motor.fault());
-    return motor.rest(motor.unpowered());
+    return motor.rest(unpowered(channel.rest));
   }
   return out;
 }
 
 Output Board::drive_regulator(uint8_t i) {
-  const State state = channel_[i].state;
   Regulator& regulator = regulator_[i];
-  const bool holds = state == State::STOPPED && channel_[i].rest == Rest::HOLD;
-  if (state == State::ARMED || holds) {
-    const Output out = holds ? regulator.hold() : regulator.follow();
+  if (powered(i)) {
+    const Output out = channel_[i].state == State::ARMED ? regulator.follow() : regulator.hold();
     if (regulator.fault() == Reason::NONE) return out;
     trip(i, regulator.fault());
   }
-  const Output out = rest_regulator(i);
+  const Output out = channel_[i].rest == Safe::CLOSE ? regulator.close() : regulator.vent();
   // At rest a fault changes no output, but the channel cannot be armed before it is cleared.
   if (regulator.fault() != Reason::NONE) trip(i, regulator.fault());
   return out;
-}
-
-Output Board::rest_regulator(uint8_t i) {
-  const bool stopped = channel_[i].state == State::STOPPED;
-  const bool vents = stopped ? channel_[i].rest == Rest::VENT : config_.regulator[i].safe != Safe::CLOSE;
-  return vents ? regulator_[i].vent() : regulator_[i].close();
 }
 
 }  // namespace contid

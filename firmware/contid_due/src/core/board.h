@@ -71,7 +71,7 @@ class Board {
   struct Channel {
     State state;
     Reason reason;
-    Rest rest;
+    Safe rest;  // what it does in READY, STOPPED and SAFE
   };
 
   Verdict configure(Reader& in);
@@ -95,6 +95,8 @@ class Board {
 
   // Whether a channel follows demands or homes.
   bool commanded() const;
+  // What it does before a first arm, and after a fault of its own.
+  Safe rest_of_start(uint8_t channel) const;
   // Whether a channel follows demands, homes or pulses; or does that, or holds its position or pressure.
   bool moves(uint8_t channel) const;
   bool powered(uint8_t channel) const;
@@ -121,7 +123,6 @@ class Board {
   Output drive_motor(uint8_t channel);
   void pair_cells();
   Output drive_regulator(uint8_t channel);
-  Output rest_regulator(uint8_t channel);
   void block_tick() {
     if (mask_tick_ != nullptr) mask_tick_();
   }

@@ -66,9 +66,6 @@ class Motor {
   bool feels() const { return tendon() == nullptr || (tendon_.ok() && tendon_.cell_fault() == Reason::NONE); }
   // Another tendon answers at its cell.
   void disown() { disowned_ = true; }
-  const MotorConfig& config() const { return *config_; }
-  // What the motor does without power: the state its wiring gives in a reset.
-  Drive unpowered() const { return config_->start == Safe::COAST ? Drive::COAST : Drive::BRAKE; }
 
  private:
   // Of homing; the table of its transitions: homing.cpp.

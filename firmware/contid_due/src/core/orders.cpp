@@ -5,6 +5,14 @@
 
 namespace contid {
 
+namespace {
+Safe rest_of_stop(Rest rest, Role role) {
+  if (rest == Rest::HOLD) return Safe::HOLD;
+  if (role == Role::MOTOR) return Safe::COAST;
+  return rest == Rest::VENT ? Safe::VENT : Safe::CLOSE;
+}
+}  // namespace
+
 Verdict Board::check_crc(Reader& in) const {
   const uint16_t crc = in.u16();
   if (config_.mask == 0) return Verdict{Refusal::NOT_CONFIGURED, 0};
@@ -47,14 +55,17 @@ Verdict Board::configure(Reader& in) {
   config_crc_ = crc;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((config_.mask & (1u << i)) == 0) {
-      channel_[i] = Channel{State::OFF, Reason::NONE, Rest::RELAX};
+      channel_[i].state = State::OFF;
+      channel_[i].reason = Reason::NONE;
       // Its former configuration is zeros now.
       motor_[i].unconfigure();
       regulator_[i].unconfigure();
       continue;
     }
     // A latched channel stays latched until clear.
-    if (channel_[i].state == State::OFF) channel_[i] = Channel{State::READY, Reason::NONE, Rest::RELAX};
+    if (channel_[i].state == State::OFF) channel_[i].state = State::READY;
+    // What holds goes on holding, and what does not gets no power.
+    if (!powered(i) && channel_[i].state != State::STOPPED) channel_[i].rest = rest_of_start(i);
     if (identity_.role == Role::MOTOR) {
       motor_[i].configure(config_.motor[i]);
     } else {
@@ -118,7 +129,7 @@ Verdict Board::arm(Reader& in) {
     } else {
       regulator_[i].arm();
     }
-    channel_[i] = Channel{State::ARMED, Reason::NONE, Rest::HOLD};
+    channel_[i] = Channel{State::ARMED, Reason::NONE, Safe::HOLD};
   }
   allow_tick();
   return accepted();
@@ -185,10 +196,9 @@ Verdict Board::clear(Reader& in) {
   }
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((mask & (1u << i)) == 0 || channel_[i].state != State::SAFE) continue;
-    const Safe safe = identity_.role == Role::MOTOR ? config_.motor[i].safe : config_.regulator[i].safe;
-    // A motor that held its position goes on holding it: clearing moves nothing.
-    const bool holding = safe == Safe::HOLD && channel_[i].reason == Reason::WATCHDOG;
-    channel_[i] = Channel{holding ? State::STOPPED : State::READY, Reason::NONE, Rest::HOLD};
+    // Clearing moves nothing: what rests goes on as it rests.
+    channel_[i].state = powered(i) ? State::STOPPED : State::READY;
+    channel_[i].reason = Reason::NONE;
   }
   allow_tick();
   return accepted();
@@ -204,20 +214,24 @@ Verdict Board::stop(Reader& in) {
   if (verdict.refusal != Refusal::NONE) return verdict;
   block_tick();
   for (uint8_t i = 0; i < CHANNELS; ++i) {
-    const State state = channel_[i].state;
+    if ((mask & (1u << i)) == 0) continue;
+    Channel& channel = channel_[i];
     // A pulse ends without power: the encoder that would hold is not proven.
-    if ((mask & (1u << i)) != 0 && state == State::PULSING) {
+    if (channel.state == State::PULSING) {
       pulse_.end();
-      channel_[i] = Channel{State::READY, Reason::NONE, Rest::RELAX};
+      channel.state = State::READY;
       continue;
     }
-    // A channel that was never armed, or is in its safe state, keeps its rest.
-    if ((mask & (1u << i)) == 0 || state == State::READY || state == State::SAFE) continue;
-    if (identity_.role == Role::MOTOR && state != State::STOPPED) motor_[i].hold();
-    const bool released = state == State::STOPPED && channel_[i].rest != Rest::HOLD;
-    // `hold` does not power a motor at rest without power, nor stop a chamber that vents.
-    if (released && rest == static_cast<uint8_t>(Rest::HOLD)) continue;
-    channel_[i] = Channel{State::STOPPED, Reason::NONE, static_cast<Rest>(rest)};
+    // A stop takes power away, in every state, and gives none: `hold` neither powers a motor at rest without power nor
+    // stops a chamber that vents. A motor without power has nothing to give up, a chamber may be let go faster.
+    const bool motor = identity_.role == Role::MOTOR;
+    if (!powered(i) && (motor || rest == static_cast<uint8_t>(Rest::HOLD))) continue;
+    if (moves(i)) {
+      if (motor) motor_[i].hold();
+      channel.state = State::STOPPED;
+    }
+    // The latch of a safe state stays, with its reason.
+    channel.rest = rest_of_stop(static_cast<Rest>(rest), identity_.role);
   }
   allow_tick();
   return accepted();
@@ -250,7 +264,7 @@ Verdict Board::home(Reader& in) {
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((mask & (1u << i)) == 0 || channel_[i].state == State::HOMING) continue;
     motor_[i].home();
-    channel_[i] = Channel{State::HOMING, Reason::NONE, Rest::HOLD};
+    channel_[i] = Channel{State::HOMING, Reason::NONE, Safe::HOLD};
   }
   allow_tick();
   return accepted();
@@ -324,7 +338,7 @@ Verdict Board::pulse(Reader& in) {
     }
     motor_[channel].arm();
     pulse_.order(channel, duty, ms, reversed);
-    channel_[channel] = Channel{State::PULSING, Reason::NONE, Rest::RELAX};
+    channel_[channel] = Channel{State::PULSING, Reason::NONE, rest_of_start(channel)};
   }
   allow_tick();
   return verdict;

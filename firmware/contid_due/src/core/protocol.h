@@ -11,7 +11,7 @@ namespace contid {
 const uint8_t PROTOCOL_VERSION = 6;
 const uint8_t FIRMWARE_MAJOR = 1;
 const uint8_t FIRMWARE_MINOR = 7;
-const uint8_t FIRMWARE_PATCH = 1;
+const uint8_t FIRMWARE_PATCH = 2;
 
 const uint8_t CHANNELS = 6;
 const uint8_t TABLE_POINTS = 8;
