@@ -24,6 +24,8 @@ SILENCE_S = 0.5
 EXCHANGED_S = 0.05
 #: Attempts of a request before its axes count as silent.
 _TRIES = 3
+#: Firmware from which a stop lets go what a channel holds in its safe state.
+_RELAXES_SAFE = (1, 7, 2)
 
 
 class DueBus:
@@ -108,7 +110,7 @@ class DueBus:
         }
         body = messages.demand(session.config_crc, session.echo_ms, values, velocities)
         fresh = self._update(self._command(session, Type.DEMAND, body))
-        if fresh and any(not self._axis(name).holds_safely for name in self._pending_rest):
+        if fresh and any(not self._keeps_rest(session, name) for name in self._pending_rest):
             self._stop(session)
         self._exchanges += 1
         self._unanswered += not fresh
@@ -171,8 +173,8 @@ class DueBus:
     def _stop(self, session: DueConnection) -> bool:
         """Request the pending rests; False when one is not confirmed.
 
-        A board ignores those of channels in their safe state. Where that state holds, another rest stays
-        pending until the fault is cleared.
+        A board before firmware 1.7.2 ignores those of channels in their safe state. Where that state holds,
+        another rest stays pending until the fault is cleared.
         """
         for rest in dict.fromkeys(self._pending_rest.values()):
             names = [name for name, pending in self._pending_rest.items() if pending is rest]
@@ -180,9 +182,12 @@ class DueBus:
             if not self._update(self._command(session, Type.STOP, body)):
                 return False
             for name in names:
-                if rest is RestCode.HOLD or not self._axis(name).holds_safely:
+                if rest is RestCode.HOLD or not self._keeps_rest(session, name):
                     del self._pending_rest[name]
         return True
+
+    def _keeps_rest(self, session: DueConnection, name: str) -> bool:
+        return session.hello.firmware < _RELAXES_SAFE and self._axis(name).holds_safely
 
     def clear_fault(self, axes: Sequence[str]) -> None:
         """See `contid.hal.Bus.clear_fault`; a lost position stays lost."""
