@@ -73,8 +73,9 @@ class PendingInput:
             case msg.Hold() | msg.Stop() | msg.Estop():
                 self.stopped = True
             case (
-                msg.Resume() | msg.Recover() | msg.Goto() | msg.Rows() | msg.Play() | msg.Start() | msg.Grip()
-            ):
+                msg.Resume() | msg.Follow() | msg.Recover() | msg.Goto() | msg.Rows() | msg.Play()
+                | msg.Start() | msg.Grip()
+            ):  # fmt: skip
                 message = f"{self.message}; nothing is connected yet"
                 return [OrderRefused(message=message)]
         return []

@@ -10,6 +10,7 @@ from contid.control.engine.events.robots import MarkReached, OrderRefused
 from contid.control.engine.messages import (
     ClearFault,
     Estop,
+    Follow,
     Goto,
     Grip,
     Hold,
@@ -33,7 +34,15 @@ async def answers(order: Message) -> tuple[list[RunEvent], bool]:
 
 @pytest.mark.parametrize(
     "order",
-    [Resume(), Recover(), Grip(0.5), Goto("f0", Target(actuation=(0.06, 0.06))), Rows({}), Start(1.0)],
+    [
+        Resume(),
+        Follow(),
+        Recover(),
+        Grip(0.5),
+        Goto("f0", Target(actuation=(0.06, 0.06))),
+        Rows({}),
+        Start(1.0),
+    ],
     ids=repr,
 )
 async def test_what_needs_devices_is_refused(order: Message) -> None:
