@@ -151,7 +151,9 @@ class Moves:
         """Check a timed trajectory as a whole and let the tick follow it, unless the daemon stood still."""
         move.phase = Phase.CHECKED
         robots, check = move.reader.robots, partial(self._preconditions.trajectory, move.reader, move.rows)
-        trajectory = await checked_at_rest(self._control, self._view, self._pending, check)
+        trajectory = await checked_at_rest(
+            self._control, self._view, self._pending, check, partial(self._check_current, move)
+        )
         self._check_current(move)
         self._preconditions.armed(robots)  # the check and the standstill take seconds
         check_pause()

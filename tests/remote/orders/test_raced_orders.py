@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
-from contid.control.engine.messages import Estop, Follow, Message, Stop
+from contid.control.engine.messages import Estop, Follow, Hold, Message, Stop
 from contid.control.tick.supervisor import Mode
 from tests.remote.orders.races import STOPS, Client, Race, races, racing
 
@@ -136,6 +136,28 @@ async def test_a_move_whose_robot_refuses_to_follow_ends_and_arms_nothing(
         seen.append(race.run.newest().robots[0].mode)  # type: ignore[union-attr]
     assert {*seen} <= {Mode.STOPPING, Mode.OFF}
     assert seen[-1] == Mode.OFF
+
+
+async def test_a_trajectory_that_was_stopped_during_its_check_holds_nobody(
+    race: Race, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another client may move by then."""
+    person, program = Client(1), Client(2)
+    move, send = await ready(race, program), race.run.send
+    sent: list[Message] = []
+
+    def record(message: Message) -> None:
+        sent.append(message)
+        send(message)
+
+    monkeypatch.setattr(race.run, "send", record)
+    end = asyncio.create_task(race.give(program, "end", move=move))
+    await asyncio.sleep(0)
+    assert await race.give(person, "stop", robots=["f1"]) is not None
+    assert await end is None
+    assert race.refused["stopped"] == 1, race.refused
+    assert any(isinstance(each, Stop) for each in sent)
+    assert not any(isinstance(each, Hold) for each in sent)
 
 
 async def test_a_lease_that_is_released_during_the_check_ends_the_trajectory(race: Race) -> None:
