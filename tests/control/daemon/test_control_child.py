@@ -17,7 +17,7 @@ from contid.control.process.pipe import Inbox
 
 
 @pytest.mark.process
-def test_stops_pass_a_full_backlog_and_what_is_dropped_is_said(
+def test_stops_pass_a_full_backlog_and_what_is_dropped_is_logged(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(control_child, "MAX_BACKLOG", 1000)

@@ -138,7 +138,7 @@ async def test_a_move_whose_robot_refuses_to_follow_ends_and_arms_nothing(
     assert seen[-1] == Mode.OFF
 
 
-async def test_a_trajectory_that_was_stopped_during_its_check_holds_nobody(
+async def test_a_trajectory_that_was_stopped_during_its_check_sends_no_hold(
     race: Race, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Another client may move by then."""

@@ -1,7 +1,7 @@
 """No program arms robots again that were stopped a moment before its move, through a real daemon.
 
 The server checks a move against the newest record, which may be older than a stop on its way to the control
-process. Whoever acquires the lease after the stop may move; to arm takes a `resume`.
+process. A client that acquires the lease after the stop may move; to arm takes a `resume`.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def response(connection: socket.socket, number: int) -> dict[str, Any]:
 
 
 def answer_to_lease_lost(running: Running) -> dict[str, Any]:
-    """A program that streams acquires and begins again as soon as it is told of the stop."""
+    """A program that streams acquires and begins again at the notice of the stop."""
     with raw(running) as program, raw(running) as operator:
         ask(program, (1, "move", {"columns": COLUMNS}))
         assert response(program, 1)["ok"]
