@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import subprocess
 from contextlib import suppress
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from contid.control.daemon.spawn import Spawned, spawn
-from contid.control.engine.messages import Play
+from contid.control.engine.messages import Estop, Finish, Hold, Play, Stop
 from contid.control.engine.tick_layout import RecordLayout
 from contid.control.process import ring
 from contid.control.process.pipe import frame, to_shared_memory
@@ -17,8 +18,12 @@ from contid.control.process.ring_reader import RingReader
 from contid.control.process.setup import RunSetup
 from contid.control.process.shared_files import folder, sweep
 
-#: Bounds the daemon's memory when the control process does not read its pipe.
+#: Bounds the daemon's memory when the control process does not read its pipe. Stops pass the bound: they are
+#: small, and `contid.control.daemon.silence_watch` ends a process that stands still.
 MAX_BACKLOG: Final = 64 << 20
+_STOPS: Final = (Hold, Stop, Estop, Finish)
+
+log = logging.getLogger(__name__)
 
 
 class ControlChild:
@@ -30,6 +35,7 @@ class ControlChild:
         self.reader: RingReader | None = None
         self._path: Path | None = None
         self._backlog = bytearray()
+        self._dropped = 0
         self._bulk_paths: list[Path] = []
 
     @property
@@ -61,13 +67,20 @@ class ControlChild:
     def send(self, message: object) -> None:
         """Send a message without blocking; `flush` sends what the pipe does not take yet.
 
-        The arrays of a trajectory are in shared memory, or in the pipe when that is full.
+        The arrays of a trajectory are in shared memory, or in the pipe when that is full. Beyond
+        `MAX_BACKLOG` all messages but stops are dropped until the backlog is sent: no `Mark` confirms a
+        dropped order.
         """
         if isinstance(message, Play) and (bulk := to_shared_memory(message, folder())) is not None:
             self._bulk_paths.append(Path(bulk.path))
             message = bulk
-        if len(self._backlog) < MAX_BACKLOG:
+        fits = not self._dropped and len(self._backlog) < MAX_BACKLOG
+        if fits or isinstance(message, _STOPS):
             self._backlog += frame(message)
+        else:
+            self._dropped += 1
+            if self._dropped == 1:
+                log.error("the control process reads no orders; all but stops are dropped")
         self.flush()
 
     def flush(self) -> None:
@@ -75,6 +88,9 @@ class ControlChild:
         with suppress(BlockingIOError, BrokenPipeError):
             while self._backlog:
                 del self._backlog[: os.write(self._pipe, self._backlog)]
+            if self._dropped:
+                log.warning(f"the control process reads orders again; {self._dropped} messages were dropped")
+                self._dropped = 0
 
     def terminate(self) -> None:
         """Send SIGTERM: ends at once while it opens its buses, by ``on_host_loss`` once it runs."""

@@ -38,6 +38,7 @@ class PendingInput:
         self.stopped = False
         self._read = read
         self._reader = CancellableReader()
+        self._cancelled = False
         self._loop: asyncio.AbstractEventLoop | None = None
         self._outcome: asyncio.Future[Trajectory | Stream | None] | None = None
 
@@ -59,9 +60,12 @@ class PendingInput:
             await asyncio.to_thread(thread.join, JOIN_TIMEOUT_S)
             if not thread.is_alive():
                 self._reader.close()
+            if self._cancelled:  # perhaps while the thread ended, after the whole input was read
+                raise InputCancelledError
 
     def cancel(self) -> None:
-        """Make `result` raise `InputCancelledError`."""
+        """Make `result` raise `InputCancelledError`, also where the input has been read meanwhile."""
+        self._cancelled = True
         if self._outcome is not None and not self._outcome.done():
             self._outcome.set_exception(InputCancelledError())
 
@@ -73,8 +77,9 @@ class PendingInput:
             case msg.Hold() | msg.Stop() | msg.Estop():
                 self.stopped = True
             case (
-                msg.Resume() | msg.Recover() | msg.Goto() | msg.Rows() | msg.Play() | msg.Start() | msg.Grip()
-            ):
+                msg.Resume() | msg.Follow() | msg.Recover() | msg.Goto() | msg.Rows() | msg.Play()
+                | msg.Start() | msg.Grip()
+            ):  # fmt: skip
                 message = f"{self.message}; nothing is connected yet"
                 return [OrderRefused(message=message)]
         return []

@@ -41,6 +41,12 @@ class Resume(OrderToRobots):
     NAME: ClassVar[str] = "resume"
 
 
+class Follow(OrderToRobots):
+    """Follow the source; refused where a robot is not armed, so that it undoes no stop on its way here."""
+
+    NAME: ClassVar[str] = "follow"
+
+
 class Estop(OrderToRobots):
     """Relax or vent now."""
 
@@ -204,6 +210,7 @@ class Finish:
 Message: TypeAlias = (
     Hold
     | Resume
+    | Follow
     | Stop
     | Estop
     | ClearFault

@@ -62,7 +62,7 @@ class OrderHandler:
             self._chains.begin_gotos(now_s)
         # A client that gives orders may give more: the run then waits even if every robot is in FAULT.
         selector.attended = selector.attended or not isinstance(message, msg.Measured | msg.EndOfRows)
-        moving = msg.Resume | msg.Recover | msg.Goto | msg.Play | msg.Begin
+        moving = msg.Resume | msg.Follow | msg.Recover | msg.Goto | msg.Play | msg.Begin
         if selector.finishing and isinstance(message, moving):
             robot = message.robot if isinstance(message, msg.Goto) else ""
             self._sink.event(OrderRefused(robot=robot, message="the run is ending; motions are refused"))
@@ -102,6 +102,9 @@ class OrderHandler:
             case msg.Resume(who):
                 selector.resume(who)
                 robots.order(who, transitions.resume, now_s)
+            case msg.Follow(who):
+                selector.resume(who)
+                robots.order(who, transitions.follow, now_s)
             case msg.Stop(who, policy, reason):
                 selector.pause(who, step)
                 robots.order(who, Stopping(policy, reason), now_s)

@@ -80,6 +80,8 @@ MOVES: Final[dict[tuple[Mode, Event], Mode]] = {
 
 #: States before the first command.
 UNARMED: Final = frozenset({Mode.OFF, Mode.CONNECTING, Mode.READY, Mode.ARMING})
+#: States in which a robot can be given a target.
+ARMED: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD})
 #: States in which a robot may be in motion.
 MOVING: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.STOPPING})
 

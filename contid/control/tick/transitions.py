@@ -15,7 +15,16 @@ from contid.control.tick.contact.squeeze import why_not
 from contid.control.tick.contact.squeeze_way import Squeeze
 from contid.control.tick.faults import WITHOUT_MODEL, Fault
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
-from contid.control.tick.supervisor import REST_OF, Event, Mode, allowed, move, order_of, stronger
+from contid.control.tick.supervisor import (
+    ARMED,
+    REST_OF,
+    Event,
+    Mode,
+    allowed,
+    move,
+    order_of,
+    stronger,
+)
 from contid.hal import Rest, Sample
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
@@ -60,6 +69,18 @@ def resume(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     if state.goto is not None and state.mode is Mode.APPROACH and config.motion_rules > 3:
         state = stay(config, state, now_s)  # its way leads elsewhere
     return replace(state, arm_requested=True, follow=True, goto=None)
+
+
+def follow(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
+    """Follow the source, as `resume` does, but never arm.
+
+    Raises:
+        OrderRefusedError: the robot is not armed; it may have been stopped since the order was given.
+    """
+    if state.mode not in ARMED:
+        why = f" ({state.message})" if state.mode is Mode.FAULT else ""
+        raise OrderRefusedError(f"{config.name} is {state.mode.name}{why}, not armed; resume first")
+    return resume(config, state, now_s)
 
 
 def hold(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:

@@ -32,7 +32,7 @@ from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import GotoEnded, OrderGiven, OrderRefused, SqueezeChanged
 from contid.control.engine.events.run import SourceEnded
-from contid.control.engine.messages import NOT_AT_START, Begin, Message, Play, Resume, Rows, Start
+from contid.control.engine.messages import NOT_AT_START, Begin, Follow, Message, Play, Rows, Start
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.expiry import unpaused
 from contid.remote.protocol.wire import Code, Fields, RemoteError
@@ -104,7 +104,7 @@ class Moves:
         credit = Credit(self._control.rate_hz, asyncio.get_running_loop().time())
         self._current = move = LiveMove(number, client, notify, reader, credit, nearest)
         with self._ended_by_refusal(move):
-            await self._obeyed(reader.robots, Begin(), Resume(reader.robots))
+            await self._obeyed(reader.robots, Begin(), Follow(reader.robots))
         return {"move": number, "timed": False, **credit.fields}
 
     def rows(self, client: int, number: int, rows: Sequence[Sequence[float]]) -> Fields:
@@ -151,7 +151,9 @@ class Moves:
         """Check a timed trajectory as a whole and let the tick follow it, unless the daemon stood still."""
         move.phase = Phase.CHECKED
         robots, check = move.reader.robots, partial(self._preconditions.trajectory, move.reader, move.rows)
-        trajectory = await checked_at_rest(self._control, self._view, self._pending, check)
+        trajectory = await checked_at_rest(
+            self._control, self._view, self._pending, check, partial(self._check_current, move)
+        )
         self._check_current(move)
         self._preconditions.armed(robots)  # the check and the standstill take seconds
         check_pause()
@@ -162,7 +164,7 @@ class Moves:
         result: Fields = {"move": move.number, "duration_s": trajectory.end_s - trajectory.start_s}
         if waits:
             return result
-        outcome = await self._obeyed(robots, Resume(robots))
+        outcome = await self._obeyed(robots, Follow(robots))
         return {**result, "tick": outcome.tick}
 
     async def start(self, client: int, number: int, at_s: float | None) -> Fields:
@@ -178,7 +180,7 @@ class Moves:
         robots = move.reader.robots
         if at_s is None:
             self._preconditions.armed(robots)
-            outcome = await self._obeyed(robots, Resume(robots))
+            outcome = await self._obeyed(robots, Follow(robots))
             return {"move": number, "tick": outcome.tick, "robots": list(robots)}
         lead_s = at_s - time.monotonic()
         if not MIN_LEAD_S <= lead_s <= MAX_LEAD_S:

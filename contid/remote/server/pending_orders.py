@@ -1,7 +1,9 @@
 """Orders sent to the control process, and their results.
 
 Pipe and ring keep their order: a `Mark` is sent before and after some orders, and the refusals that come back
-between the two marks belong to them. So a response states what the control process did.
+between the two marks belong to them. So a response states what the control process did. It may read the marks
+in two ticks; a refusal of the tick between them then counts too, but not for an emergency stop, which no
+robot refuses.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from typing import Final
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import MarkReached, OrderRefused
-from contid.control.engine.messages import Mark, Message
+from contid.control.engine.messages import Estop, Mark, Message
 from contid.control.engine.tick_layout import TickRecord
 from contid.remote.protocol.wire import Code, Fields, RemoteError
 
@@ -36,12 +38,14 @@ class OrderResult:
     Attributes:
         tick: before which they were obeyed.
         refused: messages by robot.
+        estops: all of them are emergency stops.
         record: of that tick, once it is `PendingOrders.confirmed`.
     """
 
     tick: int = 0
     record: TickRecord | None = None
     refused: dict[str, str] = field(default_factory=dict)
+    estops: bool = False
 
     def refusal(self, faults: Mapping[str, Fields]) -> RemoteError:
         """The error of orders of which robots refused some; both arms of a chain have the same message."""
@@ -67,7 +71,8 @@ class PendingOrders:
             self._control.send(message)
         loop = asyncio.get_running_loop()
         future: asyncio.Future[OrderResult] = loop.create_future()
-        self._waiting[number] = (OrderResult(), future)
+        estops = all(isinstance(order, Estop) for order in orders)
+        self._waiting[number] = (OrderResult(estops=estops), future)
         self._polls = POLLS
         if self._timer is None:
             self._timer = loop.call_later(POLL_S, self._poll)
@@ -111,7 +116,9 @@ class PendingOrders:
                 if future is not None and not future.done():
                     future.set_result(outcome)
         elif isinstance(event, OrderRefused) and self._open in self._waiting:
-            self._waiting[self._open][0].refused[event.robot] = event.message
+            result, _ = self._waiting[self._open]
+            if not (result.estops and event.robot):
+                result.refused[event.robot] = event.message
 
     def close(self) -> None:
         """Cancel what will not be confirmed any more."""

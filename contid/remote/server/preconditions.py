@@ -9,7 +9,7 @@ from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.engine.wiring import chain_guards, clearance_guard
 from contid.control.tick.preflight.rows import Preflight, Unreachable
-from contid.control.tick.supervisor import Mode
+from contid.control.tick.supervisor import ARMED
 from contid.errors import BadInputError
 from contid.remote.protocol.wire import Code, RemoteError, is_number
 from contid.remote.server.telemetry_view import TelemetryView
@@ -21,7 +21,6 @@ from contid.trajectory.timed import Trajectory
 
 #: Columns of a move. A laboratory of sixteen fingers has 200; thousands would hold up the other clients.
 MAX_COLUMNS: Final = 500
-_ARMED: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD})
 
 
 class Preconditions:
@@ -84,7 +83,7 @@ class Preconditions:
             raise RemoteError(Code.FAULT, f"{found}; clear-fault, then resume", faults)
         for name in robots:
             mode = self._view.mode(name, record)
-            if mode not in _ARMED:
+            if mode not in ARMED:
                 raise RemoteError(Code.NOT_ARMED, f"{name} is {mode.name}, not armed; resume first")
 
     def unreachable(self, targets: Mapping[str, Target | None]) -> dict[str, str]:

@@ -29,14 +29,17 @@ async def checked_at_rest(
     view: TelemetryView,
     pending: PendingOrders,
     check: Callable[[TickRecord | None], Trajectory],
+    check_current: Callable[[], None],
 ) -> Trajectory:
     """The trajectory that ``check`` finds from a record; it runs in a thread, and a stop has its response.
 
     Raises:
-        RemoteError: of the check, or a robot still moves after `STANDSTILL_TIMEOUT_S`.
+        RemoteError: of the check; of ``check_current``, when the move ended meanwhile and robots may move for
+            another client, which are left alone; or a robot still moves after `STANDSTILL_TIMEOUT_S`.
     """
     record = control.newest()
     trajectory = await asyncio.to_thread(check, record)
+    check_current()
     await pending.confirmed(pending.send([Hold()]))
     stands = await _standstill(control, view)
     if _commands(view, stands) != _commands(view, record):

@@ -18,7 +18,18 @@ from typing import Any, cast
 
 import pytest
 
-from contid.control.engine.messages import Estop, Goto, Hold, Message, Play, Recover, Resume, Start, Stop
+from contid.control.engine.messages import (
+    Estop,
+    Follow,
+    Goto,
+    Hold,
+    Message,
+    Play,
+    Recover,
+    Resume,
+    Start,
+    Stop,
+)
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol import expiry
 from contid.remote.protocol.wire import PROTOCOL, decode, encode
@@ -33,7 +44,7 @@ from tests.remote.orders.races import Client, Race, racing
 
 STOPS = {"hold": Hold, "stop": Stop, "estop": Estop}
 TARGETS = ({"f0.x_mm": 45.0, "f0.y_mm": 75.0}, {"f0.x_mm": 50.0, "f0.y_mm": 75.0})
-MOVES = (Resume, Recover, Goto, Play, Start)
+MOVES = (Resume, Follow, Recover, Goto, Play, Start)
 #: How long after it was given an order may still arm or move [s].
 WITHIN_S = 1.0
 #: Most turns of the loop that an order is served for before the bridge pauses.

@@ -19,7 +19,18 @@ from typing import Any
 import pytest
 
 import contid_panel.expiry
-from contid.control.engine.messages import Estop, Goto, Hold, Message, Play, Recover, Resume, Start, Stop
+from contid.control.engine.messages import (
+    Estop,
+    Follow,
+    Goto,
+    Hold,
+    Message,
+    Play,
+    Recover,
+    Resume,
+    Start,
+    Stop,
+)
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol import expiry
 from contid.remote.protocol.wire import RemoteError
@@ -28,7 +39,7 @@ from tests.remote.orders.races import Client, Race, racing
 
 STOPS = {"hold": Hold, "stop": Stop, "estop": Estop}
 TARGETS = ({"f0.x_mm": 45.0, "f0.y_mm": 75.0}, {"f0.x_mm": 50.0, "f0.y_mm": 75.0})
-MOVES = (Resume, Recover, Goto, Play, Start)
+MOVES = (Resume, Follow, Recover, Goto, Play, Start)
 #: Most turns of the loop that an order is served for before the daemon pauses.
 TURNS = 40
 

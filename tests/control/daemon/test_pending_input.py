@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Callable
+
 import pytest
 
+from contid.control.daemon.cancellable_reader import CancellableReader, InputCancelledError
 from contid.control.daemon.pending_input import PendingInput
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import MarkReached, OrderRefused
 from contid.control.engine.messages import (
     ClearFault,
     Estop,
+    Follow,
     Goto,
     Grip,
     Hold,
@@ -21,6 +26,7 @@ from contid.control.engine.messages import (
     Start,
     Stop,
 )
+from contid.errors import ContidError
 from contid.targets import Target
 
 
@@ -33,7 +39,15 @@ async def answers(order: Message) -> tuple[list[RunEvent], bool]:
 
 @pytest.mark.parametrize(
     "order",
-    [Resume(), Recover(), Grip(0.5), Goto("f0", Target(actuation=(0.06, 0.06))), Rows({}), Start(1.0)],
+    [
+        Resume(),
+        Follow(),
+        Recover(),
+        Grip(0.5),
+        Goto("f0", Target(actuation=(0.06, 0.06))),
+        Rows({}),
+        Start(1.0),
+    ],
     ids=repr,
 )
 async def test_what_needs_devices_is_refused(order: Message) -> None:
@@ -45,6 +59,26 @@ async def test_what_needs_devices_is_refused(order: Message) -> None:
 @pytest.mark.parametrize("order", [Hold(), Stop(), Estop()], ids=repr)
 async def test_a_stop_is_kept(order: Message) -> None:
     assert await answers(order) == ([], True)
+
+
+@pytest.mark.parametrize("wrong", [False, True])
+async def test_an_input_that_is_cancelled_when_it_has_just_been_read_is_ignored(
+    monkeypatch: pytest.MonkeyPatch, wrong: bool
+) -> None:
+    """A client takes over while the thread that read it is joined."""
+
+    def read(reader: CancellableReader) -> None:
+        if wrong:
+            raise ContidError("line 3 is wrong")
+
+    async def joined(join: Callable[[float], None], timeout_s: float) -> None:
+        pending.cancel()
+        join(timeout_s)
+
+    pending = PendingInput("waiting for a trajectory on stdin", read)
+    monkeypatch.setattr(asyncio, "to_thread", joined)
+    with pytest.raises(InputCancelledError):
+        await pending.result()
 
 
 async def test_there_is_no_fault_to_clear_and_a_mark_is_reached() -> None:

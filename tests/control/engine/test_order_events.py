@@ -26,9 +26,9 @@ TARGET = Target(
 @pytest.mark.parametrize(
     "message",
     [
-        msg.Hold(), msg.Hold(("thumb",)), msg.Resume(), msg.Estop(("a", "b")), msg.ClearFault(),
-        msg.Stop(("thumb",), StopPolicy.REST, "on_end"), msg.Stop(), msg.Finish(), msg.EndOfRows(),
-        msg.Finish(StopPolicy.RELAX, "on_host_loss"), msg.Goto("thumb", TARGET),
+        msg.Hold(), msg.Hold(("thumb",)), msg.Resume(), msg.Follow(("a",)), msg.Estop(("a", "b")),
+        msg.ClearFault(), msg.Stop(("thumb",), StopPolicy.REST, "on_end"), msg.Stop(), msg.Finish(),
+        msg.EndOfRows(), msg.Finish(StopPolicy.RELAX, "on_host_loss"), msg.Goto("thumb", TARGET),
         msg.Goto("thumb", Target(actuation=(0.07, 0.03))), msg.Rows({"thumb": TARGET}),
         msg.Rows({"thumb": None}), msg.Rows({}), msg.Rows({"a": TARGET, "b": None}),
         msg.Measured("thumb", (0.1, 1 / 3, 0.0)), msg.Grip(0.3), msg.Grip(1 / 3, ("thumb",)),

@@ -97,6 +97,22 @@ def test_a_robot_armed_again_in_the_tick_of_its_emergency_stop_is_relaxed_first(
     assert (seen.state.mode, seen.done()) == (Mode.RUN, ["RELAX", "ENABLE"])
 
 
+@pytest.mark.parametrize("later", [0, 1, 40])
+@pytest.mark.parametrize("who", [None, ("f0",)])
+def test_an_order_to_follow_does_not_arm_what_was_stopped_before_it(
+    who: tuple[str, ...] | None, later: int
+) -> None:
+    orders: dict[int, list[msg.Message]] = {AT: [msg.Estop()]}
+    orders.setdefault(AT + later, []).append(msg.Follow(who))
+    seen = run(orders)
+    assert (seen.state.mode, seen.done(), seen.powered) == (Mode.OFF, ["RELAX"], set())
+
+
+def test_an_order_to_follow_ends_a_hold() -> None:
+    seen = run({AT: [msg.Hold()], AT + 40: [msg.Follow()]})
+    assert (seen.state.mode, seen.done()) == (Mode.RUN, [])
+
+
 @pytest.mark.parametrize("later", [0, 1, 2, 5])
 def test_a_fault_while_a_robot_stops_does_not_forget_the_stop(later: int) -> None:
     seen = run({AT: [msg.Stop(policy=StopPolicy.RELAX)]}, fails_at=AT + later)

@@ -21,6 +21,7 @@ from contid.control.engine.events import RunEvent
 from contid.control.engine.events.run import NoteWritten
 from contid.control.engine.messages import (
     Estop,
+    Follow,
     Goto,
     Hold,
     Message,
@@ -83,7 +84,7 @@ class StopModel:
         self.estops += isinstance(message, Estop)
         if verb in STOPS and isinstance(message, Hold | Stop | Estop):
             self.standing.add(client)
-        if isinstance(message, Resume | Recover | Goto | Play | Start) or (
+        if isinstance(message, Resume | Follow | Recover | Goto | Play | Start) or (
             isinstance(message, Rows) and any(target is not None for target in message.targets.values())
         ):
             if fields.get("after_stop"):

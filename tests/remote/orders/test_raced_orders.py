@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
-from contid.control.engine.messages import Message, Resume, Stop
+from contid.control.engine.messages import Estop, Follow, Hold, Message, Stop
 from contid.control.tick.supervisor import Mode
 from tests.remote.orders.races import STOPS, Client, Race, races, racing
 
@@ -105,24 +105,59 @@ async def ready(race: Race, program: Client) -> int:
     return int(begun["move"])
 
 
-@pytest.mark.parametrize("timed", [False, True])
-async def test_a_move_whose_robot_refuses_to_follow_ends(
-    race: Race, monkeypatch: pytest.MonkeyPatch, timed: bool
+@pytest.mark.parametrize("stop", [Stop, Estop])
+@pytest.mark.parametrize("order", ["stream", "play", "start"])
+async def test_a_move_whose_robot_refuses_to_follow_ends_and_arms_nothing(
+    race: Race, monkeypatch: pytest.MonkeyPatch, order: str, stop: type[Stop | Estop]
 ) -> None:
     """A stop is carried out before the order to follow, and no record has shown it yet."""
     program = Client(1)
     move, send = await ready(race, program), race.run.send
+    if order == "start":
+        assert await race.give(program, "end", move=move, hold_at_start=True) is not None
 
     def stop_first(message: Message) -> None:
-        if isinstance(message, Resume):
-            send(Stop())
+        if isinstance(message, Follow):
+            send(stop(("f0",)))
         send(message)
 
     monkeypatch.setattr(race.run, "send", stop_first)
-    began = race.give(program, "end", move=move) if timed else race.give(program, "move", columns=[*POINT])
-    assert await began is None
+    began = {
+        "stream": lambda: race.give(program, "move", columns=[*POINT]),
+        "play": lambda: race.give(program, "end", move=move),
+        "start": lambda: race.give(program, "start", move=move),
+    }[order]
+    assert await began() is None
     assert race.refused["refused"] == 1, race.refused
-    assert not race.handler.moves.along_rows(1)
+    assert not race.handler.moves.along_rows(1) or order == "start"
+    seen = []
+    for _ in range(60):
+        await asyncio.sleep(0)
+        seen.append(race.run.newest().robots[0].mode)  # type: ignore[union-attr]
+    assert {*seen} <= {Mode.STOPPING, Mode.OFF}
+    assert seen[-1] == Mode.OFF
+
+
+async def test_a_trajectory_that_was_stopped_during_its_check_sends_no_hold(
+    race: Race, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another client may move by then."""
+    person, program = Client(1), Client(2)
+    move, send = await ready(race, program), race.run.send
+    sent: list[Message] = []
+
+    def record(message: Message) -> None:
+        sent.append(message)
+        send(message)
+
+    monkeypatch.setattr(race.run, "send", record)
+    end = asyncio.create_task(race.give(program, "end", move=move))
+    await asyncio.sleep(0)
+    assert await race.give(person, "stop", robots=["f1"]) is not None
+    assert await end is None
+    assert race.refused["stopped"] == 1, race.refused
+    assert any(isinstance(each, Stop) for each in sent)
+    assert not any(isinstance(each, Hold) for each in sent)
 
 
 async def test_a_lease_that_is_released_during_the_check_ends_the_trajectory(race: Race) -> None:
