@@ -74,7 +74,7 @@ class BoardAxis:
 
     @property
     def holds_safely(self) -> bool:
-        """True while it holds in its safe state, in which a board before firmware 1.7.2 takes no other rest."""
+        """True while it holds in its safe state, in which boards before firmware 1.7.2 keep that rest."""
         return (
             self.report is not None and self.report.state is BoardState.SAFE and self.safe is SafeState.HOLD
         )

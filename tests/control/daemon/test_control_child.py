@@ -24,7 +24,8 @@ def test_stops_pass_a_full_backlog_and_what_is_dropped_is_logged(
     read, write = os.pipe()
     os.set_blocking(write, False)
     child = ControlChild(Spawned(subprocess.Popen([sys.executable, "-c", ""]), write))
-    inbox, found = Inbox(read), []
+    inbox = Inbox(read)
+    found: list[Message] = []
     caplog.set_level(logging.WARNING)
     sent = 0
     while not caplog.records:
