@@ -25,7 +25,7 @@ def test_stops_pass_a_full_backlog_and_what_is_dropped_is_logged(
     os.set_blocking(write, False)
     child = ControlChild(Spawned(subprocess.Popen([sys.executable, "-c", ""]), write))
     inbox = Inbox(read)
-    found: list[Message] = []
+    found: list[object] = []
     caplog.set_level(logging.WARNING)
     sent = 0
     while not caplog.records:
