@@ -29,6 +29,7 @@ RETRY_S: Final = 1.0
 MIN_SHARE: Final = 0.25
 #: Index of a robot, what is asked of its devices on a bus, and their axes.
 _Request: TypeAlias = tuple[int, Effect, tuple[str, ...]]
+_WITHOUT_POWER: Final = (Effect.RELAX, Effect.VENT)
 
 
 class Exchange:
@@ -108,16 +109,20 @@ class Exchange:
             return
         for bus in lost:
             message = f"{name}: {effect.name.lower()} does not reach its devices on {bus}, which is lost"
-            message = f"{message}; their own watchdog stops them, and it is sent when the bus is back"
-            self._sink.event(BusChanged(bus=bus, message=message))
+            message = f"{message}; their own watchdog stops them"
+            later = ", and it is sent when the bus is back" if effect in _WITHOUT_POWER else ""
+            self._sink.event(BusChanged(bus=bus, message=message + later))
         self._send(index, effect)
 
     def _send(self, index: int, effect: Effect) -> None:
-        """Queue a request on every bus of a robot; a lost one has a rest when it is back."""
+        """Queue a request on every bus of a robot; a lost one has it when it is back if it takes power away.
+
+        To hold is not asked then: devices whose watchdog let them vent meanwhile would close their valves.
+        """
         for bus, axes in self._axes_on[index].items():
             if not self._ports[bus].lost:
                 self._outstanding[index].add(bus)
-            elif (index, effect, axes) in self._queued[bus]:
+            elif effect not in _WITHOUT_POWER or (index, effect, axes) in self._queued[bus]:
                 continue
             self._queued[bus].append((index, effect, axes))
 
@@ -237,14 +242,14 @@ class Exchange:
                 self._sink.event(OrderRefused(robot=config.name, message=str(error)))
 
     def _lose(self, name: str, port: BusPort, fault: Fault, message: str, now_s: float) -> None:
-        """A bus is lost: its robots fail, and of the requests to it the rests are sent again when it is back.
+        """A bus is lost: its robots fail, and what was to take power away is sent again when it is back.
 
         All devices of such a robot come to rest, by its ``on_fault`` or the stop that ran: those on other
-        buses at once, those on this one when it is back, whether or not their own watchdog stopped them.
+        buses at once, those on this one when it is back, or before by their own watchdog.
         """
         port.lose(message)
         asked = (*self._sent[name], *self._queued[name])
-        self._queued[name] = [each for each in asked if isinstance(each[1].value, Rest)]
+        self._queued[name] = [each for each in asked if each[1] in _WITHOUT_POWER]
         self._invalidate(port)
         for index in self._robots_on(name):
             self._outstanding[index].discard(name)
