@@ -70,6 +70,8 @@ class Exchange:
         self._queued: dict[str, list[_Request]] = {name: [] for name in ports}
         #: What the newest job of each bus asked for.
         self._sent: dict[str, tuple[_Request, ...]] = dict.fromkeys(ports, ())
+        #: What was sent again after a loss and not answered yet: it may be what ends the bus.
+        self._resent: dict[str, set[_Request]] = {name: set() for name in ports}
         self._outstanding: list[set[str]] = [set() for _ in robots.configs]
         self._device_faults: dict[str, str] = {}
         self._staleness = StalenessMonitor(
@@ -110,7 +112,7 @@ class Exchange:
         for bus in lost:
             message = f"{name}: {effect.name.lower()} does not reach its devices on {bus}, which is lost"
             message = f"{message}; their own watchdog stops them"
-            later = ", and it is sent when the bus is back" if effect in _WITHOUT_POWER else ""
+            later = ", and it is sent if the bus comes back in this run" if effect in _WITHOUT_POWER else ""
             self._sink.event(BusChanged(bus=bus, message=message + later))
         self._send(index, effect)
 
@@ -159,6 +161,7 @@ class Exchange:
             if port.lost:
                 if timing.tick >= port.retry_at:
                     port.retry_at = timing.tick + max(int(RETRY_S * self._rate_hz), 1)
+                    self._sent[name] = ()
                     port.start(BusJob({}, reopen=True))
                 continue
             effects, self._queued[name] = tuple(self._queued[name]), []
@@ -204,6 +207,7 @@ class Exchange:
         if port.lost:
             port.lost = ""
             self._sink.event(BusChanged(bus=name, message=f"{name} is back; clear-fault, then resume"))
+        self._resent[name].difference_update(self._sent[name])
         assert answer.samples is not None
         if len(answer.samples) < len(port.bus.axes):  # missing axes have no sample of this tick
             self._invalidate(port)
@@ -248,13 +252,16 @@ class Exchange:
         buses at once, those on this one when it is back, or before by their own watchdog.
         """
         port.lose(message)
-        asked = (*self._sent[name], *self._queued[name])
-        self._queued[name] = [each for each in asked if each[1] in _WITHOUT_POWER]
+        asked = _unless_armed_since((*self._sent[name], *self._queued[name]))
+        self._queued[name] = [each for each in asked if each not in self._resent[name]]
+        self._resent[name].update(self._queued[name])
         self._invalidate(port)
         for index in self._robots_on(name):
             self._outstanding[index].discard(name)
             state, config = self._robots.states[index], self._robots.configs[index]
-            if state.mode is not Mode.OFF:
+            if state.mode is Mode.FAULT:  # its braking ends
+                self._robots.states[index] = replace(state, enabled=False, motion=None, policy=None)
+            elif state.mode is not Mode.OFF:
                 self._robots.fail(index, fault, message, now_s)
             if state.enabled or state.mode is Mode.ARMING:
                 self._send(index, Effect(REST_OF[stronger(config.stops.on_fault, state.policy)]))
@@ -279,3 +286,14 @@ class Exchange:
         for axis in port.bus.axes:
             if axis in self.samples:
                 self.samples[axis] = replace(self.samples[axis], valid=False)
+
+
+def _unless_armed_since(asked: Sequence[_Request]) -> list[_Request]:
+    """The requests that take power away, but for those of robots that were armed after them."""
+    kept: list[_Request] = []
+    for request in asked:
+        if request[1] is Effect.ENABLE:
+            kept = [each for each in kept if each[0] != request[0]]
+        elif request[1] in _WITHOUT_POWER:
+            kept.append(request)
+    return kept

@@ -129,7 +129,8 @@ class Robots:
             after = self.ask(config.name, now_s, order, config, state, now_s)
         if after is not None:
             self.states[index] = after
-        elif isinstance(order, Stopping):  # its model failed: it stops without it, and rests by the policy
+        elif isinstance(order, Stopping) and self.states[index].enabled:
+            # Its model failed: it stops without it, and rests by the policy.
             failed = self.states[index]
             policy = stronger(order.policy_of(config), failed.policy)
             self.states[index] = replace(failed, policy=policy)

@@ -33,6 +33,8 @@ from contid.targets import Actuation, Target
 RETREAT_SHARE: Final = 0.2
 #: Modes in which a tip closes on an object, and holds it.
 _SQUEEZING: Final = (Mode.APPROACH, Mode.HOLD)
+#: Rests of devices, by how much power they leave.
+_BY_POWER: Final = (Effect.HOLD, Effect.RELAX, Effect.VENT)
 
 
 def moved(config: RobotConfig, state: RobotState, event: Event, now_s: float) -> RobotState:
@@ -146,7 +148,7 @@ def recover(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     after = moved(config, state, Event.RECOVER, now_s)
     return replace(
         after, fault=Fault.NONE, message="", enabled=False, misses=(0,) * len(config.axes),
-        arm_requested=True, recovering=True,
+        arm_requested=True, recovering=True, policy=None,
     )  # fmt: skip
 
 
@@ -189,14 +191,14 @@ def stopped(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """The stop is done: OFF, or still in FAULT, the devices at the rest of its policy."""
     assert state.policy is not None
     after = state if state.mode is Mode.FAULT else moved(config, state, Event.STOPPED, now_s)
-    return replace(resting(after, state.policy), policy=None)
+    return resting(after, state.policy)
 
 
 def estop(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """Relax or vent now, from any state; OFF afterwards, a latched fault stays. Never refused."""
     if state.mode is not Mode.OFF:
         state = moved(config, state, Event.ESTOP, now_s)
-    return replace(resting(_without_orders(state), config.stops.estop), policy=None)
+    return resting(_without_orders(state), config.stops.estop)
 
 
 def fail(config: RobotConfig, state: RobotState, fault: Fault, message: str, now_s: float) -> RobotState:
@@ -206,14 +208,14 @@ def fail(config: RobotConfig, state: RobotState, fault: Fault, message: str, now
     after = faulted(config, state, fault, message, now_s)
     lost = fault in (Fault.DEVICE_LOST, Fault.BUS_STALLED, Fault.DRIVER_ENDED)
     if not lost and state.mode is Mode.ARMING:  # its devices may have been enabled
-        return replace(resting(after, config.stops.on_fault), policy=None)
+        return resting(after, config.stops.on_fault)
     if lost or not state.enabled:
         # Only the devices' own watchdogs can act; those on other buses the exchange brings to rest.
         return replace(after, enabled=False, motion=None, policy=None)
     if config.stops.on_fault is StopPolicy.HOLD and state.command:
         brake = braking_at_once if fault in WITHOUT_MODEL else braking
         return brake(config, after, now_s)
-    return replace(resting(after, config.stops.on_fault), policy=None)
+    return resting(after, config.stops.on_fault)
 
 
 def faulted(config: RobotConfig, state: RobotState, fault: Fault, message: str, now_s: float) -> RobotState:
@@ -255,12 +257,14 @@ def clear(config: RobotConfig, state: RobotState, samples: Sequence[Sample], now
         raise OrderRefusedError(f"{config.name}: not cleared, {wrong}")
     after = moved(config, state, Event.CLEAR, now_s)
     # The devices may have lost torque: arming starts again from the samples.
-    return replace(after, fault=Fault.NONE, message="", enabled=False, misses=(0,) * len(config.axes))
+    misses = (0,) * len(config.axes)
+    return replace(after, fault=Fault.NONE, message="", enabled=False, misses=misses, policy=None)
 
 
 def _brakes(config: RobotConfig, state: RobotState) -> bool:
     """True while a robot in FAULT is commanded to its standstill, which no order but an estop may end."""
-    return state.mode is Mode.FAULT and state.enabled and any(state.increments) and config.motion_rules > 3
+    moves = any(state.increments) or state.shaped.ticks_left > 0
+    return state.mode is Mode.FAULT and state.enabled and moves and config.motion_rules > 3
 
 
 def _without_orders(state: RobotState) -> RobotState:
@@ -277,14 +281,15 @@ def _wrong(config: RobotConfig, samples: Sequence[Sample]) -> list[str]:
 
 
 def resting(state: RobotState, policy: StopPolicy) -> RobotState:
-    """The state disabled, its devices asked for the rest of a policy.
+    """The state disabled and without a running stop, its devices asked for the rest of a policy.
 
-    A rest that was asked for before in this tick, such as that of an emergency stop, is asked for as well; a
-    request to arm or to clear is dropped.
+    A rest that was asked for before in this tick, such as that of an emergency stop, is asked for as well,
+    and alone where it leaves less power; a request to arm or to clear is dropped.
     """
     effect, before = Effect(REST_OF[policy]), _rests(state)
-    pending = before if before[-1:] == (effect,) else (*before, effect)
-    return replace(state, pending=pending, enabled=False, motion=None)
+    weaker = _BY_POWER[_BY_POWER.index(effect) :]
+    pending = before if any(each in weaker for each in before) else (*before, effect)
+    return replace(state, pending=pending, enabled=False, motion=None, policy=None)
 
 
 def _rests(state: RobotState) -> tuple[Effect, ...]:

@@ -14,6 +14,8 @@ from contid.control.tick import transitions
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
+from contid.errors import DeviceLostError
+from contid.hal import Rest, Sample
 from contid.robot_file.base import StopPolicy
 from contid.robot_file.load import parse_robot_file
 from contid_drivers.sim.bus import SimBus
@@ -210,3 +212,53 @@ def test_an_emergency_stop_in_the_tick_of_an_internal_error_reaches_the_devices(
     assert isinstance(bus, SimBus)
     assert not [axis for axis, device in bus.devices.items() if device.on]
     process.close()
+
+
+def test_a_stop_that_was_overtaken_does_not_act_on_a_robot_armed_again() -> None:
+    orders: dict[int, list[msg.Message]] = {
+        202: [msg.Stop(policy=StopPolicy.RELAX)],
+        203: [msg.Stop(policy=StopPolicy.VENT)],
+        AT: [msg.ClearFault()],
+        AT + 10: [msg.Resume()],
+        AT + 100: [msg.Hold()],
+    }
+    seen = run(orders, fails_at=200)
+    assert (seen.state.mode, seen.state.fault, len(seen.powered)) == (Mode.HOLD, Fault.NONE, 2)
+    assert seen.done() == ["CLEAR", "ENABLE"]
+
+
+def test_a_vent_of_the_same_tick_is_not_followed_by_a_relax() -> None:
+    seen = run({AT: [msg.Stop(policy=StopPolicy.VENT), msg.Estop()]})
+    assert (seen.state.mode, seen.done(), seen.powered) == (Mode.OFF, ["VENT"], set())
+
+
+def test_a_driver_whose_rest_fails_is_not_asked_for_it_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Rest] = []
+
+    def fails(bus: SimBus, axes: Sequence[str], rest: Rest) -> None:
+        asked.append(rest)
+        raise TypeError("made by the test")
+
+    monkeypatch.setattr(SimBus, "disable", fails)
+    run({AT: [msg.Estop()]})
+    assert asked == [Rest.RELAX] * 2
+
+
+def test_a_rest_older_than_the_arming_after_it_is_not_sent_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    sound = SimBus.exchange
+
+    def lost(bus: SimBus, commands: Mapping[str, float]) -> Mapping[str, Sample]:
+        if bus.devices["f0.left"].on and journal[-2:] == ["RELAX", "ENABLE"]:
+            journal.append("lost")
+            raise DeviceLostError(bus.name, "made by the test", "")
+        return sound(bus, commands)
+
+    journal: list[str] = []
+    enable, disable = SimBus.enable, SimBus.disable
+    monkeypatch.setattr(SimBus, "exchange", lost)
+    monkeypatch.setattr(SimBus, "enable", lambda bus, axes: (journal.append("ENABLE"), enable(bus, axes))[1])
+    monkeypatch.setattr(
+        SimBus, "disable", lambda bus, axes, rest: (journal.append(rest.name), disable(bus, axes, rest))[1]
+    )
+    run({AT: [msg.Estop(), msg.Resume()]})
+    assert journal == ["ENABLE", "RELAX", "ENABLE", "lost"]
