@@ -33,16 +33,20 @@ class LoadedFile:
         text: what was read, for recordings.
         file: the validated values.
         buses: wiring of each bus, by name.
+        known_sha256: that of the values before models of others were packed, "" before that.
     """
 
     path: Path
     text: str
     file: RobotFile
     buses: Mapping[str, BusWiring]
+    known_sha256: str = ""
 
     @property
     def sha256(self) -> str:
         """Of the values that were written, without rates and bring-up, which change no robot's shape."""
+        if self.known_sha256:
+            return self.known_sha256
         left_out: Any = {"bringup": True, "robots": {"__all__": {"rates"}}}
         values = self.file.model_dump_json(exclude=left_out, exclude_unset=True, serialize_as_any=True)
         return hashlib.sha256(values.encode()).hexdigest()

@@ -7,6 +7,8 @@ model have deadlines. `test_isolated_model_run` has a daemon in real time.
 from __future__ import annotations
 
 import io
+import os
+import signal
 import time
 from pathlib import Path
 
@@ -15,6 +17,7 @@ import pytest
 from contid.control.engine.cycle import OnEnd, Timing, VirtualClock
 from contid.control.engine.engine import Engine
 from contid.control.engine.ports import BusPort
+from contid.control.engine.tick_costs import UnansweredError
 from contid.control.engine.wiring import build_robot_configs, open_buses
 from contid.control.process.isolation import model_port
 from contid.control.process.isolation.body import isolated
@@ -248,3 +251,37 @@ def test_a_model_that_is_not_built_is_an_error_of_the_run(
     monkeypatch.setattr(model_port, "BUILD_S", within_s)
     with pytest.raises(ModelLostError, match=f"robot f1: model 'bad': .*{words}"):
         BesideModel(installed, how)
+
+
+def test_a_model_that_the_alarm_interrupts_is_built_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The alarm of a tick may come before the deadline of its question: the process would hang for ever."""
+    monkeypatch.syspath_prepend(installed_in(tmp_path / "site"))
+    run = BesideModel(tmp_path, "sound")
+    try:
+        before = run.model._link.pid
+
+        def alarmed() -> bytes | None:
+            run.engine.costs.running = -1
+            raise UnansweredError("its model was interrupted after 100 ms")
+
+        with monkeypatch.context() as patched:
+            patched.setattr(run.model, "_answer", alarmed)
+            with pytest.raises(UnansweredError):
+                run.model.ask(False, "forward", (0.05, 0.05))
+        assert run.model.state is model_port.ModelState.BUILDS
+        until_s = time.monotonic() + 10.0
+        while run.model.state is not model_port.ModelState.READY and time.monotonic() < until_s:
+            run.model.tend()
+            time.sleep(0.01)
+        assert run.model.ask(False, "forward", (0.05, 0.05)).tip_m
+        assert run.model._link.pid != before
+        # One that ends while nobody asks is found and built again too.
+        os.kill(run.model._link.pid, signal.SIGKILL)
+        while run.model.state is model_port.ModelState.READY and time.monotonic() < until_s:
+            run.model.tend()
+            time.sleep(0.01)
+        assert run.model.state is model_port.ModelState.BUILDS
+    finally:
+        run.model.close()

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contid.control.process.isolation.body import with_isolated_models
+from contid.control.process.isolation.model_port import ModelLostError
 from contid.control.process.isolation.model_wire import (
     ModelQuestion,
     ModelRaisedError,
@@ -108,6 +109,24 @@ def test_an_error_keeps_its_name_and_not_its_class() -> None:
         unpack_answer(pack_error(ZeroDivisionError("float division by zero")))
     assert f"{type(raised.value).__name__}: {raised.value}" == "ZeroDivisionError: float division by zero"
     assert not isinstance(raised.value, ZeroDivisionError)
+    assert isinstance(raised.value, ArithmeticError)
+
+
+def test_a_value_error_of_a_model_is_caught_as_one() -> None:
+    """As the check of a row does: the row is refused in its place."""
+    with pytest.raises(ValueError, match="no idea") as raised:
+        unpack_answer(pack_error(ValueError("no idea")))
+    assert isinstance(raised.value, ModelRaisedError)
+    assert issubclass(ModelLostError, ValueError)
+
+
+def test_an_error_without_a_message_is_one_all_the_same() -> None:
+    class MuteError(Exception):
+        def __str__(self) -> str:
+            raise RuntimeError("mute")
+
+    with pytest.raises(ModelRaisedError, match="its message: RuntimeError"):
+        unpack_answer(pack_error(MuteError()))
 
 
 def test_an_isolated_description_answers_as_the_robots_own(
@@ -116,7 +135,9 @@ def test_an_isolated_description_answers_as_the_robots_own(
     monkeypatch.syspath_prepend(installed_in(tmp_path / "site"))
     text = fingers(1, buses=2) + ROBOT.format(name="f1", how="sound", trigger="none", bus="bus1")
     plain = parse_robot_file(text, "fingers.yaml")
-    isolated = with_isolated_models(plain).file.robots
+    packed = with_isolated_models(plain)
+    assert packed.sha256 == plain.sha256
+    isolated = packed.file.robots
     assert isolated["f0"] is plain.file.robots["f0"]
     found, own = pickle.loads(pickle.dumps(isolated["f1"])), plain.file.robots["f1"]
     assert isinstance(found, IsolatedRobot)

@@ -76,7 +76,8 @@ def with_isolated_models(loaded: LoadedFile) -> LoadedFile:
     }
     if not isolated:
         return loaded
-    return replace(loaded, file=loaded.file.model_copy(update={"robots": {**robots, **isolated}}))
+    file = loaded.file.model_copy(update={"robots": {**robots, **isolated}})
+    return replace(loaded, file=file, known_sha256=loaded.sha256)
 
 
 def _is_foreign(robot: RobotDescription) -> bool:

@@ -48,8 +48,11 @@ WAITS: Final = 20.0
 _LEAST_S: Final = 2e-4
 
 
-class ModelLostError(ContidError):
-    """A model in a process of its own cannot be built, or does not answer."""
+class ModelLostError(ContidError, ValueError):
+    """A model in a process of its own cannot be built, or does not answer.
+
+    It is a ValueError as that of a model without an answer: rows that need it are refused in their place.
+    """
 
 
 class ModelState(enum.Enum):
@@ -81,7 +84,7 @@ class ModelPort:
         self._name = name
         self._robot = robot
         self._in_ticks = in_ticks
-        self._why = ""  # it is not ready
+        self._why, self._fault = "", Fault.MODEL_ENDED  # it is not ready
         self._lock = Lock()  # the daemon checks trajectories in a thread
         self._failed_s = -math.inf
         self._costs: TickCosts | None = None
@@ -133,9 +136,14 @@ class ModelPort:
         if self.state is not ModelState.READY and not self._look():
             if self.state is ModelState.FAILED and time.monotonic() - self._failed_s > PAUSE_S:
                 self._build()
-            raise self._error(Fault.MODEL_ENDED, "; it is being built again")
+            raise self._error("; it is being built again" if self.state is ModelState.BUILDS else "")
         self._link.request(RequestKind.ASK, ModelQuestion(brief, method, arguments).pack())
-        answer = self._answer()
+        try:
+            answer = self._answer()
+        except UnansweredError as error:  # the alarm of the tick came first
+            self._why, self._fault = str(error), Fault.MODEL_TOO_SLOW
+            self._build()
+            raise
         if answer is not None:
             return unpack_answer(answer)
         ended = self._link.state is not ProcessState.RUNS or self._link.is_ending()
@@ -143,12 +151,14 @@ class ModelPort:
             self._why = f"the process of its model {self._link.how_ended or 'has ended'}"
         else:
             self._why = f"its model did not answer within {self.longest_s * 1e3:.3g} ms"
+        self._fault = Fault.MODEL_ENDED if ended else Fault.MODEL_TOO_SLOW
+        failure = self._error()  # no alarm interrupts what follows
         if self._in_ticks:
             self._build()
         else:  # a model that hangs may not hold the daemon most of the time
             self.state, self._failed_s = ModelState.FAILED, time.monotonic()
             self._link.end_process(self._why)
-        raise self._error(Fault.MODEL_ENDED if ended else Fault.MODEL_TOO_SLOW)
+        raise failure
 
     def _answer(self) -> bytes | None:
         """The answer, None when there is none in time; waiting for a processor is no fault of a model.
@@ -182,6 +192,10 @@ class ModelPort:
         """Take what its keeper reports, and note when a model that was begun to be built is ready."""
         if self.state is ModelState.READY:
             self._link.answer(0.0)
+            if self._link.state is ProcessState.ENDED:
+                self._why = f"the process of its model {self._link.how_ended or 'has ended'}"
+                self._fault = Fault.MODEL_ENDED
+                self._build()
         else:
             self._look()
 
@@ -194,17 +208,18 @@ class ModelPort:
             if answer is not None and "error" not in found:
                 self.state = ModelState.READY
             elif answer is not None or link.state is ProcessState.ENDED:
-                self.state = ModelState.FAILED
+                self.state, self._failed_s = ModelState.FAILED, time.monotonic()
+                self._fault = Fault.MODEL_ENDED
                 self._why = f"its model: {found.get('error') or link.how_ended}"
             elif time.monotonic() - link.requested_s > BUILD_S:
                 self._build()
         return self.state is ModelState.READY
 
-    def _error(self, fault: Fault, beside: str = "") -> BaseException:
+    def _error(self, beside: str = "") -> BaseException:
         """The error of a question: in a tick or an order that of its robot, whatever catches errors."""
         if self._costs is not None and self._costs.running >= 0:
             self._costs.running = -1
-            return UnansweredError(f"{self._why}{beside}", fault)
+            return UnansweredError(f"{self._why}{beside}", self._fault)
         return ModelLostError(f"robot {self._name}: {self._why}{beside}")
 
 

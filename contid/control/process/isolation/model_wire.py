@@ -37,7 +37,14 @@ _FIELDS: Final = {kind: tuple(field.name for field in fields(record)) for kind, 
 
 
 class ModelRaisedError(Exception):
-    """An error of a model in another process; raised as a class of the name that the error has there."""
+    """An error of a model in another process; raised as a class of the name that the error has there.
+
+    It is also of the kind of that error which is in `_KINDS`: who catches it there catches it here.
+    """
+
+
+#: Kinds of errors that are kept, the first that fits.
+_KINDS: Final[tuple[type[Exception], ...]] = (ValueError, ArithmeticError, LookupError, TypeError)
 
 
 class ModelQuestion(NamedTuple):
@@ -97,7 +104,12 @@ def pack_answer(method: str, answer: Any) -> bytes:
 
 def pack_error(error: BaseException) -> bytes:
     """The message of an error."""
-    return _packed(["error", [type(error).__name__, str(error)[:LONGEST_TEXT]]])
+    try:
+        text = str(error)[:LONGEST_TEXT]
+    except Exception as other:  # its own text is a defect
+        text = f"its message: {type(other).__name__}"
+    kind = next((kind.__name__ for kind in _KINDS if isinstance(error, kind)), "")
+    return _packed(["error", [type(error).__name__, text, kind]])
 
 
 def unpack_answer(message: bytes) -> Any:
@@ -110,8 +122,9 @@ def unpack_answer(message: bytes) -> Any:
     kind, content = json.loads(head)
     match kind:
         case "error":
-            name, text = content
-            raise type(name, (ModelRaisedError,), {})(text)
+            name, text, kind = content
+            kinds = [each for each in _KINDS if each.__name__ == kind]
+            raise type(name, (ModelRaisedError, *kinds), {})(text)
         case "array":
             return np.frombuffer(numbers).reshape(content).copy()
         case "numbers":
