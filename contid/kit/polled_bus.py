@@ -226,18 +226,23 @@ class PolledBus(ABC):
         """Send the rests of ``axes`` that ``found`` does not confirm; those that it confirms are done."""
         goals: dict[str, float] = {}
         off: list[str] = []
+        for axis, asked in self._asked.items():
+            if axis not in found:
+                asked.goal = None  # it may be moved until it answers
         for axis in [axis for axis in axes if axis in self._asked]:
             each, asked = found.get(axis), self._asked[axis]
             if each is not None and not each.powered:
                 del self._asked[axis]
             elif asked.rest is not Rest.HOLD:
                 off.append(axis)
+            elif each is None:
+                continue
             elif asked.goal is not None:
                 if _has_goal(each, asked.goal, False):
                     del self._asked[axis]
                 else:
                     goals[axis] = asked.goal
-            elif each is not None:
+            else:
                 asked.goal = goals[axis] = each.value
         with self._reaching():
             if goals:
@@ -248,7 +253,8 @@ class PolledBus(ABC):
     def _drop_unreported(self, found: Mapping[str, Reading]) -> None:
         """A device that reports no goal cannot confirm that it holds, once that was sent to it."""
         for axis, asked in tuple(self._asked.items()):
-            if asked.rest is Rest.HOLD and axis in found and found[axis].goal is None:
+            sent = asked.rest is Rest.HOLD and asked.goal is not None
+            if sent and axis in found and found[axis].goal is None:
                 del self._asked[axis]
 
     @contextmanager
@@ -263,6 +269,8 @@ class PolledBus(ABC):
             raise
 
     def _lose(self, lost: DeviceLostError) -> None:
+        for asked in self._asked.values():
+            asked.goal = None
         self._enabled.clear()
         self._latched.clear()
         self.disconnect()

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from contid.control.engine.cycle import VirtualClock
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus, Rest
-from contid.kit import PolledBus, Reading, examine_bus
+from contid.kit import PolledBus, Reading, examine_bus, polled_bus
 
 
 @dataclass
@@ -203,6 +203,28 @@ def test_a_rest_asked_for_while_the_bus_is_lost_is_sent_when_it_is_back(bus: Scr
     bus.exchange({})
     bus.exchange({})
     assert not bus.devices["a"].powered
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_pending_hold_takes_the_place_where_the_device_answers_again(bus: ScriptedBus, lost: bool) -> None:
+    """It may have been moved meanwhile: a goal that was read before would make it jump back."""
+    device = bus.devices["a"]
+    bus._asked["a"] = polled_bus._AskedRest(Rest.HOLD, 3.0)
+    device.silent = bus.gone = True
+    if lost:
+        with pytest.raises(DeviceLostError):
+            bus.exchange({})
+    bus.gone = False
+    if lost:
+        bus.open()
+    bus.exchange({})
+    device.silent, device.powered = False, True
+    device.value = device.goal = 50.0
+    bus.sent.clear()
+    bus.exchange({})
+    bus.exchange({})
+    assert "goals {'a': 3.0}" not in bus.sent
+    assert device.value == 50.0
 
 
 def test_hold_keeps_one_place_whatever_is_repeated(bus: ScriptedBus) -> None:

@@ -214,12 +214,14 @@ def rest(client: ServoClient, axis: Axis, position: int | None) -> None:
         position = present.decode(client.look(device, present.address, present.size))
     holds = axis.state is TorqueState.HOLD_PENDING
     register, value = (reg.GOAL_POSITION, position) if holds else (reg.TORQUE_ENABLE, 0)
+    watchdog_off = sync_write(reg.BUS_WATCHDOG.address, 1, [(device, b"\0")])
+    if holds and not axis.watchdog_units:  # one of an earlier run that has tripped takes no goal
+        client.port.send(watchdog_off)
     client.port.send(sync_write(register.address, register.size, [(device, register.encode(value))]))
     if register.decode(client.look(device, register.address, register.size)) != value:
         return
-    if not holds:
-        # Where torque is off, a watchdog that stays on moves nothing.
-        client.port.send(sync_write(reg.BUS_WATCHDOG.address, 1, [(device, b"\0")]))
+    if not holds:  # where torque is off, a watchdog that stays on moves nothing
+        client.port.send(watchdog_off)
         axis.watchdog_units = 0
     if axis.turn is Turn.LOST:
         turns.adopt(client, axis, position)

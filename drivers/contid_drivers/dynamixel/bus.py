@@ -46,6 +46,8 @@ class DynamixelBus:
         self._by_id = {axis.device: axis for axis in self._states.values()}
         self._grip = CurrentShare(self._states.values())
         self._link = BusLink(name, options, tuple(self._states.values()))
+        #: Axes in whose place another servo was found when they should rest.
+        self._strange: set[str] = set()
         self._taken: dict[int, ServoReading] = {}  # usable ones of the newest exchange
         self._doubtful: dict[int, ServoReading] = {}  # of servos that may have reset
         self._count = 0  # exchanges
@@ -213,7 +215,10 @@ class DynamixelBus:
         """Bring a faulty servo to rest, now that it answers; not the servo of another robot."""
         try:
             if not identity.is_same(client, axis):
-                log.debug("%s: another servo answers, which is not brought to rest", axis.name)
+                if axis.name not in self._strange:
+                    self._strange.add(axis.name)
+                    message = "another servo answers in its place; it gets no rest and may have torque"
+                    log.error("%s: %s", axis.name, message)
                 return
             arming.rest(client, axis, None if axis.turn is Turn.LOST else reading.position)
         except ServoError as error:

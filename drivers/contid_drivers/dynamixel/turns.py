@@ -185,9 +185,10 @@ def _displacement(client: ServoClient, axis: Axis) -> str:
     """Which setting makes the position another one than the count of the encoder, "" for none."""
     first, last = reg.DRIVE_MODE, reg.HOMING_OFFSET
     block = client.read_block(axis.device, first.address, last.address + last.size - first.address)
-    if offset := last.decode(block[-last.size :]):
-        return f"{last.name} is {offset}"
-    return f"{first.name} is {block[0]} (reverse)" if block[0] & _REVERSE else ""
+    offset = last.decode(block[-last.size :])
+    found = [f"{last.name} is {offset}"] if offset else []
+    found += [f"{first.name} is {block[0]} (reverse)"] if block[0] & _REVERSE else []
+    return " and ".join(found)
 
 
 def _count_from_encoder(client: ServoClient, axis: Axis, displaced: str) -> None:
@@ -202,7 +203,8 @@ def _count_from_encoder(client: ServoClient, axis: Axis, displaced: str) -> None
         raise DeviceError(name, f"{displaced}, the robot file requires 0, and torque is on", remedy)
     log.warning("%s: %s, set by another program; 0 now", name, displaced)
     for register in (reg.DRIVE_MODE, reg.HOMING_OFFSET):
-        client.write(axis.device, register, 0)
+        if client.read(axis.device, register):
+            client.write(axis.device, register, 0)
 
 
 class _Expected(NamedTuple):

@@ -10,8 +10,8 @@ import pytest
 
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import Rest
+from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel import turns
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import ServoClient
 from contid_emulate.dynamixel import Servo, replies, wire
@@ -129,8 +129,7 @@ def test_a_hold_after_a_fault_is_sent_until_it_is_confirmed(
     rig: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A jammed servo pushes on towards its old goal until a new one arrives."""
-    clock = servo_time(monkeypatch)
-    r = rig(2, axis={"following_error_ms": 100.0}, time=clock)
+    r = rig(2, axis={"following_error_ms": 100.0})
     r.bus.open()
     r.bus.enable(BOTH)
     r.tick()
@@ -147,7 +146,7 @@ def test_a_hold_after_a_fault_is_sent_until_it_is_confirmed(
     monkeypatch.setattr(Servo, "write", noisy)
     for step in range(80):
         r.tick(a1=(1000 + 100 * step) * TICK)
-        clock.sleep(0.01)
+        time.sleep(0.01)
     assert "does not follow" in axis.fault
     assert len(lost) == 3
     servo = r.emulator.servos[0]
@@ -245,3 +244,16 @@ def test_a_refused_register_is_a_fault_of_whole_words(rig: Make, monkeypatch: py
     fault = r.tick()["r.a1"].fault
     assert fault.startswith("reading register 76 was refused: not accessible")
     assert not fault.endswith(("; ", ";"))
+
+
+def test_a_pending_hold_of_a_servo_whose_watchdog_tripped_ends(rig: Make) -> None:
+    """A tripped watchdog refuses every goal until it is switched off."""
+    r = running(rig)
+    servo, axis = r.emulator.servo(1), r.bus._states["r.a1"]
+    servo.memory[reg.BUS_WATCHDOG.address] = reg.WATCHDOG_TRIPPED
+    axis.state, axis.watchdog_units = arming.TorqueState.HOLD_PENDING, 0
+    for _ in range(3):
+        r.tick()
+    assert axis.state is arming.TorqueState.IDLE
+    assert not servo.tripped
+    assert servo.get(reg.GOAL_POSITION) == pytest.approx(servo.position_ticks, abs=2)
