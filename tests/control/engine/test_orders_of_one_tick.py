@@ -255,10 +255,17 @@ def test_a_rest_older_than_the_arming_after_it_is_not_sent_again(monkeypatch: py
 
     journal: list[str] = []
     enable, disable = SimBus.enable, SimBus.disable
+
+    def enabled(bus: SimBus, axes: Sequence[str]) -> None:
+        journal.append("ENABLE")
+        enable(bus, axes)
+
+    def disabled(bus: SimBus, axes: Sequence[str], rest: Rest) -> None:
+        journal.append(rest.name)
+        disable(bus, axes, rest)
+
     monkeypatch.setattr(SimBus, "exchange", lost)
-    monkeypatch.setattr(SimBus, "enable", lambda bus, axes: (journal.append("ENABLE"), enable(bus, axes))[1])
-    monkeypatch.setattr(
-        SimBus, "disable", lambda bus, axes, rest: (journal.append(rest.name), disable(bus, axes, rest))[1]
-    )
+    monkeypatch.setattr(SimBus, "enable", enabled)
+    monkeypatch.setattr(SimBus, "disable", disabled)
     run({AT: [msg.Estop(), msg.Resume()]})
     assert journal == ["ENABLE", "RELAX", "ENABLE", "lost"]

@@ -152,6 +152,14 @@ class BesideModel:
                 self.longest_s = max(self.longest_s, time.monotonic() - began_s)
             self.tick += 1
 
+    def tend(self, while_in: str) -> None:
+        """Look at the process of the model as long as it is in a state."""
+        until_s = time.monotonic() + 10.0
+        assert self.model.state.name == while_in
+        while self.model.state.name == while_in and time.monotonic() < until_s:
+            self.model.tend()
+            time.sleep(0.01)
+
     @property
     def good(self) -> list[str]:
         return [repr((record.tick, record.robots[0])) for record in self.collector.records]
@@ -270,18 +278,12 @@ def test_a_model_that_the_alarm_interrupts_is_built_again(
             patched.setattr(run.model, "_answer", alarmed)
             with pytest.raises(UnansweredError):
                 run.model.ask(False, "forward", (0.05, 0.05))
-        assert run.model.state is model_port.ModelState.BUILDS
-        until_s = time.monotonic() + 10.0
-        while run.model.state is not model_port.ModelState.READY and time.monotonic() < until_s:
-            run.model.tend()
-            time.sleep(0.01)
+        run.tend(while_in="BUILDS")
         assert run.model.ask(False, "forward", (0.05, 0.05)).tip_m
         assert run.model._link.pid != before
         # One that ends while nobody asks is found and built again too.
         os.kill(run.model._link.pid, signal.SIGKILL)
-        while run.model.state is model_port.ModelState.READY and time.monotonic() < until_s:
-            run.model.tend()
-            time.sleep(0.01)
-        assert run.model.state is model_port.ModelState.BUILDS
+        run.tend(while_in="READY")
+        assert run.model.state.name == "BUILDS"
     finally:
         run.model.close()

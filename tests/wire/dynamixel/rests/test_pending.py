@@ -10,9 +10,9 @@ import pytest
 
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import Rest
-from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel import turns
+from contid_drivers.dynamixel.axis import Axis, TorqueState
 from contid_drivers.dynamixel.client import ServoClient
 from contid_emulate.dynamixel import Servo, replies, wire
 from tests.wire.dynamixel.virtual_wire import servo_time
@@ -251,9 +251,9 @@ def test_a_pending_hold_of_a_servo_whose_watchdog_tripped_ends(rig: Make) -> Non
     r = running(rig)
     servo, axis = r.emulator.servo(1), r.bus._states["r.a1"]
     servo.memory[reg.BUS_WATCHDOG.address] = reg.WATCHDOG_TRIPPED
-    axis.state, axis.watchdog_units = arming.TorqueState.HOLD_PENDING, 0
+    axis.state, axis.watchdog_units = TorqueState.HOLD_PENDING, 0
     for _ in range(3):
         r.tick()
-    assert axis.state is arming.TorqueState.IDLE
+    assert axis.state is TorqueState.IDLE
     assert not servo.tripped
     assert servo.get(reg.GOAL_POSITION) == pytest.approx(servo.position_ticks, abs=2)
