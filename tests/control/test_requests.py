@@ -50,7 +50,7 @@ def test_a_stop_needs_neither_lease_nor_right_and_nothing_else_goes_without_them
 def test_orders_with_plain_fields_come_back_from_their_events_by_their_names() -> None:
     special = {msg.Rows, msg.Goto, msg.Measured, msg.Play, msg.Grip, msg.Mark, msg.Start}
     plain = {*get_args(msg.Message)} - special
-    assert len(plain) == 10
+    assert len(plain) == 11
     for kind in plain:
         order = kind(1.5, 1.25) if kind is msg.Go else kind()
         event = order_event(order, 7)

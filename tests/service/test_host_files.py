@@ -37,6 +37,7 @@ def test_a_link_stays_and_its_file_is_written(tmp_path: Path) -> None:
     assert own.read_text() == "after"
 
 
+@pytest.mark.process
 def test_commands_that_failed_are_named_with_what_is_to_be_done(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -281,7 +281,7 @@ def test_a_model_that_the_alarm_interrupts_is_built_again(
         run.tend(while_in="BUILDS")
         assert run.model.ask(False, "forward", (0.05, 0.05)).tip_m
         assert run.model._link.pid != before
-        # One that ends while nobody asks is found and built again too.
+        # One that ends between two questions is found and built again too.
         os.kill(run.model._link.pid, signal.SIGKILL)
         run.tend(while_in="READY")
         assert run.model.state.name == "BUILDS"

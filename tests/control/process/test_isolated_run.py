@@ -34,7 +34,7 @@ KINDS = {
 }
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def started() -> Iterator[tuple[subprocess.Popen[str], Path]]:
     folder = Path(tempfile.mkdtemp(prefix="contid-"))
     text = fingers(1 + len(KINDS), buses=1 + len(KINDS), options="watchdog_ms: 2000")

@@ -23,16 +23,19 @@ def spin() -> None:
 
 def share_waited(do: Callable[[], None]) -> float:
     """Share of a time that a child, which has the least priority, waits for a processor."""
+    begun, begins = os.pipe()
     child = os.fork()
     if not child:
         try:
+            os.write(begins, b".")
             os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
             do()
         finally:
             os._exit(0)
     found = ProcessTime(child)
     try:
-        time.sleep(0.05)
+        os.read(begun, 1)  # beside others that compute, a process may start late
+        time.sleep(0.2)
         waiting = found.waiting()
         began_s = time.monotonic()
         time.sleep(LOOK_S)
@@ -40,6 +43,8 @@ def share_waited(do: Callable[[], None]) -> float:
         return waiting(passed_s) / passed_s
     finally:
         found.close()
+        os.close(begun)
+        os.close(begins)
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
 

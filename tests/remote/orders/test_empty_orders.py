@@ -12,6 +12,8 @@ from contid.remote.client.servo import ServoState
 from contid.remote.protocol.wire import RemoteError
 from tests.support.daemons import Running, armed_daemon
 
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
+
 HERE = {"f0.x_mm": 50.0, "f0.y_mm": 75.0}
 
 
