@@ -3,11 +3,7 @@
 // as long as nanobind's headers for each.
 #pragma once
 
-#include <nanobind/nanobind.h>
-
-namespace contid {
-void bind(nanobind::module_& module);
-}
+#include "python.hpp"
 
 // A domain each, NB_DOMAIN: both register the same C++ types, and a test may load both.
 NB_MODULE(KERNEL_MODULE, module) { contid::bind(module); }

@@ -93,7 +93,7 @@ REST_OF: Final[dict[StopPolicy, Rest]] = {
     StopPolicy.VENT: Rest.VENT,
 }
 #: From the one that leaves most power to the one that leaves least; ``rest`` also moves the robot.
-_BY_STRENGTH: Final = (StopPolicy.REST, StopPolicy.HOLD, StopPolicy.RELAX, StopPolicy.VENT)
+BY_STRENGTH: Final = (StopPolicy.REST, StopPolicy.HOLD, StopPolicy.RELAX, StopPolicy.VENT)
 
 #: Orders that cause events; other events are not a person's to give.
 _ORDERS: Final = {
@@ -110,7 +110,7 @@ _ORDERS: Final = {
 
 def stronger(policy: StopPolicy, other: StopPolicy | None) -> StopPolicy:
     """The one of two stop policies that leaves less power in the devices."""
-    return policy if other is None else max(policy, other, key=_BY_STRENGTH.index)
+    return policy if other is None else max(policy, other, key=BY_STRENGTH.index)
 
 
 def move(mode: Mode, event: Event) -> Mode | None:

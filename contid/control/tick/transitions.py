@@ -17,6 +17,7 @@ from contid.control.tick.faults import WITHOUT_MODEL, Fault
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
 from contid.control.tick.supervisor import (
     ARMED,
+    BY_STRENGTH,
     REST_OF,
     Event,
     Mode,
@@ -34,7 +35,7 @@ RETREAT_SHARE: Final = 0.2
 #: Modes in which a tip closes on an object, and holds it.
 _SQUEEZING: Final = (Mode.APPROACH, Mode.HOLD)
 #: Rests of devices, by how much power they leave.
-_BY_POWER: Final = (Effect.HOLD, Effect.RELAX, Effect.VENT)
+_BY_POWER: Final = tuple(dict.fromkeys(Effect(REST_OF[policy]) for policy in BY_STRENGTH))
 
 
 def moved(config: RobotConfig, state: RobotState, event: Event, now_s: float) -> RobotState:

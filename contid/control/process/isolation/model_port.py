@@ -148,10 +148,10 @@ class ModelPort:
             return unpack_answer(answer)
         ended = self._link.state is not ProcessState.RUNS or self._link.is_ending()
         if ended:
-            self._why = f"the process of its model {self._link.how_ended or 'has ended'}"
+            self._note_end()
         else:
             self._why = f"its model did not answer within {self.longest_s * 1e3:.3g} ms"
-        self._fault = Fault.MODEL_ENDED if ended else Fault.MODEL_TOO_SLOW
+            self._fault = Fault.MODEL_TOO_SLOW
         failure = self._error()  # no alarm interrupts what follows
         if self._in_ticks:
             self._build()
@@ -193,11 +193,14 @@ class ModelPort:
         if self.state is ModelState.READY:
             self._link.answer(0.0)
             if self._link.state is ProcessState.ENDED:
-                self._why = f"the process of its model {self._link.how_ended or 'has ended'}"
-                self._fault = Fault.MODEL_ENDED
+                self._note_end()
                 self._build()
         else:
             self._look()
+
+    def _note_end(self) -> None:
+        self._why = f"the process of its model {self._link.how_ended or 'has ended'}"
+        self._fault = Fault.MODEL_ENDED
 
     def _look(self) -> bool:
         """True when the model that was begun to be built is ready; begins anew when that took too long."""
