@@ -6,7 +6,7 @@ import pytest
 
 from contid.errors import DeviceError
 from contid.hal import Rest
-from contid.testing.rig import BusUnderTest, offset, values
+from contid_driverkit.contract.rig import BusUnderTest, offset, values
 
 
 class WatchdogContract:

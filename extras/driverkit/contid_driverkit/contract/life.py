@@ -1,6 +1,6 @@
 """Life cycle: opening never moves, enabling never jumps, rest states are kept, closing changes no torque.
 
-Lengths of time and distances are those of `contid.testing.rig.Facts`; ``pump(0.0)`` is one exchange.
+Lengths of time and distances are those of `Facts`; ``pump(0.0)`` is one exchange.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import pytest
 
 from contid.errors import DeviceError
 from contid.hal import Bus, DeviceKind, Rest
-from contid.testing.rig import BusUnderTest, offset, values
+from contid_driverkit.contract.rig import BusUnderTest, offset, values
 
 
 class LifeContract:

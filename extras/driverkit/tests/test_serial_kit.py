@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from contid.errors import DeviceLostError
-from contid.kit import LockedPort, PseudoPort, latency_timer, port_checks
+from contid_driverkit import LockedPort, PseudoPort, latency_timer, port_checks
 
 REQUEST = bytes.fromhex("ff ff 01 02 01 fb")
 ANSWER = bytes.fromhex("ff ff 01 02 00 fc")

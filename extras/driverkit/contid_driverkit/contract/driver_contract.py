@@ -7,11 +7,11 @@ from contextlib import AbstractContextManager
 
 import pytest
 
-from contid.testing.exchange import ExchangeContract
-from contid.testing.faults import FaultContract
-from contid.testing.life import LifeContract
-from contid.testing.rig import BusUnderTest
-from contid.testing.watchdog import WatchdogContract
+from contid_driverkit.contract.exchange import ExchangeContract
+from contid_driverkit.contract.faults import FaultContract
+from contid_driverkit.contract.life import LifeContract
+from contid_driverkit.contract.rig import BusUnderTest
+from contid_driverkit.contract.watchdog import WatchdogContract
 
 
 class DriverContract(LifeContract, ExchangeContract, WatchdogContract, FaultContract):
@@ -19,7 +19,7 @@ class DriverContract(LifeContract, ExchangeContract, WatchdogContract, FaultCont
 
     def make(self) -> AbstractContextManager[BusUnderTest]:
         """A rig whose bus was never opened, with two axes or more at rest."""
-        raise NotImplementedError(f"{type(self).__name__} must define make, see contid.testing")
+        raise NotImplementedError(f"{type(self).__name__} must define make, see contid_driverkit.contract")
 
     @pytest.fixture
     def rig(self) -> Iterator[BusUnderTest]:

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from contid.errors import DeviceLostError
 from contid.hal import AxisOnBus, Clock
 from contid.kit.locked_port import LockedPort
-from contid.kit.polled_bus import PolledBus
 from contid.kit.serial_ports import UsbIdentity, find_port, identity_of
+from contid_driverkit.polled_bus import PolledBus
 
 
 class SerialBus(PolledBus):

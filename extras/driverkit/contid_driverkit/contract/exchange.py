@@ -8,11 +8,11 @@ import pytest
 
 from contid.errors import DeviceError
 from contid.hal import Rest
-from contid.testing.rig import BusUnderTest, offset, values
+from contid_driverkit.contract.rig import BusUnderTest, offset, values
 
 
 class ExchangeContract:
-    """What `contid.hal.Bus.exchange` must do; a rig has two axes or more (`contid.testing.rig`)."""
+    """What `contid.hal.Bus.exchange` must do; a rig (`BusUnderTest`) has two axes or more."""
 
     def test_commands_arrive(self, enabled: BusUnderTest) -> None:
         goals = offset(enabled, enabled.bus.axes, enabled.facts.near)

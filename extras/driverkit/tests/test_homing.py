@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from contid.control.engine.cycle import VirtualClock
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Reference
-from contid.kit import EffortStop, PolledBus, Reading, home_by_effort
+from contid_driverkit import EffortStop, PolledBus, Reading, home_by_effort
 
 DEG = math.pi / 180.0
 HOMINGS = int(os.environ.get("CONTID_HOMINGS", "40"))

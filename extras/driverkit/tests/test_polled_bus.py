@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from contid.control.engine.cycle import VirtualClock
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus, Rest
-from contid.kit import PolledBus, Reading, examine_bus, polled_bus
+from contid_driverkit import PolledBus, Reading, examine_bus, polled_bus
 
 
 @dataclass

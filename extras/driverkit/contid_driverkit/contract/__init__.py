@@ -15,8 +15,8 @@ import pytest
 
 pytest.register_assert_rewrite(*(f"{__name__}.{name}" for name in ("exchange", "faults", "life", "watchdog")))
 
-from contid.testing.contract import DriverContract  # noqa: E402
-from contid.testing.rig import TICK_S, BusUnderTest, Facts, RealTimeRig, offset, values  # noqa: E402
+from contid_driverkit.contract.driver_contract import DriverContract  # noqa: E402
+from contid_driverkit.contract.rig import TICK_S, BusUnderTest, Facts, RealTimeRig, offset, values  # noqa: E402
 
 __all__ = [
     "TICK_S",
