@@ -41,7 +41,6 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
         "backbone points from actuation rows, or from measured poses of the tip",
     ),
     "session": ("contid.cli.commands.session", "a recording: summary, check, export, repair"),
-    "home": ("contid.cli.commands.home", "find the zero of axes and write it into the robot file"),
 }
 
 #: Headings of ``contid --help``; commands of extras stand here where they serve the same purpose.

@@ -47,12 +47,12 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
     The results are written into `bringup:` of ROBOT_FILE, and into a page to print. Exit code 4 when
     something is wrong, 0 only when every axis named or examined is proven.
     """
-    from contid.cli.support.moving_commands import interruptible, require_axes, require_writable
     from contid.control.engine.wiring import wired_buses
     from contid.errors import ContidError
-    from contid.remote.server.stop_server import StopServer
     from contid.robot_file.load import find_robot_file, load_robot_file
     from contid_bringup.record import write_page, write_section
+    from contid_devices.homing.moving_commands import interruptible, require_axes, require_writable
+    from contid_devices.homing.stop_server import StopServer
 
     path = find_robot_file(robot_file)
     loaded = load_robot_file(path)

@@ -19,7 +19,8 @@ from contid.hal import AxisOnBus
 from contid.hal.pulses import DriveFacts, EncoderAnswer, ProvenDevice, PulseAnswer, TimedCount
 from contid.kit.remembered import memory_of
 from contid.kit.serial_ports import find_port
-from contid_drivers.dynamixel import arming, search, turns
+from contid_devices.dynamixel import search
+from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.checks import identity, left_over

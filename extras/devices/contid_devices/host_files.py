@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import contid
 from contid.control.process.realtime import PRIORITY
 from contid.errors import ContidError
 
@@ -97,7 +98,7 @@ def _failure(command: tuple[str, ...]) -> str:
 
 def shipped_text(name: str) -> str:
     """The text of a shipped file, by its name."""
-    package = Path(__file__).resolve().parents[2]
+    package = Path(contid.__file__).resolve().parent
     for folder in (package / "host", package.parent / "host"):
         if (folder / name).is_file():
             return (folder / name).read_text(encoding="utf-8")

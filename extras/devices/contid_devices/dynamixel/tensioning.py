@@ -16,8 +16,9 @@ from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import Homed, Report
+from contid_devices.dynamixel import search
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel import search, turns
+from contid_drivers.dynamixel import turns
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.options import DynamixelBusOptions, Tensioning

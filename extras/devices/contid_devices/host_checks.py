@@ -9,7 +9,10 @@ import shutil
 from pathlib import Path
 from typing import Final
 
-from contid.control.process.host_files import (
+from contid.control.process.realtime import PRIORITY
+from contid.control.process.shared_files import folder
+from contid.hal import Finding
+from contid_devices.host_files import (
     RULES,
     RULES_FOLDERS,
     UNIT,
@@ -17,9 +20,6 @@ from contid.control.process.host_files import (
     installed,
     shipped_text,
 )
-from contid.control.process.realtime import PRIORITY
-from contid.control.process.shared_files import folder
-from contid.hal import Finding
 
 FIX: Final = "sudo $(command -v contid) doctor ROBOT.yaml --fix"
 #: A ring takes a few MB; below this the next one may not fit.

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from contid.cli.support.moving_commands import interruptible, require_axes, require_writable
 from contid.cli.support.parameters import NUMBER, robot_names
 from contid.errors import ContidError
 from contid.hal import AxisOnBus, Homed, Homes, Parks, Reference
@@ -20,6 +19,7 @@ from contid.hal.homing import REPEAT_TENDON_M
 from contid.robot_file.base import AxisDescription
 from contid.robot_file.load import LoadedFile, load_robot_file
 from contid.units import DEG, MM_PER_M, mm_to_m
+from contid_devices.homing.moving_commands import interruptible, require_axes, require_writable
 
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus
@@ -53,8 +53,8 @@ def command(
     --at-mm 30`. It is to be turned away by hand and back, which shows that its encoder counts.
     """
     from contid.control.engine.wiring import wired_buses
-    from contid.remote.server.stop_server import StopServer
     from contid.robot_file.load import find_robot_file
+    from contid_devices.homing.stop_server import StopServer
 
     path = find_robot_file(robot_file)
     loaded = load_robot_file(path)
@@ -86,7 +86,7 @@ def command(
 
 def _here(loaded: LoadedFile, buses: Sequence[WiredBus], name: str, at_mm: float, force: bool) -> Homed:
     """The reference of an axis that a person has brought there."""
-    from contid.cli.support import zero_here
+    from contid_devices.homing import zero_here
 
     bus = next(each for each in buses if any(axis.name == name for axis in each.axes))
     options = next(axis.options for axis in bus.axes if axis.name == name)
@@ -123,7 +123,7 @@ def _keep(loaded: LoadedFile, path: Path, found: Homed, dry_run: bool) -> None:
 def _park(robot_file: Path, buses: Sequence[WiredBus], axes: Sequence[str]) -> None:
     parked = 0
     for bus in buses:
-        parks = bus.driver if isinstance(bus.driver, Parks) else None
+        parks = bus.tool(Parks)  # type: ignore[type-abstract]  # a runtime protocol
         only = [
             axis.name
             for axis in bus.axes

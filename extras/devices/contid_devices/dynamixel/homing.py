@@ -19,15 +19,16 @@ from contid.hal import AxisOnBus, Homed, Report
 from contid.hal.homing import BACKOFF_MIN_DEG
 from contid.kit.remembered import memory_of
 from contid.kit.serial_ports import find_port
+from contid_devices.dynamixel import search
+from contid_devices.dynamixel.tensioning import tension
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel import search, turns
+from contid_drivers.dynamixel import turns
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.link import handshake
 from contid_drivers.dynamixel.options import DynamixelBusOptions, HardStop, SingleTurn, Tensioning
 from contid_drivers.dynamixel.port import ServoPort
-from contid_drivers.dynamixel.tensioning import tension
 
 POLL_S: Final = 0.01
 #: Standing still for this time, with this share of the current.

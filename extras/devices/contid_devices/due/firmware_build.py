@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from contid.errors import DeviceError
+from contid_drivers import due
 
 #: Standard of the sketch: the Arduino SAM core uses gcc 4.8.
 SKETCH_STANDARD: Final = "-std=gnu++11"
@@ -29,7 +30,8 @@ def firmware_dir() -> Path:
         DeviceError: it has no sources.
     """
     given = os.environ.get("CONTID_FIRMWARE")
-    installed, checkout = Path(__file__).parent / "_firmware", Path(__file__).parents[3] / "firmware"
+    driver = Path(due.__file__).parent
+    installed, checkout = driver / "_firmware", driver.parents[2] / "firmware"
     # Where the variable names a folder, other sources must not be built, or flashed, instead.
     candidates = [Path(given)] if given else [installed, checkout]
     for folder in candidates:

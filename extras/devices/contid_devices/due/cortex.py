@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from contid_drivers.due.firmware import SKETCH_STANDARD, build_once, core_sources, firmware_dir
+from contid_devices.due.firmware_build import SKETCH_STANDARD, build_once, core_sources, firmware_dir
 
 #: Size of the Arduino core, measured for a small sketch (reference: hardware facts, section 1).
 ARDUINO_FLASH: Final = 21 * 1024
