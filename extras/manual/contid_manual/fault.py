@@ -7,7 +7,7 @@ from typing import Final
 
 import click
 
-from contid.control.tick.faults import PAGES, Fault, markdown
+from contid.control.tick.faults import PAGES, Fault
 from contid.control.tick.supervisor import MOVES, Event, Mode
 
 _MADE: Final = "<!-- Made by `contid fault --write docs`; a test compares it with the code. -->"
@@ -55,6 +55,26 @@ def fault_page(fault: Fault) -> str:
     )
 
 
+def faults_page() -> str:
+    """The table as the page docs/faults.md."""
+    lines = [
+        "# Faults",
+        "",
+        "A fault stops one robot (and the other arm of its chain) and stays until `contid clear-fault`;",
+        "a run with one ends with exit code 3.",
+        "Numbers never change their meaning: 1xx devices, 2xx arithmetic, 3xx other robots and obstacles.",
+        "112 to 114 come from [the watch of the body](devices/watching.md), which slows a path before 112.",
+        "",
+        "| number | name | cause | what the robot did | what to do |",
+        "|---|---|---|---|---|",
+    ]
+    for fault, page in PAGES.items():
+        name = fault.name.lower().replace("_", "-")
+        link = f"[{int(fault)}](faults/{int(fault)}.md)"
+        lines.append(f"| {link} | {name} | {page.cause} | {page.reaction} | {page.remedy} |")
+    return "\n".join(lines) + "\n"
+
+
 def states_page() -> str:
     """The states and every move between them."""
     lines = ["# States of a robot", _MADE, "", "```mermaid", "stateDiagram-v2", "    [*] --> OFF"]
@@ -92,7 +112,7 @@ def states_page() -> str:
 def pages() -> dict[str, str]:
     """Every page by its path below ``docs``."""
     faults = {f"faults/{int(fault)}.md": fault_page(fault) for fault in PAGES}
-    return {**faults, "faults.md": markdown(), "states.md": states_page()}
+    return {**faults, "faults.md": faults_page(), "states.md": states_page()}
 
 
 def write_pages(folder: Path) -> list[Path]:
@@ -125,7 +145,7 @@ def command(number: int | None, write: str | None) -> None:
         return
     by_number = {int(fault): fault for fault in PAGES}
     if number is None:
-        click.echo(markdown(), nl=False)
+        click.echo(faults_page(), nl=False)
     elif number in by_number:
         click.echo(fault_page(by_number[number]), nl=False)
     else:

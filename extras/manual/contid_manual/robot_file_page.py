@@ -10,7 +10,7 @@ from typing import Final
 
 from contid.hal import BUILT_IN
 from contid.robot_file.base import AxisDescription
-from contid.robot_file.schema import Schema, robot_file_schema
+from contid_manual.schema import Schema, robot_file_schema
 
 _EXAMPLE: Final = """\
 contid: 1

@@ -11,14 +11,14 @@ import pytest
 from click.testing import CliRunner
 from jsonschema import Draft202012Validator
 
-from contid.cli.commands.check import schema as schema_command
 from contid.hal import BUILT_IN
 from contid.robot_file.load import parse_robot_file
 from contid.robot_file.loader import robot_classes
 from contid.robot_file.positions import read_document
-from contid.robot_file.schema import robot_file_schema
+from contid_manual.schema import robot_file_schema
+from contid_manual.schema_command import command as schema_command
 
-CONFIGS = Path(__file__).parent.parent.parent / "configs"
+CONFIGS = Path(__file__).parents[3] / "configs"
 
 
 def references(schema: Any) -> Iterator[str]:

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from contid.cli.commands.fault import MEANING, command, pages, states_page
 from contid.control.tick.faults import PAGES
 from contid.control.tick.supervisor import MOVES, Mode
+from contid_manual.fault import MEANING, command, pages, states_page
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[3] / "docs"
 
 
 @pytest.mark.parametrize("name", list(pages()))
