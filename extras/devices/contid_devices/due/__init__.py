@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
 from contid.hal import AxisOnBus, Finding, FoundDevice, Homed, Report
-from contid.hal.pulses import DriveFacts, PulsedBus
+from contid_devices.pulsed_motors import DriveFacts, PulsedBus
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class BoardTools:
     def pulsed_bus(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]
     ) -> AbstractContextManager[PulsedBus]:
-        """Open the bus for pulses; on exit every motor is without power (`contid.hal.pulses.Pulses`)."""
+        """Open the bus for pulses; on exit every motor is without power (see `Pulses`)."""
         from contid_devices.due.pulses import pulsed_bus
 
         assert isinstance(options, DueBusOptions)

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
 from contid.hal import AxisOnBus, Finding, FoundDevice, Homed, RegisterValue, Report
-from contid.hal.pulses import DriveFacts, PulsedBus
+from contid_devices.pulsed_motors import DriveFacts, PulsedBus
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class DynamixelTools:
     def pulsed_bus(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]
     ) -> AbstractContextManager[PulsedBus]:
-        """Open the bus for pulses; on exit every servo is without torque (`contid.hal.pulses.Pulses`)."""
+        """Open the bus for pulses; on exit every servo is without torque (see `Pulses`)."""
         from contid_devices.dynamixel.pulses import pulsed_bus
 
         assert isinstance(options, DynamixelBusOptions)
