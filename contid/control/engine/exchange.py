@@ -42,7 +42,7 @@ MIN_SHARE: Final = 0.25
 _WITHOUT_POWER: Final = (Effect.RELAX, Effect.VENT)
 
 
-class _Request(NamedTuple):
+class DeviceRequest(NamedTuple):
     """What is asked of the devices of a robot on one bus; the robot by its index."""
 
     robot: int
@@ -87,10 +87,10 @@ class Exchange:
             for config in robots.configs
         ]
         #: By bus, the requests of its next job, and those of its newest one.
-        self._queued: dict[str, list[_Request]] = {name: [] for name in ports}
-        self._sent: dict[str, tuple[_Request, ...]] = dict.fromkeys(ports, ())
+        self._queued: dict[str, list[DeviceRequest]] = {name: [] for name in ports}
+        self._sent: dict[str, tuple[DeviceRequest, ...]] = dict.fromkeys(ports, ())
         #: By bus, what was sent again after a loss and not answered yet: it may be what ends the bus.
-        self._resent: dict[str, set[_Request]] = {name: set() for name in ports}
+        self._resent: dict[str, set[DeviceRequest]] = {name: set() for name in ports}
         #: By robot, the buses that have not carried out its newest request yet.
         self._outstanding: list[set[str]] = [set() for _ in robots.configs]
         self._device_faults: dict[str, str] = {}
@@ -145,7 +145,7 @@ class Exchange:
         To hold is not asked then: devices whose watchdog let them vent meanwhile would close their valves.
         """
         for bus, axes in self._axes_on[index].items():
-            request = _Request(index, effect, axes)
+            request = DeviceRequest(index, effect, axes)
             if not self._ports[bus].lost:
                 self._outstanding[index].add(bus)
             elif effect not in _WITHOUT_POWER or request in self._queued[bus]:
@@ -325,9 +325,9 @@ class Exchange:
                 self.samples[axis] = replace(self.samples[axis], valid=False)
 
 
-def _unless_armed_since(asked: Sequence[_Request]) -> list[_Request]:
+def _unless_armed_since(asked: Sequence[DeviceRequest]) -> list[DeviceRequest]:
     """The requests that take power away, but for those of robots that were armed after them."""
-    kept: list[_Request] = []
+    kept: list[DeviceRequest] = []
     for request in asked:
         if request.effect is Effect.ENABLE:
             kept = [each for each in kept if each.robot != request.robot]

@@ -164,10 +164,10 @@ def settle(client: ServoClient, axis: Axis) -> None:
 
 
 def _take_stored(client: ServoClient, axis: Axis, was_displaced: bool) -> bool:
-    """Take the turns that the servo keeps; whether it keeps any that are believed.
+    """Take the turns that the servo keeps; whether it keeps any that are valid.
 
     Where its position was displaced while contid ran, either the last position or the turns stored by it are
-    of another scale: they are believed if both agree, and forgotten otherwise.
+    of another scale: they are taken if both agree, and forgotten otherwise.
     """
     stored = kept(client, axis)
     if stored is None:

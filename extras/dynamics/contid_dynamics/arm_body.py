@@ -6,7 +6,7 @@ from typing import Final
 
 from contid.robot_file.cosserat import Cosserat
 from contid.units import BAR, MM_PER_M, STANDARD_GRAVITY
-from contid_drivers.sim.arm.statics import Numbers, PlantEquilibrium, arm_solver
+from contid_dynamics.arm_statics import Numbers, PlantEquilibrium, arm_solver
 
 #: A new equilibrium that is not found in one step is approached in this many.
 _PARTS: Final = 16

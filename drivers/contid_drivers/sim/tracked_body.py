@@ -1,21 +1,41 @@
-"""A simulated body and the tracker that measures its tip."""
+"""Simulated bodies, which extras offer, and the tracker that measures the tip of one.
+
+The entry points of the group `contid.bodies` build a body from the description of a robot with `sim`: ``arm``
+(a pneumatic arm at rest), ``finger`` (shafts with friction, on an object), ``rod`` (bodies in motion).
+"""
 
 from __future__ import annotations
 
 import random
 from collections import deque
-from typing import Final, Protocol
+from collections.abc import Sequence
+from typing import Any, Final, Protocol
 
 from contid import entry_points
 from contid.errors import ContidError
 from contid.hal import TipMeasured
 from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.units import MM_PER_M
-from contid_drivers.sim.arm.body import SimulatedBody
 
-#: Group of entry points of bodies in motion: from a robot description to a `SimulatedMotion`.
+#: Group of entry points of bodies.
 BODIES: Final = "contid.bodies"
+
+
+class LoadedShafts(Protocol):
+    """A body whose shafts yield to what pushes on it.
+
+    Attributes:
+        axes: names of its axes on the bus.
+        noise_a: standard deviation of a measured current [A].
+    """
+
+    axes: list[str]
+    noise_a: float
+
+    def settle(self, free_rad: list[float], t_s: float) -> Sequence[tuple[float, float]]:
+        """Angle [rad] and current [A] of every shaft, from the angles of the servos without a load."""
 
 
 class SimulatedMotion(Protocol):
@@ -73,12 +93,26 @@ class TrackedBody:
         return out
 
 
+def loaded_shafts(robot: str, description: RackFinger) -> LoadedShafts:
+    """The body of a simulated finger.
+
+    Raises:
+        ContidError: no installed package has one.
+    """
+    body: LoadedShafts = _load(robot, "finger")(robot, description)
+    return body
+
+
 def _body(robot: str, description: Cosserat | TendonRobot) -> SimulatedMotion:
     assert description.sim is not None
-    if isinstance(description, Cosserat) and not description.sim.dynamics:
-        return SimulatedBody(description)
-    moving = entry_points.load_one(BODIES, "rod")
-    if moving is None:
-        raise ContidError(f"{robot}: sim.dynamics needs the package contid_dynamics, which is not installed")
-    body: SimulatedMotion = moving(description)
+    is_at_rest = isinstance(description, Cosserat) and not description.sim.dynamics
+    body: SimulatedMotion = _load(robot, "arm" if is_at_rest else "rod")(description)
     return body
+
+
+def _load(robot: str, kind: str) -> Any:
+    found = entry_points.load_one(BODIES, kind)
+    if found is None:
+        package = "contid_dynamics, which is not installed; `pip install contid` installs it"
+        raise ContidError(f"{robot}: its key `sim` (body {kind!r}) needs the package {package}")
+    return found

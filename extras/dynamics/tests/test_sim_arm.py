@@ -14,8 +14,8 @@ from contid.hal import MeasuresTips
 from contid.kernels import load
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.load import load_named, parse_robot_file, with_mock
-from contid_drivers.sim.arm.body import SimulatedBody
-from contid_drivers.sim.arm.statics import STEPS, arm_solver, section_constants
+from contid_dynamics.arm_body import SimulatedBody
+from contid_dynamics.arm_statics import STEPS, arm_solver, section_constants
 from studies.shi import forward
 from tests.oracles.rod_shooting import shoot
 
