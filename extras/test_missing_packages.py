@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from contid.errors import EXTRAS
+from contid.robot_file.load import load_named
 
 pytestmark = pytest.mark.process
 
@@ -101,6 +102,22 @@ def test_the_core_alone_runs_records_and_stops(core: Path) -> None:
     refused = shell("contid estop", core)
     assert refused.returncode == 2
     assert "daemon" in refused.stderr
+
+
+def test_a_simulated_body_without_its_package_is_refused(core: Path) -> None:
+    text = load_named("stiffflop2").text
+    simulated = text.replace("    stop: {on_end", "    sim: {payload_g: 10}\n    stop: {on_end", 1)
+    assert simulated != text
+    (core / "arm.yaml").write_text(simulated)
+    names = ",".join(f"s{section}.p{number}_bar" for section in (1, 2) for number in (1, 2, 3))
+    rows = "".join(f"{time_s},0.1,0.1,0.1,0.1,0.1,0.1\n" for time_s in (0.0, 0.2))
+    (core / "rows.csv").write_text(f"t_s,{names}\n{rows}")
+    done = shell("contid run arm.yaml --virtual --trajectory rows.csv", core)
+    assert done.returncode == 2
+    assert done.stderr.strip() == (
+        "contid: arm: its key `sim` (body 'arm') needs the package contid_dynamics, which is not installed; "
+        "`pip install contid` installs it"
+    )
 
 
 @pytest.mark.parametrize("name", ["home", "fault", "schema", "shape", "replay", "doctor", "new"])

@@ -1,15 +1,27 @@
-"""``contid session info|repair``: what a recording has, and how it becomes whole."""
+"""``contid session info|repair``: what a recording has, and how it becomes whole; extras add to the group."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import Final
 
 import click
 
 from contid.cli.support.parameters import SESSION, NewFile
 from contid.cli.support.streams import counting
+from contid.cli.support.table import TableGroup
+
+#: Command -> (module:attribute, one line for ``contid session --help``).
+SESSIONS: Final[dict[str, tuple[str, str]]] = {
+    "info": ("contid.cli.commands.session:info", "duration, ticks, robots, faults, events, versions"),
+    "repair": ("contid.cli.commands.session:repair", "a truncated recording"),
+}
+
+command = TableGroup(
+    SESSIONS, "Sessions", "session", help="Summarise, check, export or repair a recorded session."
+)
 
 
 @click.command()
