@@ -15,7 +15,7 @@ contid imports no extra: the metadata of a distribution names what it adds, and 
 | ``contid.tools`` | by the name of a driver, an object with interfaces of `contid.hal.optional` for it |
 | ``contid.addresses`` | a function from a text ``NAME:...`` to a `contid.remote.client.wires.Address` |
 
-Drivers (``contid.drivers``), bodies in motion of simulated robots (``contid.bodies``), models
+Drivers (``contid.drivers``), bodies of simulated robots (``contid.bodies``), models
 (``contid.models``) and stages of the tick (``contid.stages``) are found in the same way, by
 `contid.hal.driver`, `contid.robot_file.model_plugins`, `contid.control.engine.stages`.
 """

@@ -11,23 +11,23 @@ from pathlib import Path
 import pytest
 
 from contid.errors import EXTRAS
+from contid.robot_file.load import load_named
 
 pytestmark = pytest.mark.process
 
 ROOT = Path(__file__).parent.parent
 # Processes that a command starts hide them as well: they import this module too.
-HIDE = f"""
+HIDE = """
 import sys
-from importlib.machinery import PathFinder
 
-class Finder(PathFinder):
+class Hidden:
     @classmethod
     def find_spec(cls, name, path=None, target=None):
-        if name.partition(".")[0] in {set(EXTRAS)!r}:
-            return None
-        return super().find_spec(name, path, target)
+        if name.partition(".")[0] in PACKAGES:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        return None
 
-sys.meta_path[:] = [Finder if each is PathFinder else each for each in sys.meta_path]
+sys.meta_path.insert(0, Hidden)
 """
 CIRCLE = "contid path circle --center 50,70 --radius 20 --for hand"
 
@@ -35,7 +35,17 @@ CIRCLE = "contid path circle --center 50,70 --radius 20 --for hand"
 @pytest.fixture
 def hidden(tmp_path: Path) -> Path:
     (tmp_path / "hide").mkdir()
-    (tmp_path / "hide" / "sitecustomize.py").write_text(HIDE)
+    (tmp_path / "hide" / "sitecustomize.py").write_text(HIDE.replace("PACKAGES", repr(set(EXTRAS))))
+    return tmp_path
+
+
+@pytest.fixture
+def core(tmp_path: Path) -> Path:
+    """The folder of a run of the core alone: no package of `extras` is there."""
+    packages = {path.name for path in ROOT.glob("extras/*/contid_*")}
+    assert len(packages) > 15
+    (tmp_path / "hide").mkdir()
+    (tmp_path / "hide" / "sitecustomize.py").write_text(HIDE.replace("PACKAGES", repr(packages)))
     return tmp_path
 
 
@@ -77,6 +87,44 @@ def test_the_packages_are_hidden(hidden: Path) -> None:
 def test_the_base_install_runs_robots(line: str, hidden: Path) -> None:
     done = shell(line, hidden)
     assert done.returncode == 0, done.stderr
+
+
+def test_the_core_alone_runs_records_and_stops(core: Path) -> None:
+    (core / "rows.csv").write_text("t_s,x_mm,y_mm\n0,50,75\n0.2,51,75\n")
+    done = shell(
+        "contid check finger && contid check finger rows.csv && contid ik finger rows.csv"
+        " && contid run finger --virtual --trajectory rows.csv --record s.mcap && contid session info s.mcap"
+        " && contid --help",
+        core,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "home" not in done.stdout.split("Usage")[1]
+    refused = shell("contid estop", core)
+    assert refused.returncode == 2
+    assert "daemon" in refused.stderr
+
+
+def test_a_simulated_body_without_its_package_is_refused(core: Path) -> None:
+    text = load_named("stiffflop2").text
+    simulated = text.replace("    stop: {on_end", "    sim: {payload_g: 10}\n    stop: {on_end", 1)
+    assert simulated != text
+    (core / "arm.yaml").write_text(simulated)
+    names = ",".join(f"s{section}.p{number}_bar" for section in (1, 2) for number in (1, 2, 3))
+    rows = "".join(f"{time_s},0.1,0.1,0.1,0.1,0.1,0.1\n" for time_s in (0.0, 0.2))
+    (core / "rows.csv").write_text(f"t_s,{names}\n{rows}")
+    done = shell("contid run arm.yaml --virtual --trajectory rows.csv", core)
+    assert done.returncode == 2
+    assert done.stderr.strip() == (
+        "contid: arm: its key `sim` (body 'arm') needs the package contid_dynamics, which is not installed; "
+        "`pip install contid` installs it"
+    )
+
+
+@pytest.mark.parametrize("name", ["home", "fault", "schema", "shape", "replay", "doctor", "new"])
+def test_a_command_whose_package_is_missing_is_refused_with_the_remedy(name: str, core: Path) -> None:
+    done = shell(f"contid {name} finger", core)
+    assert done.returncode == 2
+    assert f"contid {name}` is not installed; `pip install contid` installs it" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -31,17 +31,10 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "estop": (f"{_ORDERS}:estop", "relax or vent robots now"),
     "recover": (f"{_ORDERS}:recover", "move robots outside their limits inside, slowly"),
     "clear-fault": (f"{_ORDERS}:clear_fault", "re-check all devices and leave FAULT; never moves"),
-    "fault": ("contid.cli.commands.fault", "cause and remedy of a fault"),
     "check": ("contid.cli.commands.check", "validate a robot file, or a trajectory for it; moves nothing"),
-    "schema": ("contid.cli.commands.check:schema", "print the JSON Schema of the robot file"),
     "fk": (f"{_KINEMATICS}:fk", "actuation rows to tip positions"),
     "ik": (f"{_KINEMATICS}:ik", "target rows to actuation"),
-    "shape": (
-        "contid.cli.commands.shape",
-        "backbone points from actuation rows, or from measured poses of the tip",
-    ),
     "session": ("contid.cli.commands.session", "a recording: summary, check, export, repair"),
-    "home": ("contid.cli.commands.home", "find the zero of axes and write it into the robot file"),
 }
 
 #: Headings of ``contid --help``; commands of extras stand here where they serve the same purpose.

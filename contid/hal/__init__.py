@@ -14,7 +14,7 @@ Life of a bus::
     bus.disable(axes, Rest.RELAX)                # the device's own state of rest
     bus.close()                                  # idempotent; never touches torque
 
-Rules (`contid.testing` checks every bus against them):
+Rules (`contid_driverkit.contract` checks every bus against them):
 
 * no command is sent to an axis that is not enabled: such commands are dropped and the others are sent;
   the sample of an axis whose device disarmed itself holds the reason;

@@ -1,4 +1,4 @@
-"""Emulated Feetech servos as a bus under test of `contid.testing`, in real time."""
+"""Emulated Feetech servos as a bus under test of `contid_driverkit.contract`, in real time."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 from contid.hal import AxisOnBus, DeviceKind
-from contid.kit import MonotonicClock
-from contid.testing import Facts, RealTimeRig
+from contid_driverkit import MonotonicClock
+from contid_driverkit.contract import Facts, RealTimeRig
 from contid_feetech import FeetechAxisOptions, FeetechOptions
 from contid_feetech.bus import STEPS_PER_RAD, FeetechBus
 from contid_feetech.emulator import FeetechEmulator, Servo
@@ -23,7 +23,7 @@ def bus_at(port: Path, series: str, axes: Sequence[AxisOnBus], **keys: object) -
 
 
 class FeetechRig(RealTimeRig):
-    """A `contid.testing.BusUnderTest` of emulated servos."""
+    """A `contid_driverkit.contract.BusUnderTest` of emulated servos."""
 
     bus: FeetechBus
 

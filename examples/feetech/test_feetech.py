@@ -13,7 +13,7 @@ import pytest
 
 from contid.errors import DeviceError, DeviceNotFoundError
 from contid.hal import AxisOnBus
-from contid.testing import DriverContract
+from contid_driverkit.contract import DriverContract
 from contid_feetech import DRIVER, FeetechAxisOptions, FeetechOptions
 from contid_feetech.emulator import FeetechEmulator, Servo
 from feetech_rig import IDS, FeetechRig, bus_at, feetech

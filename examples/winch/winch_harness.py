@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from contid.hal import AxisOnBus, DeviceKind, Rest
-from contid.kit import MonotonicClock
-from contid.testing import Facts, RealTimeRig
+from contid_driverkit import MonotonicClock
+from contid_driverkit.contract import Facts, RealTimeRig
 from contid_winch import AxisOptions, BusOptions
 from contid_winch.bus import WinchBus
 from contid_winch.emulator import Box, Drum
@@ -21,7 +21,7 @@ DRUMS = {"left.a": 1, "left.b": 4, "right.a": 5}
 
 
 class WinchRig(RealTimeRig):
-    """A `contid.testing.BusUnderTest` of one emulated box."""
+    """A `contid_driverkit.contract.BusUnderTest` of one emulated box."""
 
     def __init__(self, box: Box) -> None:
         self.facts = Facts(

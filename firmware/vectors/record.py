@@ -12,9 +12,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from contid.hal import AxisOnBus
+from contid_devices.due.firmware_build import build_host
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import PROTOCOL_VERSION, RestCode, Type
-from contid_drivers.due.firmware import build_host
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions
 
 HERE = Path(__file__).parent

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from contid.cli.support.moving_commands import interruptible
+from contid_devices.homing.moving_commands import interruptible
 from tests.support.rights import real_time_permitted
 
 

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 
 import pytest
 
-from contid.cli.support.zero_here import here, require_place
 from contid.errors import ContidError, DeviceError
 from contid.hal import DeviceKind, Sample
 from contid.hal.homing import UNKNOWN, Reference
+from contid_devices.homing.zero_here import here, require_place
 from contid_devices.live_axes import table
 
 AXIS = "finger.left"

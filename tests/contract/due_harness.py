@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from contid.hal import AxisOnBus, DeviceKind, Rest
-from contid.kit import MonotonicClock
-from contid.testing import Facts, RealTimeRig
+from contid.kit.clock import MonotonicClock
+from contid_driverkit.contract import Facts, RealTimeRig
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from contid_emulate.due import DueEmulator
@@ -32,7 +32,7 @@ REGULATOR = {
 
 
 class DueRig(RealTimeRig):
-    """A `contid.testing.BusUnderTest` of one emulated board."""
+    """A `contid_driverkit.contract.BusUnderTest` of one emulated board."""
 
     def __init__(self, port: Path, facts: Facts, letter: str, axis_keys: Mapping[str, Any]) -> None:
         self.facts = facts

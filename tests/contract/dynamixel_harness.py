@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from contid.hal import AxisOnBus, DeviceKind, Rest
-from contid.kit import MonotonicClock
-from contid.testing import Facts, RealTimeRig
+from contid.kit.clock import MonotonicClock
+from contid_driverkit.contract import Facts, RealTimeRig
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
@@ -21,7 +21,7 @@ OVERLOAD = 0x20
 
 
 class DynamixelRig(RealTimeRig):
-    """A `contid.testing.BusUnderTest` of emulated servos."""
+    """A `contid_driverkit.contract.BusUnderTest` of emulated servos."""
 
     def __init__(self, port: Path) -> None:
         self.facts = Facts(DeviceKind.SERVO, STEP, 3 * STEP, 0.5, 30.0, 0.3, 0.2, 0.0, Rest.HOLD)

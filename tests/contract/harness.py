@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager
 from importlib import import_module
 from typing import Final
 
-from contid.testing import BusUnderTest
+from contid_driverkit.contract import BusUnderTest
 
 #: Name in the test's id -> "module:function"; the function is a context manager without arguments.
 HARNESSES: Final[dict[str, str]] = {

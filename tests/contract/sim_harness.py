@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 from contid.control.engine.cycle import VirtualClock
 from contid.hal import AxisOnBus, DeviceKind, Rest, Sample, load_driver
-from contid.testing import TICK_S, Facts
+from contid_driverkit.contract import TICK_S, Facts
 from contid_drivers.sim.bus import SimBus
 from contid_drivers.sim.options import FaultKind, SimAxisOptions, SimBusOptions
 from tests.support.sim_faults import advance, heal, inject
@@ -17,7 +17,7 @@ AXES = ("left.a", "left.b", "right.a")
 
 
 class SimRig:
-    """A `contid.testing.BusUnderTest` of simulated devices."""
+    """A `contid_driverkit.contract.BusUnderTest` of simulated devices."""
 
     def __init__(self, options: SimAxisOptions, facts: Facts) -> None:
         self.facts = facts

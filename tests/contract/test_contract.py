@@ -1,4 +1,4 @@
-"""The drivers of contid and of the examples under `contid.testing`."""
+"""The drivers of contid and of the examples under `contid_driverkit.contract`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from contid.testing import BusUnderTest, DriverContract
+from contid_driverkit.contract import BusUnderTest, DriverContract
 from tests.contract.harness import HARNESSES, harness
 
 # Simulated buses run in virtual time; all others are behind a wire, against real deadlines.

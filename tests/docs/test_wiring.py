@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from contid_drivers.due.firmware import firmware_dir
+from contid_devices.due.firmware_build import firmware_dir
 from docs.drawings.svg import IMAGES
 from docs.drawings.wiring import DRAWINGS
 

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from contid.hal import AxisOnBus
+from contid_devices.due.firmware_build import WARNINGS, build_host
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import Type
-from contid_drivers.due.firmware import WARNINGS, build_host
 from contid_drivers.due.messages import Answer, Refused, Telemetry
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from contid_drivers.due.wiring import DUE_ADC, Adc

@@ -7,7 +7,7 @@ import struct
 import unicorn
 from unicorn import arm_const
 
-from contid_drivers.due.cortex import FLASH_BYTES, RAM_BYTES, RAM_START
+from contid_devices.due.cortex import FLASH_BYTES, RAM_BYTES, RAM_START
 from tests.firmware.elf import Image
 
 FLASH_START = 0x0008_0000

@@ -13,9 +13,7 @@ from dataclasses import dataclass
 import pytest
 
 from contid.hal import AxisOnBus
-from contid_drivers.due import frames, messages, wiring
-from contid_drivers.due.codes import BoardState, Type
-from contid_drivers.due.cortex import (
+from contid_devices.due.cortex import (
     ARDUINO_FLASH,
     ARDUINO_RAM,
     FLASH_BYTES,
@@ -23,6 +21,8 @@ from contid_drivers.due.cortex import (
     build_core,
     memory_use,
 )
+from contid_drivers.due import frames, messages, wiring
+from contid_drivers.due.codes import BoardState, Type
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from tests.firmware.cortex_m import CoreBoard
 from tests.firmware.elf import read_elf

@@ -9,9 +9,9 @@ import subprocess
 
 import pytest
 
+from contid_devices.due.firmware_build import WARNINGS, build_once, firmware_dir
 from contid_drivers.due import messages
 from contid_drivers.due.codes import BoardState, Reason, Type
-from contid_drivers.due.firmware import WARNINGS, build_once, firmware_dir
 from tests.firmware.sam3x.board import Sam3x
 from tests.firmware.sam3x.build import build_sketch
 from tests.firmware.sam3x.host import Host

@@ -7,8 +7,8 @@ import re
 
 import pytest
 
+from contid_devices.due.firmware_build import firmware_dir
 from contid_drivers.due import codes
-from contid_drivers.due.firmware import firmware_dir
 from contid_drivers.due.options import Bridge, Role, SafeState
 from contid_drivers.due.wiring import MOTOR_FIELDS, REGULATOR_FIELDS, TENSION_FIELDS
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from contid_drivers.due.firmware import firmware_dir
+from contid_devices.due.firmware_build import firmware_dir
 
 pytestmark = pytest.mark.process
 

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
+from contid_devices.due.firmware_build import firmware_dir
 from contid_drivers.due import messages
 from contid_drivers.due.codes import Type
-from contid_drivers.due.firmware import firmware_dir
 from tests.firmware.sam3x.host import Host
 from tests.firmware.teensy41.build import build_sketch
 from tests.firmware.teensy41.chip import (

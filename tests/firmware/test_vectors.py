@@ -7,10 +7,10 @@ import subprocess
 import pytest
 from unicorn import arm_const
 
+from contid_devices.due.cortex import build_core
+from contid_devices.due.firmware_build import WARNINGS, build_host, firmware_dir
 from contid_drivers.due import frames, messages
 from contid_drivers.due.codes import Refusal, Type
-from contid_drivers.due.cortex import build_core
-from contid_drivers.due.firmware import WARNINGS, build_host, firmware_dir
 from tests.firmware.cortex_m import CoreBoard
 from tests.firmware.elf import read_elf
 

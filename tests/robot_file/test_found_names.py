@@ -7,8 +7,8 @@ import pytest
 
 from contid.errors import ContidError
 from contid.robot_file.load import find_robot_file
-from contid.robot_file.schema import meanings, robot_file_schema
 from contid.robot_file.simulated_body import SimulatedPayload, SimulatedTendons
+from contid_manual.schema import meanings, robot_file_schema
 
 
 @pytest.mark.parametrize("length", [250, 251, 255, 256, 5000])

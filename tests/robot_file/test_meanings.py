@@ -6,8 +6,8 @@ from inspect import cleandoc
 
 from pydantic import BaseModel
 
-from contid.robot_file.docs_page import robot_file_page
-from contid.robot_file.schema import meanings
+from contid_manual.robot_file_page import robot_file_page
+from contid_manual.schema import meanings
 
 
 class Indented(BaseModel):

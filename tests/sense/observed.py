@@ -7,7 +7,7 @@ import numpy as np
 from contid.control.tick.tip_feedback import Measurement
 from contid.robot_file.pneumatic.sense import LoadSensing, ModelErrors, Sense
 from contid.robot_file.pneumatic.simulated import SimulatedArm, SimulatedErrors
-from contid_drivers.sim.arm.body import SimulatedBody
+from contid_dynamics.arm_body import SimulatedBody
 from contid_fit.sense import HysteresisSides, calibrate_without_load, rod_family
 from contid_fit.sense.live.load_observer import LoadObserver
 from contid_fit.sense.written import calibration_keys

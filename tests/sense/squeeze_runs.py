@@ -17,6 +17,7 @@ from contid.robot_file.load import LoadedFile, load_named, load_robot_file, pars
 from contid.robot_file.rack_finger import CurrentSense, RackFinger
 from contid.targets import Target
 from contid_drivers.sim.bus import SimBus
+from contid_dynamics.finger_body import FingerBody
 
 RATE_HZ: Final = 200.0
 SENSE: Final = "{contact: hold, usual_ma: 200, contact_ma: 100, nm_per_a: 0.354}"
@@ -106,6 +107,7 @@ def run(
     bus = process.buses["servos"]
     assert isinstance(bus, SimBus)
     (body,) = bus.fingers
+    assert isinstance(body, FingerBody)
     free_a = body.friction_a
     process.engine.connect()
     for tick in range(round(seconds * RATE_HZ)):

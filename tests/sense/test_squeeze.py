@@ -16,7 +16,7 @@ from contid.control.tick.supervisor import Mode
 from contid.robot_file.load import parse_robot_file
 from contid.session.read import Session
 from contid.targets import Target
-from contid_drivers.sim.finger_body import FingerBody
+from contid_dynamics.finger_body import FingerBody
 from contid_sessions.replay.replay import replay
 from tests.sense.squeeze_runs import AT_CLOSE, BEFORE, BEHIND, RATE_HZ, Run, closing, hand, hand_text, run
 from tests.session.runs import record_virtual

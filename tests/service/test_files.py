@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 
 from contid.client import Client
-from contid.control.process import host_checks, host_files
 from contid.remote.protocol import socket_path
+from contid_devices import host_checks, host_files
 from tests.support.fingers import fingers
 from tests.support.systemd import need_systemd_analyze, verify_unit
 from tests.support.waiting import until

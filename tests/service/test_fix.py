@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from contid.control.process import host_checks
-from contid.control.process.host_files import HostFile, missing_files
 from contid.errors import ContidError
+from contid_devices import host_checks
+from contid_devices.host_files import HostFile, missing_files
 from tests.support.command import contid_in, environment
 
 pytestmark = pytest.mark.process

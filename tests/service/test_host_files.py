@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from contid.control.process import host_files
-from contid.control.process.host_files import HostFile
 from contid.errors import ContidError
+from contid_devices import host_files
+from contid_devices.host_files import HostFile
 
 
 def failing(path: Path, *commands: tuple[str, ...]) -> str:

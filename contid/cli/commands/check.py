@@ -1,4 +1,4 @@
-"""``contid check`` and ``contid schema``: validate a robot file or a trajectory for it; its JSON Schema."""
+"""``contid check``: validate a robot file, or a trajectory for it."""
 
 from __future__ import annotations
 
@@ -113,21 +113,3 @@ def _measured(loaded: LoadedFile) -> tuple[Budget, PredictedSize]:
         ),
     )
     return found[0], size
-
-
-@click.command()
-@click.option("--markdown", is_flag=True, help="The same as a page to read: docs/robot-file.md.")
-def schema(markdown: bool) -> None:
-    """Print the JSON Schema (draft 2020-12) of the robot file, for editors.
-
-    In VS Code with the YAML extension, write the output to a file and begin the robot file with
-    "# yaml-language-server: $schema=FILE".
-    """
-    if markdown:
-        from contid.robot_file.docs_page import robot_file_page
-
-        click.echo(robot_file_page(), nl=False)
-        return
-    from contid.robot_file.schema import robot_file_schema
-
-    click.echo(json.dumps(robot_file_schema(), indent=2))

@@ -281,4 +281,4 @@ def _forbidden(
         rest = (0.0,) * len(after.command)
         at = after.command
         before = replace(before, command=at, reference=at, increments=rest, before=rest, motion=None)
-    return transitions.faulted(config, before, Fault.CHAIN_FORBIDS, message, now_s)
+    return transitions.latch_fault(config, before, Fault.CHAIN_FORBIDS, message, now_s)

@@ -1,4 +1,15 @@
-"""Every bus once per tick: sends commands and requests to the devices, takes their samples."""
+"""Every bus once per tick: sends commands and requests to the devices, takes their samples.
+
+A *request* asks the devices of one robot on one bus to arm, to clear a fault, or to rest (`Effect`):
+
+1. `Exchange.ask` queues what is pending of a robot, on every bus that has axes of it.
+2. `Exchange.run` gives each idle bus one job: the queued requests, then the exchange of commands and samples.
+3. The reply of the bus names the requests that its devices carried out or refused. A robot whose buses have
+   all carried one out goes on (`_done`): it is armed, or leaves its fault.
+
+A bus that is *lost* gets no job but an attempt to open it, once a second. What it did not answer, and what is
+asked meanwhile, is kept for its return as far as it takes power away (`_lose`, `_send`).
+"""
 
 from __future__ import annotations
 
@@ -6,7 +17,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple
 
 from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.events.buses import BusChanged, BusStalled, DeviceFaultChanged
@@ -27,9 +38,16 @@ from contid.hal import LimitsEffort, Rest, Sample
 RETRY_S: Final = 1.0
 #: Shortest wait for the buses with workers of their own, together, as a share of the period.
 MIN_SHARE: Final = 0.25
-#: Index of a robot, what is asked of its devices on a bus, and their axes.
-_Request: TypeAlias = tuple[int, Effect, tuple[str, ...]]
+#: Requests that take the power away.
 _WITHOUT_POWER: Final = (Effect.RELAX, Effect.VENT)
+
+
+class DeviceRequest(NamedTuple):
+    """What is asked of the devices of a robot on one bus; the robot by its index."""
+
+    robot: int
+    effect: Effect
+    axes: tuple[str, ...]
 
 
 class Exchange:
@@ -60,6 +78,7 @@ class Exchange:
         self._now = costs.now
         self._costs = costs
         self._tick = 0
+        #: By robot, its axes on each of its buses.
         self._axes_on = [
             {
                 bus: tuple(axis for axis in config.axes if self.bus_of[axis] == bus)
@@ -67,11 +86,12 @@ class Exchange:
             }
             for config in robots.configs
         ]
-        self._queued: dict[str, list[_Request]] = {name: [] for name in ports}
-        #: What the newest job of each bus asked for.
-        self._sent: dict[str, tuple[_Request, ...]] = dict.fromkeys(ports, ())
-        #: What was sent again after a loss and not answered yet: it may be what ends the bus.
-        self._resent: dict[str, set[_Request]] = {name: set() for name in ports}
+        #: By bus, the requests of its next job, and those of its newest one.
+        self._queued: dict[str, list[DeviceRequest]] = {name: [] for name in ports}
+        self._sent: dict[str, tuple[DeviceRequest, ...]] = dict.fromkeys(ports, ())
+        #: By bus, what was sent again after a loss and not answered yet: it may be what ends the bus.
+        self._resent: dict[str, set[DeviceRequest]] = {name: set() for name in ports}
+        #: By robot, the buses that have not carried out its newest request yet.
         self._outstanding: list[set[str]] = [set() for _ in robots.configs]
         self._device_faults: dict[str, str] = {}
         self._staleness = StalenessMonitor(
@@ -103,6 +123,7 @@ class Exchange:
         return replace(state, pending=())
 
     def _queue(self, index: int, effect: Effect) -> None:
+        """Queue one request of a robot; an event names each lost bus that it does not reach now."""
         lost = [bus for bus in self._axes_on[index] if self._ports[bus].lost]
         name = self._robots.configs[index].name
         if lost and effect is Effect.CLEAR:
@@ -110,10 +131,12 @@ class Exchange:
             self._sink.event(OrderRefused(robot=name, message=message))
             return
         for bus in lost:
-            message = f"{name}: {effect.name.lower()} does not reach its devices on {bus}, which is lost"
-            message = f"{message}; their own watchdog stops them"
             later = ", and it is sent if the bus comes back in this run" if effect in _WITHOUT_POWER else ""
-            self._sink.event(BusChanged(bus=bus, message=message + later))
+            message = (
+                f"{name}: {effect.name.lower()} does not reach its devices on {bus}, which is lost; "
+                f"their own watchdog stops them{later}"
+            )
+            self._sink.event(BusChanged(bus=bus, message=message))
         self._send(index, effect)
 
     def _send(self, index: int, effect: Effect) -> None:
@@ -122,11 +145,12 @@ class Exchange:
         To hold is not asked then: devices whose watchdog let them vent meanwhile would close their valves.
         """
         for bus, axes in self._axes_on[index].items():
+            request = DeviceRequest(index, effect, axes)
             if not self._ports[bus].lost:
                 self._outstanding[index].add(bus)
-            elif effect not in _WITHOUT_POWER or (index, effect, axes) in self._queued[bus]:
+            elif effect not in _WITHOUT_POWER or request in self._queued[bus]:
                 continue
-            self._queued[bus].append((index, effect, axes))
+            self._queued[bus].append(request)
 
     def limit_effort(self, who: Sequence[str] | None, share: float) -> dict[str, bool]:
         """Limit the effort of robots by name (None: all); by robot, whether it has an axis for it."""
@@ -134,26 +158,33 @@ class Exchange:
         for index, config in enumerate(self._robots.configs):
             if who is not None and config.name not in who:
                 continue
-            limited[config.name] = False
             self.effort_shares[config.name] = share
-            for name, axes in self._axes_on[index].items():
-                bus = self._ports[name].bus
-                if isinstance(bus, LimitsEffort):
-                    try:
-                        shares = {axis: share for axis in axes if axis in bus.effort_limits()}
-                        bus.limit_effort(shares)
-                    except Exception as error:
-                        message = f"{config.name}: {name}: {type(error).__name__}: {error}"
-                        self._sink.event(OrderRefused(robot=config.name, message=message))
-                        continue
-                    limited[config.name] |= bool(shares)
+            on_buses = [
+                self._limit_on(config.name, name, axes, share) for name, axes in self._axes_on[index].items()
+            ]
+            limited[config.name] = any(on_buses)
         return limited
+
+    def _limit_on(self, robot: str, name: str, axes: Sequence[str], share: float) -> bool:
+        """Limit the effort of axes of a robot on one bus; whether the bus has an axis for it."""
+        bus = self._ports[name].bus
+        if not isinstance(bus, LimitsEffort):
+            return False
+        try:
+            shares = {axis: share for axis in axes if axis in bus.effort_limits()}
+            bus.limit_effort(shares)
+        except Exception as error:
+            message = f"{robot}: {name}: {type(error).__name__}: {error}"
+            self._sink.event(OrderRefused(robot=robot, message=message))
+            return False
+        return bool(shares)
 
     def run(self, commands: Mapping[str, Mapping[str, float]], timing: Timing, now_s: float) -> None:
         """One exchange with every idle bus; ``commands`` by bus and axis."""
         self._tick = timing.tick
         now, buses_s = self._now, self._costs.buses_s
         at_s = now()
+        # 1. A job for every idle bus; one without a worker is done when `start` returns.
         for name, port in self._ports.items():
             buses_s[name] = 0.0
             if port.busy:
@@ -164,12 +195,11 @@ class Exchange:
                     self._sent[name] = ()
                     port.start(BusJob({}, reopen=True))
                 continue
-            effects, self._queued[name] = tuple(self._queued[name]), []
-            self._sent[name] = effects
-            port.start(BusJob(commands[name], effects))
+            self._sent[name], self._queued[name] = tuple(self._queued[name]), []
+            port.start(BusJob(commands[name], self._sent[name]))
             before_s, at_s = at_s, now()
             buses_s[name] = at_s - before_s
-        # One deadline for all buses; also in a late tick they get their share of the period.
+        # 2. The replies, by one deadline for all buses; in a late tick they get a share of the period, too.
         end_s = max(timing.end_s, at_s + MIN_SHARE / self._rate_hz)
         for name, port in self._ports.items():
             timeout_s = max(end_s - now(), 0.0) if port.threaded and not port.lost else 0.0
@@ -177,6 +207,7 @@ class Exchange:
                 self._take_over(name, port, answer, now_s)
             elif port.busy and not port.lost:
                 self._stalled(name, port, now_s)
+        # 3. How old the samples are now.
         after_s = now()
         self._costs.waited_s = min(after_s, end_s) - at_s
         self._staleness.classify(timing.tick, self.samples, after_s)
@@ -209,19 +240,9 @@ class Exchange:
             self._sink.event(BusChanged(bus=name, message=f"{name} is back; clear-fault, then resume"))
         self._resent[name].difference_update(self._sent[name])
         assert answer.samples is not None
-        if len(answer.samples) < len(port.bus.axes):  # missing axes have no sample of this tick
-            self._invalidate(port)
-        self.samples.update(answer.samples)
-        for axis, sample in answer.samples.items():
-            if sample.valid and (sample.value is None or not math.isfinite(sample.value)):
-                self.samples[axis] = replace(sample, value=None, valid=False)
-            elif sample.effort is not None and not math.isfinite(sample.effort):
-                self.samples[axis] = replace(sample, effort=None)  # a sum of currents would stay NaN
-            if sample.fault != self._device_faults.get(axis, ""):
-                self._device_faults[axis] = sample.fault
-                self._sink.event(DeviceFaultChanged(tick=self._tick, axis=axis, fault=sample.fault))
+        self._keep(port, answer.samples)
         for index, effect in answer.done:
-            if any(index == each for each, *_ in self._queued[name]):
+            if any(index == each.robot for each in self._queued[name]):
                 continue  # an older request of the robot: the newest one waits for the bus
             self._outstanding[index].discard(name)
             if not self._outstanding[index]:
@@ -234,7 +255,22 @@ class Exchange:
                 robot = self._robots.configs[index].name
                 self._sink.event(OrderRefused(robot=robot, message=message))
 
+    def _keep(self, port: BusPort, samples: Mapping[str, Sample]) -> None:
+        """Keep the samples of a bus, without numbers that are not finite; events name changed faults."""
+        if len(samples) < len(port.bus.axes):  # missing axes have no sample of this tick
+            self._invalidate(port)
+        self.samples.update(samples)
+        for axis, sample in samples.items():
+            if sample.valid and (sample.value is None or not math.isfinite(sample.value)):
+                self.samples[axis] = replace(sample, value=None, valid=False)
+            elif sample.effort is not None and not math.isfinite(sample.effort):
+                self.samples[axis] = replace(sample, effort=None)  # a sum of currents would stay NaN
+            if sample.fault != self._device_faults.get(axis, ""):
+                self._device_faults[axis] = sample.fault
+                self._sink.event(DeviceFaultChanged(tick=self._tick, axis=axis, fault=sample.fault))
+
     def _done(self, index: int, effect: Effect, now_s: float) -> None:
+        """All devices of a robot carried out a request: it is armed, or leaves its fault."""
         robots = self._robots
         config, state = robots.configs[index], robots.states[index]
         if effect is Effect.ENABLE and state.mode is Mode.ARMING:
@@ -279,6 +315,7 @@ class Exchange:
             self._lose(name, port, Fault.BUS_STALLED, message, now_s)
 
     def _robots_on(self, bus: str) -> list[int]:
+        """Indices of the robots that have axes on a bus."""
         return [index for index, axes in enumerate(self._axes_on) if bus in axes]
 
     def _invalidate(self, port: BusPort) -> None:
@@ -288,12 +325,12 @@ class Exchange:
                 self.samples[axis] = replace(self.samples[axis], valid=False)
 
 
-def _unless_armed_since(asked: Sequence[_Request]) -> list[_Request]:
+def _unless_armed_since(asked: Sequence[DeviceRequest]) -> list[DeviceRequest]:
     """The requests that take power away, but for those of robots that were armed after them."""
-    kept: list[_Request] = []
+    kept: list[DeviceRequest] = []
     for request in asked:
-        if request[1] is Effect.ENABLE:
-            kept = [each for each in kept if each[0] != request[0]]
-        elif request[1] in _WITHOUT_POWER:
+        if request.effect is Effect.ENABLE:
+            kept = [each for each in kept if each.robot != request.robot]
+        elif request.effect in _WITHOUT_POWER:
             kept.append(request)
     return kept

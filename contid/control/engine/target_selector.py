@@ -178,7 +178,7 @@ class TargetSelector:
         for index, (config, state) in enumerate(zip(self._robots.configs, states, strict=True)):
             if state.mode is Mode.FAULT and state.enabled and not any(state.increments):
                 policy = stronger(config.stops.on_fault, self._end.policy_of(config))
-                states[index] = transitions.resting(state, stronger(policy, state.policy))
+                states[index] = transitions.bring_to_rest(state, stronger(policy, state.policy))
 
     def _states(self) -> dict[str, RobotState]:
         configs, states = self._robots.configs, self._robots.states

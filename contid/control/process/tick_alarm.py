@@ -1,7 +1,15 @@
-"""Interrupts the tick of a robot that takes too long: a timer of the process, started for the ticks.
+"""Interrupts the tick of a robot that takes too long, by a timer of the process.
 
-A model in Python, or one that sleeps, is interrupted at once; one in C when it returns. The time in which the
-process waited for a processor does not count, so a busy machine is no fault of a robot.
+While robots compute, the timer rings `ALARMS` times in the longest time that a tick may take, by the signal
+SIGALRM, whose handler (`TickAlarm.ring`) runs in the thread of the tick. There are two ways to find a tick
+too long, because Python runs a handler only between two of its own instructions:
+
+* a model in Python, or one that sleeps, lets every alarm through: the handler adds up the time between
+  alarms, less that in which the thread waited for a processor, so a busy machine is no fault of a robot;
+* a model in one call of C holds the alarms back. They come as one when it returns, and the processor time of
+  the thread since the last alarm shows how long it computed.
+
+The handler then raises `UnansweredError` in the middle of the model; the tick of that robot ends there.
 """
 
 from __future__ import annotations
@@ -18,8 +26,16 @@ from contid.control.engine.tick_costs import TickCosts, UnansweredError
 #: Longest tick of one robot: three periods, and at least this time [s].
 LONGEST_S: Final = 0.1
 LONGEST_PERIODS: Final = 3.0
-#: Alarms until then; the first one only begins to count, so a tick is interrupted at least one later.
+#: Alarms in the longest tick.
 ALARMS: Final = 4
+#: Counted intervals that are too many. The first alarm of a tick only begins the count, somewhere in an
+#: interval, and the others are counted within half an interval: of 4, more than 2.5.
+_MOST_INTERVALS: Final = ALARMS - 1.5
+#: Between two alarms this many intervals count at most: a process that a signal had stopped gets one alarm
+#: for the whole time.
+_INTERVALS_PER_ALARM: Final = 2.0
+#: In `TickCosts.running`: no robot computes.
+_NONE: Final = -1
 
 
 class ProcessorWait:
@@ -44,15 +60,18 @@ class TickAlarm:
         self._processor_wait = processor_wait
         self._longest_s = max(LONGEST_S, LONGEST_PERIODS / rate_hz)
         self._interval_s = self._longest_s / ALARMS
+        # At the last alarm: which tick ran, the time, the waits so far, and what was counted of that tick.
         self._begun = -1
-        self._looked_s = self._waited_s = self._counted_s = self._worked_s = 0.0
+        self._alarm_s = self._waited_s = self._counted_s = 0.0
+        # At the last alarm or start of the timer: the processor time of the thread.
+        self._worked_s = 0.0
 
     def install(self) -> None:
         """Watch the ticks from now on."""
         signal.signal(signal.SIGALRM, self.ring)
-        self._costs.watch = self._wind
+        self._costs.watch = self._set_timer
 
-    def _wind(self, begins: bool) -> None:
+    def _set_timer(self, begins: bool) -> None:
         """Start or stop the timer: it would also end a sleep or a system call of a bus in the same thread."""
         interval_s = self._interval_s if begins else 0.0
         self._worked_s = time.thread_time()
@@ -65,19 +84,26 @@ class TickAlarm:
             UnansweredError: it has taken too long.
         """
         costs = self._costs
-        if costs.running < 0:
+        if costs.running == _NONE:
             return
-        now_s, waited_s, before_s = costs.now(), self._processor_wait(), self._worked_s
-        self._worked_s = time.thread_time()
-        if costs.begun == self._begun:
-            own_s = now_s - self._looked_s - (waited_s - self._waited_s)
-            # A process that was stopped by a signal gets one alarm only.
-            self._counted_s += min(max(own_s, 0.0), 2.0 * self._interval_s)
-        else:
-            self._begun, self._counted_s = costs.begun, 0.0
-        self._looked_s, self._waited_s = now_s, waited_s
-        # The alarms during one call in C are one, when it returns; what it computed is the thread's time.
-        in_c = self._worked_s - before_s > self._longest_s
-        if in_c or self._counted_s > (ALARMS - 1.5) * self._interval_s:
-            costs.running = -1
+        is_long_in_python = self._counted() > _MOST_INTERVALS * self._interval_s
+        is_long_in_c = self._computed() > self._longest_s
+        if is_long_in_python or is_long_in_c:
+            costs.running = _NONE
             raise UnansweredError(f"its model was interrupted after {self._longest_s * 1e3:.0f} ms")
+
+    def _counted(self) -> float:
+        """Time of this tick between its alarms so far [s], without waits for a processor."""
+        now_s, waited_s = self._costs.now(), self._processor_wait()
+        if self._costs.begun == self._begun:
+            own_s = now_s - self._alarm_s - (waited_s - self._waited_s)
+            self._counted_s += min(max(own_s, 0.0), _INTERVALS_PER_ALARM * self._interval_s)
+        else:
+            self._begun, self._counted_s = self._costs.begun, 0.0
+        self._alarm_s, self._waited_s = now_s, waited_s
+        return self._counted_s
+
+    def _computed(self) -> float:
+        """Processor time of the thread since the last alarm [s]."""
+        before_s, self._worked_s = self._worked_s, time.thread_time()
+        return self._worked_s - before_s

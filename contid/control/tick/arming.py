@@ -15,7 +15,7 @@ from contid.control.tick.shaping import NOT_SHAPED
 from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.tip_feedback import corrected
-from contid.control.tick.transitions import fail, moved
+from contid.control.tick.transitions import apply_event, fail
 from contid.hal import Sample
 from contid.targets import Actuation, Target
 
@@ -33,7 +33,7 @@ def next_arming(
     late = now_s - state.since_s > FIRST_SAMPLE_TIMEOUT_S
     if state.mode is Mode.CONNECTING:
         if present is not None:
-            state = moved(config, state, Event.SAMPLED, now_s)
+            state = apply_event(config, state, Event.SAMPLED, now_s)
         elif late:
             silent = [axis for axis, sample in zip(config.axes, samples, strict=False) if not sample.valid]
             message = (
@@ -53,7 +53,9 @@ def next_arming(
             shaped=NOT_SHAPED,
         )
         return replace(
-            moved(config, cleared, Event.ARM, now_s), pending=(*cleared.pending, Effect.ENABLE), enabled=False
+            apply_event(config, cleared, Event.ARM, now_s),
+            pending=(*cleared.pending, Effect.ENABLE),
+            enabled=False,
         )
     if state.mode is Mode.ARMING and state.enabled and present is not None:
         still = (0.0,) * len(present)
@@ -61,12 +63,12 @@ def next_arming(
             state, command=present, reference=present, increments=still, before=still, motion=None
         )
         if state.recovering:
-            return inwards(config, moved(config, state, Event.ARMED, now_s), now_s)
+            return inwards(config, apply_event(config, state, Event.ARMED, now_s), now_s)
         if far := outside(config, present):
             return fail(config, state, Fault.OUTSIDE_LIMITS, far, now_s)
         if target is None or not state.follow:
-            return moved(config, state, Event.HOLD, now_s)
-        return _first_approach(config, moved(config, state, Event.ARMED, now_s), target, now_s)
+            return apply_event(config, state, Event.HOLD, now_s)
+        return _first_approach(config, apply_event(config, state, Event.ARMED, now_s), target, now_s)
     return state
 
 

@@ -220,23 +220,3 @@ def of_device(text: str) -> Fault:
 def describe(fault: Fault, message: str) -> str:
     """One line for a log: number, name, what exactly, what to do."""
     return f"fault {int(fault)} {fault.name.lower().replace('_', '-')}: {message}; {PAGES[fault].remedy}"
-
-
-def markdown() -> str:
-    """The table as the page docs/faults.md."""
-    lines = [
-        "# Faults",
-        "",
-        "A fault stops one robot (and the other arm of its chain) and stays until `contid clear-fault`;",
-        "a run with one ends with exit code 3.",
-        "Numbers never change their meaning: 1xx devices, 2xx arithmetic, 3xx other robots and obstacles.",
-        "112 to 114 come from [the watch of the body](devices/watching.md), which slows a path before 112.",
-        "",
-        "| number | name | cause | what the robot did | what to do |",
-        "|---|---|---|---|---|",
-    ]
-    for fault, page in PAGES.items():
-        name = fault.name.lower().replace("_", "-")
-        link = f"[{int(fault)}](faults/{int(fault)}.md)"
-        lines.append(f"| {link} | {name} | {page.cause} | {page.reaction} | {page.remedy} |")
-    return "\n".join(lines) + "\n"

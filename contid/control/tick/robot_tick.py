@@ -29,7 +29,7 @@ from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.taut import lifted
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
-from contid.control.tick.transitions import fail, moved, stay, stopped
+from contid.control.tick.transitions import apply_event, end_stop, fail, stay
 from contid.hal import Sample
 from contid.records import record
 from contid.targets import ZERO3, Actuation, Solution, Target, Vec3, are_numbers
@@ -115,13 +115,13 @@ def tick(
         if mode in (Mode.RUN, Mode.APPROACH) and state.goto is None and (target is None or not state.follow):
             state = stay(config, state, now_s)
         elif mode is Mode.HOLD and state.recovering:
-            state = inwards(config, moved(config, state, Event.RECOVER, now_s), now_s - config.period_s)
+            state = inwards(config, apply_event(config, state, Event.RECOVER, now_s), now_s - config.period_s)
         elif mode is Mode.HOLD:
             next_target = state.goto if state.goto is not None else target if state.follow else None
             if next_target is not None and state.squeeze is not None:
                 state = _close(config, state, next_target, now_s)
             elif next_target is not None:
-                following = moved(config, state, Event.FOLLOW, now_s)
+                following = apply_event(config, state, Event.FOLLOW, now_s)
                 state = approach(config, following, next_target, now_s, now_s - config.period_s)
         if state.mode not in _DRIVEN or not state.enabled:
             return TickResult(state)
@@ -197,7 +197,7 @@ def _close(config: RobotConfig, state: RobotState, target: Target, now_s: float)
         return fail(config, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)
     way = tuple([b - a for a, b in zip(state.command, goal, strict=True)])
     squeeze = replace(state.squeeze, start=state.command, way=way)
-    return replace(moved(config, state, Event.FOLLOW, now_s), motion=None, squeeze=squeeze)
+    return replace(apply_event(config, state, Event.FOLLOW, now_s), motion=None, squeeze=squeeze)
 
 
 def _squeezed(
@@ -214,7 +214,7 @@ def _squeezed(
     result = _limited(config, state, squeeze.reference)
     after = replace(result.state, squeeze=squeeze)
     if report is not None:
-        after = replace(moved(config, after, Event.HOLD, now_s), goto=None)
+        after = replace(apply_event(config, after, Event.HOLD, now_s), goto=None)
     return replace(result, state=after, squeezed=report)
 
 
@@ -283,14 +283,14 @@ def _move(config: RobotConfig, state: RobotState, now_s: float, load_n: Vec3 = Z
         if after.mode is Mode.APPROACH:
             after = _arrived(config, after, now_s)
         elif after.policy is not None:
-            after = stopped(config, after, now_s)
+            after = end_stop(config, after, now_s)
     return TickResult(after, result.device, limits=flags)
 
 
 def _arrived(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     if state.goto is None:
-        return moved(config, state, Event.ARRIVED, now_s)
-    return replace(moved(config, state, Event.HOLD, now_s), goto=None, recovering=False)
+        return apply_event(config, state, Event.ARRIVED, now_s)
+    return replace(apply_event(config, state, Event.HOLD, now_s), goto=None, recovering=False)
 
 
 def _guarded(config: RobotConfig, state: RobotState, answer: Actuation, target_in_base: Target) -> TickResult:

@@ -1,4 +1,11 @@
-"""Orders that move, or let robots move again: they need the lease, which a stop by another client revokes."""
+"""Orders that move, or let robots move again: they need the lease, which a stop by another client revokes.
+
+Each method answers one verb of the protocol. It reads the fields of the request (`RequestFields.end` refuses
+those that are left), checks the lease, gives orders to the control process, and returns what those led to.
+`_resume`, `_recover`, `_move` and `_grip` wait until a tick carried the order out.
+
+A stop stands until a client lets robots go on. An order that was refused lifts none (`Lease.end_stop`).
+"""
 
 from __future__ import annotations
 
@@ -11,7 +18,14 @@ from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.messages import ClearFault, Grip, Hold, Recover, Resume
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
-from contid.remote.server.lease import INPUT_CLIENT, MAX_TIMEOUT_S, MIN_TIMEOUT_S, TIMEOUT_S, client_label
+from contid.remote.server.lease import (
+    INPUT_CLIENT,
+    MAX_TIMEOUT_S,
+    MIN_TIMEOUT_S,
+    TIMEOUT_S,
+    LeaseHolder,
+    client_label,
+)
 from contid.remote.server.pending_orders import CONFIRM_TIMEOUT_S
 from contid.remote.server.query_handler import Caller, Verb
 from contid.remote.server.served_run import ServedRun
@@ -20,6 +34,11 @@ log = logging.getLogger(__name__)
 
 #: Greatest force of a move until a force [N].
 MAX_FORCE_N: Final = 1000.0
+#: Interval in which `clear-fault` looks whether robots left FAULT.
+_LOOK_S: Final = 0.02
+#: Greatest number of a move, and greatest time of the monotonic clock [s], that a request may have.
+_MAX_NUMBER: Final = 1e15
+_MAX_TIME_S: Final = 1e12
 
 
 class MotionOrders:
@@ -27,6 +46,7 @@ class MotionOrders:
 
     def __init__(self, run: ServedRun) -> None:
         self._run = run
+        #: Why each robot refused an order last.
         self._refusals: dict[str, str] = {}
 
     @property
@@ -43,6 +63,7 @@ class MotionOrders:
         self._refusals[event.robot] = event.message
 
     async def _acquire(self, caller: Caller, request: RequestFields) -> Fields:
+        """Take the lease; what the client before it moved holds."""
         timeout_s = request.number("timeout_s", TIMEOUT_S, MIN_TIMEOUT_S, MAX_TIMEOUT_S)
         takeover, unless_stopped = request.flag("takeover"), request.flag("unless_stopped")
         request.end()
@@ -50,17 +71,21 @@ class MotionOrders:
             caller.number, caller.name, time.monotonic(), timeout_s, takeover, caller.by, unless_stopped
         )
         if before is not None:
-            message = f"{client_label(caller.name, caller.by)} took over"
-            if before.client == INPUT_CLIENT:
-                self._run.control.detach_input()
-            else:
-                self._run.control.send(Hold())
-                self._run.notify(before.client, {"event": "lease-lost", "message": message})
-            self._run.moves.abort(message)
-            log.warning("%s from %r; holding", message, before.name)
+            self._end_work_of(before, f"{client_label(caller.name, caller.by)} took over")
         return {"timeout_s": timeout_s, "from": None if before is None else before.name}
 
+    def _end_work_of(self, holder: LeaseHolder, message: str) -> None:
+        """End what a client that lost the lease moves; ``message`` names who took over."""
+        if holder.client == INPUT_CLIENT:
+            self._run.control.detach_input()
+        else:
+            self._run.control.send(Hold())
+            self._run.notify(holder.client, {"event": "lease-lost", "message": message})
+        self._run.moves.abort(message)
+        log.warning("%s from %r; holding", message, holder.name)
+
     async def _release(self, caller: Caller, request: RequestFields) -> Fields:
+        """Give the lease back; robots on a stream of rows hold, one on its way to a point goes on."""
         request.end()
         if self._run.moves.along_rows(caller.number):
             self._run.control.send(Hold())
@@ -79,19 +104,25 @@ class MotionOrders:
         request.end()
         lease = self._run.lease
         stops = lease.allow(caller.number, time.monotonic(), after_stop)
-        faults = self._run.view.faults(self._run.control.newest(), robots) if order is Resume else {}
-        # A robot that is named must not be in FAULT; without names, one robot that can resume is enough.
-        if faults and (robots is not None or len(faults) == len(self._run.view.configs)):
-            found = "; ".join(
-                f"{name}: fault {f['number']} {f['name']}, {f['what']}" for name, f in faults.items()
-            )
-            raise RemoteError(Code.FAULT, f"{found}; clear-fault first", faults)
+        if order is Resume:
+            self._refuse_faults(robots)
         result = await self._run.confirmed(self._run.pending.send([order(robots)]), robots)
         for client, stop in stops.items():
             lease.end_stop(client, stop)
         return result
 
+    def _refuse_faults(self, robots: tuple[str, ...] | None) -> None:
+        """Refuse to resume a named robot in FAULT; without names, one robot that can resume is enough."""
+        faults = self._run.view.faults(self._run.control.newest(), robots)
+        if faults and (robots is not None or len(faults) == len(self._run.view.configs)):
+            found = "; ".join(
+                f"{name}: fault {fault['number']} {fault['name']}, {fault['what']}"
+                for name, fault in faults.items()
+            )
+            raise RemoteError(Code.FAULT, f"{found}; clear-fault first", faults)
+
     async def _clear_fault(self, caller: Caller, request: RequestFields) -> Fields:
+        """Ask the devices of faulty robots to clear, and wait until those have left FAULT or refused."""
         robots = self._run.robots_of(request)
         request.end()
         self._run.lease.check_free(caller.number, time.monotonic())
@@ -100,6 +131,21 @@ class MotionOrders:
             self._refusals.pop(name, None)
         if faulty:
             await self._run.pending.confirmed(self._run.pending.send([ClearFault(faulty)]))
+        left = await self._still_faulty(faulty)
+        record = self._run.control.newest()
+        if left:
+            message = "; ".join(
+                self._refusals.get(name, f"{name}: not cleared, its devices have not answered")
+                for name in left
+            )
+            raise RemoteError(Code.FAULT, message, self._run.view.faults(record, left))
+        return {"cleared": sorted(faulty), "robots": self._run.states(robots, record)}
+
+    async def _still_faulty(self, faulty: tuple[str, ...]) -> tuple[str, ...]:
+        """Of robots whose devices were asked to clear, those in FAULT once all the others have left it.
+
+        Waits until each left it or refused, and no longer than `CONFIRM_TIMEOUT_S`.
+        """
         left = set(faulty)
         deadline_s = time.monotonic() + CONFIRM_TIMEOUT_S
         while left and time.monotonic() < deadline_s:
@@ -107,17 +153,11 @@ class MotionOrders:
             left = {name for name in left if self._run.view.mode(name, record) is Mode.FAULT}
             if left and left <= self._refusals.keys():
                 break
-            await asyncio.sleep(0.02)
-        if left:
-            message = "; ".join(
-                self._refusals.get(name, f"{name}: not cleared, its devices have not answered")
-                for name in sorted(left)
-            )
-            faults = self._run.view.faults(self._run.control.newest(), tuple(sorted(left)))
-            raise RemoteError(Code.FAULT, message, faults)
-        return {"cleared": sorted(faulty), "robots": self._run.states(robots, self._run.control.newest())}
+            await asyncio.sleep(_LOOK_S)
+        return tuple(sorted(left))
 
     async def _move(self, caller: Caller, request: RequestFields) -> Fields:
+        """Begin a move to a point, or along rows that follow; a free lease is taken for it."""
         target, columns = request.mapping("target"), request.names("columns")
         force_n = request.given_number("until_force_n", 0.0, MAX_FORCE_N)
         nearest = request.flag("nearest")
@@ -130,42 +170,49 @@ class MotionOrders:
         if (target is None) == (columns is None):
             message = "move takes a target (a point) or columns (a stream of rows), one of them"
             raise RemoteError(Code.BAD_REQUEST, message)
-        held = self._run.lease.held_by(caller.number)
-        own_stop = self._run.lease.require(caller.number, caller.name, time.monotonic(), caller.by)
+        lease, moves = self._run.lease, self._run.moves
+        had_lease = lease.held_by(caller.number)
+        own_stop = lease.require(caller.number, caller.name, time.monotonic(), caller.by)
         try:
             if target is not None:
-                begun = await self._run.moves.point(caller.number, target, caller.notify, force_n)
+                begun = await moves.point(caller.number, target, caller.notify, force_n)
             else:
-                begun = await self._run.moves.begin(caller.number, columns or (), caller.notify, nearest)
+                begun = await moves.begin(caller.number, columns or (), caller.notify, nearest)
         except RemoteError:
-            if not held:
-                self._run.lease.release(caller.number)
+            if not had_lease:  # a refused move takes no lease
+                lease.release(caller.number)
             raise
-        self._run.lease.end_stop(caller.number, own_stop)
+        lease.end_stop(caller.number, own_stop)
         return begun
 
     async def _grip(self, caller: Caller, request: RequestFields) -> Fields:
+        """Limit the effort of robots to a share of what their devices may do."""
         robots, share = self._run.robots_of(request), request.given_number("share", 0.0, 1.0)
         request.end()
         if share is None:
             raise RemoteError(Code.BAD_REQUEST, "share: a number from 0 to 1 is expected")
         self._run.lease.check_free(caller.number, time.monotonic())
-        return {
-            **await self._run.confirmed(self._run.pending.send([Grip(share, robots)]), robots),
-            "share": share,
-        }
+        result = await self._run.confirmed(self._run.pending.send([Grip(share, robots)]), robots)
+        return {**result, "share": share}
 
     async def _rows(self, caller: Caller, request: RequestFields) -> Fields:
-        number, rows = int(request.number("move", 0, 0, 1e15)), request.rows("rows")
+        """Rows of a move along rows."""
+        number, rows = _move_number(request), request.rows("rows")
         request.end()
         return self._run.moves.rows(caller.number, number, rows)
 
     async def _end(self, caller: Caller, request: RequestFields) -> Fields:
-        number, hold = int(request.number("move", 0, 0, 1e15)), request.flag("hold_at_start")
+        """No further rows follow; ``hold_at_start``: a trajectory waits for `_start`."""
+        number, hold = _move_number(request), request.flag("hold_at_start")
         request.end()
         return await self._run.moves.end(caller.number, number, hold)
 
     async def _start(self, caller: Caller, request: RequestFields) -> Fields:
-        number, at_s = int(request.number("move", 0, 0, 1e15)), request.given_number("at_s", 0.0, 1e12)
+        """Start a trajectory that waits, now or at a time of the monotonic clock."""
+        number, at_s = _move_number(request), request.given_number("at_s", 0.0, _MAX_TIME_S)
         request.end()
         return await self._run.moves.start(caller.number, number, at_s)
+
+
+def _move_number(request: RequestFields) -> int:
+    return int(request.number("move", 0, 0, _MAX_NUMBER))

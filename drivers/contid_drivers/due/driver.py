@@ -15,9 +15,7 @@ from contid.hal import (
     DeviceRate,
     DeviceResponse,
     Driver,
-    Homed,
     RefusedKey,
-    Report,
 )
 from contid.hal.pulses import ProvenDevice
 from contid.units import BAR, DEG
@@ -91,7 +89,7 @@ class DueDriver:
     def refused(self, options: BaseModel, axes: Sequence[tuple[str, BaseModel]]) -> Iterator[RefusedKey]:
         """See `contid.hal.Restricts`: every open of the programming port resets the board and its counts."""
         assert isinstance(options, DueBusOptions)
-        lost = [name for name, axis in axes if self.parkable(axis)]
+        lost = [name for name, axis in axes if isinstance(axis, DueAxisOptions) and axis.parkable]
         if options.connection == "programming" and lost:
             yield RefusedKey(
                 "connection",
@@ -105,15 +103,6 @@ class DueDriver:
 
         assert isinstance(options, DueBusOptions)
         return DueBus(name, options, axes, clock)
-
-    def home(
-        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
-    ) -> list[Homed]:
-        """See `contid.hal.Homes`; the board itself searches the end stops."""
-        from contid_drivers.due.homing import home
-
-        assert isinstance(options, DueBusOptions)
-        return home(name, options, axes, only, report)
 
     def wiring(self, options: BaseModel, axis: BaseModel) -> Mapping[str, object]:
         """The options that a change of wiring would change (`contid.hal.pulses.Proves`)."""
@@ -130,20 +119,6 @@ class DueDriver:
 
         assert isinstance(options, DueBusOptions)
         return dict.fromkeys((axis.name for axis in axes), board(ask_hello(name, options)))
-
-    def parkable(self, axis: BaseModel) -> bool:
-        """True for options of an axis that can be parked; motors without homing (`contid.hal.Parks`)."""
-        assert isinstance(axis, DueAxisOptions)
-        return axis.kind is DeviceKind.MOTOR and axis.homing is None
-
-    def park(
-        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
-    ) -> None:
-        """See `contid.hal.Parks`; the board counts from ``power_up_deg`` again."""
-        from contid_drivers.due.homing import park
-
-        assert isinstance(options, DueBusOptions)
-        park(name, options, axes, only, report)
 
 
 DRIVER: Driver = DueDriver()

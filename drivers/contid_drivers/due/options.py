@@ -296,6 +296,11 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
         return DeviceKind.MOTOR if self.channel[0] == "m" else DeviceKind.REGULATOR
 
     @property
+    def parkable(self) -> bool:
+        """True for a motor without homing: it counts from its parked pose after a restart of the board."""
+        return self.kind is DeviceKind.MOTOR and self.homing is None
+
+    @property
     def number(self) -> int:
         """The channel's number on its board, 0..5."""
         return int(self.channel[1])

@@ -17,8 +17,6 @@ from contid.hal import (
     DeviceResponse,
     Driver,
     ExchangeTime,
-    Homed,
-    Report,
 )
 from contid.hal.pulses import ProvenDevice
 from contid.units import DEG
@@ -87,15 +85,6 @@ class DynamixelDriver:
 
         assert isinstance(options, DynamixelBusOptions)
         return exchange_time(options, [axis for axis in axes if isinstance(axis, DynamixelAxisOptions)])
-
-    def home(
-        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
-    ) -> list[Homed]:
-        """Move axes to their reference one after the other; they rest afterwards (`contid.hal.Homes`)."""
-        from contid_drivers.dynamixel.homing import home
-
-        assert isinstance(options, DynamixelBusOptions)
-        return home(name, options, axes, only, report)
 
     def wiring(self, options: BaseModel, axis: BaseModel) -> Mapping[str, object]:
         """The options that a change of wiring would change (`contid.hal.pulses.Proves`)."""

@@ -2,14 +2,15 @@
 
 A servo that is powered up counts from 0 to 4095 ticks, in whichever turn its shaft is. `Axis.turns` is added
 to that count; one too many is a rack that is longer by the circumference of its pinion. The turns are kept in
-two registers in the RAM of the servo, so that they are lost when the count is:
+two registers in the RAM of the servo, which lose them when the servo loses its count:
 
-* Velocity I Gain, unused in the position modes, holds 4096 + turns. A change of the operating mode clears it,
-  and through position mode the servo loses its count without a power-off (e-manual, register 132).
-* The last Indirect Address holds 145 + turns, where the servo has one; only a power-off clears it, to 227 or
-  243 by model.
+* the *gain* (Velocity I Gain, unused in the position modes) holds 4096 + turns. A change of the operating
+  mode clears it, and through position mode the servo loses its count without a power-off (e-manual, register
+  132);
+* the *address* (the last Indirect Address, where the servo has one) holds 145 + turns. Only a power-off
+  clears it, to 227 or 243 by model. Without the gain it shows that another program reset the count.
 
-`settle` decides, by the first row that applies:
+`settle` decides in which turn the shaft is, by the first row that applies:
 
 ======================================  =========================================================
 the servo                               the turn
@@ -47,7 +48,7 @@ from contid_drivers.dynamixel.registers import Register
 log = logging.getLogger(__name__)
 
 LAST_ADDRESS: Final = next(r for r in reg.TABLE if r.name == f"indirect address {reg.INDIRECT_COUNT}")
-#: Values of the two registers for 0 turns.
+#: Values of the two registers for 0 turns; no model has such a gain by default.
 _ADDRESS_ZERO: Final = 145
 _GAIN_ZERO: Final = 4096
 _MULTI_TURN_MODES: Final = tuple(reg.MODE_NUMBERS.values())
@@ -57,16 +58,19 @@ TURNS_MAX: Final = 80
 SEEN_TOLERANCE_RAD: Final = FAR_RAD
 #: Bit of Drive Mode that reverses the count.
 _REVERSE: Final = 0x01
+#: The two registers after a power-up.
 _CLEARED: Final = ((LAST_ADDRESS, LAST_ADDRESS.default), (reg.VELOCITY_I, reg.VELOCITY_I.default))
 
 
 def stored_values(turns: int) -> tuple[tuple[Register, int], ...]:
-    """The two registers that keep the turns, and their values; no model has such a gain by default."""
+    """The two registers that keep the turns, with their values: the address, then the gain."""
     return (LAST_ADDRESS, _ADDRESS_ZERO + turns), (reg.VELOCITY_I, _GAIN_ZERO + turns)
 
 
 def store(client: ServoClient, axis: Axis, turns: int) -> None:
-    """Store the turns in the servo, for as long as it is powered; in position mode on the host only.
+    """Take turns as those of the axis, and store them in the servo for as long as it is powered.
+
+    In position mode, which counts no turns, they are kept on the host only.
 
     Raises:
         DeviceError: too many turns.
@@ -82,7 +86,7 @@ def store(client: ServoClient, axis: Axis, turns: int) -> None:
 
 
 def forget(client: ServoClient, axis: Axis) -> None:
-    """Clear both registers, as a power-up does; used after the axis was parked by hand."""
+    """Clear both registers, as a power-up does, and the last position: after it was parked by hand."""
     axis.seen = None
     for register, value in _CLEARED:
         _write_where_present(client, axis, register, value)
@@ -94,6 +98,7 @@ def _counts_turns(client: ServoClient, axis: Axis) -> bool:
 
 
 def _write_where_present(client: ServoClient, axis: Axis, register: Register, value: int) -> None:
+    """Write a register that some models do not have."""
     try:
         client.write(axis.device, register, value)
     except ServoRefusedError as error:
@@ -154,16 +159,35 @@ def settle(client: ServoClient, axis: Axis) -> None:
     displaced = _displacement(client, axis)
     if displaced:
         _count_from_encoder(client, axis, displaced)
+    if not _take_stored(client, axis, was_displaced=bool(displaced)):
+        _infer(client, axis)
+
+
+def _take_stored(client: ServoClient, axis: Axis, was_displaced: bool) -> bool:
+    """Take the turns that the servo keeps; whether it keeps any that are valid.
+
+    Where its position was displaced while contid ran, either the last position or the turns stored by it are
+    of another scale: they are taken if both agree, and forgotten otherwise.
+    """
     stored = kept(client, axis)
-    if stored is not None:
-        position = client.read(axis.device, reg.PRESENT_POSITION)
-        if not displaced or axis.seen is None or stored == _nearest(position, axis.seen):
-            axis.turns, axis.turn = stored, Turn.IN_SERVO
-            axis.seen = axis.to_rad(position)
-            return
-        # Displaced while contid ran: the last position, or the turn by it, was of the other scale.
+    if stored is None:
+        return False
+    position = client.read(axis.device, reg.PRESENT_POSITION)
+    if was_displaced and axis.seen is not None and stored != _nearest(position, axis.seen):
         client.write(axis.device, reg.VELOCITY_I, reg.VELOCITY_I.default)
         axis.seen = None
+        return False
+    axis.turns, axis.turn = stored, Turn.IN_SERVO
+    axis.seen = axis.to_rad(position)
+    return True
+
+
+def _infer(client: ServoClient, axis: Axis) -> None:
+    """Infer the turns from where the axis should stand, and store them; 0 where nothing is known.
+
+    Raises:
+        DeviceError: it stands too far from there, or has to be homed.
+    """
     expected = _expected(client, axis)
     position = client.read(axis.device, reg.PRESENT_POSITION)
     turns = 0
@@ -216,7 +240,7 @@ class _Expected(NamedTuple):
 
 
 def _expected(client: ServoClient, axis: Axis) -> _Expected | None:
-    """Where a servo without a valid count should stand; None where nothing is known.
+    """Where a servo without a valid count should stand, by the table above; None where nothing is known.
 
     Raises:
         DeviceError: it has to be homed.

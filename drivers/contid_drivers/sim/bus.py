@@ -16,12 +16,11 @@ from contid.hal import AxisOnBus, Clock, DeviceKind, Rest, Sample, TipMeasured
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.tendon.robot import TendonRobot
-from contid_drivers.sim.arm.tracked import TrackedBody
 from contid_drivers.sim.body_faults import BodyFaults, refuse_unit
 from contid_drivers.sim.devices import SimDevice
 from contid_drivers.sim.faults import Switches, append_event
-from contid_drivers.sim.finger_body import FingerBody
 from contid_drivers.sim.options import MECHANICAL, FaultKind, SimAxisOptions, SimBusOptions
+from contid_drivers.sim.tracked_body import LoadedShafts, TrackedBody, loaded_shafts
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -46,7 +45,7 @@ class SimBus:
         self._missed: dict[str, Rest] = {}  # rests of axes that did not answer
         self._samples: dict[str, Sample] = {}
         self.arms: list[TrackedBody] = []
-        self.fingers: list[FingerBody] = []
+        self.fingers: list[LoadedShafts] = []
         now = clock.now()
         self.devices = {axis.name: _device(name, options, axis, now) for axis in axes}
         for fault in options.faults:
@@ -179,7 +178,7 @@ class SimBus:
     def carry(self, robot: str, description: BaseModel) -> None:
         """Simulate the body of a robot whose axes it carries; called before `Bus.open`."""
         if isinstance(description, RackFinger):
-            self.fingers.append(FingerBody(robot, description))
+            self.fingers.append(loaded_shafts(robot, description))
             return
         assert isinstance(description, Cosserat | TendonRobot)
         self.arms.append(TrackedBody(robot, description))

@@ -10,8 +10,8 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import BaseModel, Field
 
 from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver, Finding
-from contid.kit import EffortStop, HomesByEffort, MonotonicClock, examine_bus
 from contid.robot_file.base import Strict
+from contid_driverkit import EffortStop, HomesByEffort, MonotonicClock, examine_bus
 
 
 class FeetechOptions(Strict):
@@ -39,7 +39,7 @@ class FeetechAxisOptions(Strict):
         id: of the servo.
         speed_deg_s: greatest speed; 0 for that of the servo.
         acceleration: register 41 in units of 100 steps/s^2; 0 for the greatest. STS only.
-        homing: search of an end stop, by the current of an STS servo (`contid.kit.EffortStop`).
+        homing: search of an end stop, by the current of an STS servo (`contid_driverkit.EffortStop`).
     """
 
     id: Annotated[int, Field(ge=0, le=252)]

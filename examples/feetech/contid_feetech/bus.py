@@ -8,7 +8,7 @@ from typing import Final, Literal
 
 from contid.errors import DeviceError, DeviceNotFoundError
 from contid.hal import AxisOnBus, Clock
-from contid.kit import Reading, SerialBus
+from contid_driverkit import Reading, SerialBus
 from contid_feetech import FeetechAxisOptions, FeetechOptions
 from contid_feetech.wire import BROADCAST, ERRORS, READ, SYNC_READ, SYNC_WRITE, Answer, packet, signed, take
 
@@ -21,7 +21,7 @@ CURRENT_A: Final = 0.0065  # per unit of register 69
 
 
 class FeetechBus(SerialBus):
-    """See `contid.kit.SerialBus`."""
+    """See `contid_driverkit.SerialBus`."""
 
     def __init__(self, name: str, options: FeetechOptions, axes: Sequence[AxisOnBus], clock: Clock) -> None:
         line = options.model_dump(include={"port", "baud", "echo"})

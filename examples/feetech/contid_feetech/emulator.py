@@ -12,7 +12,7 @@ from typing import Any, Final, Literal
 
 from contid.errors import ContidError
 from contid.hal import AxisOnBus
-from contid.kit import ControlFile, PseudoPort
+from contid_driverkit import ControlFile, PseudoPort
 from contid_feetech import FeetechAxisOptions, FeetechOptions
 from contid_feetech.bus import CURRENT_A, GOAL, STEPS_PER_RAD, TORQUE
 from contid_feetech.wire import BROADCAST, READ, SYNC_READ, SYNC_WRITE, WRITE, packet, signed, take

@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from contid.hal.pulses import DriveFacts
 from contid_bringup.drive_fit import DURATIONS_S, MeanOfPulses
 from contid_bringup.probing import DUTY_MOST, Pulse, from_rest
+from contid_devices.pulsed_motors import DriveFacts
 
 _PAIRS: Final = 8
 #: Standard deviation of the difference of two ways, each rounded at both ends [counts].

@@ -20,13 +20,14 @@ from contid.errors import DeviceError
 
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus
-    from contid.hal.pulses import DriveFacts, ProvenDevice
+    from contid.hal.pulses import ProvenDevice
     from contid.robot_file.load import LoadedFile
     from contid_bringup.drive_fit import DriveFit
     from contid_bringup.motor import ByHand, MotorResult
     from contid_bringup.record import ProvenAxis
     from contid_bringup.regulator import ByEye, RegulatorResult
     from contid_bringup.wiring_faults import WiringFault
+    from contid_devices.pulsed_motors import DriveFacts
 
 
 @click.command()
@@ -47,12 +48,12 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
     The results are written into `bringup:` of ROBOT_FILE, and into a page to print. Exit code 4 when
     something is wrong, 0 only when every axis named or examined is proven.
     """
-    from contid.cli.support.moving_commands import interruptible, require_axes, require_writable
     from contid.control.engine.wiring import wired_buses
     from contid.errors import ContidError
-    from contid.remote.server.stop_server import StopServer
     from contid.robot_file.load import find_robot_file, load_robot_file
     from contid_bringup.record import write_page, write_section
+    from contid_devices.homing.moving_commands import interruptible, require_axes, require_writable
+    from contid_devices.homing.stop_server import StopServer
 
     path = find_robot_file(robot_file)
     loaded = load_robot_file(path)
@@ -156,7 +157,7 @@ def _answered(prompt: str, hold: Callable[[], object]) -> str:
 
 def _provable(bus: WiredBus, axes: tuple[str, ...]) -> Mapping[str, DriveFacts | None]:
     """What of a bus among ``axes`` (empty: all) can be brought up; None for regulators."""
-    from contid.hal.pulses import Pulses
+    from contid_devices.pulsed_motors import Pulses
 
     only = [axis for axis in bus.axes if not axes or axis.name in axes]
     if not only:
@@ -203,8 +204,8 @@ def _bring_up_regulators(
 def _bring_up(
     loaded: LoadedFile, bus: WiredBus, motors: Mapping[str, DriveFacts], by_hand: ByHand | None
 ) -> Iterator[ProvenAxis]:
-    from contid.hal.pulses import Pulses
     from contid_bringup.motor import bring_up_motor
+    from contid_devices.pulsed_motors import Pulses
 
     tool = bus.capable(Pulses, "bringup")  # type: ignore[type-abstract]  # a runtime protocol
     report = functools.partial(click.echo, err=True)

@@ -19,8 +19,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contid.hal.pulses import DriveFacts, PulseAnswer
 from contid_bringup.probing import DUTY_MOST, PULSE_S, Pulse, from_rest, way_deg
+from contid_devices.pulsed_motors import DriveFacts, PulseAnswer
 
 _Values = NDArray[np.float64]
 #: A number is stated when its standard deviation is at most this share of it.

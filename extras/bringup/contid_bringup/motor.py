@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from contid.hal import Report
-from contid.hal.pulses import DriveFacts, PulsedBus
 from contid_bringup.backlash import measure_backlash
 from contid_bringup.drive_fit import DriveFit, MeanOfPulses, fit_drive, measure
 from contid_bringup.naming import Verdict, name_fault
 from contid_bringup.probing import DUTY_MOST, Pulse, blind_s, from_rest, probe
 from contid_bringup.timed_fit import fit_timed
 from contid_bringup.wiring_faults import WiringFault
+from contid_devices.pulsed_motors import DriveFacts, PulsedBus
 
 #: A turn by hand is accurate to this share.
 _BY_HAND: Final = 0.05

@@ -6,9 +6,10 @@ import itertools
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from contid.hal.pulses import EncoderAnswer, PulseAnswer
+from contid.hal.pulses import EncoderAnswer
 from contid_bringup.probing import STIRRED, total
 from contid_bringup.wiring_faults import MEANINGS, SEALED, WiringFault
+from contid_devices.pulsed_motors import PulseAnswer
 
 #: A turning motor draws less than a standing one: its current falls by this share while it is driven.
 _FALLS: Final = 0.12

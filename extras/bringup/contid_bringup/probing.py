@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from contid.hal.pulses import DriveFacts, EncoderAnswer, PulseAnswer
+from contid.hal.pulses import EncoderAnswer
+from contid_devices.pulsed_motors import DriveFacts, PulseAnswer
 
 #: Bounds of the device.
 DUTY_MOST: Final = 0.2

@@ -13,8 +13,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contid.hal.pulses import DriveFacts, PulseAnswer
 from contid_bringup.drive_fit import DriveFit, MeanOfPulses
+from contid_devices.pulsed_motors import DriveFacts, PulseAnswer
 
 _Values = NDArray[np.float64]
 #: Timed counts of a pulse that is used.

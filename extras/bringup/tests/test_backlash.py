@@ -6,8 +6,9 @@ import random
 
 import pytest
 
-from contid.hal.pulses import DriveFacts, EncoderAnswer, PulseAnswer
+from contid.hal.pulses import EncoderAnswer
 from contid_bringup.backlash import measure_backlash
+from contid_devices.pulsed_motors import DriveFacts, PulseAnswer
 from tests.support.shafts.shaft_plant import STEP_S, TRACE_S, Shaft
 
 PER_DEG = 4776 / 360.0

@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 import pytest
 
-from contid.hal.pulses import DriveFacts, EncoderAnswer, PulseAnswer
+from contid.hal.pulses import EncoderAnswer
 from contid_bringup.naming import name_fault
 from contid_bringup.probing import probe
 from contid_bringup.wiring_faults import WiringFault
+from contid_devices.pulsed_motors import DriveFacts, PulseAnswer
 from contid_drivers.due import messages
 from contid_drivers.due.codes import DUTY_FULL, TRACE_MS, Type
 from tests.firmware.sam3x.board import Sam3x

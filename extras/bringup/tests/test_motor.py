@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from contid.hal.pulses import DriveFacts, PulseAnswer
 from contid_bringup.motor import bring_up_motor
 from contid_bringup.wiring_faults import WiringFault
+from contid_devices.pulsed_motors import DriveFacts, PulseAnswer
 from tests.support.shafts.shaft_plant import Bench, Shaft, Wires
 
 AXIS = "arm.x"

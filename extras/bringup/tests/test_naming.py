@@ -6,10 +6,10 @@ import random
 
 import pytest
 
-from contid.hal.pulses import DriveFacts
 from contid_bringup.naming import Verdict, name_fault
 from contid_bringup.probing import DUTY_MOST, probe
 from contid_bringup.wiring_faults import WiringFault
+from contid_devices.pulsed_motors import DriveFacts
 from tests.support.shafts.shaft_plant import Bench, Shaft, Wires
 
 X, Y = "arm.x", "arm.y"

@@ -7,9 +7,10 @@ import random
 
 import pytest
 
-from contid.hal.pulses import DriveFacts, EncoderAnswer, PulseAnswer, TimedCount
+from contid.hal.pulses import EncoderAnswer
 from contid_bringup.drive_fit import measure
 from contid_bringup.timed_fit import fit_timed
+from contid_devices.pulsed_motors import DriveFacts, PulseAnswer, TimedCount
 from tests.support.shafts.shaft_plant import STEP_S, Shaft
 
 TICKS_PER_DEG = 4096 / 360.0

@@ -53,8 +53,8 @@ def command(robot_file: str, as_json: bool, fix: bool, service: bool, yes: bool,
 
 def _findings(loaded: LoadedFile, buses: Sequence[WiredBus]) -> Iterator[Finding]:
     """Findings about the host, then bus by bus, then about the bringup; each is made when it is taken."""
-    from contid.control.process.host_checks import examine
     from contid.control.process.other_devices import other_devices
+    from contid_devices.host_checks import examine
 
     yield from examine()
     for bus in buses:
@@ -94,7 +94,7 @@ def _fix(service: bool, yes: bool) -> None:
     Raises:
         ContidError: a file cannot be written.
     """
-    from contid.control.process.host_files import may_install, missing_files
+    from contid_devices.host_files import may_install, missing_files
 
     files = missing_files(service=service)
     if not files:

@@ -16,8 +16,8 @@ from contid.cli.support.parameters import robot_names
 from contid.errors import ContidError
 
 #: Modules of the driver, found by name like every driver: sources and the emulator; builds for a Cortex-M3.
-_SOURCES: Final = "contid_drivers.due.firmware"
-_CORTEX: Final = "contid_drivers.due.cortex"
+_SOURCES: Final = "contid_devices.due.firmware_build"
+_CORTEX: Final = "contid_devices.due.cortex"
 #: Name of the board for arduino-cli (fully qualified board name), by the USB socket.
 _BOARD_NAMES: Final = {"native": "arduino:sam:arduino_due_x", "programming": "arduino:sam:arduino_due_x_dbg"}
 

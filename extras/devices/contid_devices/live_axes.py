@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from contid.cli.support.zero_here import reading
 from contid.hal import DeviceKind, Sample
 from contid.units import BAR
+from contid_devices.homing.zero_here import reading
 
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus

@@ -10,8 +10,8 @@ import click
 
 from contid import entry_points
 from contid.cli.support.added_options import ExtendedCommand
-from contid.cli.support.moving_commands import require_writable
 from contid.cli.support.parameters import NumberRange, robot_names
+from contid_devices.homing.moving_commands import require_writable
 from contid_dynamics.pose_option import POSE, actuation_at, moving_robots
 
 if TYPE_CHECKING:

@@ -16,7 +16,6 @@ import pytest
 from click.testing import CliRunner
 from ruamel.yaml import YAML
 
-from contid.cli.support.moving_commands import require_writable
 from contid.errors import ContidError
 from contid.kinematics.model import build_model
 from contid.robot_file import load as load_module
@@ -25,6 +24,7 @@ from contid.robot_file.load import load_named, parse_robot_file
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
 from contid.units import STANDARD_GRAVITY
+from contid_devices.homing.moving_commands import require_writable
 from contid_dynamics import schedule
 from contid_dynamics.arm import MovingArm
 from contid_dynamics.command import command

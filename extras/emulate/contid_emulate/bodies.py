@@ -18,7 +18,7 @@ from contid.hal import TipMeasured
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import LoadedFile
 from contid.robot_file.tendon.robot import TendonRobot
-from contid_drivers.sim.arm.tracked import TrackedBody
+from contid_drivers.sim.tracked_body import TrackedBody
 from contid_emulate.dynamixel.bench import MA_PER_NM
 from contid_emulate.dynamixel.body_tendons import BodyTendons, Spool
 

@@ -15,11 +15,11 @@ from pydantic import Field
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, DeviceKind
-from contid.kit.control_file import ControlFile
 from contid.robot_file.base import Strict
 from contid.units import BAR
+from contid_devices.due.firmware_build import build_host
+from contid_driverkit.control_file import ControlFile
 from contid_drivers.due.codes import CHANNELS
-from contid_drivers.due.firmware import build_host
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, LoadCell, SafeState
 from contid_drivers.due.wiring import DUE_ADC, Adc, axis_options
 

@@ -5,10 +5,10 @@ import pytest
 
 from contid import kernels
 from contid.kinematics.cosserat.identified import SectionErrors, scaled_arm
-from contid.kinematics.cosserat.identified_arm import HALF_LOOP_RANGE, IdentifiedArm
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.pneumatic.sense import LoadSensing, ModelErrors, Sense
 from contid.units import BAR
+from contid_fit.identified_arm import HALF_LOOP_RANGE, IdentifiedArm
 from tests.sense.plant import shipped_robot
 
 pytestmark = pytest.mark.skipif(kernels.load("cosserat") is None, reason="NumPy takes minutes")

@@ -10,7 +10,7 @@ from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.pneumatic.sense import LoadSensing, ModelErrors, Sense
 from contid.robot_file.pneumatic.simulated import SimulatedArm, SimulatedErrors
 from contid.targets import Target
-from contid_drivers.sim.arm.body import SimulatedBody
+from contid_dynamics.arm_body import SimulatedBody
 from tests.sense.observed import GRAM_N, calibrated, pascal
 from tests.sense.plant import shipped_robot
 

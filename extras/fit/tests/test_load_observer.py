@@ -8,7 +8,7 @@ import pytest
 from contid import kernels
 from contid.control.tick.tip_feedback import Measurement
 from contid.robot_file.pneumatic.simulated import SimulatedArm
-from contid_drivers.sim.arm.statics import arm_solver
+from contid_dynamics.arm_statics import arm_solver
 from contid_fit.sense.live.load_observer import LoadObserver
 from tests.sense.observed import ERRORS, GRAM_N, RATE_HZ, Loaded, Run, calibrated, plant
 from tests.sense.plant import shipped_robot

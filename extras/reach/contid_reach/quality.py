@@ -22,13 +22,13 @@ import numpy as np
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.identified_arm import IdentifiedArm
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Compliant, Model, build_model_for_ticks
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Actuation
 from contid.units import BAR, MM_PER_M
+from contid_fit.identified_arm import IdentifiedArm
 from contid_reach.spatial import Progress, reachable_volume
 
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from itertools import product
-from pathlib import Path
 
 import pytest
 
-from contid.control.tick.faults import PAGES, Fault, describe, markdown
+from contid.control.tick.faults import PAGES, Fault, describe
 from contid.control.tick.supervisor import MOVES, REST_OF, Event, Mode, allowed, move
 from contid.robot_file.base import StopPolicy
 
@@ -106,8 +105,3 @@ def test_every_fault_has_its_page(fault: Fault) -> None:
     assert page.cause
     assert page.reaction
     assert describe(fault, "left is silent").startswith(f"fault {int(fault)} ")
-
-
-def test_the_page_of_the_faults_is_up_to_date() -> None:
-    page = Path(__file__).parents[3] / "docs" / "faults.md"
-    assert page.read_text(encoding="utf-8") == markdown()

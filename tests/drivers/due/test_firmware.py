@@ -10,10 +10,17 @@ import pytest
 from click.testing import CliRunner
 
 from contid.errors import DeviceError
+from contid_devices.due.firmware_build import (
+    build_host,
+    build_id,
+    build_note,
+    build_once,
+    cache_dir,
+    firmware_dir,
+)
 from contid_devices.firmware import command as firmware_command
 from contid_drivers.due import messages
 from contid_drivers.due.codes import PROTOCOL_VERSION
-from contid_drivers.due.firmware import build_host, build_id, build_note, build_once, cache_dir, firmware_dir
 
 
 def test_without_a_home_folder_the_message_names_the_variable_to_set(monkeypatch: pytest.MonkeyPatch) -> None:

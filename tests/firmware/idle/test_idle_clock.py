@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from contid.hal import AxisOnBus
+from contid_devices.due.firmware_build import WARNINGS, build_once, core_sources, firmware_dir
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import BoardState, RestCode, Type
-from contid_drivers.due.firmware import WARNINGS, build_once, core_sources, firmware_dir
 from contid_drivers.due.messages import Answer, Refused, Telemetry
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 

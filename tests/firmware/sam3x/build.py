@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from contid_drivers.due.firmware import SKETCH_STANDARD, cache_dir, firmware_dir
+from contid_devices.due.firmware_build import SKETCH_STANDARD, cache_dir, firmware_dir
 
 STAND_IN = Path(__file__).parents[1] / "arduino_sam"
 

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import pytest
 
 from contid.hal import AxisOnBus
+from contid_devices.due.cortex import build_core
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import BoardState, Reason, Type
-from contid_drivers.due.cortex import build_core
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from tests.firmware.cortex_m import CoreBoard
 from tests.firmware.elf import read_elf

@@ -12,7 +12,7 @@ import subprocess
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from contid_drivers.due.firmware import cache_dir, firmware_dir
+from contid_devices.due.firmware_build import cache_dir, firmware_dir
 
 _FLAGS = (
     "-Os", "-g", "-ffunction-sections", "-fdata-sections", "-mcpu=cortex-m7", "-mfloat-abi=hard",

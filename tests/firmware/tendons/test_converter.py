@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from contid_drivers.due.firmware import WARNINGS, build_once, firmware_dir
+from contid_devices.due.firmware_build import WARNINGS, build_once, firmware_dir
 from tests.firmware.tendons.trials import HERE
 
 pytestmark = pytest.mark.process

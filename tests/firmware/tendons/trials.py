@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from contid.hal import AxisOnBus
+from contid_devices.due.firmware_build import WARNINGS, build_once, core_sources, firmware_dir
 from contid_drivers.due import wiring
 from contid_drivers.due.codes import BoardState, Reason
-from contid_drivers.due.firmware import WARNINGS, build_once, core_sources, firmware_dir
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 
 HERE = Path(__file__).parent

@@ -11,8 +11,8 @@ import pytest
 
 from contid.remote.client.sync_client import Client
 from contid.remote.protocol.wire import RemoteError
-from contid.remote.server import stop_server
-from contid.remote.server.stop_server import StopServer
+from contid_devices.homing import stop_server
+from contid_devices.homing.stop_server import StopServer
 
 
 def test_devices_that_do_not_come_to_rest_are_stated_and_further_stops_obeyed(

@@ -10,7 +10,8 @@ import math
 import random
 from dataclasses import dataclass, field
 
-from contid.hal.pulses import EncoderAnswer, ProvenDevice, PulseAnswer
+from contid.hal.pulses import EncoderAnswer, ProvenDevice
+from contid_devices.pulsed_motors import PulseAnswer
 
 STEP_S = 100e-6
 TRACE_S = 0.096
@@ -98,7 +99,7 @@ class Decoder:
 
 @dataclass
 class Bench:
-    """Channels and shafts behind one board (`contid.hal.pulses.PulsedBus`)."""
+    """Channels and shafts behind one board (`contid_devices.pulsed_motors.PulsedBus`)."""
 
     shafts: list[Shaft]
     wires: dict[str, Wires]

@@ -13,11 +13,11 @@ import pytest
 from contid.hal import AxisOnBus
 from contid.kit import locked_port
 from contid.kit.clock import MonotonicClock
-from contid.kit.pseudo_port import PseudoPort
-from contid_devices.due import pulses
-from contid_drivers.due import bus, frames, homing, session
+from contid_devices.due import homing, pulses
+from contid_devices.due.firmware_build import build_host
+from contid_driverkit.pseudo_port import PseudoPort
+from contid_drivers.due import bus, frames, session
 from contid_drivers.due.codes import Type
-from contid_drivers.due.firmware import build_host
 from contid_emulate.due import plant_commands
 from tests.wire.wire_time import WireTime, wire_time
 

@@ -12,15 +12,15 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from contid.cli.commands.home import command as home_command
 from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Rest, load_driver
 from contid.robot_file.load import load_robot_file
 from contid_devices.due.board import doctor
+from contid_devices.due.homing import home
 from contid_devices.firmware import command as firmware_command
+from contid_devices.homing.command import command as home_command
 from contid_drivers.due.bus import DueBus
-from contid_drivers.due.homing import home
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
 from contid_emulate.due import emulate
 from tests.wire.due.boards import MOTORS, PARKED

@@ -8,8 +8,8 @@ from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError, DeviceNotFoundError
 from contid.kit import remembered
 from contid_devices.due.board import accept
+from contid_devices.due.homing import park
 from contid_drivers.due.bus import DueBus
-from contid_drivers.due.homing import park
 from contid_drivers.due.options import DueBusOptions, Role
 from tests.wire.due.boards import MOTORS, settle
 

@@ -13,9 +13,9 @@ import pytest
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Rest
 from contid.kit import remembered
+from contid_devices.due.homing import home, park
 from contid_devices.due.pulses import pulsed_bus
 from contid_drivers.due.bus import DueBus
-from contid_drivers.due.homing import home, park
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from tests.wire.due.lockstep_boards import Body, LockstepBoard, Plugs, board_time
 from tests.wire.wire_time import WireTime

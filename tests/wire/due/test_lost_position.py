@@ -8,8 +8,8 @@ from contid.control.engine.cycle import RealClock
 from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Rest
 from contid_devices.due.board import doctor
+from contid_devices.due.homing import park
 from contid_drivers.due.bus import DueBus
-from contid_drivers.due.homing import park
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from contid_drivers.due.session import ask_hello
 from tests.wire.due.boards import MOTORS, settle

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from contid.errors import DeviceError, DeviceNotFoundError
+from contid_devices.dynamixel import TOOLS
 from contid_devices.dynamixel.commission import reboot, set_baud, set_id
 from contid_devices.dynamixel.scan import scan
-from contid_drivers.dynamixel import DRIVER
 from contid_drivers.dynamixel import registers as reg
 from contid_emulate.dynamixel import Servo
 
@@ -30,7 +30,7 @@ def quiet(line: str) -> None:
 
 
 def home(r: Any, *only: str) -> Any:
-    return DRIVER.home("servos", r.options, r.axes, only or ("r.a1",), quiet)  # type: ignore[attr-defined]
+    return TOOLS.home("servos", r.options, r.axes, only or ("r.a1",), quiet)
 
 
 def test_a_hard_stop_is_found_with_little_current_and_left_relaxed(rig: Make) -> None:
@@ -52,7 +52,7 @@ def test_no_stop_is_an_error_and_torque_is_off(rig: Make) -> None:
 
 
 def test_an_interrupt_leaves_torque_off(rig: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    from contid_drivers.dynamixel import homing
+    from contid_devices.dynamixel import homing
 
     def interrupted(*_: object) -> int:
         raise KeyboardInterrupt
@@ -67,7 +67,7 @@ def test_an_interrupt_leaves_torque_off(rig: Make, monkeypatch: pytest.MonkeyPat
 def test_a_torque_that_stays_on_is_reported(
     rig: Make, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    from contid_drivers.dynamixel import homing
+    from contid_devices.dynamixel import homing
 
     def silenced(*_: object) -> int:
         r.emulator.set("silent", 1)

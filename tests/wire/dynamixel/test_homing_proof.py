@@ -17,8 +17,9 @@ import pytest
 
 from contid.errors import DeviceError
 from contid.hal import Reference
-from contid_drivers.dynamixel import DRIVER, homing, search, tensioning, turns
+from contid_devices.dynamixel import TOOLS, homing, search, tensioning
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel import turns
 from contid_emulate.dynamixel import Servo, TendonPlant
 from tests.wire.dynamixel.virtual_wire import servo_time
 from tests.wire.wire_time import WireTime
@@ -41,7 +42,7 @@ def home(r: Any, report: Callable[[str], None] = quiet, zero_deg: float | None =
     """Home all axes; with a former zero all have it."""
     zero = None if zero_deg is None else math.radians(zero_deg)
     axes = [replace(axis, reference=Reference(zero)) for axis in r.axes]
-    return DRIVER.home("servos", r.options, axes, [a.name for a in axes], report)  # type: ignore[attr-defined]
+    return TOOLS.home("servos", r.options, axes, [a.name for a in axes], report)
 
 
 def marked(servo: Servo) -> bool:

@@ -13,7 +13,7 @@ from contid.control.tick.faults import Fault, of_device
 from contid.errors import DeviceError
 from contid.kinematics.tendon.geometry import TendonGeometry
 from contid.kinematics.tendon.tension import TendonStatics
-from contid_drivers.dynamixel import DRIVER
+from contid_devices.dynamixel import TOOLS
 from contid_drivers.dynamixel import registers as reg
 from contid_emulate.dynamixel import Servo, TendonPlant
 from tests.support.tendon_sections import even_section
@@ -48,7 +48,7 @@ def quiet(line: str) -> None:
 
 
 def home(r: Any) -> Any:
-    return DRIVER.home("servos", r.options, r.axes, ("r.a1", "r.a2", "r.a3"), quiet)  # type: ignore[attr-defined]
+    return TOOLS.home("servos", r.options, r.axes, ("r.a1", "r.a2", "r.a3"), quiet)
 
 
 def test_taut_tendons_have_the_tensions_of_the_model():

@@ -12,8 +12,8 @@ import pytest
 
 from contid.errors import DeviceError
 from contid.hal import Rest
+from contid_devices.dynamixel import TOOLS
 from contid_devices.dynamixel.commission import sdk_bus
-from contid_drivers.dynamixel import DRIVER
 from contid_drivers.dynamixel import registers as reg
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
@@ -37,7 +37,7 @@ def another_program(r: Any, *writes: tuple[reg.Register, int]) -> None:
 def driven_far(r: Any, home: bool) -> None:
     """Home if required, then move by three turns and close the bus, torque off."""
     if home:
-        DRIVER.home("servos", r.options, r.axes, ("r.a1",), lambda line: None)  # type: ignore[attr-defined]
+        TOOLS.home("servos", r.options, r.axes, ("r.a1",), lambda line: None)
     r.bus.open()
     r.bus.enable(["r.a1"])
     r.tick(a1=FAR * TICK)
@@ -166,7 +166,7 @@ def test_a_displaced_count_under_torque_is_refused_by_name(
 def test_homing_by_a_pose_measures_from_the_encoder(rig: Make) -> None:
     r = rig(1, axis={"homing": POSE}, servo={"position_ticks": 1100.0})
     r.emulator.servos[0].put(reg.HOMING_OFFSET, -250)
-    (homed,) = DRIVER.home("servos", r.options, r.axes, ("r.a1",), lambda line: None)  # type: ignore[attr-defined]
+    (homed,) = TOOLS.home("servos", r.options, r.axes, ("r.a1",), lambda line: None)
     assert homed.value == pytest.approx(1100 * TICK, abs=2 * TICK)
 
 

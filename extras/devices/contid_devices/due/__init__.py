@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
-from contid.hal import AxisOnBus, Finding, FoundDevice, Report
-from contid.hal.pulses import DriveFacts, PulsedBus
+from contid.hal import AxisOnBus, Finding, FoundDevice, Homed, Report
+from contid_devices.pulsed_motors import DriveFacts, PulsedBus
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class BoardTools:
-    """Search, diagnosis and pulses of boards (entry point ``contid.tools``)."""
+    """Search, diagnosis, homing and pulses of boards (entry point ``contid.tools``)."""
 
     def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
         """Examine without motion; problems are findings, not exceptions (`contid.hal.Diagnoses`)."""
@@ -31,10 +31,33 @@ class BoardTools:
         assert isinstance(options, DueBusOptions)
         accept(name, options, axes, report)
 
+    def home(
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
+    ) -> list[Homed]:
+        """See `contid.hal.Homes`; the board itself searches the end stops."""
+        from contid_devices.due.homing import home
+
+        assert isinstance(options, DueBusOptions)
+        return home(name, options, axes, only, report)
+
+    def parkable(self, axis: BaseModel) -> bool:
+        """True for options of an axis that can be parked; motors without homing (`contid.hal.Parks`)."""
+        assert isinstance(axis, DueAxisOptions)
+        return axis.parkable
+
+    def park(
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
+    ) -> None:
+        """See `contid.hal.Parks`; the board counts from ``power_up_deg`` again."""
+        from contid_devices.due.homing import park
+
+        assert isinstance(options, DueBusOptions)
+        park(name, options, axes, only, report)
+
     def pulsed_bus(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]
     ) -> AbstractContextManager[PulsedBus]:
-        """Open the bus for pulses; on exit every motor is without power (`contid.hal.pulses.Pulses`)."""
+        """Open the bus for pulses; on exit every motor is without power (see `Pulses`)."""
         from contid_devices.due.pulses import pulsed_bus
 
         assert isinstance(options, DueBusOptions)

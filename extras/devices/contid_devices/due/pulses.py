@@ -9,9 +9,10 @@ from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, DeviceKind, Rest
-from contid.hal.pulses import DriveFacts, EncoderAnswer, ProvenDevice, PulseAnswer
+from contid.hal.pulses import EncoderAnswer, ProvenDevice
 from contid.kit.clock import MonotonicClock
 from contid.kit.signals import defer_signals
+from contid_devices.pulsed_motors import DriveFacts, PulseAnswer
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.codes import DUTY_FULL, TRACE_MS, Reason, Refusal
 from contid_drivers.due.messages import PulseTrace
@@ -26,7 +27,7 @@ _TRACE_S: Final = 2.0
 
 
 class DuePulsedBus:
-    """A Due board whose motors are pulsed one at a time (`contid.hal.pulses.PulsedBus`)."""
+    """A Due board whose motors are pulsed one at a time (`contid_devices.pulsed_motors.PulsedBus`)."""
 
     def __init__(self, bus: DueBus, axes: Sequence[AxisOnBus]) -> None:
         self._bus = bus
@@ -44,7 +45,7 @@ class DuePulsedBus:
     def pulse(self, axis: str, duty: float, duration_s: float) -> PulseAnswer:
         """Drive one axis open loop, and read what every encoder showed.
 
-        See `contid.hal.pulses.PulsedBus`; the board bounds duty and time, and ends the drive.
+        See `contid_devices.pulsed_motors.PulsedBus`; the board bounds duty and time, and ends the drive.
         """
         ms = round(duration_s * 1000.0)
         try:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
-from contid.hal import AxisOnBus, Finding, FoundDevice, RegisterValue, Report
-from contid.hal.pulses import DriveFacts, PulsedBus
+from contid.hal import AxisOnBus, Finding, FoundDevice, Homed, RegisterValue, Report
+from contid_devices.pulsed_motors import DriveFacts, PulsedBus
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class DynamixelTools:
-    """Search, diagnosis, pulses and commissioning of servos (entry point ``contid.tools``)."""
+    """Search, diagnosis, homing, pulses and commissioning of servos (entry point ``contid.tools``)."""
 
     def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
         """Examine without motion; problems are findings, not exceptions (`contid.hal.Diagnoses`)."""
@@ -31,10 +31,19 @@ class DynamixelTools:
         assert isinstance(options, DynamixelBusOptions)
         accept(name, options, axes, report)
 
+    def home(
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
+    ) -> list[Homed]:
+        """Move axes to their reference one after the other; they rest afterwards (`contid.hal.Homes`)."""
+        from contid_devices.dynamixel.homing import home
+
+        assert isinstance(options, DynamixelBusOptions)
+        return home(name, options, axes, only, report)
+
     def pulsed_bus(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]
     ) -> AbstractContextManager[PulsedBus]:
-        """Open the bus for pulses; on exit every servo is without torque (`contid.hal.pulses.Pulses`)."""
+        """Open the bus for pulses; on exit every servo is without torque (see `Pulses`)."""
         from contid_devices.dynamixel.pulses import pulsed_bus
 
         assert isinstance(options, DynamixelBusOptions)

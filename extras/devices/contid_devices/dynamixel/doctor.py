@@ -8,9 +8,9 @@ from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Finding
-from contid.kit.port_checks import owner, port_findings
 from contid.kit.remembered import accept_remedy, memory_of
 from contid.kit.serial_ports import find_port
+from contid_driverkit.port_checks import owner, port_findings
 from contid_drivers.dynamixel import arming, duplicates
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis

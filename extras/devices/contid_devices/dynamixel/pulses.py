@@ -16,10 +16,12 @@ from typing import Final, NamedTuple
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus
-from contid.hal.pulses import DriveFacts, EncoderAnswer, ProvenDevice, PulseAnswer, TimedCount
+from contid.hal.pulses import EncoderAnswer, ProvenDevice
 from contid.kit.remembered import memory_of
 from contid.kit.serial_ports import find_port
-from contid_drivers.dynamixel import arming, search, turns
+from contid_devices.dynamixel import search
+from contid_devices.pulsed_motors import DriveFacts, PulseAnswer, TimedCount
+from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.checks import identity, left_over
@@ -61,7 +63,7 @@ class _Trace(NamedTuple):
 
 
 class ServoPulsedBus:
-    """Servos that are pulsed one at a time (`contid.hal.pulses.PulsedBus`)."""
+    """Servos that are pulsed one at a time (`contid_devices.pulsed_motors.PulsedBus`)."""
 
     def __init__(self, client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOptions) -> None:
         self._client = client
@@ -88,7 +90,7 @@ class ServoPulsedBus:
     def pulse(self, axis: str, duty: float, duration_s: float) -> PulseAnswer:
         """Drive one servo by a Goal PWM, and read what every servo of the bus showed.
 
-        See `contid.hal.pulses.PulsedBus`; positions are timed by its Realtime Tick.
+        See `contid_devices.pulsed_motors.PulsedBus`; positions are timed by its Realtime Tick.
         """
         servo = self._axes[axis]
         self._prepare(servo)

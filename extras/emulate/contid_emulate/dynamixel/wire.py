@@ -17,8 +17,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-from contid.kit.control_file import ControlFile
-from contid.kit.pseudo_port import PseudoPort
+from contid_driverkit.control_file import ControlFile
+from contid_driverkit.pseudo_port import PseudoPort
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.packets import BROADCAST, Instruction, Packet, build, read_parameters, take
 from contid_emulate.dynamixel.faults import FaultSwitches, InjectedFault

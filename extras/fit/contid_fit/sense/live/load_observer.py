@@ -18,12 +18,12 @@ import numpy as np
 from contid.control.tick.tip_feedback import Measurement
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import NearAnswer
-from contid.kinematics.cosserat.identified_arm import IdentifiedArm, Numbers
 from contid.kinematics.frames import BaseFrame
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.pneumatic.sense import LoadSensing
 from contid.targets import ZERO3, Vec3, vec3
 from contid.units import MM_PER_M, STANDARD_GRAVITY
+from contid_fit.identified_arm import IdentifiedArm, Numbers
 from contid_fit.sense.creep import decades_of
 from contid_fit.sense.live.load_filter import LoadFilter
 from contid_fit.sense.live.pressure_trace import PressurePose, PressureTrace

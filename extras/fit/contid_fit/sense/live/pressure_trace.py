@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from contid.kinematics.cosserat.identified_arm import Numbers
+from contid_fit.identified_arm import Numbers
 
 #: Half the time over which the reports of regulators around a capture are averaged.
 AVERAGED_S: Final = 0.01

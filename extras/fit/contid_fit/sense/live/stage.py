@@ -11,10 +11,10 @@ from contid.control.engine.events.robots import ContactBegan
 from contid.control.engine.stages import EngineParts, Targets, TickStage
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.play import led
-from contid.kinematics.cosserat.identified_arm import Numbers
 from contid.robot_file.base import ContactPolicy
 from contid.robot_file.cosserat import Cosserat
 from contid.targets import ZERO3, Actuation, Target, Vec3, vec3
+from contid_fit.identified_arm import Numbers
 from contid_fit.sense.live.load_feed import CountedLoad, FedLoad, certain_share, fed, loaded
 from contid_fit.sense.live.load_observer import LoadFound, LoadObserver
 from contid_fit.sense.live.tip_contact import TipContact, TipContactFound

@@ -20,11 +20,11 @@ import numpy as np
 
 from contid.control.tick.tip_feedback import Measurement
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.identified_arm import IdentifiedArm, Numbers
 from contid.kinematics.frames import BaseFrame
 from contid.robot_file.cosserat import Cosserat
 from contid.targets import Vec3, vec3
 from contid.units import MM_PER_M
+from contid_fit.identified_arm import IdentifiedArm, Numbers
 from contid_fit.sense.live.innovation_test import (
     NEWEST,
     REFERENCE,
