@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from contid.control.engine import messages as msg
 from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.cycle import Sink
+from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import EffortLimited, MarkReached, OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.order_events import order_event, rows_event
@@ -16,12 +18,41 @@ from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.state import RobotState
+from contid.control.tick.supervisor import stronger
 from contid.control.tick.tip_feedback import Measurement
 from contid.targets import Target
 
 
+class NumberedRefusals:
+    """A sink before another one, which gives a refusal the number of the order that it answers.
+
+    What robots refuse by themselves, beside the orders, has none.
+
+    Attributes:
+        order: number of the order that is carried out now, 0 for none.
+    """
+
+    def __init__(self, sink: Sink) -> None:
+        self.order = 0
+        self._sink = sink
+
+    def write(self, values: list[float]) -> None:
+        """See `Sink.write`."""
+        self._sink.write(values)
+
+    def event(self, event: RunEvent) -> None:
+        """See `Sink.event`."""
+        if self.order and isinstance(event, OrderRefused):
+            event = replace(event, answers=self.order)
+        self._sink.event(event)
+
+
 class OrderHandler:
-    """Carries out `contid.control.engine.messages`."""
+    """Carries out `contid.control.engine.messages`.
+
+    Attributes:
+        number: of the order that the next message belongs to, 0 for none (`messages.Mark`).
+    """
 
     def __init__(
         self,
@@ -34,6 +65,7 @@ class OrderHandler:
         stage_failed: Callable[[TickStage, Exception, float], None],
     ) -> None:
         """``stage_failed`` is called with a stage, its error and the time."""
+        self.number = 0
         self._robots = robots
         self._selector = selector
         self._exchange = exchange
@@ -90,6 +122,7 @@ class OrderHandler:
             case msg.Begin():
                 selector.begin_rows(now_s)
             case msg.Mark(number):
+                self.number = number + 1 if number % 2 else 0
                 self._sink.event(MarkReached(number=number, tick=tick_number))
             case msg.Goto(robot, target, None) if chains.concerns(robot):
                 chains.keep_goto(robot, target)
@@ -107,7 +140,9 @@ class OrderHandler:
                 robots.order(who, transitions.follow, now_s)
             case msg.Stop(who, policy, reason):
                 selector.pause(who, step)
-                robots.order(who, Stopping(policy, reason), now_s)
+                stopping = Stopping(policy, reason)
+                robots.order(who, stopping, now_s)
+                self._report_stronger(who, stopping)
                 chains.stopped(who, now_s)
             case msg.Estop(who):
                 selector.pause(who, step)
@@ -121,6 +156,22 @@ class OrderHandler:
                 robots.order(who, transitions.recover, now_s)
             case msg.Finish(policy, reason):
                 selector.finish(policy, reason, now_s)
+
+    def _report_stronger(self, who: msg.RobotNames, order: Stopping) -> None:
+        """Emit of which robots a stop goes on that leaves less power than the one just ordered."""
+        for index, (config, state) in enumerate(zip(self._robots.configs, self._robots.states, strict=True)):
+            if who is not None and config.name not in who:
+                continue
+            asked, owed = order.policy_of(config), self._exchange.owed(index)
+            policy, how = state.policy, "goes on"
+            if owed is not None and stronger(owed, policy) is not policy:
+                policy, how = owed, "is sent to its devices when their bus is back"
+            if policy is not None and stronger(asked, policy) is not asked:
+                message = (
+                    f"{config.name}: its stop by {policy.value} {how}; {asked.value} would leave more power"
+                )
+                event = OrderRefused(robot=config.name, message=message, stronger=policy.value)
+                self._sink.event(event)
 
     def _goto(self, target: Target, force_n: float | None) -> Order:
         """The order to go to a target, as the stages change it."""

@@ -60,7 +60,8 @@ class MotionOrders:
 
     def notice(self, event: OrderRefused) -> None:
         """Keep why a robot refused."""
-        self._refusals[event.robot] = event.message
+        if not event.stronger:
+            self._refusals[event.robot] = event.message
 
     async def _acquire(self, caller: Caller, request: RequestFields) -> Fields:
         """Take the lease; what the client before it moved holds."""

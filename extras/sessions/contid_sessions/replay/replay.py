@@ -25,7 +25,7 @@ from contid.control.engine.order_events import answer_of, order_of
 from contid.control.engine.tick_costs import UnansweredError
 from contid.control.engine.tick_layout import DEADLINE, LATENESS, SKIPPED, TICK
 from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard
-from contid.control.process.isolation.model_port import models_beside
+from contid.control.process.isolation.model_ports import models_beside
 from contid.control.tick.faults import Fault
 from contid.errors import ContidError, SessionError
 from contid.robot_file.load import LoadedFile
@@ -143,7 +143,9 @@ def _replay(session: Session, loaded: LoadedFile, tolerance: float) -> Replayed:
     def apply(tick: int) -> None:
         """Apply the events up to a tick that are left; raises `ContidError` for a damaged one."""
         nonlocal played
-        for event in [each for due in sorted(by_tick) if due <= tick for each in by_tick.pop(due)]:
+        due = [each for past in sorted(by_tick) if past <= tick for each in by_tick.pop(past)]
+        # A question of an order was not answered: that is known before the order.
+        for event in sorted(due, key=lambda each: not isinstance(each, RobotOverran)):
             trajectory = None
             if isinstance(event, OrderGiven) and event.order["order"] == "play":
                 played += 1
@@ -201,7 +203,8 @@ def _apply(
                 waits = bool(event.order.get("waits", False))
                 engine.obey(order_of(event) if trajectory is None else Play(trajectory, waits), tick)
             case RobotOverran():
-                engine.robots.overran[event.robot] = UnansweredError(event.message, Fault(event.fault))
+                error = UnansweredError(event.message, Fault(event.fault))
+                engine.robots.overran[event.robot, event.question] = error
             case BusAnswered():
                 recorded.answers[event.bus] = answer_of(event)
             case BusStalled():
