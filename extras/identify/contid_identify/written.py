@@ -176,8 +176,9 @@ def shape_of(ring: RingDown, robot: RobotDescription, note: str) -> Change:
 
 
 def _uncertain(of: Interval) -> str:
-    known = f"{1e3 * of.value:.0f} +- {1e3 * of.half:.0f} ms"
-    return f"{known if math.isfinite(of.half) else 'not fixed by these data'}; allowed: +- {1e3 * _WIDEST_S:g} ms"
+    finite = math.isfinite(of.half)
+    known = f"{1e3 * of.value:.0f} +- {1e3 * of.half:.0f} ms" if finite else "not fixed by these data"
+    return f"{known}; allowed: +- {1e3 * _WIDEST_S:g} ms"
 
 
 def _is_known(of: Interval) -> bool:
