@@ -29,6 +29,21 @@ NEXUS = (
 NS = 1_714_557_600 * 10**9
 TEXTS: dict[str, tuple[str, dict[str, list[Any]]]] = {
     "labview": (LVM.format(""), {"X_Value": [0, 0.01, 0.02], "y": [2, 3, 4]}),
+    "labview, a comment in the middle": (
+        LVM.format("").replace("\t3\n0.02", "\t3\tpump on\n0.02"),
+        {"X_Value": [0, 0.01, 0.02], "y": [2, 3, 4]},
+    ),
+    "labview, comments in the first rows": (
+        LVM.format("").replace("\t2\n0.01\t1.5\t3\n", "\t2\t17\n0.01\t1.5\t3\tpump\ton\n"),
+        {"X_Value": [0, 0.01, 0.02], "y": [2, 3, 4]},
+    ),
+    "labview, a comment in every row": (
+        "".join(
+            f"{line}\tok\n" if line.startswith("0.0") else f"{line}\n"
+            for line in LVM.format("").splitlines()
+        ),
+        {"X_Value": [0, 0.01, 0.02], "y": [2, 3, 4]},
+    ),
     "nexus, devices and trajectories": (NEXUS, {"Frame": [1, 2, 3], "S_TIP.Y": [2, 3, 4]}),
     "motive with numbers of bodies": (
         ",,Rigid Body,Rigid Body,Rigid Body\n,,Tip,Tip,Tip\n,,1,1,1\n,,Position,Position,Position\n"

@@ -14,7 +14,7 @@ from contid_dynamics.report import PoseModes, modes_of, pose_arm
 from contid_dynamics.rod import STRAINS
 
 #: Largest displacement of a drawn mode, as a share of the length of the body.
-AMPLITUDE: Final = 0.12
+AMPLITUDE: Final = 0.2
 
 
 class SwingingPose:

@@ -143,11 +143,12 @@ def command(
         from contid_fit.calibrate.target_robot import write_back
 
         source = ", ".join(path.name for path in sessions)
-        left_out: list[str] = []
         note = f"identified {date.today().isoformat()} from {source}"
-        edits = changes(found, robots[name], note, left_out)
-        write_back(Path(robot_file), name, edits, [])
-        for edit in edits:
+        of_file = changes(found, robots[name], note)
+        write_back(Path(robot_file), name, of_file.changes, [])
+        for edit in of_file.changes:
             click.echo(f"written to {robot_file}: {edit.key}: {json.dumps(edit.value)}", err=True)
-        if left_out:
-            raise ContidError(f"{'; '.join(left_out)}; everything else was written")
+        for each in of_file.unknown:
+            click.echo(f"not written: {each}", err=True)
+        if of_file.left_out:
+            raise ContidError(f"{'; '.join(of_file.left_out)}; everything else was written")

@@ -78,8 +78,14 @@ def lines(found: IdentifiedMotion) -> Iterator[str]:
 
 
 def motion_lines(model: TipMotion | ChamberMotion) -> Iterator[str]:
-    """The tip in motion: how its axes answer, and what its predictions are off by on blocks kept out."""
+    """The tip in motion: how its axes answer, and what its predictions are off by on data kept out."""
+    apart = isinstance(model, ChamberMotion) and model.apart
     yield from _chambers(model) if isinstance(model, ChamberMotion) else _swings(model)
+    yield (
+        f"  errors, each of the {apart} recordings predicted by a fit to others"
+        if apart
+        else "  errors, for commands as recorded and on that day: others are missed by more"
+    )
     for each in model.errors:
         name = f"{_MS * each.ahead_s:.0f} ms ahead" if math.isfinite(each.ahead_s) else "commands alone"
         yield (f"  {name:18} kept out {_MM * each.rmse_m:9.4g} mm; 95 % within {_MM * each.radius_m:.4g} mm")

@@ -11,6 +11,7 @@ ring-downs.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from typing import Any
 
 from contid.errors import ContidError
@@ -29,21 +30,40 @@ _MARGIN = 1.25
 _WIDEST_S = 0.05
 
 
-def changes(found: IdentifiedMotion, robot: RobotDescription, note: str, left_out: list[str]) -> list[Change]:
-    """Keys relative to the robot.
+@dataclass(frozen=True, slots=True)
+class FileChanges:
+    """What is written into the robot file, and what is not.
+
+    Attributes:
+        changes: keys relative to the robot.
+        unknown: keys of delays and lags that the recordings do not fix, with the reason.
+        left_out: the same of what was asked for in particular: ring-downs and the body.
+    """
+
+    changes: list[Change] = field(default_factory=list)
+    unknown: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+
+
+def changes(found: IdentifiedMotion, robot: RobotDescription, note: str) -> FileChanges:
+    """What an identification gives for a robot file.
 
     Args:
         found: what was identified.
         robot: description in the file.
         note: origin of the numbers: date, recordings, split.
-        left_out: gets the reason of what is not written although it was found, while the rest is.
 
     Raises:
         ContidError: nothing is known well enough to be written.
     """
-    out: list[Change] = []
+    of_file = FileChanges()
+    out, unknown, left_out = of_file.changes, of_file.unknown, of_file.left_out
     for axis in found.axes:
-        if (answer := axis.answer) is None or not _is_known(answer.sum_s):
+        if (answer := axis.answer) is None:
+            unknown.append(f"axes.{axis.name}: {axis.refused}")
+            continue
+        if not _is_known(answer.sum_s):
+            unknown.append(f"axes.{axis.name}: delay and lag together are {_uncertain(answer.sum_s)}")
             continue
         delay_s, lag_s = (_highest(each, answer.sum_s) for each in (answer.delay_s, answer.lag_s))
         own, healthy = f"axes.{axis.name}", f"{note}: longest when healthy"
@@ -57,8 +77,12 @@ def changes(found: IdentifiedMotion, robot: RobotDescription, note: str, left_ou
                 Change(f"{own}.follow_least_{key}_ms", _ms(max(of.low, 0.0) / _MARGIN), shortest)
                 for key, of in (("delay", answer.delay_s), ("lag", answer.lag_s))
             ]
+        else:
+            unknown.append(f"{own}.follow_least_delay_ms, follow_least_lag_ms: only the sum of both is known")
     if getattr(robot, "dynamics", None) is not None:
-        out += _dynamics(found, len(robot.axis_names), note)
+        if not (delays := _dynamics(found, len(robot.axis_names), note)):
+            unknown.append("dynamics.delay_ms, lag_ms: known neither to the tip nor of every axis")
+        out += delays
         out += _body(found, robot, note, left_out)
     if found.ring_downs:
         try:
@@ -68,11 +92,8 @@ def changes(found: IdentifiedMotion, robot: RobotDescription, note: str, left_ou
                 raise
             left_out.append(str(error))
     if not out:
-        why = "".join(f"; {each}" for each in left_out)
-        raise ContidError(
-            f"nothing is known well enough to be written; the report names what is missing{why}"
-        )
-    return out
+        raise ContidError(f"nothing is known well enough to be written: {'; '.join(unknown + left_out)}")
+    return of_file
 
 
 def _dynamics(found: IdentifiedMotion, count: int, note: str) -> list[Change]:
@@ -152,6 +173,12 @@ def shape_of(ring: RingDown, robot: RobotDescription, note: str) -> Change:
         known = f"ratio +- {ratio.half:.1g}" if math.isfinite(ratio.half) else "its ratio is uncertain"
         about = f"{note}: +- {hz.half:.2g} Hz, {known}"
     return Change("rates.shape", value, about)
+
+
+def _uncertain(of: Interval) -> str:
+    finite = math.isfinite(of.half)
+    known = f"{1e3 * of.value:.0f} +- {1e3 * of.half:.0f} ms" if finite else "not fixed by these data"
+    return f"{known}; allowed: +- {1e3 * _WIDEST_S:g} ms"
 
 
 def _is_known(of: Interval) -> bool:

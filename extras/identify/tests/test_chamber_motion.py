@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -18,6 +19,7 @@ from contid_identify.ahead import predicted_tips
 from contid_identify.answer import CommandedTrace
 from contid_identify.chambers.file import chamber_motion_of, read_motion, write_motion
 from contid_identify.chambers.fit import arm_of, fit_chamber_motion
+from contid_identify.chambers.judged import can_be_apart, judged_apart, judged_by_blocks
 from contid_identify.chambers.motion import ChamberArm, ChamberMotion, chained, played
 from contid_identify.printed import motion_lines
 from contid_identify.stages import tip_motion
@@ -71,7 +73,7 @@ def plant_tip(x: Array, slid: Array) -> Array:
 
 @cache
 def model() -> ChamberMotion:
-    return fit_chamber_motion("arm", AXES, ARM, [plant(each) for each in PATTERNS], "a test")
+    return fit_chamber_motion("arm", AXES, ARM, [plant(each) for each in PATTERNS], "a test", kept_out=False)
 
 
 @pytest.mark.slow
@@ -103,6 +105,53 @@ def test_arcs_behind_each_other() -> None:
         np.array([[[0.0, 0.5 * np.pi], [0.5 * np.pi, 0.0]]]), np.full((1, 2), 0.5 * np.pi), np.zeros(2)
     )
     assert np.allclose(end, [[1.0, 2.0, 1.0]])
+
+
+@pytest.mark.slow
+def test_errors_are_those_of_recordings_that_were_left_out() -> None:
+    """Each of seven recordings is predicted by a fit that has not seen it; here one that errs by a place."""
+    traces = [plant(each) for each in (*PATTERNS, "000001", "100010")]
+    asked: list[list[str]] = []
+
+    def fitted_to(others: Sequence[CommandedTrace]) -> ChamberMotion:
+        asked.append([each.name for each in others])
+        return replace(model(), times_s=model().times_s + np.array([0.1, 0.0, 0.0, 0.0, 0.0]))
+
+    assert can_be_apart(traces)
+    found = judged_apart(model(), traces, fitted_to)
+    assert len(asked) == 5  # fits at most
+    names = [each.name for each in traces]
+    assert [name for each in asked for name in names if name not in each] == names
+    assert found.apart == len(traces)
+    late = [
+        predicted_tips(fitted_to([]), each.sent, PERIOD_S, each.at_s, each.measured, 0.0).errors_m
+        for each in traces
+    ]
+    rmse_m = float(np.sqrt((np.concatenate(late) ** 2).sum(axis=1).mean()))
+    assert found.open_loop.rmse_m == pytest.approx(rmse_m, rel=1e-6)
+    assert "each of the 7 recordings predicted by a fit to others" in "\n".join(motion_lines(found))
+    assert np.array_equal(found.numbers, model().numbers)
+
+
+def test_recordings_without_others_that_move_are_judged_by_blocks() -> None:
+    moved, still = plant("100100"), replace(plant("100100"), sent=np.zeros((220, 6)))
+    assert not can_be_apart([moved])
+    assert not can_be_apart([moved, still])
+    assert can_be_apart([moved, plant("010100")])
+    assert "that day" in "\n".join(motion_lines(judged_by_blocks(model(), [moved], kept_out=True)))
+
+
+@pytest.mark.slow
+def test_errors_between_patterns_are_larger_than_those_within() -> None:
+    """Three patterns, each predicted by the two others, and a fourth one, which the errors hold for."""
+    traces = [plant(each) for each in ("100100", "110000", "001010")]
+    found = fit_chamber_motion("arm", AXES, ARM, traces, "a test")
+    assert found.apart == len(traces)
+    within = judged_by_blocks(found, traces, kept_out=True)
+    assert found.open_loop.rmse_m > within.open_loop.rmse_m
+    new = plant("010010")
+    tips = predicted_tips(found, new.sent, PERIOD_S, new.at_s, new.measured, 0.0)
+    assert np.sqrt((tips.errors_m**2).sum(axis=1).mean()) < 1.5 * found.open_loop.rmse_m
 
 
 def test_a_play_stays_behind() -> None:

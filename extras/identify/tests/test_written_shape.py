@@ -36,15 +36,44 @@ def test_a_mode_that_cannot_be_shaped_leaves_the_other_values() -> None:
     known = Interval(0.02, 0.001)
     axis = SimpleNamespace(name="c1", answer=SimpleNamespace(sum_s=known, delay_s=known, lag_s=known))
     found = SimpleNamespace(axes=(axis,), tip=None, body=None, ring_downs=(ring(500.0),))
-    left_out: list[str] = []
-    edits = changes(cast(IdentifiedMotion, found), robot, "a shake", left_out)
+    of_file = changes(cast(IdentifiedMotion, found), robot, "a shake")
+    edits, left_out = of_file.changes, of_file.left_out
     assert "axes.c1.follow_delay_ms" in {edit.key for edit in edits}
     assert all(not edit.key.startswith("rates") for edit in edits)
     assert len(left_out) == 1
     assert left_out[0].startswith("rates.shape: 500 ")
     found.axes = ()
     with pytest.raises(ContidError, match=r"rates\.shape: 500 "):
-        changes(cast(IdentifiedMotion, found), robot, "a shake", left_out)
+        changes(cast(IdentifiedMotion, found), robot, "a shake")
+
+
+def test_axes_that_are_not_known_are_named_beside_those_that_are_written() -> None:
+    (robot,) = load_named("stiffflop1").driven.values()
+    known, wide, open_end = Interval(0.02, 0.001), Interval(0.9, 0.3), Interval(0.9, math.inf)
+    answers = {
+        "both": SimpleNamespace(sum_s=known, delay_s=known, lag_s=known),
+        "sum": SimpleNamespace(sum_s=known, delay_s=wide, lag_s=wide),
+        "wide": SimpleNamespace(sum_s=wide, delay_s=wide, lag_s=wide),
+        "open": SimpleNamespace(sum_s=open_end, delay_s=open_end, lag_s=open_end),
+        "still": None,
+    }
+    axes = tuple(
+        SimpleNamespace(name=name, answer=answer, refused="it hardly moved")
+        for name, answer in answers.items()
+    )
+    found = SimpleNamespace(axes=axes, tip=None, body=None, ring_downs=())
+    of_file = changes(cast(IdentifiedMotion, found), robot, "steps")
+    assert {edit.key.split(".")[1] for edit in of_file.changes} == {"both", "sum"}
+    assert of_file.left_out == []
+    assert [each.split(": ")[0] for each in of_file.unknown] == [
+        "axes.sum.follow_least_delay_ms, follow_least_lag_ms", "axes.wide", "axes.open", "axes.still",
+        "dynamics.delay_ms, lag_ms",
+    ]  # fmt: skip
+    assert of_file.unknown[1].endswith("900 +- 300 ms; allowed: +- 50 ms")
+    assert of_file.unknown[2].endswith("not fixed by these data; allowed: +- 50 ms")
+    found.axes = axes[2:]
+    with pytest.raises(ContidError, match=r"axes\.wide: .* 900 \+- 300 ms; .*; axes\.still: it hardly moved"):
+        changes(cast(IdentifiedMotion, found), robot, "steps")
 
 
 @pytest.mark.parametrize("schedule", ["", SCHEDULE])
@@ -98,8 +127,8 @@ def test_what_is_not_known_of_a_body_is_left_out_with_its_reason(
     known = Interval(0.02, 0.001)
     axis = SimpleNamespace(name="c1", answer=SimpleNamespace(sum_s=known, delay_s=known, lag_s=known))
     found = SimpleNamespace(axes=(axis,), tip=None, body=body, ring_downs=())
-    left_out: list[str] = []
-    edits = changes(cast(IdentifiedMotion, found), robot, "a shake", left_out)
+    of_file = changes(cast(IdentifiedMotion, found), robot, "a shake")
+    edits, left_out = of_file.changes, of_file.left_out
     written = {
         edit.key.removeprefix("dynamics."): edit
         for edit in edits

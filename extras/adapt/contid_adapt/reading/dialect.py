@@ -24,6 +24,8 @@ _FEW: Final = 8
 #: Lines among which the end of a preamble of LabVIEW is looked for, and what it begins with.
 _MOST_ABOVE: Final = 200
 _END_OF_PREAMBLE: Final = "***End_of_Header***"
+#: LabVIEW's name of the last column, whose cells only rows with a comment have.
+COMMENTS: Final = "Comment"
 _SEPARATORS: Final = (",", ";", "\t", "|", " ")
 _COMMENT: Final = ("#", "%", "//")
 #: The first line of a file may name its separator, as Excel has it.
@@ -42,6 +44,7 @@ class Dialect:
         fields: cells of a row.
         numeric: for each field, whether its cells are numbers, but for lost samples.
         start: index of the first line with numbers.
+        comments: rows may have a comment behind their cells, as LabVIEW writes them.
     """
 
     separator: str
@@ -49,6 +52,12 @@ class Dialect:
     fields: int
     numeric: tuple[bool, ...]
     start: int
+    comments: bool
+
+    def cells(self, line: str) -> list[str]:
+        """The cells of a line, without its comment."""
+        cells = split(line, self.separator)
+        return cells[: self.fields] if self.comments else cells
 
 
 def is_comment(line: str) -> bool:
@@ -81,15 +90,18 @@ def find_dialect(lines: Sequence[str], file: str) -> Dialect:
         raise BadInputError([Located(file, 1, 1, "no rows: every line is a comment or empty")])
     sample = [lines[index] for index in (given if len(given) <= _FEW else _sampled(lines))]
     separator, decimal = _signs(sample, named[1] if named else "", file, given[0] + 1)
-    rows_only, fields = _rows_only([split(line, separator) for line in sample], decimal)
+    heading = [cell.strip() for cell in split(lines[given[0]], separator)]
+    comments = begin > 0 and not named and heading[-1] == COMMENTS
+    most = len(heading) - 1 if comments else None
+    rows_only, fields = _rows_only([split(line, separator)[:most] for line in sample], decimal)
     typical = [cells for cells in rows_only if len(cells) == fields]
     numeric = tuple(_is_numeric([cells[place] for cells in typical], decimal) for place in range(fields))
     if (separator, decimal) == (",", ","):
         own = [cell for cells in typical for cell, is_own in zip(cells, numeric, strict=True) if is_own]
         _check_thousands(own, lines, file)
-    dialect = Dialect(separator, decimal, fields, numeric, 0)
+    dialect = Dialect(separator, decimal, fields, numeric, 0, comments)
     for index in _given(lines, begin):
-        cells = split(lines[index], separator)
+        cells = dialect.cells(lines[index])
         if is_row(cells, fields, numeric, decimal) and _begins(cells, index, lines, dialect):
             return replace(dialect, start=_lost_above(index, lines, dialect))
     raise BadInputError([Located(file, given[0] + 1, 1, "no rows of numbers were found")])
@@ -151,7 +163,7 @@ def _begins(cells: Sequence[str], index: int, lines: Sequence[str], dialect: Dia
     Vicon's rate and the counts of a TRC file are none: few numbers or a word among them, and the names below.
     """
     fields, numeric, decimal = dialect.fields, dialect.numeric, dialect.decimal
-    below = [split(lines[each], dialect.separator) for each in islice(_given(lines, index + 1), 2)]
+    below = [dialect.cells(lines[each]) for each in islice(_given(lines, index + 1), 2)]
     rows = [is_row(each, fields, numeric, decimal) for each in below]
     if below and not any(rows):
         return False  # Numbers of rigid bodies, with names below.
@@ -163,7 +175,7 @@ def _begins(cells: Sequence[str], index: int, lines: Sequence[str], dialect: Dia
 def _lost_above(start: int, lines: Sequence[str], dialect: Dialect) -> int:
     """The index of the first row, where samples are lost from there to the first one with numbers."""
     for index in range(start - 1, -1, -1):
-        cells = split(lines[index], dialect.separator)
+        cells = dialect.cells(lines[index])
         if len(cells) != dialect.fields:
             break
         own = [cell for cell, numeric in zip(cells, dialect.numeric, strict=True) if numeric]

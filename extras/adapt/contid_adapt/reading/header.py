@@ -11,7 +11,7 @@ from contid.errors import BadInputError, Located
 from contid_adapt.meaning.units import UNITS, name_and_unit, unit_of_name, unit_word
 from contid_adapt.reading.cells import is_number, split
 from contid_adapt.reading.column_names import LineAbove, column_names, filled, trimmed, without_index_line
-from contid_adapt.reading.dialect import Dialect, ends_preamble, is_comment, names_separator
+from contid_adapt.reading.dialect import COMMENTS, Dialect, ends_preamble, is_comment, names_separator
 from contid_adapt.reading.preamble import names_of_markers, stated_facts, stated_unit
 
 #: Signs of which a line below the names may consist: ``-----+-----``.
@@ -77,18 +77,17 @@ def _lines_above(lines: Sequence[str], dialect: Dialect, file: str) -> tuple[lis
     """The lines above the first row that may have names or units, and the first one of numbers."""
     above: list[LineAbove] = []
     odd: Located | None = None
-    labview = False
     for index, line in enumerate(lines[: dialect.start]):
         if ends_preamble(line):
-            above, odd, labview = [], None, True
+            above, odd = [], None
             continue
         if not line.strip(_RULE) or names_separator(line):
             continue
         cells = _cells_above(line, dialect)
         if not any(cells):
             continue
-        if labview and cells[-1] == "Comment":
-            cells.pop()  # Rows have this cell only where there is a comment.
+        if dialect.comments and cells[-1] == COMMENTS:
+            cells.pop()
         right = sum(is_number(cell, dialect.decimal) for cell in cells)
         numbers_of_things = len(cells) == dialect.fields and not any(cells[:2])
         if is_comment(line) or len(cells) < 3 or 2 * right <= sum(map(bool, cells)) or numbers_of_things:

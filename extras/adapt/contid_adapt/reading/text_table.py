@@ -69,7 +69,7 @@ class _RowLines:
     def __init__(self, lines: Sequence[str], dialect: Dialect, header: TableHeader, file: str) -> None:
         self.blocks = RowBlocks(dialect, header, file)
         self._lines, self._dialect, self._header, self._file = lines, dialect, header, file
-        self._session, self._comments, self._alone = 1, 0, 0
+        self._session, self._comments, self._behind, self._alone = 1, 0, 0, 0
         self._footer = ""
 
     def read(self) -> None:
@@ -106,6 +106,9 @@ class _RowLines:
             self._comments += 1
             return None
         cells = split(line, self._dialect.separator)
+        if self._dialect.comments and len(cells) > fields:
+            self._behind += any(cell.strip() for cell in cells[fields:])
+            cells = cells[:fields]
         if len(cells) == fields:
             if fields == 1 or line.strip(", ;\t|"):
                 self.blocks.add(cells, index + 1, self._session)
@@ -154,6 +157,8 @@ class _RowLines:
             notes.append(f"{self._alone} {what}")
         if self._comments:
             notes.append(f"{self._comments} comment lines among the rows were left out")
+        if self._behind:
+            notes.append(f"the comments behind {self._behind} rows were left out")
         if self._footer:
             notes.append(self._footer)
         if self._session > 1:

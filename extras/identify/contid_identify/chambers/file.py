@@ -46,6 +46,7 @@ def write_chamber_motion(model: ChamberMotion, path: Path) -> None:
         "begins_share": begins.share,
         "begins_offset_m": begins.offset_m.tolist(),
         "high": model.high.tolist(),
+        "apart": model.apart,
     }
     write_numbers(data, path)
 
@@ -92,6 +93,7 @@ def chamber_motion_of(data: dict[str, Any], path: str | Path) -> ChamberMotion:
             np.array(data["times_s"], dtype=float), np.column_stack([column(name) for name in NUMBERS]),
             begins, np.array(data["high"], dtype=float), np.array(data["memory"], dtype=float),
             errors_of(data), str(data["source"]), remembered_in(data, INFLATIONS * len(axes)), step_in(data),
+            int(data.get("apart", 0)),
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
         raise ContidError(f"{path}: {error!r} where a number or a key should be; identify it anew") from None

@@ -1,7 +1,8 @@
 """The fit of a `ChamberMotion` to recordings of its tip, by output error.
 
-Every fifth of 30 blocks of time is kept out of it and judges once. The numbers begin with the lengths of the
-robot file and with what silicone arms have; they stay near where recordings leave a choice.
+The numbers begin with the lengths of the robot file and with what silicone arms have; they stay near where
+recordings leave a choice. Errors are those of recordings left out as a whole; of one recording alone every
+fifth of 30 blocks of time is kept out (`contid_identify.chambers.judged`).
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from contid.kinematics.batch import forward_many
 from contid.kinematics.model import build_model
 from contid.robot_file.cosserat import Cosserat
 from contid.units import MM_PER_M
-from contid_identify.ahead import PredictedTips, judged_ahead, memory_of, predicted_tips, step_of
 from contid_identify.answer import CommandedTrace, between
+from contid_identify.chambers.judged import can_be_apart, judged_apart, judged_by_blocks
 from contid_identify.chambers.motion import NUMBERS, Beginning, ChamberArm, ChamberMotion
 from contid_identify.remembered import RememberedMotion, remember
 from contid_identify.split import Mask, split_time
@@ -86,7 +87,7 @@ def fit_chamber_motion(
         arm: sections and chambers.
         traces: set-points ``(ticks, axes)`` [Pa] and tips ``(samples, 3)`` [m] in the base frame.
         source: recordings and date.
-        kept_out: False fits all blocks of time; then the errors are those of the fit.
+        kept_out: False keeps nothing out; then the errors are those of the fit.
 
     Raises:
         ContidError: too few tips, or no chamber was inflated.
@@ -112,8 +113,11 @@ def fit_chamber_motion(
         robot, tuple(axes), arm, rest, span, np.exp(_TIMES), np.zeros((arm.sections, len(NUMBERS))), none,
         np.ones(len(axes)), np.zeros(1), (), source,
     )  # fmt: skip
+    apart = kept_out and can_be_apart(traces)
     splits = [split_time(each.at_s) for each in traces]
-    fitted = [each.fitted if kept_out else np.ones(len(each.blocks), dtype=bool) for each in splits]
+    fitted = [
+        each.fitted if kept_out and not apart else np.ones(len(each.blocks), dtype=bool) for each in splits
+    ]
     parts = [
         (trace, np.flatnonzero(own)[:: max(int(own.sum()) // _ROWS, 1)])
         for trace, own in zip(traces, fitted, strict=True)
@@ -149,7 +153,13 @@ def fit_chamber_motion(
     inflations = [model.inflated(t.sent, t.period_s, float(t.at_s[-1])).max(axis=0) for t in traces]
     model = replace(model, begins=mean, high=np.max(inflations, axis=0))
     model = replace(model, remembered=_remembered(model, traces, fitted))
-    return _judged(model, traces, kept_out)
+    if not apart:
+        return judged_by_blocks(model, traces, kept_out)
+
+    def fitted_to(others: Sequence[CommandedTrace]) -> ChamberMotion:
+        return fit_chamber_motion(robot, axes, arm, others, source, kept_out=False)
+
+    return judged_apart(model, traces, fitted_to)
 
 
 def _remembered(
@@ -173,21 +183,3 @@ def _first(trace: CommandedTrace) -> Array:
     from contid_identify.chambers.motion import ZERO_S
 
     return np.asarray(trace.measured[trace.at_s <= trace.at_s[0] + ZERO_S].mean(axis=0))
-
-
-def _judged(model: ChamberMotion, traces: Sequence[CommandedTrace], kept_out: bool) -> ChamberMotion:
-    """With the recursion of errors by the fitted blocks, and the errors on those kept out."""
-    model = replace(model, memory_step_s=step_of([each.at_s for each in traces]))
-    judged: list[tuple[PredictedTips, Mask]] = []
-    pasts: list[Array] = []
-    for trace in traces:
-        tips = predicted_tips(model, trace.sent, trace.period_s, trace.at_s, trace.measured, 0.0)
-        out = split_time(trace.at_s).kept_out_at(tips.at_s)
-        if not kept_out:
-            out = np.ones_like(out)
-        judged.append((tips, tips.inside & out))
-        ends = np.flatnonzero(np.diff(out)) + 1
-        parts = zip(np.split(tips.errors_m, ends), np.split(out, ends), strict=True)
-        pasts += [errors for errors, own in parts if not (kept_out and own[0])]
-    model = replace(model, memory=memory_of(pasts, model.memory_step_s))
-    return replace(model, errors=judged_ahead(model, judged))

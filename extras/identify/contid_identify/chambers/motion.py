@@ -115,6 +115,7 @@ class ChamberMotion:
         begins: as the recordings began, in the mean.
         high: greatest ``x`` of the recordings per chamber, ``(axes,)``.
         memory, memory_step_s, errors, source, remembered: as in `contid_identify.tip_motion.TipMotion`.
+        apart: recordings each of which a fit to others predicted, for `errors`; 0: blocks were kept out.
     """
 
     robot: str
@@ -131,6 +132,7 @@ class ChamberMotion:
     source: str
     remembered: RememberedMotion | None = None
     memory_step_s: float = OLD_STEP_S
+    apart: int = 0
 
     def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:
         """Tips ``(samples, 3)`` [m] in the base frame, from set-points alone; the arm rests before.

@@ -47,12 +47,22 @@ export class Swing {
   }
 
   /** The body now: through the three lines that are known, which keeps its length. */
-  mesh(radius) {
+  body(radius) {
     const share = Math.sin(this.rate * (performance.now() - this.began));
     const [low, rest, high] = this.lines;
-    const line = rest.map((at, i) => at.map((v, x) => v + (share * (high[i][x] - low[i][x])) / 2 + share * share * ((high[i][x] + low[i][x]) / 2 - v)));
+    return tube(rest.map((at, i) => at.map((v, x) => v + (share * (high[i][x] - low[i][x])) / 2 + share * share * ((high[i][x] + low[i][x]) / 2 - v))), radius);
+  }
+
+  /** Where it turns around, on both sides. */
+  ends(radius) {
     const mesh = new Mesh();
-    mesh.tube(smooth(line, 2), radius, 12);
+    for (const line of [this.lines[0], this.lines[2]]) mesh.tube(smooth(line, 2), radius, 12);
     return mesh;
   }
+}
+
+function tube(line, radius) {
+  const mesh = new Mesh();
+  mesh.tube(smooth(line, 2), radius, 12);
+  return mesh;
 }

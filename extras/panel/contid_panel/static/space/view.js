@@ -16,6 +16,7 @@ const BODY = [[0.23, 0.51, 0.96, 1], [0.96, 0.62, 0.04, 1], [0.06, 0.72, 0.51, 1
 const DARK = [0.2, 0.23, 0.28, 1];
 const ROPE = [0.62, 0.45, 0.28, 1];
 const OBSTACLE = [0.59, 0.44, 0.38, 1];
+const SWING = [0.96, 0.55, 0.08, 1];
 
 export class View {
   constructor(link, jog, pace) {
@@ -183,9 +184,11 @@ export class View {
       robot.swing = null;
       return false;
     }
-    const radius = robot.radius_mm * (robot.tendons ? 0.25 : 0.9);
-    robot.meshes.swing = this.renderer.mesh(...robot.swing.mesh(radius).arrays, robot.meshes.swing);
-    this.renderer.draw(robot.meshes.swing, [...robot.color.slice(0, 3), 0.55], { lit: 0.4 });
+    const radius = robot.radius_mm * (robot.tendons ? 0.5 : 0.9);
+    robot.meshes.swing = this.renderer.mesh(...robot.swing.body(radius).arrays, robot.meshes.swing);
+    robot.meshes.swingEnds = this.renderer.mesh(...robot.swing.ends(radius).arrays, robot.meshes.swingEnds);
+    this.renderer.draw(robot.meshes.swing, SWING);
+    this.renderer.draw(robot.meshes.swingEnds, [...SWING.slice(0, 3), 0.35], { lit: 0.4 });
     return true;
   }
 
