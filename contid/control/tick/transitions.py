@@ -273,11 +273,15 @@ def _without_orders(state: RobotState) -> RobotState:
 
 
 def _wrong(config: RobotConfig, samples: Sequence[Sample]) -> list[str]:
-    out = [
-        f"{axis} {'reports ' + sample.fault if sample.fault else 'is silent'}"
-        for axis, sample in zip(config.axes, samples, strict=False)
-        if sample.fault or not sample.valid
-    ]
+    """What would be a fault of each axis in the next tick."""
+    out = []
+    for axis, sample, stale_s in zip(config.axes, samples, config.stale_s, strict=False):
+        if sample.fault:
+            out.append(f"{axis} reports {sample.fault}")
+        elif not sample.valid:
+            out.append(f"{axis} is silent")
+        elif sample.age_s > stale_s and config.motion_rules > 5:
+            out.append(f"{axis} repeats a measurement that is {sample.age_s:.3g} s old")
     return out if len(samples) == len(config.axes) else [*out, "its bus is not open"]
 
 

@@ -20,6 +20,7 @@ from contid.control.tick.faults import Fault
 from contid.control.tick.follow.expected_range import OLD_S
 from contid.control.tick.follow.tip_path import TipPath
 from contid.control.tick.robot_tick import TickResult
+from contid.control.tick.supervisor import Mode
 from contid.targets import Actuation, Vec3
 from contid.units import m_to_mm
 
@@ -78,7 +79,8 @@ class TipWatch(TickStage):
         """See `TickStage.before`: compares the newest measurements."""
         for index, tip in self._tips.items():
             samples = self._exchange.samples_of(tip.config)
-            if not tip.path.tips or any(sample.age_s > OLD_S for sample in samples):
+            cleared = self._robots.states[index].mode is Mode.READY and tip.config.motion_rules > 5
+            if not tip.path.tips or cleared or any(sample.age_s > OLD_S for sample in samples):
                 continue
             measured = tip.config.measured_actuation(samples)
             if measured is not None and (off_m := tip.off_m(measured)):
