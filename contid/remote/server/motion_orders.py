@@ -7,7 +7,7 @@ import logging
 import time
 from typing import Final
 
-from contid.control.engine.events.robots import OrderRefused
+from contid.control.engine.events.robots import MarkReached, OrderRefused
 from contid.control.engine.messages import ClearFault, Grip, Hold, Recover, Resume
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
@@ -18,6 +18,8 @@ from contid.remote.server.served_run import ServedRun
 
 log = logging.getLogger(__name__)
 
+#: Interval between two looks at robots that are being cleared.
+POLL_S: Final = 0.02
 #: Greatest force of a move until a force [N].
 MAX_FORCE_N: Final = 1000.0
 
@@ -27,7 +29,9 @@ class MotionOrders:
 
     def __init__(self, run: ServedRun) -> None:
         self._run = run
+        #: Newest refusals that came with no order: those of devices that are to be cleared.
         self._refusals: dict[str, str] = {}
+        self._in_order = False
 
     @property
     def verbs(self) -> dict[str, Verb]:
@@ -38,9 +42,12 @@ class MotionOrders:
             "rows": self._rows, "end": self._end, "start": self._start,
         }  # fmt: skip
 
-    def notice(self, event: OrderRefused) -> None:
-        """Keep why a robot refused."""
-        self._refusals[event.robot] = event.message
+    def notice(self, event: OrderRefused | MarkReached) -> None:
+        """Keep why a robot is not cleared: what comes between two marks is the refusal of one order."""
+        if isinstance(event, MarkReached):
+            self._in_order = event.number % 2 == 1
+        elif not self._in_order:
+            self._refusals[event.robot] = event.message
 
     async def _acquire(self, caller: Caller, request: RequestFields) -> Fields:
         timeout_s = request.number("timeout_s", TIMEOUT_S, MIN_TIMEOUT_S, MAX_TIMEOUT_S)
@@ -95,27 +102,28 @@ class MotionOrders:
         robots = self._run.robots_of(request)
         request.end()
         self._run.lease.check_free(caller.number, time.monotonic())
-        faulty = tuple(self._run.view.faults(self._run.control.newest(), robots))
-        for name in faulty:
-            self._refusals.pop(name, None)
+        record = self._run.control.newest()
+        faulty = tuple(self._run.view.faults(record, robots))
+        refused: dict[str, str] = {}
         if faulty:
-            await self._run.pending.confirmed(self._run.pending.send([ClearFault(faulty)]))
+            for name in faulty:
+                self._refusals.pop(name, None)
+            refused = (await self._run.pending.confirmed(self._run.pending.send([ClearFault(faulty)]))).refused
         left = set(faulty)
         deadline_s = time.monotonic() + CONFIRM_TIMEOUT_S
-        while left and time.monotonic() < deadline_s:
+        while left:
             record = self._run.control.newest()
             left = {name for name in left if self._run.view.mode(name, record) is Mode.FAULT}
-            if left and left <= self._refusals.keys():
+            why = {**self._refusals, **refused}
+            if not left or left <= why.keys() or time.monotonic() > deadline_s:
                 break
-            await asyncio.sleep(0.02)
+            await asyncio.sleep(POLL_S)
         if left:
             message = "; ".join(
-                self._refusals.get(name, f"{name}: not cleared, its devices have not answered")
-                for name in sorted(left)
+                why.get(name, f"{name}: not cleared, its devices have not answered") for name in sorted(left)
             )
-            faults = self._run.view.faults(self._run.control.newest(), tuple(sorted(left)))
-            raise RemoteError(Code.FAULT, message, faults)
-        return {"cleared": sorted(faulty), "robots": self._run.states(robots, self._run.control.newest())}
+            raise RemoteError(Code.FAULT, message, self._run.view.faults(record, tuple(sorted(left))))
+        return {"cleared": sorted(faulty), "robots": self._run.states(robots, record)}
 
     async def _move(self, caller: Caller, request: RequestFields) -> Fields:
         target, columns = request.mapping("target"), request.names("columns")

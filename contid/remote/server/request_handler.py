@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl, RunRecordings
 from contid.control.engine.events import RunEvent
-from contid.control.engine.events.robots import OrderRefused
+from contid.control.engine.events.robots import MarkReached, OrderRefused
 from contid.control.engine.events.run import NoteWritten, SourceEnded
 from contid.control.engine.messages import Hold
 from contid.control.orders import REQUESTS
@@ -141,7 +141,7 @@ class RequestHandler:
 
     def notice(self, event: RunEvent) -> None:
         """Take in an event of the ring."""
-        if isinstance(event, OrderRefused):
+        if isinstance(event, OrderRefused | MarkReached):
             self._motions.notice(event)
         elif isinstance(event, SourceEnded) and self.lease.held_by(INPUT_CLIENT):
             self.lease.holder = None
