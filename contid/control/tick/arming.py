@@ -51,6 +51,7 @@ def next_arming(
             motion=None,
             lead=NO_LEAD,
             shaped=NOT_SHAPED,
+            was_armed=True,
         )
         return replace(
             moved(config, cleared, Event.ARM, now_s), pending=(*cleared.pending, Effect.ENABLE), enabled=False

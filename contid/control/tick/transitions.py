@@ -175,7 +175,7 @@ def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: floa
     if _brakes(config, state) and policy is not StopPolicy.VENT:
         return replace(after, policy=policy)
     if after.mode in (Mode.OFF, Mode.FAULT):
-        touched = state.command or state.mode is Mode.FAULT
+        touched = state.was_armed or state.mode is Mode.FAULT
         if state.enabled or (touched and REST_OF[policy] is not Rest.HOLD):
             return resting(after, policy)
         # Devices at rest are not asked to hold: that would close the valve of an arm that vents.
