@@ -29,7 +29,6 @@ from contid.control.engine.tick_layout import (
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.robot_tick import TickResult
 from contid.control.tick.state import RobotState
-from contid.hal import Sample
 from contid.targets import Actuation, Target
 
 _NAN = math.nan
@@ -106,7 +105,7 @@ class RecordPacker:
             if (load := self._robots.loads.get(config.name)) is not None:
                 row[_ESTIMATED], row[_SIGMA] = load
             values += row
-            _add_axes(values, config, outcome, state, target, self._exchange.samples)
+            _add_axes(values, config, outcome, state, target, self._exchange)
         values[WORK] = self._now() - timing.deadline_s - timing.lateness_s
         self._sink.write(values)
 
@@ -153,8 +152,9 @@ def _add_axes(
     outcome: TickResult,
     state: RobotState,
     target: Target | None,
-    samples: Mapping[str, Sample],
+    exchange: Exchange,
 ) -> None:
+    samples, unanswered = exchange.samples, exchange.unanswered
     asked: Sequence[float] = ()
     solution = () if outcome.solution is None else outcome.solution.actuation
     if target is not None and (target.actuation is not None or target.arcs or target.extra):
@@ -173,7 +173,8 @@ def _add_axes(
         if limits:
             row[_LIMITS] = limits[axis]
         if (sample := samples.get(name)) is not None:
-            row[_TIME], row[_VALID], row[_AGE] = sample.time_s, sample.valid, sample.age_s
+            row[_TIME], row[_AGE] = sample.time_s, sample.age_s
+            row[_VALID] = sample.valid and name not in unanswered
             if sample.value is not None:
                 row[_VALUE] = sample.value
             if sample.velocity is not None:

@@ -51,6 +51,7 @@ def next_arming(
             motion=None,
             lead=NO_LEAD,
             shaped=NOT_SHAPED,
+            was_armed=True,
         )
         return replace(
             apply_event(config, cleared, Event.ARM, now_s),

@@ -361,7 +361,7 @@ def _limited(
         state.mode, state.since_s, state.fault, state.message, state.enabled, state.arm_requested,
         state.follow, state.goto, command, increments, state.increments, reference, state.motion,
         state.motion_s, state.policy, state.misses, state.pending, state.correction, state.recovering, lead,
-        straight, state.squeeze, guard_state, shaped,
+        straight, state.squeeze, guard_state, shaped, state.was_armed,
     )  # fmt: skip
     device = config.transmission.to_device(led(acting, lead.added) if lead.added else acting)
     return TickResult(after, device, limits=flags if any(flags) else ())

@@ -87,6 +87,7 @@ class RobotState:
         squeeze: the tip closes until a force, or holds it.
         guard: of a robot that follows live targets; None for one that does not.
         shaped: what goes to the devices of a robot whose commands are shaped.
+        was_armed: its devices were asked to be ready in this run, so that they may have power.
     """
 
     mode: Mode = Mode.OFF
@@ -113,3 +114,4 @@ class RobotState:
     squeeze: Squeeze | None = None
     guard: GuardState | None = None
     shaped: Shaped = NOT_SHAPED
+    was_armed: bool = False

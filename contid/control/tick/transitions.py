@@ -199,8 +199,8 @@ def _stop_at_standstill(state: RobotState, after: RobotState, policy: StopPolicy
 
     To hold would close the valve of an arm that vents.
     """
-    were_commanded = state.command or state.mode is Mode.FAULT
-    if state.enabled or (were_commanded and REST_OF[policy] is not Rest.HOLD):
+    had_power = state.was_armed or state.mode is Mode.FAULT
+    if state.enabled or (had_power and REST_OF[policy] is not Rest.HOLD):
         return bring_to_rest(after, policy)
     return replace(after, enabled=False, motion=None)
 
@@ -337,10 +337,13 @@ def _brakes(config: RobotConfig, state: RobotState) -> bool:
 
 
 def _wrong(config: RobotConfig, samples: Sequence[Sample]) -> list[str]:
-    """What keeps a fault: axes that report one, axes that are silent, a bus that is not open."""
-    found = [
-        f"{axis} {'reports ' + sample.fault if sample.fault else 'is silent'}"
-        for axis, sample in zip(config.axes, samples, strict=False)
-        if sample.fault or not sample.valid
-    ]
+    """What would be a fault of an axis in the next tick, and a bus that is not open."""
+    found = []
+    for axis, sample, stale_s in zip(config.axes, samples, config.stale_s, strict=False):
+        if sample.fault:
+            found.append(f"{axis} reports {sample.fault}")
+        elif not sample.valid:
+            found.append(f"{axis} is silent")
+        elif sample.age_s > stale_s and config.motion_rules > 5:
+            found.append(f"{axis} repeats a measurement that is {sample.age_s:.3g} s old")
     return found if len(samples) == len(config.axes) else [*found, "its bus is not open"]

@@ -12,10 +12,13 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from collections import ChainMap
+from collections.abc import Mapping
 from typing import Final
 
 from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.messages import ClearFault, Grip, Hold, Recover, Resume
+from contid.control.engine.tick_layout import TickRecord
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
 from contid.remote.server.lease import (
@@ -46,7 +49,7 @@ class MotionOrders:
 
     def __init__(self, run: ServedRun) -> None:
         self._run = run
-        #: Why each robot refused an order last.
+        #: Newest refusals that answer no order: those of devices that are to be cleared.
         self._refusals: dict[str, str] = {}
 
     @property
@@ -59,8 +62,8 @@ class MotionOrders:
         }  # fmt: skip
 
     def notice(self, event: OrderRefused) -> None:
-        """Keep why a robot refused."""
-        if not event.stronger:
+        """Keep why the devices of a robot are not cleared, which answers no order."""
+        if not event.answers and not event.stronger:
             self._refusals[event.robot] = event.message
 
     async def _acquire(self, caller: Caller, request: RequestFields) -> Fields:
@@ -128,34 +131,36 @@ class MotionOrders:
         request.end()
         self._run.lease.check_free(caller.number, time.monotonic())
         faulty = tuple(self._run.view.faults(self._run.control.newest(), robots))
+        refused: dict[str, str] = {}
         for name in faulty:
             self._refusals.pop(name, None)
         if faulty:
-            await self._run.pending.confirmed(self._run.pending.send([ClearFault(faulty)]))
-        left = await self._still_faulty(faulty)
-        record = self._run.control.newest()
+            refused = (await self._run.pending.confirmed(self._run.pending.send([ClearFault(faulty)]))).refused
+        why = ChainMap(refused, self._refusals)
+        left, record = await self._still_faulty(faulty, why)
         if left:
             message = "; ".join(
-                self._refusals.get(name, f"{name}: not cleared, its devices have not answered")
-                for name in left
+                why.get(name, f"{name}: not cleared, its devices have not answered") for name in left
             )
             raise RemoteError(Code.FAULT, message, self._run.view.faults(record, left))
         return {"cleared": sorted(faulty), "robots": self._run.states(robots, record)}
 
-    async def _still_faulty(self, faulty: tuple[str, ...]) -> tuple[str, ...]:
+    async def _still_faulty(
+        self, faulty: tuple[str, ...], why: Mapping[str, str]
+    ) -> tuple[tuple[str, ...], TickRecord | None]:
         """Of robots whose devices were asked to clear, those in FAULT once all the others have left it.
 
-        Waits until each left it or refused, and no longer than `CONFIRM_TIMEOUT_S`.
+        Waits until each left it or refused, and no longer than `CONFIRM_TIMEOUT_S`; with the record that
+        shows it.
         """
         left = set(faulty)
         deadline_s = time.monotonic() + CONFIRM_TIMEOUT_S
-        while left and time.monotonic() < deadline_s:
+        while True:
             record = self._run.control.newest()
             left = {name for name in left if self._run.view.mode(name, record) is Mode.FAULT}
-            if left and left <= self._refusals.keys():
-                break
+            if not left or left <= why.keys() or time.monotonic() > deadline_s:
+                return tuple(sorted(left)), record
             await asyncio.sleep(_LOOK_S)
-        return tuple(sorted(left))
 
     async def _move(self, caller: Caller, request: RequestFields) -> Fields:
         """Begin a move to a point, or along rows that follow; a free lease is taken for it."""

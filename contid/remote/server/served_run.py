@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.tick_layout import TickRecord
@@ -14,6 +15,10 @@ from contid.remote.server.lease import Lease
 from contid.remote.server.moves import Moves
 from contid.remote.server.pending_orders import OrderResult, PendingOrders
 from contid.remote.server.telemetry_view import TelemetryView
+
+#: How long an order to stop waits for axes that did not answer in its tick, and how often it looks.
+SILENT_S: Final = 0.1
+POLL_S: Final = 5e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,14 +62,15 @@ class ServedRun:
         Args:
             future: of the order, from `PendingOrders.send`.
             robots: those that the order is for; None for all.
-            stops: an order to stop: the result has the axes that were ``silent`` in that tick.
+            stops: an order to stop: the result has the axes that were ``silent`` in that tick and `SILENT_S`
+                after it, so that it may not have reached them.
 
         Raises:
             RemoteError: every robot refused, or the order as a whole was refused.
         """
         outcome = await self.pending.confirmed(future)
         result: Fields = {"tick": outcome.tick, "robots": self.states(robots, outcome.record)}
-        if stops and (silent := self.view.silent(robots, outcome.record)):
+        if stops and (silent := await self._silent(robots, outcome.record)):
             result["silent"] = silent
         if outcome.stronger:
             result["stronger"] = dict(outcome.stronger)
@@ -75,6 +81,14 @@ class ServedRun:
             faults = self.view.faults(outcome.record, robots)
             raise RemoteError(Code.REFUSED, "; ".join(outcome.refused.values()), faults)
         return {**result, "refused": dict(outcome.refused)}
+
+    async def _silent(self, robots: tuple[str, ...] | None, record: TickRecord | None) -> Fields:
+        """By robot the axes that do not answer; a bus may need more than a tick for an order to stop."""
+        deadline_s = time.monotonic() + SILENT_S
+        while (silent := self.view.silent(robots, record)) and time.monotonic() < deadline_s:
+            await asyncio.sleep(POLL_S)
+            record = self.control.newest()
+        return silent
 
     def states(self, robots: tuple[str, ...] | None, record: TickRecord | None) -> Fields:
         """State by robot in a record; of all robots where ``robots`` is None."""

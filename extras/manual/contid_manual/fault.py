@@ -16,7 +16,7 @@ _MADE: Final = "<!-- Made by `contid fault --write docs`; a test compares it wit
 MEANING: Final[dict[Mode, str]] = {
     Mode.OFF: "nothing is commanded; the devices are in the rest their last stop left them in",
     Mode.CONNECTING: "waiting for a first valid sample of every axis",
-    Mode.READY: "every axis was read; nothing was commanded, torque was not touched",
+    Mode.READY: "every axis was read; nothing is commanded, torque is as it was before",
     Mode.ARMING: "goal := present position, then torque on",
     Mode.APPROACH: "on the jerk-limited way to a target",
     Mode.RUN: "following the targets, tick by tick",

@@ -93,6 +93,42 @@ def test_a_stuck_bus_faults_its_robot_and_the_other_runs_on() -> None:
             port.close(5.0)
 
 
+@pytest.mark.parametrize("order", [Estop(), Stop()])
+def test_axes_of_a_bus_that_is_still_at_an_order_to_stop_have_not_answered_it(order: Estop | Stop) -> None:
+    """The record of its tick had them as valid, and the order was answered with ok while they had torque."""
+    loaded = load(2, buses=2, on_interrupt="relax")
+    clock = Ticking()
+    simulated = open_buses(loaded, clock)
+    buses = {name: Blocking(bus) for name, bus in simulated.items()}
+    ports = {name: BusPort(bus, threaded=True) for name, bus in buses.items()}
+    seen = Collector(loaded)
+    engine = Engine(build_robot_configs(loaded, 200.0), ports, 200.0, seen, clock.now, attended=True)
+    engine.arm()
+
+    def turn(tick: int, timeout_s: float = 5.0) -> list[bool]:
+        clock.now_s = tick / 200.0
+        engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s + timeout_s))
+        axes = [axis for robot in seen.records[-1].robots for axis in robot.axes]
+        return [axis.valid == 1.0 for axis in axes]
+
+    try:
+        for tick in range(40):
+            turn(tick)
+        buses["bus0"].free.clear()
+        engine.obey(order, 40)
+        assert turn(40, 0.05) == [False, False, True, True]
+        assert turn(41, 0.05) == [False, False, True, True]
+        buses["bus0"].free.set()
+        assert turn(42) == [True, True, True, True]
+        bus = simulated["bus0"]
+        assert isinstance(bus, SimBus)
+        assert not any(device.on for device in bus.devices.values())
+    finally:
+        buses["bus0"].free.set()
+        for port in ports.values():
+            port.close(5.0)
+
+
 @pytest.mark.parametrize("late_s", [0.0, 0.01], ids=["in time", "in a late tick"])
 def test_late_buses_share_one_deadline(monkeypatch: pytest.MonkeyPatch, late_s: float) -> None:
     """Eight buses that do not answer cost a tick what one costs: its rest, or a share of a period."""

@@ -12,7 +12,7 @@ after that.
 
 A device that yields to what it pushes on may be anywhere while its effort is towards its command and at least
 `contid.control.tick.follow.responses.PUSHING` of its limit. A robot whose tip closes on an object is not
-compared.
+compared, nor one whose fault was cleared: its last command is that of before the fault.
 Everything is a function of commands and recorded samples, so a replay decides the same.
 """
 
@@ -52,8 +52,10 @@ class BodyWatch(TickStage):
         latest_s = timing.deadline_s + timing.lateness_s + FUTURE_S
         gap, self._skipped = timing.skipped != self._skipped, timing.skipped
         self.behind = 0.0
+        states = self._robots.states
         for index, body in enumerate(self.bodies):
-            if not body.device:
+            cleared = states[index].mode is Mode.READY and body.config.motion_rules > 5
+            if not body.device or cleared:
                 continue
             try:
                 for (axis, tolerance), goal in zip(body.near, body.device, strict=True):

@@ -86,7 +86,8 @@ class TipWatch(TickStage):
         """See `TickStage.before`: compares the newest measurements."""
         for index, tip in self._tips.items():
             samples = self._exchange.samples_of(tip.config)
-            if not tip.path.tips or any(sample.age_s > OLD_S for sample in samples):
+            cleared = self._robots.states[index].mode is Mode.READY and tip.config.motion_rules > 5
+            if not tip.path.tips or cleared or any(sample.age_s > OLD_S for sample in samples):
                 continue
             measured = tip.config.measured_actuation(samples)
             if measured is not None and (off_m := tip.off_m(measured, now_s)):
