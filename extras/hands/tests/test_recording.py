@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
 
 from contid.errors import ContidError
+from contid_hands.teach import recording
 from contid_hands.teach.recording import RecordedLimits, taught_motion
 
 LIMITS = RecordedLimits(np.zeros(2), np.full(2, 100.0), np.array([[60.0] * 2, [1000.0] * 2, [20000.0] * 2]))
@@ -47,6 +51,17 @@ def test_samples_outside_the_limits_are_moved_to_them() -> None:
     motion = taught_motion(times_s, samples, LIMITS, 20.0)
     assert np.max(motion.rows) <= 100.0
     assert motion.clipped == int((samples > 100.0).any(axis=1).sum())
+
+
+def test_a_recording_needs_no_package_beyond_the_core(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without SciPy the motion would be lost at its end; with it the filter is the same."""
+    times_s = np.arange(0.0, 3.0, 0.02)
+    noisy = hand(times_s, 1.0) + np.random.default_rng(2).normal(0.0, 0.5, (len(times_s), 2))
+    filtered = recording._smoothed(noisy, 10.0)
+    assert filtered == pytest.approx(gaussian_filter1d(noisy, 10.0, axis=0, mode="nearest"), abs=1e-12)
+    for name in [each for each in sys.modules if each.partition(".")[0] == "scipy"]:
+        monkeypatch.setitem(sys.modules, name, None)
+    assert len(taught_motion(times_s, noisy, LIMITS, 20.0).rows) > 20
 
 
 def test_no_motion_is_no_recording() -> None:
