@@ -60,7 +60,7 @@ class BoardAxis:
 
     @property
     def position_lost(self) -> bool:
-        """True when it counts from an unknown position, also beside a fault that put it into its safe state."""
+        """True when it counts from an unknown position; it may have another fault beside that."""
         return self.report is not None and self.report.position_lost and not self.homes
 
     @property
