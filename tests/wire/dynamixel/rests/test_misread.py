@@ -62,7 +62,8 @@ def test_an_instruction_that_arrived_damaged_is_repeated(running: Any) -> None:
 
 def test_a_reboot_that_never_arrived_is_repeated(running: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     client, servo = running.opened.client, running.emulator.servos[0]
-    started, send, lost = servo.booted_at, client.port.send, []
+    started, send = servo.booted_at, client.port.send
+    lost: list[bytes] = []
 
     def losing(packet: bytes) -> Any:
         if packet[7] == Instruction.REBOOT and not lost:
