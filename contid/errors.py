@@ -1,8 +1,8 @@
 """The error tree of contid.
 
 Every error that a user can cause or meet derives from `ContidError`; the command line prints its message on
-stderr and exits with the exit code of its class (2 usage or a bad file, 4 a device error or a defect of a
-driver). A run that ends with a robot in FAULT is no error; its exit code is 3.
+stderr and exits with the exit code of its class (1 a lost recording, 2 usage or a bad file, 4 a device error
+or a defect of a driver). A run that ends with a robot in FAULT is no error; its exit code is 3.
 """
 
 from __future__ import annotations
@@ -60,6 +60,12 @@ class BadInputError(ContidError):
 
 class SessionError(ContidError):
     """A file is not a session, or not one that this version can read."""
+
+
+class RecordingStoppedError(ContidError):
+    """A recording that had begun lacks its end: the disk is full or has failed."""
+
+    exit_code = 1
 
 
 class DriverDefectError(ContidError):

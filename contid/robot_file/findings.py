@@ -45,7 +45,8 @@ def validated(document: Document, kind: type[_Kind]) -> _Kind:
         BadInputError: with every finding.
     """
     if not isinstance(document.data, dict):
-        raise BadInputError([document.at_value((), f"is a mapping; {allowed_names(kind.model_fields)}")])
+        message = f"the file is no mapping of keys to values; {allowed_names(kind.model_fields)}"
+        raise BadInputError([document.at_value((), message)])
     try:
         return kind.model_validate(document.data)
     except ValidationError as error:

@@ -21,7 +21,7 @@ from typing import Any, Final
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.json_form import to_json
 from contid.control.engine.tick_layout import DEADLINE, TICK
-from contid.errors import ContidError
+from contid.errors import ContidError, RecordingStoppedError
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import CHANNELS, EVENT, schema
 from contid.session.format.encode import Encoder
@@ -84,10 +84,10 @@ class SessionWriter:
             self._append(head + mcap.checksum(zlib.crc32(head)))
             with suppress(OSError):  # a file system that has no such call for folders
                 sync_folder(path.parent)
-        except ContidError:
+        except RecordingStoppedError as error:
             self.close()
             path.unlink(missing_ok=True)
-            raise
+            raise ContidError(str(error)) from None  # nothing was recorded
 
     @property
     def pending(self) -> int:
@@ -118,7 +118,7 @@ class SessionWriter:
         """Write a file and its metadata.
 
         Raises:
-            ContidError: the disk is full or disconnected.
+            RecordingStoppedError: the disk is full or disconnected.
         """
         from mcap.records import Attachment, Metadata
 
@@ -133,7 +133,7 @@ class SessionWriter:
         """Write what is pending to the file, in one piece.
 
         Raises:
-            ContidError: the disk is full or disconnected.
+            RecordingStoppedError: the disk is full or disconnected.
         """
         if self._messages:
             chunk = mcap.plain_chunk(self._messages, self._messages_ns, self._time_ns)
@@ -145,12 +145,12 @@ class SessionWriter:
         """Wait until everything written is on the disk; may be called from another thread.
 
         Raises:
-            ContidError: the disk has failed.
+            RecordingStoppedError: the disk has failed.
         """
         try:
             os.fdatasync(self._file)
         except OSError as error:
-            raise ContidError(f"{self.path}: recording stopped: {error.strerror}") from error
+            raise RecordingStoppedError(f"{self.path}: recording stopped: {error.strerror}") from error
 
     def _append(self, data: bytes) -> None:
         self._crc = zlib.crc32(data, self._crc)
@@ -160,7 +160,7 @@ class SessionWriter:
             while done < len(view):
                 done += os.write(self._file, view[done:])
         except OSError as error:
-            raise ContidError(f"{self.path}: recording stopped: {error.strerror}") from error
+            raise RecordingStoppedError(f"{self.path}: recording stopped: {error.strerror}") from error
 
     def finish(self) -> None:
         """End the file as MCAP requires, without an index."""

@@ -285,8 +285,8 @@ def _choices(vocabularies: Mapping[str, Mapping[str, Meaning]], wrong: str = "")
     alone = len(vocabularies) == 1
     full = [f"{robot}.{name}" for robot, known in vocabularies.items() for name in known]
     names = [TIME, *(name for known in vocabularies.values() for name in known)] if alone else [TIME, *full]
-    # A short name without its unit, `x`, has too few letters in common with `x_mm` for difflib.
-    near = [name for name in [*names, *full] if wrong and name.rpartition("_")[0] == wrong]
+    # Without its unit, `x`, or in capitals a name has too few letters in common with `x_mm` for difflib.
+    near = [name for name in [*names, *full] if wrong and wrong.casefold() in (name.rpartition("_")[0], name)]
     if other := _other_unit(wrong, [*names, *full]):
         return f"allowed: {', '.join(names)}; {other}"
     near = near or difflib.get_close_matches(wrong, [*names, *full], n=1)

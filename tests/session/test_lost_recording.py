@@ -66,6 +66,17 @@ def test_a_lost_recording_sets_the_exit_code_of_the_run(full: bool, tmp_path: Pa
     assert ("File too large" in stdout) == full
 
 
+def test_a_recording_in_virtual_time_that_is_lost_is_no_wrong_use(tmp_path: Path) -> None:
+    """Its file may grow to 60 kB, which its head and some ticks take."""
+    (tmp_path / "rows.csv").write_text(ROWS)
+    limit = f"ulimit -f 60; exec {sys.executable} -m contid"
+    command = f"{limit} run finger --virtual --trajectory rows.csv --record a.mcap"
+    done = subprocess.run(
+        ["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, "a.mcap: recording stopped: File too large" in done.stderr) == (1, True)
+
+
 @pytest.mark.realtime
 def test_a_recorder_that_failed_is_in_the_status(tmp_path: Path) -> None:
     with daemon(1, "--record", str(tmp_path / "a.mcap")) as running, running.client() as client:

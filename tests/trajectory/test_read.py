@@ -100,6 +100,8 @@ HEADERS = [
     ("t_s", 1, "no column moves a robot"),
     ("t_s,left.x_mm,,left.y_mm", 15, "has no name"),
     ("t,left.x,left.y", 1, "did you mean 't_s'?"),
+    ("T_S,Left.X_mm,left.y_mm", 1, "did you mean 't_s'?"),
+    ("T_S,Left.X_mm,left.y_mm", 5, "did you mean 'left.x_mm'?"),
     ("t,left.x,left.y", 3, "did you mean 'left.x_mm'?"),
     ("0.0,50,70", 1, "the header is missing; the first line names the columns"),
     ("0.0,50,7e1", 8, "the header is missing"),

@@ -6,7 +6,7 @@ import json
 import time
 from typing import Any, Final
 
-from rich.console import Console, Group
+from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
@@ -145,9 +145,19 @@ def _shown(value: float | None, how: str) -> str:
 
 
 def watch_status(socket: str | None, rate_hz: float, as_json: bool) -> None:
-    """Show the status until Ctrl-C; a daemon that ended is searched again."""
+    """Show the status until Ctrl-C, one below the other where stdout is no terminal.
+
+    A daemon that ended is searched again.
+    """
     console = Console()
     with Live(console=console, auto_refresh=False, screen=False) as live:
+
+        def show(status: RenderableType) -> None:
+            if console.is_terminal:
+                live.update(status, refresh=True)
+            else:  # a live view would be written at its end only
+                console.print(status)
+
         while True:
             try:
                 with Client(socket, name="contid status --watch") as client:
@@ -157,9 +167,9 @@ def watch_status(socket: str | None, rate_hz: float, as_json: bool) -> None:
                             live.console.file.write(json.dumps(status) + "\n")
                             live.console.file.flush()
                         else:
-                            live.update(render_status(status), refresh=True)
+                            show(render_status(status))
                         time.sleep(1.0 / rate_hz)
             except (NoDaemonError, ConnectionLostError) as error:
                 if not as_json:
-                    live.update(Text(str(error), style="yellow"), refresh=True)
+                    show(Text(str(error), style="yellow"))
                 time.sleep(RETRY_S)

@@ -59,11 +59,16 @@ class BoardAxis:
         self._commanded = (0.0, -math.inf)
 
     @property
+    def position_lost(self) -> bool:
+        """True when it counts from an unknown position; it may have another fault beside that."""
+        return self.report is not None and self.report.position_lost and not self.homes
+
+    @property
     def fault(self) -> str:
         """Fault of the device, empty for none."""
         if self.report is not None and self.report.state is BoardState.SAFE:
             return self.report.reason.message
-        if self.report is not None and self.report.position_lost and not self.homes:
+        if self.position_lost:
             return POSITION_LOST
         return _SUPPLY_LOW if self.supply_low else ""
 

@@ -90,7 +90,7 @@ class DueBus:
         axes = [axis for axis in self._by_name.values() if axis.motor and not axis.homes]
         return {
             axis.name: None
-            if axis.fault == POSITION_LOST
+            if axis.position_lost
             else self._stood.get(axis.name)
             if axis.value is None
             else axis.value

@@ -25,6 +25,7 @@ from contid_drivers.due.codes import (
 from contid_drivers.due.frames import DuePort, crc16
 from contid_drivers.due.messages import Answer, Configured, Hello, PulseTrace, Refused, Telemetry
 from contid_drivers.due.options import Bridge, DueBusOptions
+from contid_drivers.due.refused_value import refused_value
 from contid_drivers.due.wiring import Adc, axis_options, board_config, config_body
 
 #: Bound of the drift of two crystals against each other, with their temperature (30 to 50 ppm each).
@@ -164,7 +165,7 @@ class DueConnection:
             adc = Adc(self.hello.adc_steps, self.hello.adc_mv)
             self._blob = board_config(name, options, axes, adc)
             self.config_crc = crc16(self._blob)
-            self._configure()
+            self._configure(axes)
         except BaseException:
             self.close()
             raise
@@ -236,11 +237,18 @@ class DueConnection:
                 "see the pin map in contid doctor, or leave stall_current_ma out",
             )
 
-    def _configure(self) -> None:
+    def _configure(self, axes: Sequence[AxisOnBus]) -> None:
         body = config_body(self._blob)
         seconds = len(body) * self._port.byte_s + 0.2
         answer = self._request(Type.CONFIGURE, body, seconds) or self._request(Type.CONFIGURE, body, seconds)
         if isinstance(answer, Refused):
+            if answer.refusal == Refusal.BAD_VALUE and (
+                where := refused_value(self._blob, axes, answer.detail)
+            ):
+                message = f"{where} is beyond what the board takes"
+                raise DeviceNotFoundError(
+                    self._name, message, "correct the key it comes from; units: firmware/PROTOCOL.md"
+                )
             raise _refusal(self._name, "configuration", answer)
         if not isinstance(answer, Configured) or answer.config_crc != self.config_crc:
             raise DeviceNotFoundError(

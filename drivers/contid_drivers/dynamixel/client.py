@@ -143,7 +143,7 @@ class ServoClient:
         """
         for _ in range(TRIES):
             answer = self._ask(device, Instruction.REBOOT, b"", 0, 1)
-            if answer is None or answer.error & ~ALERT not in _MISREAD:
+            if answer is not None and answer.error & ~ALERT not in _MISREAD:
                 break
         until = time.monotonic() + REBOOT_S
         while time.monotonic() < until:

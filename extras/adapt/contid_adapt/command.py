@@ -53,7 +53,8 @@ def command(table: str, robot_file: str, mapping: str | None, output: str | None
         try:
             text, name = path.read_text(encoding="utf-8"), mapping
         except (OSError, UnicodeDecodeError) as error:
-            raise ContidError(f"{mapping}: {error}") from error
+            why = getattr(error, "strerror", None) or error
+            raise ContidError(f"{mapping}: cannot read it: {why}") from error
     if output is None:
         raise ContidError("-o FILE is missing: where to write the trajectory")
     if Path(output).exists() and Path(output).samefile(table):

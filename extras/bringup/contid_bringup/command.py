@@ -45,13 +45,13 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
     device itself bounds, one axis after the other: enough to name swapped or open wires. A proven one is
     then measured.
 
-    The results are written into `bringup:` of ROBOT_FILE, and into a page to print. Exit code 4 when
+    The results are written into `bringup:` of ROBOT_FILE, and into a page to print; an error or an interrupt
+    at a later axis keeps those of the axes before. Exit code 4 when
     something is wrong, 0 only when every axis named or examined is proven.
     """
     from contid.control.engine.wiring import wired_buses
     from contid.errors import ContidError
     from contid.robot_file.load import find_robot_file, load_robot_file
-    from contid_bringup.record import write_page, write_section
     from contid_devices.homing.moving_commands import interruptible, require_axes, require_writable
     from contid_devices.homing.stop_server import StopServer
 
@@ -74,24 +74,36 @@ def command(robot_file: str, axes: tuple[str, ...], yes: bool, dry_run: bool, pa
         )
     by_hand = None if yes else Person()
     records: list[ProvenAxis] = []
-    with interruptible(), StopServer(robot_file, "bring-up"):
-        for bus, found in chosen:
-            if motors := {axis: facts for axis, facts in found.items() if facts is not None}:
-                records += _bring_up(loaded, bus, motors, by_hand)
-            if regulators := [axis for axis, facts in found.items() if facts is None]:
-                records += _bring_up_regulators(bus, regulators, by_hand)
-    when = datetime.now().astimezone()
-    if not dry_run:
-        write_section(path, loaded, records, when)
-        written = Path(page) if page else path.with_name(f"{path.stem}-bringup.html")
-        write_page(written, path, loaded, records, when)
-        click.echo(f"written: bringup: in {path}; {written}", err=True)
+    try:
+        with interruptible(), StopServer(robot_file, "bring-up"):
+            for bus, found in chosen:
+                if motors := {axis: facts for axis, facts in found.items() if facts is not None}:
+                    for record in _bring_up(loaded, bus, motors, by_hand):
+                        records.append(record)
+                if regulators := [axis for axis, facts in found.items() if facts is None]:
+                    for record in _bring_up_regulators(bus, regulators, by_hand):
+                        records.append(record)
+    finally:
+        # An error or an interrupt at a later axis keeps what was found.
+        if records and not dry_run:
+            _write(path, loaded, records, page)
     wrong = [record.axis for record in records if record.name != "ok"]
     wrong += [axis for axis in axes if axis not in {record.axis for record in records}]
     if wrong:
         click.echo(f"not proven: {', '.join(wrong)}", err=True)
         sys.exit(4)
     click.echo(f"proven: {', '.join(record.axis for record in records)}", err=True)
+
+
+def _write(path: Path, loaded: LoadedFile, records: Sequence[ProvenAxis], page: str | None) -> None:
+    """Write what was found into the robot file and into the page."""
+    from contid_bringup.record import write_page, write_section
+
+    when = datetime.now().astimezone()
+    write_section(path, loaded, records, when)
+    written = Path(page) if page else path.with_name(f"{path.stem}-bringup.html")
+    write_page(written, path, loaded, records, when)
+    click.echo(f"written: bringup: in {path}; {written}", err=True)
 
 
 class Person:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -17,8 +18,12 @@ from contid.cli.commands.check import command as check
 from contid.control.daemon.run_request import RunRequest, load
 from contid.control.engine.cycle import RealClock
 from contid.control.engine.wiring import wired_buses
+from contid.errors import DeviceError
+from contid.hal.pulses import PulsedBus
 from contid.robot_file.load import load_robot_file, parse_robot_file
+from contid_bringup import motor
 from contid_bringup.command import Person, command
+from contid_bringup.motor import MotorResult, bring_up_motor
 from contid_devices.doctor import command as doctor
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.options import DueBusOptions
@@ -114,6 +119,25 @@ def test_it_asks_before_it_moves_and_names_unknown_axes(robot: tuple[Path, DueEm
     assert float(board.command("get 0").split()[1]) == 0.0
     unknown = CliRunner().invoke(command, [str(path), "arm.none", "--yes"])
     assert "no axis 'arm.none'" in str(unknown.exception)
+
+
+@pytest.mark.parametrize("end", [DeviceError("board", "no answer"), KeyboardInterrupt()])
+def test_an_end_at_a_later_axis_keeps_what_was_found(
+    robot: tuple[Path, DueEmulator], monkeypatch: pytest.MonkeyPatch, end: BaseException
+) -> None:
+    path, _ = robot
+
+    def ends_at_the_second(bus: PulsedBus, axis: str, *rest: Any) -> MotorResult:
+        if axis == SECOND:
+            raise end
+        return bring_up_motor(bus, axis, *rest)
+
+    monkeypatch.setattr(motor, "bring_up_motor", ends_at_the_second)
+    done = CliRunner().invoke(command, [str(path), "--yes"])
+    assert done.exit_code != 0
+    assert {axis: each.verdict for axis, each in load_robot_file(path).file.bringup.items()} == {FIRST: "ok"}
+    page = path.with_name("robot-bringup.html").read_text()
+    assert (FIRST in page, SECOND in page) == (True, False)
 
 
 def test_a_dry_run_writes_nothing(robot: tuple[Path, DueEmulator]) -> None:

@@ -51,7 +51,7 @@ def test_kernels_that_give_a_3d_mouse_absolute_axes_need_no_other_file() -> None
         (("ABS_X}", "ABS_X, scale: 2}"), "5:27: scale: allowed is a number at most 1"),
         (("ABS_X}", "ABS_X, dead_band: 0}"), "dead_band: allowed is a number at least 0.01"),
         (("axes:\n  - {input: ABS_X}\n", ""), "nothing moves"),
-        ((GOOD, "[]"), "1:1: is a mapping"),
+        ((GOOD, "[]"), "1:1: the file is no mapping of keys to values"),
     ],
 )
 def test_mistakes_have_their_place(tmp_path: Path, change: tuple[str, str], message: str) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import pytest
 
+from contid.client import Client, Code, RemoteError
 from contid.remote.client.described_robot import DescribedRobot
 from contid_hands.teleop.jog_session import JogSession
 from contid_hands.teleop.jog_space import JogSpace, Space
@@ -101,3 +102,31 @@ def test_a_digit_that_is_no_number_chooses_nothing() -> None:
     for key in ("²", "0", "2"):
         JogSession._other(session, key, None)
     assert chosen == [1]
+
+
+def test_a_stop_is_stated_as_it_was_taken() -> None:
+    """A refused one is not stated, and axes that may have missed it are named."""
+    lines: list[str] = []
+    answers: list[dict[str, Any] | RemoteError] = [
+        {"robots": {"arm": "STOPPING"}},
+        {"robots": {"arm": "STOPPING"}, "silent": {"arm": ["arm.s1.l1"]}},
+        RemoteError(Code.NO_ANSWER, "the control process did not confirm"),
+    ]
+
+    def stop(_robot: str) -> dict[str, Any]:
+        answer = answers.pop(0)
+        if isinstance(answer, RemoteError):
+            raise answer
+        return answer
+
+    session = object.__new__(JogSession)
+    session.robot = robot()
+    session._client = cast(Client, SimpleNamespace(stop=stop, acquire=lambda _timeout_s: None))
+    session._log = lines.append
+    session._stop()
+    assert lines == ["arm: STOP. e resumes"]
+    session._stop()
+    assert "arm.s1.l1 did not answer and may have missed it" in lines[-1]
+    session._stop()
+    assert "did not confirm" in lines[-1]
+    assert len(lines) == 4

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
 
-from contid.errors import ContidError
+from contid.errors import ContidError, RecordingStoppedError
+from contid.remote.client.described_robot import DescribedRobot
+from contid_hands.teach import recording
 from contid_hands.teach.recording import RecordedLimits, taught_motion
+from contid_hands.teach.teacher import Teacher
 
 LIMITS = RecordedLimits(np.zeros(2), np.full(2, 100.0), np.array([[60.0] * 2, [1000.0] * 2, [20000.0] * 2]))
 
@@ -49,9 +56,46 @@ def test_samples_outside_the_limits_are_moved_to_them() -> None:
     assert motion.clipped == int((samples > 100.0).any(axis=1).sum())
 
 
+def test_a_recording_needs_no_package_beyond_the_core(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without SciPy the motion would be lost at its end; with it the filter is the same."""
+    times_s = np.arange(0.0, 3.0, 0.02)
+    noisy = hand(times_s, 1.0) + np.random.default_rng(2).normal(0.0, 0.5, (len(times_s), 2))
+    filtered = recording._smoothed(noisy, 10.0)
+    assert filtered == pytest.approx(gaussian_filter1d(noisy, 10.0, axis=0, mode="nearest"), abs=1e-12)
+    for name in [each for each in sys.modules if each.partition(".")[0] == "scipy"]:
+        monkeypatch.setitem(sys.modules, name, None)
+    assert len(taught_motion(times_s, noisy, LIMITS, 20.0).rows) > 20
+
+
 def test_no_motion_is_no_recording() -> None:
     times_s = np.arange(0.0, 3.0, 0.02)
     with pytest.raises(ContidError, match="nothing moved while it was recorded; is the torque off"):
         taught_motion(times_s, np.full((len(times_s), 2), 50.0), LIMITS, 20.0)
     with pytest.raises(ContidError, match="0 samples; a motion needs at least 5"):
         taught_motion(np.zeros(0), np.zeros((0, 2)), LIMITS, 20.0)
+
+
+def test_a_motion_that_cannot_be_written_is_kept_until_it_can(tmp_path: Path) -> None:
+    """The folder of the pose file is gone, and comes back: as a full disk that a person makes room on."""
+    robot_file = tmp_path / "arm.yaml"
+    robot_file.write_text("x")
+    limits = ((60.0, 1000.0, 20000.0),) * 2
+    arm = DescribedRobot(
+        robot="arm", axes=("a_mm", "b_mm"), minimum=(0.0, 0.0), maximum=(100.0, 100.0), tip=(), bends=(),
+        unit="mm", units=("mm", "mm"), rates=limits[0], axis_rates=limits, estop="relax",
+    )  # fmt: skip
+    lines: list[str] = []
+    teacher = Teacher([arm], tmp_path / "away" / "arm.poses.yaml", robot_file, 20.0, lines.append)
+    times_s = np.arange(0.0, 3.0, 0.02)
+    teacher.press("r")
+    for time_s, values in zip(times_s, hand(times_s, 1.0), strict=True):
+        teacher.take({"t_s": time_s, "robots": {"arm": {"measured": values.tolist()}}})
+    teacher.press("r")
+    assert teacher.recording
+    assert lines[-1].endswith("the recording goes on, r ends it")
+    with pytest.raises(RecordingStoppedError, match="a motion of 150 samples is lost"):
+        teacher.close()
+    (tmp_path / "away").mkdir()
+    teacher.press("r")
+    assert (tmp_path / "away" / "motion1.csv").exists()
+    teacher.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -94,7 +95,7 @@ class RoomPlacing:
     def _average(self, seen: Rigid, base: BaseBody) -> None:
         """Take the body on the base into the average, unless it has moved."""
         mean = self._mean
-        if mean is not None and float(np.linalg.norm(seen.shift - mean.shift)) * MM_PER_M > base.moved_mm:
+        if mean is not None and _apart(mean, seen, base):
             self._off += 1
             if self._off < MOVED_FRAMES:
                 return
@@ -108,6 +109,14 @@ class RoomPlacing:
             u, _, vt = np.linalg.svd(mean.turn + share * (seen.turn - mean.turn))
             mean = Rigid(u @ vt, mean.shift + share * (seen.shift - mean.shift))
         self._mean, self._fixed = mean, rigid(base) @ mean.inverse()
+
+
+def _apart(mean: Rigid, seen: Rigid, base: BaseBody) -> bool:
+    """Whether a body is further from its mean than noise is, in place or angle."""
+    cosine = 0.5 * (float(np.trace(mean.turn.T @ seen.turn)) - 1.0)
+    turned_deg = math.degrees(math.acos(min(max(cosine, -1.0), 1.0)))
+    shifted_mm = float(np.linalg.norm(seen.shift - mean.shift)) * MM_PER_M
+    return shifted_mm > base.moved_mm or turned_deg > base.moved_deg
 
 
 def fitted(pairs: Array, within_mm: float) -> Rigid:

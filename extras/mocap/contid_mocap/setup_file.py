@@ -58,10 +58,12 @@ class BaseBody(Placement):
     Attributes:
         body: its name or number.
         moved_mm: further from its mean it has moved, or the room was calibrated again.
+        moved_deg: turned further from its mean it has moved as well.
     """
 
     body: Name
     moved_mm: Positive = 2.0
+    moved_deg: Positive = 2.0
 
 
 class RoomPlace(Placement):

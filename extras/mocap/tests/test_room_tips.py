@@ -111,6 +111,23 @@ def test_a_body_on_the_base_carries_the_room():
     assert look(tracker, frame(90, 110.0, plate=moved, tip=tip)).tip is not None
 
 
+def test_a_base_that_turns_about_its_body_has_moved():
+    """Its marker plate stays where it is, and every tip would be off by its distance times the angle."""
+    tracker = RoomTipTracker(setup({"base": {"body": "plate"}}))
+    rng = np.random.default_rng(2)
+    tip = pose((0.4, 0.2, 0.3))
+    for k in range(1, 40):
+        x, y, z = rng.normal(0.0, 0.2, 3).tolist()  # noise of a small plate [deg]
+        noisy = frame(k, 100.0 + 0.01 * k, plate=pose(turn=(x, y, z)), tip=tip)
+        assert look(tracker, noisy).tip is not None
+    for k in range(40, 40 + MOVED_FRAMES - 1):
+        found = look(tracker, frame(k, 100.0 + 0.01 * k, plate=pose(turn=(0, 0, 4)), tip=tip))
+        assert found.refusal == "the body 'plate' on the base has moved"
+    found = look(tracker, frame(90, 110.0, plate=pose(turn=(0, 0, 4)), tip=tip))
+    seen = Rotation.from_euler("z", 4, degrees=True).as_matrix().T @ [0.3, 0.0, 0.0]
+    assert found.tip.tip_m[:2] == pytest.approx(seen[:2], abs=1e-9)
+
+
 def test_a_base_that_has_moved_is_refused_also_in_frames_without_it():
     """It may be lost after a blow, and Vicon sends base and tip in different packets of a frame."""
     tracker = RoomTipTracker(setup({"base": {"body": "plate"}}))

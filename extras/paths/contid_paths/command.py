@@ -115,6 +115,9 @@ def command(
         and (dz or lean is not None or mid_text is not None or any(each.dimension == 3 for each in targets))
     ):
         raise click.UsageError("a spatial path needs --height (z in the world, mm)")
+    plain = lean is None and mid_text is None  # what is planar refuses those by itself
+    if height and plain and all(each.dimension == 2 for each in targets):
+        raise click.UsageError(f"the robots of {robot_file} are planar: they have no z; leave it out")
 
     rise = dz if dz is not None else 10.0 if kind is Shape.BOX and height is not None else 0.0
     path = ShapePath(

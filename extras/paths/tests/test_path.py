@@ -147,3 +147,14 @@ def test_a_shape_that_is_nowhere_within_reach_asks_for_its_size(monkeypatch: pyt
     monkeypatch.setattr(about_rest, "_CENTRES", 1)
     done = CliRunner().invoke(command, ["circle", "--for", "trirack2", "--lean", "170"])
     assert "give --size and --height" in str(done.exception)
+
+
+@pytest.mark.parametrize("place", [("--center", "20,80,50"), ("--center", "20,80", "--height", "50")])
+def test_a_height_of_planar_robots_is_refused(place: tuple[str, ...]) -> None:
+    """It was left out without a word; 0 is where they are."""
+    done = CliRunner().invoke(command, ("circle", *place, "--radius", "10", "--for", "finger"))
+    assert done.exit_code == 2
+    assert "the robots of finger are planar: they have no z" in done.output
+    assert path("circle", "--center", "20,80,0", "--radius", "10", "--for", "finger").startswith(
+        "t_s,x_mm,y_mm\n"
+    )

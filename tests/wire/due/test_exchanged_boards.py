@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from contid.control.engine.cycle import RealClock
@@ -140,3 +142,16 @@ def bus_id(emulator):
     bus.close()
     remembered.BusMemory("board", str(emulator.port), MOTORS).path.unlink()
     return found
+
+
+def test_a_position_that_is_lost_stays_lost_beside_another_fault(world):
+    """The axis that misses edges stands where it is parked, by a count that means nothing."""
+    bus, emulator = world()
+    drive(bus, math.radians(91.0))
+    emulator.command("set 0 missed 50")
+    assert "edges missed" in settle(bus, 0.5)["arm.l0"].fault
+    bus.close()
+    emulator.switch({"fault": "power_cycle"})
+    other = again(emulator)
+    assert lost(other) == [True, False, False]
+    other.close()

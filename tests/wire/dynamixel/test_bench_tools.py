@@ -92,6 +92,20 @@ def test_a_request_without_an_answer_names_the_cause(emulated: Start) -> None:
     bench_tools.blink(bus.port, BAUD, 1, 1)
 
 
+def test_a_reboot_that_arrives_damaged_is_repeated_or_refused(emulated: Start) -> None:
+    bus = emulated(Servo(1))
+    servo = bus.servo(1)
+    servo.put(reg.LED, 1)
+    bus.set("misread", 1, count=2)  # the ping before, and the order
+    reboot(bus.port, BAUD, 1)
+    assert servo.get(reg.LED) == 0
+    servo.put(reg.LED, 1)
+    bus.set("misread", 1, count=200)
+    with pytest.raises(DeviceError, match="servo 1: it does not restart"):
+        reboot(bus.port, BAUD, 1)
+    assert servo.get(reg.LED) == 1
+
+
 def test_nothing_is_written_to_two_servos_of_one_id(emulated: Start) -> None:
     bus = emulated(Servo(1, position_ticks=5.0), Servo(1, position_ticks=3000.0))
     with pytest.raises(DeviceError):

@@ -10,7 +10,7 @@ import pytest
 from contid_devices.dynamixel import TOOLS
 from contid_devices.dynamixel.doctor import exchanges
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.client import ServoClient
+from contid_drivers.dynamixel.client import ServoClient, ServoRefusedError
 from contid_drivers.dynamixel.port import ServoPort
 from contid_emulate.dynamixel import Servo
 
@@ -44,6 +44,24 @@ def test_a_supply_beyond_that_of_the_manual_is_found(rig: Callable[..., Any], vo
     r = rig(1)
     r.emulator.servo(1).supply_decivolt = round(10 * volts)
     assert doctor(r)["id 1 voltage"].ok == ok
+
+
+@pytest.mark.process
+def test_a_setting_that_older_firmware_lacks_is_no_problem(
+    rig: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """XL330 before firmware 46 have no Startup Configuration; arming leaves it out, and so does this."""
+    read = ServoClient.read
+
+    def of_older_firmware(client: ServoClient, device: int, register: reg.Register) -> int:
+        if register is reg.STARTUP:
+            raise ServoRefusedError(client.name(device), "reading register 60 was refused: access error")
+        return read(client, device, register)
+
+    monkeypatch.setattr(ServoClient, "read", of_older_firmware)
+    findings = doctor(rig(2))
+    assert [finding.message for finding in findings.values() if not finding.ok] == []
+    assert "id 2 settings" in findings
 
 
 @pytest.mark.process

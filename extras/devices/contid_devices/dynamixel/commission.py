@@ -77,10 +77,26 @@ class SdkBus:
         """Restart a servo and wait for its answer.
 
         Raises:
-            DeviceError: it does not answer again.
+            DeviceError: it does not restart, or does not answer again.
         """
-        self._sdk.reboot(self._port, device)
-        self._await(device, "a reboot")
+        for _ in range(TRIES):
+            ordered_s = time.monotonic()
+            # A servo that answers pings only, which a reboot cures, does not answer this one.
+            self._sdk.reboot(self._port, device)
+            self._await(device, "a reboot")
+            if self._began_since(device, ordered_s):
+                return
+        raise DeviceError(
+            self.name(device), "it does not restart", "check its cable, or switch its power off and on"
+        )
+
+    def _began_since(self, device: int, host_s: float) -> bool:
+        """Whether a servo started after a time of the host: its Realtime Tick counts from its start."""
+        try:
+            tick_ms = self.read(device, reg.REALTIME_TICK)
+        except DeviceError:
+            return False
+        return tick_ms < 1e3 * (time.monotonic() - host_s)
 
     def _await(self, device: int, what: str) -> None:
         """Wait for the answer of a servo that restarts."""

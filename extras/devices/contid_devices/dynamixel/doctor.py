@@ -136,8 +136,8 @@ def _settings(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> 
     subject = f"id {axis.device} settings"
     read_own_limit(client, axis)
     required = [*arming.settings(axis, options), (reg.STATUS_RETURN_LEVEL, reg.STATUS_RETURN_LEVEL.default)]
-    found = [(register, client.read(axis.device, register), value) for register, value in required]
-    different = [each for each in found if each[1] != each[2]]
+    found = [(register, arming.present(client, axis.device, register), value) for register, value in required]
+    different = [each for each in found if each[1] not in (None, each[2])]
     if not different:
         return Finding(subject, True, "as in the robot file")
     message = ", ".join(f"{register.name} is {now}, not {value}" for register, now, value in different)

@@ -97,7 +97,7 @@ def _by_stop(
     search.arm(client, [axis], options.watchdog_ms)
     report(f"{axis.name}: searching its stop with {homing.current_ma} mA")
     first = _until_blocked(client, axis, homing, start)
-    report(f"{axis.name}: stands still at {math.degrees(first * reg.RAD_PER_TICK):.2f} deg, once more")
+    report(f"{axis.name}: stands still at {math.degrees(axis.to_rad(first)):.2f} deg, once more")
     stop = _until_blocked(client, axis, homing, _move_back(client, axis, homing, first))
     name = client.name(device)
     axis.reference.require_repetition(name, axis.to_rad(first), axis.to_rad(stop))

@@ -83,7 +83,7 @@ def status(watch: bool, rate: float, file: Path | None, as_json: bool) -> None:
             answers = operator.ask_all("status", {})
             if as_json:
                 click.echo(json.dumps({"nodes": answers.by_node, "missing": answers.missing}))
-            elif watch:
+            elif watch and live.console.is_terminal:
                 live.update(render_nodes(answers), refresh=True)
             else:
                 live.console.print(render_nodes(answers))

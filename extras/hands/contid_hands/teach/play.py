@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from contid.client import Client, Code, ConnectionLostError, RemoteError
+from contid.client import Client, Code, RemoteError
 from contid.errors import ContidError
 from contid.remote.client.described_robot import columns_of
 from contid.remote.client.move_arguments import columns_and_rows
@@ -87,8 +87,6 @@ class Player:
             try:
                 self._one(step)
             except RemoteError as error:
-                if isinstance(error, ConnectionLostError):
-                    raise
                 raise StepRefusedError(self._where(here, step), error) from None
 
     def _where(self, path: KeyPath, step: SequenceStep) -> str:

@@ -75,8 +75,6 @@ def taught_motion(times_s: Floats, samples: Floats, limits: RecordedLimits, rows
     Raises:
         ContidError: too few samples, or nothing moved.
     """
-    from scipy.ndimage import gaussian_filter1d
-
     times_s, places = np.unique(times_s, return_index=True)
     samples = samples[places]
     if len(times_s) < MIN_SAMPLES:
@@ -90,7 +88,7 @@ def taught_motion(times_s: Floats, samples: Floats, limits: RecordedLimits, rows
     at_s = np.concatenate([[begin_s], times_s[first : last + 1], [end_s]])
     clipped = np.clip(held, limits.minimum, limits.maximum)
     dense = np.column_stack([np.interp(grid_s, at_s, column) for column in clipped.T])
-    smooth = gaussian_filter1d(dense, SIGMA_S * GRID_HZ, axis=0, mode="nearest")
+    smooth = _smoothed(dense, SIGMA_S * GRID_HZ)
     slower = _slower(smooth, limits.rates)
     duration_s = (grid_s[-1] - grid_s[0]) * slower
     count = max(round(duration_s * rows_hz), 2)
@@ -98,6 +96,14 @@ def taught_motion(times_s: Floats, samples: Floats, limits: RecordedLimits, rows
     dense_s = np.linspace(0.0, duration_s, len(grid_s))
     rows = np.column_stack([np.interp(rows_s, dense_s, column) for column in smooth.T])
     return TaughtMotion(rows_s, rows, slower, int(outside.sum()))
+
+
+def _smoothed(dense: Floats, sigma: float) -> Floats:
+    """A Gaussian filter along the first axis, of ``sigma`` samples; the ends go on before and behind."""
+    reach = round(4.0 * sigma)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    padded = np.pad(dense, ((reach, reach), (0, 0)), mode="edge")
+    return np.column_stack([np.convolve(column, weights / weights.sum(), "valid") for column in padded.T])
 
 
 def _moving(samples: Floats, limits: RecordedLimits) -> tuple[int, int]:

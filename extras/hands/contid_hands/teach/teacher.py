@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from contid.errors import ContidError
+from contid.errors import ContidError, RecordingStoppedError
 from contid.remote.client.described_robot import DescribedRobot
 from contid.whole_file import replacing
 from contid_hands.teach.pose_file import read_pose_file
@@ -76,9 +76,9 @@ class Teacher:
                 return
             values += measured
         self._newest = float(frame["t_s"]), values
-        if self._samples is not None:
+        if self._samples is not None and len(self._samples) < MAX_SAMPLES:
             self._samples.append(self._newest)
-            if len(self._samples) >= MAX_SAMPLES:
+            if len(self._samples) == MAX_SAMPLES:
                 self._report("the recording is full; it ends here")
                 self._end_recording()
 
@@ -102,9 +102,15 @@ class Teacher:
             self._report(HELP)
 
     def close(self) -> None:
-        """Keep a recording that was not ended."""
+        """Keep a recording that was not ended.
+
+        Raises:
+            RecordingStoppedError: it could not be written.
+        """
         if self._samples is not None:
             self._end_recording()
+        if self._samples is not None:
+            raise RecordingStoppedError(f"a motion of {len(self._samples)} samples is lost")
 
     def _answer(self, key: str) -> None:
         if key == "enter":
@@ -133,7 +139,7 @@ class Teacher:
         self._report(f"{'replaced' if replaced else 'saved'} {name}: {shown}")
 
     def _end_recording(self) -> None:
-        """Smooth the recorded motion and write it beside the pose file."""
+        """Smooth the recorded motion and write it beside the pose file; it is kept where that fails."""
         samples, self._samples = self._samples or [], None
         limits = RecordedLimits(
             np.array([low for robot in self._robots for low in robot.minimum]),
@@ -145,11 +151,16 @@ class Teacher:
         path = self._file.with_name(f"{self._free_name('motion')}.csv")
         try:
             motion = taught_motion(times_s, positions, limits, self._rows_hz)
-            saved = provenance(self._robot_file, f"contid teach, {len(samples)} samples")
+        except ContidError as error:
+            self._report(f"not recorded: {error}")
+            return
+        saved = provenance(self._robot_file, f"contid teach, {len(samples)} samples")
+        try:
             with replacing(path) as file:
                 file.write(trajectory_csv(self._columns, motion, saved).encode())
         except ContidError as error:
-            self._report(f"not recorded: {error}")
+            self._samples = samples
+            self._report(f"{error}; the recording goes on, r ends it")
             return
         notes = f", {motion.slower:.2f} times slower than the hand" if motion.slower > 1.0 else ""
         notes += f", {motion.clipped} samples outside the limits" if motion.clipped else ""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from contid.cli.support.orders import UNCONFIRMED
 from contid.client import Client, Code, RemoteError, ServoState
 from contid.errors import ContidError
 from contid.remote.client.described_robot import DescribedRobot, columns_of
@@ -171,16 +172,27 @@ class JogSession:
                 self.space.choose(int(key) - 1)
 
     def _stop(self) -> None:
-        self._order(lambda: self._client.stop(self.robot.robot))
-        self._log(f"{self.robot.robot}: STOP. e resumes")
+        self._report_stop("STOP", self._order(lambda: self._client.stop(self.robot.robot)))
 
-    def _order(self, send: Callable[[], object]) -> None:
+    def _report_stop(self, stop: str, response: Mapping[str, Any] | None) -> None:
+        """State a stop; None in place of its response: it was refused, which is reported already."""
+        name = self.robot.robot
+        if response is None:
+            return
+        self._log(f"{name}: {stop}. e resumes")
+        if silent := response.get("silent", {}).get(name):
+            self._log(f"{name}: {', '.join(silent)} did not answer and may have missed it: {UNCONFIRMED}")
+
+    def _order(self, send: Callable[[], Mapping[str, Any]]) -> Mapping[str, Any] | None:
+        """Give an order and report a refusal; its response, None when it was refused."""
+        response = None
         try:
-            send()
+            response = send()
             # A stop of another client revoked the lease: the person at the keys takes it again.
             self._client.acquire(LEASE_TIMEOUT_S)
         except RemoteError as error:
             self._log(str(error))
+        return response
 
     # -- moving --------------------------------------------------------------------------------------------
 

@@ -17,6 +17,7 @@ from contid.hal import Rest
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.client import BARRIER_SIZES, NoAnswerError
+from contid_drivers.dynamixel.packets import Instruction
 from contid_emulate.dynamixel import FaultSwitches, Servo
 from tests.wire.dynamixel.virtual_wire import servo_time
 
@@ -56,6 +57,23 @@ def test_an_instruction_that_arrived_damaged_is_repeated(running: Any) -> None:
     started = servo.booted_at
     running.emulator.set("misread", 1, count=2)
     client.reboot(1)
+    assert servo.booted_at > started
+
+
+def test_a_reboot_that_never_arrived_is_repeated(running: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    client, servo = running.opened.client, running.emulator.servos[0]
+    started, send = servo.booted_at, client.port.send
+    lost: list[bytes] = []
+
+    def losing(packet: bytes) -> Any:
+        if packet[7] == Instruction.REBOOT and not lost:
+            lost.append(packet)
+            return send(b"")
+        return send(packet)
+
+    monkeypatch.setattr(client.port, "send", losing)
+    client.reboot(1)
+    assert lost
     assert servo.booted_at > started
 
 

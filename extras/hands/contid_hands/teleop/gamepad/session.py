@@ -133,8 +133,8 @@ class GamepadSession(JogSession):
             super()._stop()
             return
         self._estops = False
-        self._order(lambda: self._client.estop(self.robot.robot))
-        self._log(f"{self.robot.robot}: STOP ({self.robot.estop}). e resumes")
+        response = self._order(lambda: self._client.estop(self.robot.robot))
+        self._report_stop(f"STOP ({self.robot.estop})", response)
 
     def refused(self, message: str) -> None:
         """Report a refused set-point: of a stick held outwards, refused in every tick, once a second."""
