@@ -9,8 +9,8 @@ theta = (a, s), a an offset, a gain and half a hysteresis loop per axis (`contid
 parameters of a `Family` of models, is found by generalised least squares with priors, linearised again in
 every round. What remains is explained by e, an error of every axis of standard deviation sigma that stays as
 long as the actuation, and n (tracker and everything else). sigma is the one under which the remaining errors
-are most likely. So a wrong model is not reported as a load, and its remaining error is in the uncertainty of
-the load.
+are most likely. A side that is not known (NaN) is evenly likely to be anywhere from -1 to 1. So a wrong model
+is not reported as a load, and its remaining error is in the uncertainty of the load.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ class LoadCalibration:
 
         Args:
             actuation: commanded [m or Pa].
-            side: side of the hysteresis of every axis, -1 to 1.
+            side: side of the hysteresis of every axis, -1 to 1, or NaN.
             load_n: force on the tip [N].
             jacobian: Jacobian of the model at the corrected actuation.
             decades: of the age of the pose.
@@ -181,7 +181,8 @@ class LoadCalibration:
         columns = np.hstack([by_axes, by_parameters])
         crept = self.creep.sigma * decades * by_parameters[:, : self.family.moduli].sum(axis=1)
         spread: Array = _spread(jacobian, self.axis_sigma, self.tip_sigma_m) + np.outer(crept, crept)
-        spread += columns @ self.covariance @ columns.T
+        loops = self.correction[2 * len(side) :]
+        spread += columns @ self.covariance @ columns.T + _by_unknown(jacobian, np.array(side), loops)
         return spread
 
 
@@ -199,7 +200,7 @@ def calibrate_without_load(
         family: family of error models of the arm.
         actuations: commanded [m or Pa], shape ``(n, k)``; spread over the range.
         sides: side of the hysteresis of every axis, from `contid_fit.sense.play.HysteresisSides`,
-            shape ``(n, k)``.
+            shape ``(n, k)``; NaN where it is not known.
         tips: measured tips in the base frame, averaged while the arm rests, shape ``(n, 3)`` [m].
         noise_m: standard deviation of such an averaged tip [m].
         drifts: how the tips drifted meanwhile; None for an arm that does not creep.
@@ -225,6 +226,7 @@ def calibrate_without_load(
     information = prior
     varied = _Varied((), np.zeros(0))
     errors = np.zeros((poses, 3))
+    unknown = np.zeros((poses, 3, 3))
     creep = Creep()
     for round_ in range(_ROUNDS + 1):
         model, varied = family.build(scales), _Varied.of(family, scales)
@@ -243,17 +245,19 @@ def calibrate_without_load(
         if round_ == _ROUNDS:
             break
         jacobians = np.array([model.jacobian(q) for q in used])
+        loops = correction[2 * axes :]
+        unknown = np.array([_by_unknown(J, on, loops) for J, on in zip(jacobians, sides, strict=True)])
         # Most likely spread of the errors under the corrections so far.
         axis_sigma, tip_sigma = max(
             ((float(a), float(t)) for a in axis_sigmas for t in tip_sigmas),
-            key=lambda pair: _log_likelihood(errors, jacobians, *pair),
+            key=lambda pair: _log_likelihood(errors, jacobians, unknown, *pair),
         )
         information, right = prior.copy(), -prior @ np.concatenate([correction, scales])
-        for q, side, by_parameters, error, jacobian in zip(
-            actuations, sides, slopes, errors, jacobians, strict=True
+        for q, side, by_parameters, error, jacobian, of_sides in zip(
+            actuations, sides, slopes, errors, jacobians, unknown, strict=True
         ):
             columns = np.hstack([jacobian @ _design(q, side, middle), by_parameters])
-            weighted = columns.T @ np.linalg.inv(_spread(jacobian, axis_sigma, tip_sigma))
+            weighted = columns.T @ np.linalg.inv(_spread(jacobian, axis_sigma, tip_sigma) + of_sides)
             information += weighted @ columns
             right += weighted @ error
         step = np.linalg.solve(information, right)
@@ -267,7 +271,14 @@ def calibrate_without_load(
 
 def _design(q: Array, side: Array, middle: Array) -> Array:
     """Derivative of the corrected actuation by offsets, gains and loops, shape ``(k, 3k)``."""
-    return np.hstack([np.eye(len(q)), np.diag(q - middle), np.diag(side)])
+    return np.hstack([np.eye(len(q)), np.diag(q - middle), np.diag(np.nan_to_num(side))])
+
+
+def _by_unknown(jacobian: Array, side: Array, loops: Array) -> Array:
+    """Covariance of the tip by the sides that are not known, shape ``(3, 3)`` [m^2]."""
+    columns = jacobian * np.where(np.isnan(side), loops, 0.0)
+    spread: Array = columns @ columns.T / 3.0
+    return spread
 
 
 def _refuse_far(
@@ -306,8 +317,10 @@ def _spread(jacobian: Array, axis_sigma: float, tip_sigma_m: float) -> Array:
     return spread
 
 
-def _log_likelihood(errors: Array, jacobians: Array, axis_sigma: float, tip_sigma_m: float) -> float:
-    spreads = np.array([_spread(jacobian, axis_sigma, tip_sigma_m) for jacobian in jacobians])
+def _log_likelihood(
+    errors: Array, jacobians: Array, unknown: Array, axis_sigma: float, tip_sigma_m: float
+) -> float:
+    spreads = np.array([_spread(jacobian, axis_sigma, tip_sigma_m) for jacobian in jacobians]) + unknown
     solved = np.linalg.solve(spreads, errors[:, :, None])[:, :, 0]
     return float(-0.5 * (np.linalg.slogdet(spreads)[1].sum() + (errors * solved).sum()))
 

@@ -3,9 +3,11 @@
     minimise  (ybar - hbar(F))^T V^-1 (ybar - hbar(F)) + |F|^2 / prior^2
     V = noise^2/n I + what the calibration left open
 
-by Levenberg-Marquardt with the model's compliance dh/dF. The part of V that the calibration left open does
-not shrink with the number of measurements: more of them average the tracker, not the error of the model.
-A pure function of its inputs: the same measurements give the same estimate.
+by Levenberg-Marquardt with the model's compliance dh/dF. An arm at rest is in a stable equilibrium: a step to
+a force under which the model buckles is shortened, for beyond it the tip says nothing about the force. The
+part of V that the calibration left open does not shrink with the number of measurements: more of them average
+the tracker, not the error of the model. A pure function of its inputs: the same measurements give the same
+estimate.
 """
 
 from __future__ import annotations
@@ -40,8 +42,9 @@ class LoadEstimate:
 
     Attributes:
         force_n: x, y, z [N].
-        covariance: covariance of the force, shape ``(3, 3)`` [N^2].
-        converged: the iteration ended.
+        covariance: covariance of the force, shape ``(3, 3)`` [N^2]; that before any measurement where the
+            iteration did not end.
+        converged: the iteration ended; False also where the arm buckles without a load.
         measurements: that it is from.
     """
 
@@ -140,43 +143,57 @@ class LoadEstimator:
         model = models[newest[2]]
         prior = np.eye(3) / self._prior_n**2
 
-        def missed(force: Array) -> Array:
-            load = vec3(force.tolist())
-            tips = [
-                len(group) * np.array(models[pose[2]].forward(corrected[pose], load).tip_m)
-                for pose, group in groups.items()
-            ]
+        def missed(force: Array) -> Array | None:
+            load, tips = vec3(force.tolist()), []
+            for pose, group in groups.items():
+                reached = models[pose[2]].forward(corrected[pose], load)
+                if not reached.stable:
+                    return None
+                tips.append(len(group) * np.array(reached.tip_m))
             error: Array = measured - np.sum(tips, axis=0) / count
             return error
 
-        force, error = self._force, missed(self._force)
-        converged, damping, information = False, 0.0, prior
-        for _ in range(_ITERATIONS):
-            load = vec3(force.tolist())
-            jacobian = model.jacobian(corrected[newest], load)
-            compliance = model.compliance(corrected[newest], load)
-            spread = self._noise_m**2 / count * np.eye(3)
-            spread += self._calibration.tip_covariance(*newest[:2], load, jacobian, newest[2])
-            weight = np.linalg.inv(spread)
-            information = compliance.T @ weight @ compliance + prior
-            downhill = compliance.T @ weight @ error - prior @ force
-            cost = error @ weight @ error + force @ prior @ force
-            for _ in range(_TRIALS):
-                step = np.linalg.solve(information + damping * np.diag(np.diag(information)), downhill)
-                trial = force + step
-                trial_error = missed(trial)
-                if trial_error @ weight @ trial_error + trial @ prior @ trial <= cost:
-                    damping *= 0.2
+        def descent(force: Array) -> tuple[Array, Array | None]:
+            """The force of least cost, and its information; None where the way there ends short of it."""
+            error, damping = missed(force), 0.0
+            for _ in range(_ITERATIONS):
+                if error is None:
                     break
-                damping = max(4.0 * damping, 0.1)
-            else:
-                # The cost is at the rounding of the model; a step that is still long is a failure.
-                converged = float(np.linalg.norm(np.linalg.solve(information, downhill))) < _ROUNDED_STEP_N
-                break
-            force, error = trial, trial_error
-            if float(np.linalg.norm(step)) < _STEP_N:
-                converged = True
-                break
+                load = vec3(force.tolist())
+                jacobian = model.jacobian(corrected[newest], load)
+                compliance = model.compliance(corrected[newest], load)
+                spread = self._noise_m**2 / count * np.eye(3)
+                spread += self._calibration.tip_covariance(*newest[:2], load, jacobian, newest[2])
+                weight = np.linalg.inv(spread)
+                information = np.asarray(compliance.T @ weight @ compliance + prior, dtype=np.float64)
+                downhill = compliance.T @ weight @ error - prior @ force
+                cost = error @ weight @ error + force @ prior @ force
+                left = float(np.linalg.norm(np.linalg.solve(information, downhill)))
+                for _ in range(_TRIALS):
+                    damped = information + damping * np.diag(np.diag(information))
+                    trial = force + np.linalg.solve(damped, downhill)
+                    trial_error = missed(trial)
+                    if (
+                        trial_error is not None
+                        and trial_error @ weight @ trial_error + trial @ prior @ trial <= cost
+                    ):
+                        damping *= 0.2
+                        break
+                    damping = max(4.0 * damping, 0.1)
+                else:
+                    # The cost is at the rounding of the model; a step that is still long is a failure.
+                    return force, information if left < _ROUNDED_STEP_N else None
+                force, error = trial, trial_error
+                if left < _STEP_N:  # without damping, which makes any step short
+                    return force, information
+            return force, None
+
+        force, information = descent(self._force)
+        if information is None and self._force.any():  # it may be of other pressures
+            force, information = descent(np.zeros(3))
+        converged = information is not None
         self._force = force if converged else np.zeros(3)
-        covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
+        covariance = np.asarray(
+            np.linalg.inv(prior if information is None else information), dtype=np.float64
+        )
         return LoadEstimate(vec3(force.tolist()), covariance, converged, count)

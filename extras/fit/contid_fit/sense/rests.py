@@ -31,7 +31,7 @@ class RestInterval:
         times_s: times of the measurements, shape ``(n,)`` [s].
         since_s: time of the last change of a command before them.
         actuation: commanded [m or Pa].
-        side: place of every axis between the branches of its hysteresis loop, -1 to 1.
+        side: place of every axis between the branches of its hysteresis loop, -1 to 1; NaN where not known.
         reported: averages of what the devices reported [m or Pa]; NaN where they report nothing.
         tips: measured, in the base frame, shape ``(n, 3)`` [m].
     """

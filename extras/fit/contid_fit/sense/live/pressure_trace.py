@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from contid_fit.identified_arm import Numbers
+from contid_fit.sense.play import ON_BRANCH
 
 #: Half the time over which the reports of regulators around a capture are averaged.
 AVERAGED_S: Final = 0.01
@@ -24,8 +25,6 @@ OLDEST_S: Final = 0.6
 RESTING_S: Final = 0.3
 #: Bound of the delay of the reported pressures of a moving arm against its measured tip.
 TIMING_S: Final = 0.003
-#: From this absolute value of its side on, an axis counts as on a branch of its hysteresis loop.
-_ON_BRANCH: Final = 0.999
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +94,7 @@ class PressureTrace:
             ]
         )
         self._side_known = [
-            known or abs(side) > _ON_BRANCH for known, side in zip(self._side_known, self._sides, strict=True)
+            known or abs(side) > ON_BRANCH for known, side in zip(self._side_known, self._sides, strict=True)
         ]
 
     def at(self, capture_s: float) -> PressurePose | None:

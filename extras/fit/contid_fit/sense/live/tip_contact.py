@@ -36,6 +36,7 @@ from contid_fit.sense.live.known_load import KnownLoad
 from contid_fit.sense.live.load_observer import LoadFound
 from contid_fit.sense.live.pressure_trace import PressurePose, PressureTrace
 from contid_fit.sense.live.swing import BodySwing
+from contid_fit.sense.play import ON_BRANCH
 
 #: This long after a contact the present load becomes the known one [s].
 REARM_S: Final = 1.0
@@ -46,8 +47,6 @@ _SIDE_SIGMA: Final = 0.15
 _EXPECTED_N: Final = 1e-3
 #: Factor on the standard deviations of the load estimate, which lags behind a moving arm.
 _ESTIMATE_FACTOR: Final = 2.0
-#: From this absolute value of its side on, an axis counts as on a branch of its loop.
-_ON_BRANCH: Final = 0.999
 #: A measurement within this squared distance of the load before the contact shows that the contact has ended.
 _ENDED: Final = 16.0
 
@@ -195,7 +194,7 @@ class TipContact:
 
     def _of_pose(self, pose: PressurePose, by_pressure: Array) -> Array:
         """Covariance of the tip by axes between the branches of their loops and by the calibration [mm^2]."""
-        between = np.abs(pose.sides) < _ON_BRANCH
+        between = np.abs(pose.sides) < ON_BRANCH
         columns = by_pressure * np.hypot(np.where(between, _SIDE_SIGMA * self._loop, 0.0), self._axis_sigma)
         spread: Array = columns @ columns.T
         return spread + self._arm.sides_mm2(pose.side_open, by_pressure)
