@@ -58,7 +58,7 @@ class Exchange:
         samples: newest by axis.
         bus_of: by axis, the name of its bus.
         effort_shares: to which the effort of robots was limited last, by name.
-        unanswered: axes whose bus was still at its job after the newest tick, or has requests that wait for it.
+        unanswered: axes whose bus was still at its job after the newest tick, or has requests that wait.
     """
 
     def __init__(

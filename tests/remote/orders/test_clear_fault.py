@@ -1,4 +1,4 @@
-"""What an order to clear a fault answers: the states of the tick in which it was cleared, and its own refusals."""
+"""What an order to clear a fault answers: states of the tick in which it was cleared, and its refusals."""
 
 from __future__ import annotations
 
