@@ -8,7 +8,7 @@ above that is its spare distance.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
@@ -89,6 +89,8 @@ class ClearanceGuard:
             (`Shapes.sampled`): those with a tip that may touch, and a body with itself, which are near for as
             long as something is held.
         rest: actuation of every robot at its rest pose, extra axes at their lower limits.
+        parts_of: computes the parts of the body of a robot for its actuation and the known force on its tip
+            [N]; the control loop replaces it by what makes an error one of that robot.
     """
 
     def __init__(self, file: RobotFile, clearance: Clearance) -> None:
@@ -108,6 +110,10 @@ class ClearanceGuard:
             name: (*robots[name].rest, *arm.model.lower[len(robots[name].axis_names) :])
             for name, arm in self.arms.items()
         }
+        self.parts_of: Callable[[str, Actuation, Vec3], ArmParts] = self._parts_of
+
+    def _parts_of(self, name: str, actuation: Actuation, load_n: Vec3) -> ArmParts:
+        return self.arms[name].parts(actuation, load_n)
 
     def at_rest(self) -> list[Nearest]:
         """The distances with every robot at its rest pose, the one with the least to spare first."""
@@ -189,7 +195,7 @@ class Shapes:
 
     def _of(self, name: str) -> ArmParts:
         if name not in self._parts:
-            self._parts[name] = self._guard.arms[name].parts(*self._configuration[name])
+            self._parts[name] = self._guard.parts_of(name, *self._configuration[name])
         return self._parts[name]
 
 

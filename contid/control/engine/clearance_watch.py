@@ -8,6 +8,9 @@ was certain. So a robot in motion always has room to stop. That stop decelerates
 A robot that follows a stream or goes to a point holds then, with a refusal; one on its way to the rest pose
 stops where it is; one that follows a trajectory, which was checked before, has fault 303.
 
+A model that fails where its body is asked for is a fault of its robot. The others stop too, where it was
+certain that all can, and hold: no distance from that body is known before its model answers again.
+
 A robot without power is where its samples are. Everything is a function of configurations, states and
 samples, so a replay decides the same.
 """
@@ -17,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from contid.clearance.arm import ArmParts
 from contid.clearance.guard import ClearanceGuard
 from contid.clearance.walk import RESOLUTION_M, Walk
 from contid.control.engine.cycle import Sink, Timing
@@ -30,10 +34,14 @@ from contid.control.tick import transitions
 from contid.control.tick.axis_motions import braking_at_once, straight_stop
 from contid.control.tick.robot_tick import TickResult, tick
 from contid.control.tick.state import RobotState
-from contid.control.tick.supervisor import Mode
+from contid.control.tick.supervisor import ARMED, Mode
 from contid.robot_file.base import StopPolicy
 from contid.targets import ZERO3, Actuation, Target, Vec3
 from contid.trajectory.straight_stop import StraightStop
+
+
+class BodyUnknownError(Exception):
+    """The body of a robot cannot be computed; its argument is the name of the robot."""
 
 
 class ClearanceWatch(TickStage):
@@ -56,6 +64,7 @@ class ClearanceWatch(TickStage):
         sink: Sink,
     ) -> None:
         self._guard = guard
+        guard.parts_of = self._parts_of
         self._robots = robots
         self._exchange = exchange
         self._selector = selector
@@ -66,6 +75,8 @@ class ClearanceWatch(TickStage):
         self._driven: dict[str, bool] = {}
         #: Targets of a stream that were refused; a robot holds until it gets another one.
         self._refused: dict[int, Target] = {}
+        self._unknown = False
+        self._now_s = 0.0
 
     def before(self, targets: Targets, timing: Timing, now_s: float) -> Targets:
         """See `TickStage.before`: None instead of a target that was refused before."""
@@ -82,6 +93,18 @@ class ClearanceWatch(TickStage):
 
     def after(self, outcomes: list[TickResult], targets: Targets, now_s: float) -> None:
         """See `TickStage.after`: robots that come too near get results that stop them."""
+        self._now_s = now_s
+        if self._unknown and not any(any(outcomes[i].state.increments) for i in self.robots):
+            return
+        try:
+            self._keep_apart(outcomes, targets, now_s)
+            self._unknown = False
+        except BodyUnknownError as error:
+            self._hold_all(str(error), outcomes, now_s)
+            self._walk, self._unknown = None, True
+            self._driven.clear()
+
+    def _keep_apart(self, outcomes: list[TickResult], targets: Targets, now_s: float) -> None:
         timed = isinstance(self._selector.source, Timed)
         for name in self._guard.arms:
             target = targets.get(name)
@@ -100,13 +123,43 @@ class ClearanceWatch(TickStage):
             for i in moving:
                 config = self._robots.configs[i]
                 stopped = self._stopped(i, message, targets.get(config.name), now_s, timed)
-                result = tick(config, stopped, now_s, self._exchange.samples_of(config), None)
-                outcomes[i] = replace(result, held=True)
+                outcomes[i] = self._again(i, stopped, now_s)
             held.update(moving)
             if not moving:  # every robot of the pair stops already
                 walk.place({**walk.configuration, **self._commanded(outcomes)})
                 self._walk = walk
                 return
+
+    def _parts_of(self, name: str, actuation: Actuation, load_n: Vec3) -> ArmParts:
+        """See `ClearanceGuard.parts_of`."""
+        arm = self._guard.arms[name]
+        parts = self._robots.ask_for_stage(name, self._now_s, arm.parts, actuation, load_n)
+        if parts is None:
+            raise BodyUnknownError(name)
+        return parts
+
+    def _hold_all(self, unknown: str, outcomes: list[TickResult], now_s: float) -> None:
+        """The robot whose body is unknown has a fault by now; the others that move stop and hold."""
+        for i in self.robots:
+            config, state = self._robots.configs[i], self._robots.states[i]
+            if config.name != unknown:
+                if not any(outcomes[i].state.increments):
+                    continue
+                message = f"the body of {unknown} cannot be computed"
+                if state.mode in ARMED and (state.follow or state.goto or state.recovering or state.squeeze):
+                    self._refuse(config.name, f"{message}; it holds")
+                    state = transitions.hold(config, state, now_s)
+                elif state.mode is Mode.STOPPING and state.policy is StopPolicy.REST:
+                    self._refuse(config.name, f"{message}; it stops where it is instead of at its rest pose")
+                    state = transitions.stop(config, state, StopPolicy.HOLD, now_s)
+                state = braking_at_once(config, state, now_s)
+            outcomes[i] = self._again(i, state, now_s)
+
+    def _again(self, index: int, state: RobotState, now_s: float) -> TickResult:
+        """The result of a tick that begins with a state in which the robot stops."""
+        config = self._robots.configs[index]
+        result = tick(config, state, now_s, self._exchange.samples_of(config), None)
+        return replace(result, held=True)
 
     def _placed(self, outcomes: Sequence[TickResult]) -> Walk:
         """The walk at the last commands, or at the samples of robots without power."""

@@ -104,7 +104,8 @@ class ContactStage(TickStage):
         found = currents.tick(samples)
         if found is None:
             return
-        direction = _against(config, state, samples, found.axes)
+        ask = self._robots.ask_for_stage
+        direction = ask(config.name, now_s, _against, config, state, samples, found.axes) or []
         assert config.contact is not None
         # A tip that closes on an object is meant to meet it.
         policy = config.contact if state.squeeze is None else ContactPolicy.IGNORE

@@ -14,7 +14,7 @@ from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.clearance_watch import ClearanceWatch
 from contid.control.engine.contact_stage import ContactStage
 from contid.control.engine.cycle import OnEnd, Sink, Timing
-from contid.control.engine.events.robots import OrderRefused, RobotOverran
+from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.order_handler import OrderHandler
 from contid.control.engine.outcomes import Outcomes
@@ -144,6 +144,7 @@ class Engine:
 
     def obey(self, message: object, tick_number: int) -> None:
         """Carry out a message of the daemon; a refusal becomes an event, and so does a defect."""
+        self.robots.begin_tick(tick_number)
         try:
             self._orders.obey(message, tick_number, self._step + 1, (self._step + 1) / self._rate_hz)
         except Exception as error:
@@ -156,6 +157,7 @@ class Engine:
         """One tick of everything."""
         robots, selector, exchange = self.robots, self.selector, self.exchange
         self.costs.began_s = self.costs.now()
+        robots.begin_tick(timing.tick)
         # The time of the robots counts the ticks that ran, not the skipped ones.
         step = self._step = timing.tick - timing.skipped
         now_s = step / self._rate_hz
@@ -167,7 +169,7 @@ class Engine:
                 targets = stage.before(targets, timing, now_s)
             except Exception as error:  # an error in a stage must not stop the robots of others
                 self._fail(stage, error, now_s)
-        outcomes = self._ticks(targets, timing.tick, now_s, live)
+        outcomes = self._ticks(targets, now_s, live)
         for stage in self._after:
             try:
                 stage.after(outcomes, targets, now_s)
@@ -198,7 +200,7 @@ class Engine:
         self.costs.ended_s = self.costs.now()
 
     def _ticks(
-        self, targets: Mapping[str, Target | None], number: int, now_s: float, live: bool
+        self, targets: Mapping[str, Target | None], now_s: float, live: bool
     ) -> list[TickResult]:
         """The ticks of all robots; a model that does not answer is a fault of its robot."""
         robots, samples_of, costs = self.robots, self.exchange.samples_of, self.costs
@@ -209,20 +211,15 @@ class Engine:
             for index, (config, state) in enumerate(zip(robots.configs, robots.states, strict=True)):
                 name = config.name
                 try:
-                    if name in robots.overran:
-                        raise robots.overran.pop(name)
-                    costs.begin(index)
+                    robots.begin(index)
                     outcome = tick(
                         config, state, now_s, samples_of(config), targets.get(name), measured.get(name),
                         live=live,
                     )  # fmt: skip
                     costs.running = -1
                 except UnansweredError as error:
-                    fault = error.fault
-                    self._sink.event(
-                        RobotOverran(tick=number, robot=name, message=str(error), fault=int(fault))
-                    )
-                    failed = transitions.fail(config, state, fault, str(error), now_s)
+                    robots.note_unanswered(index, error)
+                    failed = transitions.fail(config, state, error.fault, str(error), now_s)
                     outcome = stop_without_model(config, failed, now_s)
                 outcomes.append(outcome)
                 before_s, at_s = at_s, costs.now()

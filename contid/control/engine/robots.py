@@ -8,7 +8,7 @@ from typing import Final, TypeAlias, TypeVar
 
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events.robots import FaultLatched, ModeChanged, OrderRefused
+from contid.control.engine.events.robots import FaultLatched, ModeChanged, OrderRefused, RobotOverran
 from contid.control.engine.tick_costs import TickCosts, UnansweredError
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
@@ -24,6 +24,8 @@ from contid.targets import Vec3
 #: Returns the state of a robot after an order given at a time [s].
 Order: TypeAlias = Callable[[RobotConfig, RobotState, float], RobotState]
 T = TypeVar("T")
+#: The question of a model that is the tick of its robot; those beside it are counted from 0 in every tick.
+IN_TICK: Final = -1
 #: Orders that are refused where they apply to no robot.
 _GO_ON: Final = (transitions.resume, transitions.recover)
 
@@ -54,8 +56,8 @@ class Robots:
         tallies: statistics of each.
         reported: mode of each in its newest event.
         costs: of the cycles, with the alarm of a model that takes too long.
-        overran: by robot the error of a model that did not answer, for its next tick;
-            a replay puts those of the recording there.
+        overran: by robot and question of the present tick the error of a model that did not answer; a replay
+            puts those of the recording there.
         measured: newest measured tip by name.
         loads: estimated force on the tip and standard deviation of its components by name, world frame [N].
     """
@@ -65,7 +67,8 @@ class Robots:
         self.states = [RobotState() for _ in configs]
         self.tallies = [RobotTally() for _ in configs]
         self.costs = costs
-        self.overran: dict[str, UnansweredError] = {}
+        self.overran: dict[tuple[str, int], UnansweredError] = {}
+        self._number, self._asked = -1, [0] * len(self.configs)
         self._index = {config.name: index for index, config in enumerate(configs)}
         self.reported = [Mode.OFF for _ in configs]
         self.measured: dict[str, Measurement] = {}
@@ -138,27 +141,60 @@ class Robots:
     def ask(self, name: str, now_s: float, question: Callable[..., T], /, *arguments: object) -> T | None:
         """The answer to a question that may need the model of a robot, outside its tick.
 
-        None where the model fails, which is a fault of its robot only: at once for an error, in its next tick
-        where it did not answer in time.
+        None where the model fails, which is a fault of its robot only.
 
         Raises:
             OrderRefusedError: the question is an order that the state does not allow.
         """
-        costs, index = self.costs, self._index[name]
+        index = self._index[name]
+        number, self._asked[index] = self._asked[index], self._asked[index] + 1
         try:
-            costs.begin(index)
+            self.begin(index, number)
             answer = question(*arguments)
-            costs.running = -1
+            self.costs.running = -1
             return answer
         except UnansweredError as error:
-            self.overran[name] = error
+            self.note_unanswered(index, error, number)
+            fault, message = error.fault, str(error)
         except OrderRefusedError:
-            costs.running = -1
+            self.costs.running = -1
             raise
         except (Exception, SystemExit) as error:
-            costs.running = -1
-            self.fail(index, Fault.INTERNAL, f"{type(error).__name__}: {error}", now_s)
+            self.costs.running = -1
+            fault, message = Fault.INTERNAL, f"{type(error).__name__}: {error}"
+        self.fail(index, fault, message, now_s)
         return None
+
+    def ask_for_stage(
+        self, name: str, now_s: float, question: Callable[..., T], /, *arguments: object
+    ) -> T | None:
+        """As `ask`; by older rules an error was one of all robots of the stage that asks."""
+        if self.configs[0].motion_rules < 6:
+            return question(*arguments)
+        return self.ask(name, now_s, question, *arguments)
+
+    def begin_tick(self, number: int) -> None:
+        """Count the questions of a tick, from the first order before it on."""
+        if number != self._number:
+            self._number, self._asked = number, [0] * len(self.configs)
+
+    def begin(self, index: int, question: int = IN_TICK) -> None:
+        """A question of a robot's model begins; which is an input of a replay.
+
+        Raises:
+            UnansweredError: it was not answered in the run that is replayed.
+        """
+        if error := self.overran.pop((self.configs[index].name, question), None):
+            raise error
+        self.costs.begin(index)
+
+    def note_unanswered(self, index: int, error: UnansweredError, question: int = IN_TICK) -> None:
+        """Emit that a question was not answered."""
+        name, fault = self.configs[index].name, int(error.fault)
+        event = RobotOverran(
+            tick=self._number, robot=name, message=str(error), fault=fault, question=question
+        )
+        self._sink.event(event)
 
     def fail(self, index: int, fault: Fault, message: str, now_s: float) -> None:
         """Latch a fault of one robot."""

@@ -9,7 +9,7 @@ from contid.control.tick.faults import Fault
 
 
 class UnansweredError(BaseException):
-    """Raised inside the tick of a robot whose model does not answer; no model may catch it as its own error.
+    """Raised where the model of a robot does not answer; no model may catch it as its own error.
 
     A replay has it from an event, and asks the model as little.
 

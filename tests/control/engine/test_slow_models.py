@@ -86,7 +86,7 @@ def test_a_tick_that_takes_too_long_costs_its_robot_only(sound: list[str], slow:
     while again.process.tick < TICKS:
         again.process.begin()
         if again.process.tick == event["tick"]:
-            engine.robots.overran["f1"] = UnansweredError(event["message"])
+            engine.robots.overran["f1", event["question"]] = UnansweredError(event["message"])
         again.process.turn()
     again.process.close()
     assert repr(again.collector.records) == repr(records)

@@ -96,12 +96,13 @@ class RobotReported(RunEvent):
 
 @run_event("overran")
 class RobotOverran(RunEvent):
-    """The model of a robot did not answer in its tick, which was interrupted; a replay needs it."""
+    """The model of a robot did not answer a question, which was given up; a replay needs it."""
 
     tick: TickNumber
     robot: RobotName
     message: Text
     fault: Annotated[int, "number of the fault"] = int(Fault.MODEL_TOO_SLOW)
+    question: Annotated[int, "which beside the tick of the robot, counted from 0; -1 for that tick"] = -1
 
 
 @run_event("order")

@@ -32,8 +32,9 @@ class WatchedTip:
         path: of the tips of its commands.
     """
 
-    def __init__(self, config: RobotConfig) -> None:
+    def __init__(self, config: RobotConfig, robots: Robots) -> None:
         assert config.follow_tip_m is not None
+        self._robots = robots
         self.config = config
         self.path = TipPath(config.responses, config.period_s)
         self._tolerance_m = config.follow_tip_m
@@ -41,21 +42,27 @@ class WatchedTip:
         self._outside = 0
         self._known: tuple[Actuation, Vec3 | None] = ((), None)
 
-    def command(self, actuation: Actuation) -> None:
+    def command(self, actuation: Actuation, now_s: float) -> None:
         """Take a command; the tip of one that stands still is known."""
         if actuation != self._known[0]:
-            self._known = (actuation, tip_in_world(self.config, actuation, (0.0, 0.0, 0.0)))
+            self._known = (actuation, self._tip(actuation, now_s))
         if (tip_m := self._known[1]) is not None:
             self.path.tips.append(tip_m)
+
+    def _tip(self, actuation: Actuation, now_s: float) -> Vec3 | None:
+        """The tip without a load; None outside the domain of the model, or where that does not answer."""
+        return self._robots.ask(
+            self.config.name, now_s, tip_in_world, self.config, actuation, (0.0, 0.0, 0.0)
+        )
 
     def rest(self) -> None:
         """No command is to be compared with."""
         self.path.tips.clear()
         self._outside = 0
 
-    def off_m(self, measured: Actuation) -> float:
+    def off_m(self, measured: Actuation, now_s: float) -> float:
         """How far the tip is off once that is confirmed [m], else 0."""
-        tip_m = tip_in_world(self.config, measured, (0.0, 0.0, 0.0))
+        tip_m = self._tip(measured, now_s)
         off_m = 0.0 if tip_m is None else self.path.distance(tip_m)
         self._outside = self._outside + 1 if off_m > self._tolerance_m else max(self._outside - 1, 0)
         return off_m if off_m > self._tolerance_m and self._outside >= self._confirm else 0.0
@@ -68,7 +75,7 @@ class TipWatch(TickStage):
         self._robots = robots
         self._exchange = exchange
         self._tips = {
-            index: WatchedTip(config)
+            index: WatchedTip(config, robots)
             for index, config in enumerate(robots.configs)
             if config.follow_tip_m is not None
         }
@@ -81,7 +88,7 @@ class TipWatch(TickStage):
             if not tip.path.tips or any(sample.age_s > OLD_S for sample in samples):
                 continue
             measured = tip.config.measured_actuation(samples)
-            if measured is not None and (off_m := tip.off_m(measured)):
+            if measured is not None and (off_m := tip.off_m(measured, now_s)):
                 message = (
                     f"the tip of the measured axes is {m_to_mm(off_m):.4g} mm off the way of the commanded "
                     "tips: its axes are behind by different amounts"
@@ -95,6 +102,6 @@ class TipWatch(TickStage):
             outcome = outcomes[index]
             state = outcome.state
             if outcome.device and state.enabled and state.squeeze is None:
-                tip.command(state.command)
+                tip.command(state.command, now_s)
             else:
                 tip.rest()

@@ -143,7 +143,9 @@ def _replay(session: Session, loaded: LoadedFile, tolerance: float) -> Replayed:
     def apply(tick: int) -> None:
         """Apply the events up to a tick that are left; raises `ContidError` for a damaged one."""
         nonlocal played
-        for event in [each for due in sorted(by_tick) if due <= tick for each in by_tick.pop(due)]:
+        due = [each for past in sorted(by_tick) if past <= tick for each in by_tick.pop(past)]
+        # A question of an order was not answered: that is known before the order.
+        for event in sorted(due, key=lambda each: not isinstance(each, RobotOverran)):
             trajectory = None
             if isinstance(event, OrderGiven) and event.order["order"] == "play":
                 played += 1
@@ -201,7 +203,8 @@ def _apply(
                 waits = bool(event.order.get("waits", False))
                 engine.obey(order_of(event) if trajectory is None else Play(trajectory, waits), tick)
             case RobotOverran():
-                engine.robots.overran[event.robot] = UnansweredError(event.message, Fault(event.fault))
+                error = UnansweredError(event.message, Fault(event.fault))
+                engine.robots.overran[event.robot, event.question] = error
             case BusAnswered():
                 recorded.answers[event.bus] = answer_of(event)
             case BusStalled():
