@@ -30,7 +30,7 @@ from contid.control.engine.measured_tip import MeasuredTips
 from contid.control.engine.report import RunReport, outrun
 from contid.control.engine.virtual import Tee, run_virtual
 from contid.control.engine.wiring import build_robot_configs, record_layout
-from contid.control.process.isolation.model_port import models_beside
+from contid.control.process.isolation.model_ports import models_beside
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.setup import RunSetup
 from contid.control.process.tick_alarm import LONGEST_S

@@ -199,9 +199,7 @@ class Engine:
             self.finished = robots.resting and not exchange.busy and self.body_watch.settled
         self.costs.ended_s = self.costs.now()
 
-    def _ticks(
-        self, targets: Mapping[str, Target | None], now_s: float, live: bool
-    ) -> list[TickResult]:
+    def _ticks(self, targets: Mapping[str, Target | None], now_s: float, live: bool) -> list[TickResult]:
         """The ticks of all robots; a model that does not answer is a fault of its robot."""
         robots, samples_of, costs = self.robots, self.exchange.samples_of, self.costs
         outcomes: list[TickResult] = []

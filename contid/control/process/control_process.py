@@ -27,7 +27,8 @@ from contid.control.engine.messages import Finish, Start
 from contid.control.engine.ports import BusPort, BusTrackers
 from contid.control.engine.report import robot_reports
 from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard, open_buses
-from contid.control.process.isolation.model_port import ModelPort, begin_ticks, model_ports
+from contid.control.process.isolation.model_port import ModelPort
+from contid.control.process.isolation.model_ports import begin_ticks, model_ports
 from contid.control.process.isolation.port import IsolatedPort, isolated_ports
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.pace import Pace, PlannedStart
@@ -170,7 +171,7 @@ def main(descriptor: int) -> int:
     assert isinstance(setup, RunSetup)
     parent_watch = ParentWatch(inbox)
     signal.signal(signal.SIGTERM, parent_watch.signalled)  # before, SIGTERM ended this process
-    isolated, models = isolated_ports(setup.loaded.buses), model_ports(setup.loaded, in_ticks=True)
+    isolated, models = isolated_ports(setup.loaded.buses), model_ports(setup.loaded)
     ring, logs = RingWriter(setup.ring), LogQueue("control")
     try:
         with handle_logs(setup.log_level, logs):

@@ -122,7 +122,9 @@ def apart(circle: str) -> str:
 
 
 def loaded_with(keys: str) -> LoadedFile:
-    return parse_robot_file(fingers(2, buses=2).replace("    axes:", f"    {keys}\n    axes:"), "fingers.yaml")
+    return parse_robot_file(
+        fingers(2, buses=2).replace("    axes:", f"    {keys}\n    axes:"), "fingers.yaml"
+    )
 
 
 @pytest.fixture
@@ -131,7 +133,9 @@ def touched(monkeypatch: pytest.MonkeyPatch) -> LoadedFile:
     monkeypatch.setattr(
         contact_stage.CurrentContact,
         "tick",
-        lambda self, samples: AxisContactFound((0,), 0.1, 1.0) if touches.pop(self, 0) == BROKEN_FROM else None,
+        lambda self, samples: (
+            AxisContactFound((0,), 0.1, 1.0) if touches.pop(self, 0) == BROKEN_FROM else None
+        ),
     )
     touches: dict[Any, int] = {}
     before = ContactStage.before

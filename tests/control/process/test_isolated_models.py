@@ -21,7 +21,8 @@ from contid.control.engine.tick_costs import UnansweredError
 from contid.control.engine.wiring import build_robot_configs, open_buses
 from contid.control.process.isolation import model_port
 from contid.control.process.isolation.body import isolated
-from contid.control.process.isolation.model_port import ModelLostError, model_ports
+from contid.control.process.isolation.model_port import ModelLostError
+from contid.control.process.isolation.model_ports import model_ports
 from contid.control.tick import transitions
 from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
@@ -65,6 +66,7 @@ FOUND: dict[str, tuple[Fault, str] | None] = {
     "slow": (SLOW, LATE),
     "slow in a loop": (SLOW, LATE),
     "slow with the GIL": (SLOW, LATE),
+    "computes for long": (SLOW, LATE),
     "flood of stdout": (SLOW, LATE),
     "flood of stderr": (SLOW, LATE),
     "flood of logs": (SLOW, LATE),
@@ -94,7 +96,7 @@ OWN_COST = ("threads", "forks", "forks that compute", "a daemon", "two of it")
 SIMILAR = (
     "raise lost", "raise of its own", "interrupt", "recursion", "exit in C", "another program", "SIGKILL",
     "SIGTERM", "hang in a loop", "slow", "slow in a loop", "slow with the GIL", "forks", "forks that compute",
-    "flood of stderr", "text", "no axes", "None as residual", "text as an axis", "build exits",
+    "computes for long", "flood of stderr", "text", "no axes", "None as residual", "text as an axis", "build exits",
 )  # fmt: skip
 TRIED = [
     pytest.param(kind, marks=[pytest.mark.campaign] if kind in SIMILAR else [], id=kind)
@@ -117,7 +119,7 @@ class BesideModel:
         self._share = share_of(how)
         text = fingers(1, buses=2) + ROBOT.format(name="f1", how=how, trigger=self.trigger, bus="bus1")
         loaded = isolated(parse_robot_file(text, "fingers.yaml"))
-        (self.model,) = model_ports(loaded, in_ticks=True)
+        (self.model,) = model_ports(loaded)
         try:
             self.model.finish_building()
         except ModelLostError:
@@ -270,12 +272,12 @@ def test_a_model_that_the_alarm_interrupts_is_built_again(
     try:
         before = run.model._link.pid
 
-        def alarmed() -> bytes | None:
+        def alarmed(*_: object) -> bytes | None:
             run.engine.costs.running = -1
             raise UnansweredError("its model was interrupted after 100 ms")
 
         with monkeypatch.context() as patched:
-            patched.setattr(run.model, "_answer", alarmed)
+            patched.setattr(run.model._timer, "wait", alarmed)
             with pytest.raises(UnansweredError):
                 run.model.ask(False, "forward", (0.05, 0.05))
         run.tend(while_in="BUILDS")

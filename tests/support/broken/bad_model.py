@@ -18,9 +18,12 @@ from contid.robot_file.base import LengthInterval, Quantity
 from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import MM_PER_M
-from tests.support.bad_driver import DEEDS
+from tests.support.bad_driver import DEEDS as DEEDS_OF_ALL
+from tests.support.bad_driver import spun
 
 Answer = Callable[[Solution], Any]
+
+DEEDS: dict[str, Callable[[], Any]] = {**DEEDS_OF_ALL, "computes for long": lambda: spun(0.8)}
 
 #: What is answered instead of a solution.
 ANSWERS: dict[str, Answer] = {

@@ -20,6 +20,7 @@ from contid.control.tick.faults import Fault
 from contid.control.tick.follow.expected_range import OLD_S
 from contid.control.tick.follow.tip_path import TipPath
 from contid.control.tick.robot_tick import TickResult
+from contid.control.tick.supervisor import Mode
 from contid.targets import Actuation, Vec3
 from contid.units import m_to_mm
 
@@ -101,7 +102,8 @@ class TipWatch(TickStage):
         for index, tip in self._tips.items():
             outcome = outcomes[index]
             state = outcome.state
-            if outcome.device and state.enabled and state.squeeze is None:
+            # A robot in FAULT has stopped for a reason, and its model may be it.
+            if outcome.device and state.enabled and state.squeeze is None and state.mode is not Mode.FAULT:
                 tip.command(state.command, now_s)
             else:
                 tip.rest()

@@ -32,7 +32,10 @@ class ModelProcess(ServedProcess):
     def _answer(self, kind: RequestKind, body: bytes) -> KeptAnswer | None:
         if kind is RequestKind.ASK:
             return KeptAnswer(kind, self._ask(body))
-        return json_answer(kind, self._build(hurries=bool(body)))
+        if kind is RequestKind.HURRY:
+            self._hurry()
+            return None
+        return json_answer(kind, self._build())
 
     def _ask(self, body: bytes) -> bytes:
         brief, method, arguments = ModelQuestion.unpack(body)
@@ -43,8 +46,8 @@ class ModelProcess(ServedProcess):
             return pack_error(error)
         return pack_answer(method, answer)
 
-    def _build(self, *, hurries: bool) -> dict[str, Any]:
-        """Build the model; what it is, or why there is none. One that ticks ask ``hurries``."""
+    def _build(self) -> dict[str, Any]:
+        """Build the model; what it is, or why there is none."""
         try:
             model = build_model(pickle.loads(self._packed))
             brief = model.for_ticks() if isinstance(model, Searching) else model
@@ -64,8 +67,6 @@ class ModelProcess(ServedProcess):
         except BaseException as error:
             return {"error": defect(error)}
         self._warm_up()
-        if hurries:
-            self._hurry()
         return found
 
     def _warm_up(self) -> None:

@@ -75,7 +75,7 @@ class ServedProcess(ABC):
         """The control process died: bring devices to rest."""
 
     def _hurry(self) -> None:
-        """Once it is open: real-time priority below the tick, and not for what foreign code starts."""
+        """Once ticks wait for it: real-time priority below theirs, and not for what foreign code starts."""
         if self._hurried:
             return
         self._hurried = True

@@ -41,6 +41,7 @@ class RequestKind(enum.IntEnum):
     EFFORT = 4
     CLOSE = 5
     ASK = 6
+    HURRY = 7
 
 
 class KeptAnswer(NamedTuple):

@@ -18,7 +18,7 @@ from contid.control.daemon.run_request import RunOptions
 from contid.control.engine.report import RunReport
 from contid.control.engine.tick_layout import TICK
 from contid.control.engine.wiring import build_preflight
-from contid.control.process.isolation.model_port import models_beside
+from contid.control.process.isolation.model_ports import models_beside
 from contid.control.process.tick_alarm import LONGEST_S
 from contid.control.tick.preflight.rows import Unreachable
 from contid.errors import ContidError

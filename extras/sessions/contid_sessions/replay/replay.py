@@ -25,7 +25,7 @@ from contid.control.engine.order_events import answer_of, order_of
 from contid.control.engine.tick_costs import UnansweredError
 from contid.control.engine.tick_layout import DEADLINE, LATENESS, SKIPPED, TICK
 from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard
-from contid.control.process.isolation.model_port import models_beside
+from contid.control.process.isolation.model_ports import models_beside
 from contid.control.tick.faults import Fault
 from contid.errors import ContidError, SessionError
 from contid.robot_file.load import LoadedFile

@@ -1,0 +1,109 @@
+"""Questions of a model outside ticks: an event loop waits for one no longer than it may take."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from contid.control.process.isolation import model_port
+from contid.control.process.isolation.body import isolated
+from contid.control.process.isolation.model_port import ModelLostError, ModelPort
+from contid.control.process.isolation.model_ports import model_ports
+from contid.robot_file.load import parse_robot_file
+from tests.support.broken.bad_model import ROBOT, installed_in
+from tests.support.fingers import fingers
+
+pytestmark = [pytest.mark.process, pytest.mark.realtime]
+
+HERE = (0.05, 0.05)
+LONGEST_S = 0.1
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.syspath_prepend(installed_in(tmp_path / "site"))
+    return tmp_path
+
+
+def built(folder: Path, how: str) -> ModelPort:
+    text = fingers(1, buses=2) + ROBOT.format(name="f1", how=how, trigger=folder / "trigger", bus="bus1")
+    (port,) = model_ports(isolated(parse_robot_file(text, "fingers.yaml")))
+    try:
+        port.finish_building()
+    except ModelLostError:
+        port.close()
+        raise
+    return port
+
+
+@pytest.fixture
+def starved(folder: Path) -> Iterator[ModelPort]:
+    """A model that computes 20 ms, in a process that gets next to nothing of a processor."""
+    port = built(folder, "slow in a loop")
+    processor = min(os.sched_getaffinity(0))
+    other = os.fork()
+    if not other:
+        os.sched_setaffinity(0, {processor})
+        while True:
+            pass
+    os.sched_setaffinity(port._link.pid, {processor})
+    os.sched_setscheduler(port._link.pid, os.SCHED_IDLE, os.sched_param(0))
+    (folder / "trigger").touch()
+    time.sleep(0.06)  # the model looks at it every 50 ms
+    port.longest_s = LONGEST_S
+    try:
+        yield port
+    finally:
+        os.kill(other, signal.SIGKILL)
+        os.waitpid(other, 0)
+        port.close()
+
+
+def seconds_of(port: ModelPort) -> float:
+    began_s = time.monotonic()
+    with pytest.raises(ModelLostError):
+        port.ask(False, "forward", HERE)
+    return time.monotonic() - began_s
+
+
+def test_an_event_loop_waits_no_longer_than_for_an_answer(
+    starved: ModelPort, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside others that compute it was held for 20 longest answers, and stops of clients with it."""
+    before = starved._link.pid
+    assert seconds_of(starved) < LONGEST_S + 0.3
+    # It is not asked again at once, and is not ended: that it is late is no fault of its own.
+    assert seconds_of(starved) < 0.05
+    monkeypatch.setattr(model_port, "QUIET_S", 0.0)
+    assert starved._link.pid == before
+    assert starved.state.name == "READY"
+
+
+def test_a_check_in_a_thread_waits_as_long_as_others_compute(starved: ModelPort) -> None:
+    waited: list[float] = []
+    check = threading.Thread(target=lambda: waited.append(seconds_of(starved)))
+    check.start()
+    time.sleep(0.5)
+    # The loop does not wait for the question of the thread either.
+    assert seconds_of(starved) < LONGEST_S + 0.3
+    check.join()
+    assert waited[0] > 1.0
+
+
+def test_a_model_may_compute_for_long_before_the_first_tick(folder: Path) -> None:
+    """Real-time priority, under which the kernel ends what computes for 0.5 s, begins with the ticks."""
+    port = built(folder, "computes for long")
+    try:
+        (folder / "trigger").touch()
+        time.sleep(0.06)
+        before = port._link.pid
+        assert port.ask(False, "forward", HERE).tip_m == (0.05, 0.05, 0.0)
+        assert port._link.pid == before
+    finally:
+        port.close()
