@@ -6,6 +6,7 @@ import io
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ import pytest
 from contid.control.engine import contact_stage
 from contid.control.engine.clearance_watch import ClearanceWatch
 from contid.control.engine.contact_stage import ContactStage
+from contid.control.engine.messages import Goto, Message
 from contid.control.engine.tick_costs import TickCosts, UnansweredError
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.watch.tip_watch import TipWatch
@@ -21,6 +23,7 @@ from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
 from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile, parse_robot_file
+from contid.targets import Target
 from contid.trajectory.read import read_trajectory
 from tests.support.broken.broken_run import BadModel
 from tests.support.fingers import Collector, circle_csv, fingers
@@ -84,8 +87,8 @@ class StagedRun:
                 self.bad.append(BadModel(arm.model, **answers))
                 stage._guard.arms["f1"] = replace(arm, model=self.bad[-1])
 
-    def go(self, known: list[dict[str, Any]] | None = None) -> list[Any]:
-        """The records of a run, or of the replay of one with given events."""
+    def go(self, known: list[dict[str, Any]] | None = None, order: Message | None = None) -> list[Any]:
+        """The records of a run, with an order in the tick of the defect, or of a replay with its events."""
         self.engine.arm()
         while self.process.tick < TICKS:
             self.process.begin()
@@ -95,6 +98,8 @@ class StagedRun:
                 if event["event"] == "overran" and event["tick"] == self.process.tick:
                     error = UnansweredError(event["message"], Fault(event["fault"]))
                     self.engine.robots.overran[event["robot"], event["question"]] = error
+            if order is not None and self.process.tick == BROKEN_FROM:
+                self.engine.obey(order, BROKEN_FROM)
             self.process.turn()
         self.process.close()
         return self.collector.records
@@ -122,22 +127,31 @@ def apart(circle: str) -> str:
 
 
 def loaded_with(keys: str) -> LoadedFile:
-    return parse_robot_file(
-        fingers(2, buses=2).replace("    axes:", f"    {keys}\n    axes:"), "fingers.yaml"
-    )
+    text = fingers(2, buses=2).replace("    axes:", f"    {keys}\n    axes:")
+    return parse_robot_file(text, "fingers.yaml")
+
+
+def test_a_question_of_an_order_that_is_not_answered_replays() -> None:
+    loaded = loaded_with("sense: {usual_ma: 100, contact_ma: 50, contact: hold, nm_per_a: 0.5}")
+    goto = Goto("f1", Target(tip_m=(0.052, 0.078, 0.0)), until_force_n=0.5)
+    run = StagedRun(loaded)
+    run.break_model(unanswered, "inverse", "forward")
+    records = run.go(order=goto)
+    assert run.faults() == [("f1", "MODEL_TOO_SLOW")]
+    again = StagedRun(loaded)
+    assert repr(again.go(run.collector.events, goto)) == repr(records)
+    assert again.faults() == run.faults()
 
 
 @pytest.fixture
 def touched(monkeypatch: pytest.MonkeyPatch) -> LoadedFile:
     """Fingers that look for contacts; each finds one in the tick in which the model is broken."""
-    monkeypatch.setattr(
-        contact_stage.CurrentContact,
-        "tick",
-        lambda self, samples: (
-            AxisContactFound((0,), 0.1, 1.0) if touches.pop(self, 0) == BROKEN_FROM else None
-        ),
-    )
     touches: dict[Any, int] = {}
+
+    def find(currents: Any, samples: Any) -> AxisContactFound | None:
+        return AxisContactFound((0,), 0.1, 1.0) if touches.pop(currents, 0) == BROKEN_FROM else None
+
+    monkeypatch.setattr(contact_stage.CurrentContact, "tick", find)
     before = ContactStage.before
 
     def count(stage: ContactStage, targets: Any, timing: Any, now_s: float) -> Any:
@@ -205,8 +219,8 @@ def test_a_body_that_cannot_be_computed_is_a_fault_of_its_robot_and_the_others_h
         limits = run.engine.robots.configs[robot].limits
         for axis, limit in enumerate(limits):
             commands = [record.robots[robot].axes[axis].command for record in records[BROKEN_FROM - 5 :]]
-            steps = [b - a for a, b in zip(commands, commands[1:], strict=False)]
-            assert max(abs(b - a) for a, b in zip(steps, steps[1:], strict=False)) <= limit.change * 1.0001
+            steps = [b - a for a, b in pairwise(commands)]
+            assert max(abs(b - a) for a, b in pairwise(steps)) <= limit.change * 1.0001
             assert steps[-1] == 0.0
     if deed is unanswered:
         again = StagedRun(loaded)

@@ -96,7 +96,8 @@ OWN_COST = ("threads", "forks", "forks that compute", "a daemon", "two of it")
 SIMILAR = (
     "raise lost", "raise of its own", "interrupt", "recursion", "exit in C", "another program", "SIGKILL",
     "SIGTERM", "hang in a loop", "slow", "slow in a loop", "slow with the GIL", "forks", "forks that compute",
-    "computes for long", "flood of stderr", "text", "no axes", "None as residual", "text as an axis", "build exits",
+    "computes for long", "flood of stderr", "text", "no axes", "None as residual", "text as an axis",
+    "build exits",
 )  # fmt: skip
 TRIED = [
     pytest.param(kind, marks=[pytest.mark.campaign] if kind in SIMILAR else [], id=kind)
