@@ -94,6 +94,8 @@ def send(
         if name in silent:
             devices = ", ".join(silent[name])
             click.echo(f"{name}: {devices} did not answer and may have missed the order: {UNCONFIRMED}")
+    for message in response.get("stronger", {}).values():
+        click.echo(message)
     if refused:
         messages = refused.values() if isinstance(refused, dict) else refused  # by robot, or of rows
         raise ContidError("refused: " + "; ".join(messages))

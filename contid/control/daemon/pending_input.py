@@ -40,6 +40,7 @@ class PendingInput:
         self._reader = CancellableReader()
         self._cancelled = False
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._order = 0  # number of the order that is answered
         self._outcome: asyncio.Future[Trajectory | Stream | None] | None = None
 
     async def result(self) -> Trajectory | Stream | None:
@@ -73,6 +74,7 @@ class PendingInput:
         """The events that answer an order before the run has begun."""
         match order:
             case msg.Mark(number):
+                self._order = number + 1 if number % 2 else 0
                 return [MarkReached(number=number, tick=0)]
             case msg.Hold() | msg.Stop() | msg.Estop():
                 self.stopped = True
@@ -81,7 +83,7 @@ class PendingInput:
                 | msg.Start() | msg.Grip()
             ):  # fmt: skip
                 message = f"{self.message}; nothing is connected yet"
-                return [OrderRefused(message=message)]
+                return [OrderRefused(message=message, answers=self._order)]
         return []
 
     def _work(self) -> None:

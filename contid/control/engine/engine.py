@@ -16,6 +16,7 @@ from contid.control.engine.contact_stage import ContactStage
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.exchange import Exchange
+from contid.control.engine.numbered_refusals import NumberedRefusals
 from contid.control.engine.order_handler import OrderHandler
 from contid.control.engine.outcomes import Outcomes
 from contid.control.engine.pack_record import RecordPacker
@@ -81,7 +82,7 @@ class Engine:
             clearance: what keeps bodies apart, None without.
         """
         self.finished = False
-        self._sink = sink
+        self._sink = sink = self._refusals = NumberedRefusals(sink)
         self.costs = TickCosts(now, len(configs), tuple(ports))
         self.robots = Robots(configs, sink, self.costs)
         self.exchange = Exchange(self.robots, ports, rate_hz, sink, self.costs)
@@ -145,12 +146,14 @@ class Engine:
     def obey(self, message: object, tick_number: int) -> None:
         """Carry out a message of the daemon; a refusal becomes an event, and so does a defect."""
         self.robots.begin_tick(tick_number)
+        self._refusals.order = self._orders.number
         try:
             self._orders.obey(message, tick_number, self._step + 1, (self._step + 1) / self._rate_hz)
         except Exception as error:
             name = type(message).__name__.lower()
             robot = getattr(message, "robot", "")
             self._sink.event(OrderRefused(robot=robot, message=f"{name}: {type(error).__name__}: {error}"))
+        self._refusals.order = 0
         self._outcomes.end_replaced(tick_number)
 
     def cycle(self, timing: Timing) -> None:

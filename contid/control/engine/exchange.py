@@ -20,8 +20,9 @@ from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
-from contid.control.tick.supervisor import REST_OF, Mode, stronger
+from contid.control.tick.supervisor import BY_STRENGTH, REST_OF, Mode, stronger
 from contid.hal import LimitsEffort, Rest, Sample
+from contid.robot_file.base import StopPolicy
 
 #: Interval between two attempts to reopen a lost bus.
 RETRY_S: Final = 1.0
@@ -95,6 +96,16 @@ class Exchange:
             return tuple([samples[axis] for axis in config.axes])
         except KeyError:  # before the first exchange of one of its buses
             return ()
+
+    def owed(self, index: int) -> StopPolicy | None:
+        """The stop policy whose rest a lost bus of a robot gets when it is back; None for none."""
+        asked = [
+            StopPolicy(effect.name.lower())
+            for name, port in self._ports.items()
+            for robot, effect, _ in (self._queued[name] if port.lost else ())
+            if robot == index
+        ]
+        return max(asked, key=BY_STRENGTH.index, default=None)
 
     def ask(self, index: int, state: RobotState) -> RobotState:
         """Queue the pending requests of a robot in their order; returns its state without them."""

@@ -185,7 +185,10 @@ class Begin:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Asks for an event ``mark`` with this number once every earlier message is carried out or refused."""
+    """Asks for an event ``mark`` with this number once every earlier message is carried out or refused.
+
+    An odd one gives the messages behind it the number of the next mark, which is in their refusals.
+    """
 
     number: int
 

@@ -16,12 +16,17 @@ from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.state import RobotState
+from contid.control.tick.supervisor import stronger
 from contid.control.tick.tip_feedback import Measurement
 from contid.targets import Target
 
 
 class OrderHandler:
-    """Carries out `contid.control.engine.messages`."""
+    """Carries out `contid.control.engine.messages`.
+
+    Attributes:
+        number: of the order that the next message belongs to, 0 for none (`messages.Mark`).
+    """
 
     def __init__(
         self,
@@ -34,6 +39,7 @@ class OrderHandler:
         stage_failed: Callable[[TickStage, Exception, float], None],
     ) -> None:
         """``stage_failed`` is called with a stage, its error and the time."""
+        self.number = 0
         self._robots = robots
         self._selector = selector
         self._exchange = exchange
@@ -90,6 +96,7 @@ class OrderHandler:
             case msg.Begin():
                 selector.begin_rows(now_s)
             case msg.Mark(number):
+                self.number = number + 1 if number % 2 else 0
                 self._sink.event(MarkReached(number=number, tick=tick_number))
             case msg.Goto(robot, target, None) if chains.concerns(robot):
                 chains.keep_goto(robot, target)
@@ -107,7 +114,9 @@ class OrderHandler:
                 robots.order(who, transitions.follow, now_s)
             case msg.Stop(who, policy, reason):
                 selector.pause(who, step)
-                robots.order(who, Stopping(policy, reason), now_s)
+                stopping = Stopping(policy, reason)
+                robots.order(who, stopping, now_s)
+                self._tell_stronger(who, stopping)
                 chains.stopped(who, now_s)
             case msg.Estop(who):
                 selector.pause(who, step)
@@ -121,6 +130,22 @@ class OrderHandler:
                 robots.order(who, transitions.recover, now_s)
             case msg.Finish(policy, reason):
                 selector.finish(policy, reason, now_s)
+
+    def _tell_stronger(self, who: msg.RobotNames, order: Stopping) -> None:
+        """Tell of which robots a stop goes on that leaves less power than the one just ordered."""
+        for index, (config, state) in enumerate(zip(self._robots.configs, self._robots.states, strict=True)):
+            if who is not None and config.name not in who:
+                continue
+            asked, owed = order.policy_of(config), self._exchange.owed(index)
+            policy, how = state.policy, "goes on"
+            if owed is not None and stronger(owed, policy) is not policy:
+                policy, how = owed, "is sent to its devices when their bus is back"
+            if policy is not None and stronger(asked, policy) is not asked:
+                message = (
+                    f"{config.name}: its stop by {policy.value} {how}; {asked.value} would leave more power"
+                )
+                event = OrderRefused(robot=config.name, message=message, stronger=policy.value)
+                self._sink.event(event)
 
     def _goto(self, target: Target, force_n: float | None) -> Order:
         """The order to go to a target, as the stages change it."""

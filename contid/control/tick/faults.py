@@ -158,9 +158,9 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "this is a defect of the model: report it with the recording",
     ),
     Fault.INTERNAL: FaultPage(
-        "the tick of this robot failed with an error of contid",
+        "the tick of this robot failed with an error of contid, or of a model of others",
         _BY_POLICY,
-        "this is a defect of contid: report it with the message and the recording",
+        "this is a defect of contid, or of that model: report it with the message and the recording",
     ),
     Fault.TIP_OFF_TARGET: FaultPage(
         "the run ended by itself, but the commanded tip was off its path or its last target (or the nearest "
@@ -171,7 +171,8 @@ PAGES: Final[dict[Fault, FaultPage]] = {
     ),
     Fault.MODEL_TOO_SLOW: FaultPage(
         "the tick of this robot alone took longer than 0.1 s and three periods, while it had a processor; or "
-        "its model, of a package of others, did not answer a question within half a period",
+        "its model, of a package of others, did not answer a question within half a period, or "
+        "0.1 s where the file has one robot",
         "its model was interrupted and is not asked again; " + _BY_POLICY,
         "make the model faster, or lower rate_hz; a model of contid: report it with the recording",
     ),

@@ -87,7 +87,14 @@ def follow(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
 
 
 def hold(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """Stop jerk-limited and stay; a robot that is being armed stays where it is."""
+    """Stop jerk-limited and stay; a robot that is being armed stays where it is.
+
+    Raises:
+        OrderRefusedError: the robot is not armed, or stops.
+    """
+    if state.mode is Mode.STOPPING and state.policy is not None:
+        goes_on = f"its stop by {state.policy.value} goes on"
+        raise OrderRefusedError(f"{config.name}: cannot hold while STOPPING: {goes_on}")
     if state.mode in (Mode.HOLD, Mode.CONNECTING, Mode.READY, Mode.ARMING):
         return replace(released(config, state, now_s), follow=False, goto=None, recovering=False)
     return replace(stay(config, state, now_s), follow=False, goto=None)

@@ -40,7 +40,8 @@ class MotionOrders:
 
     def notice(self, event: OrderRefused) -> None:
         """Keep why a robot refused."""
-        self._refusals[event.robot] = event.message
+        if not event.stronger:
+            self._refusals[event.robot] = event.message
 
     async def _acquire(self, caller: Caller, request: RequestFields) -> Fields:
         timeout_s = request.number("timeout_s", TIMEOUT_S, MIN_TIMEOUT_S, MAX_TIMEOUT_S)

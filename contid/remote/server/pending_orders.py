@@ -1,9 +1,8 @@
 """Orders sent to the control process, and their results.
 
-Pipe and ring keep their order: a `Mark` is sent before and after some orders, and the refusals that come back
-between the two marks belong to them. So a response states what the control process did. It may read the marks
-in two ticks; a refusal of the tick between them then counts too, but not for an emergency stop, which no
-robot refuses.
+Pipe and ring keep their order: a `Mark` before some orders gives them a number, which is in their refusals,
+and one behind them confirms them. So a response states what the control process did. What robots refuse
+beside orders, as in a tick between the two marks, has no number.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from typing import Final
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import MarkReached, OrderRefused
-from contid.control.engine.messages import Estop, Mark, Message
+from contid.control.engine.messages import Mark, Message
 from contid.control.engine.tick_layout import TickRecord
 from contid.remote.protocol.wire import Code, Fields, RemoteError
 
@@ -38,14 +37,14 @@ class OrderResult:
     Attributes:
         tick: before which they were obeyed.
         refused: messages by robot.
-        estops: all of them are emergency stops.
+        stronger: messages by robot of which an earlier stop goes on that leaves less power.
         record: of that tick, once it is `PendingOrders.confirmed`.
     """
 
     tick: int = 0
     record: TickRecord | None = None
     refused: dict[str, str] = field(default_factory=dict)
-    estops: bool = False
+    stronger: dict[str, str] = field(default_factory=dict)
 
     def refusal(self, faults: Mapping[str, Fields]) -> RemoteError:
         """The error of orders of which robots refused some; both arms of a chain have the same message."""
@@ -61,7 +60,6 @@ class PendingOrders:
         self._polls = 0
         self._timer: asyncio.TimerHandle | None = None
         self._number = 0
-        self._open: int | None = None
         self._waiting: dict[int, tuple[OrderResult, asyncio.Future[OrderResult]]] = {}
 
     def send(self, orders: Sequence[Message]) -> asyncio.Future[OrderResult]:
@@ -71,8 +69,7 @@ class PendingOrders:
             self._control.send(message)
         loop = asyncio.get_running_loop()
         future: asyncio.Future[OrderResult] = loop.create_future()
-        estops = all(isinstance(order, Estop) for order in orders)
-        self._waiting[number] = (OrderResult(estops=estops), future)
+        self._waiting[number] = (OrderResult(), future)
         self._polls = POLLS
         if self._timer is None:
             self._timer = loop.call_later(POLL_S, self._poll)
@@ -108,17 +105,13 @@ class PendingOrders:
     def notice(self, event: RunEvent) -> None:
         """Take in an event of the ring."""
         if isinstance(event, MarkReached):
-            number = event.number
-            self._open = number + 1 if number % 2 else None
-            if number % 2 == 0:
-                outcome, future = self._waiting.pop(number, (OrderResult(), None))
-                outcome.tick = event.tick
-                if future is not None and not future.done():
-                    future.set_result(outcome)
-        elif isinstance(event, OrderRefused) and self._open in self._waiting:
-            result, _ = self._waiting[self._open]
-            if not (result.estops and event.robot):
-                result.refused[event.robot] = event.message
+            outcome, future = self._waiting.pop(event.number, (OrderResult(), None))
+            outcome.tick = event.tick
+            if future is not None and not future.done():
+                future.set_result(outcome)
+        elif isinstance(event, OrderRefused) and event.answers in self._waiting:
+            result, _ = self._waiting[event.answers]
+            (result.stronger if event.stronger else result.refused)[event.robot] = event.message
 
     def close(self) -> None:
         """Cancel what will not be confirmed any more."""

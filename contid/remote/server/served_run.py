@@ -52,6 +52,8 @@ class ServedRun:
     ) -> Fields:
         """The result of an order: the tick that obeyed it, the states after it, and who refused it.
 
+        Of a stop it has the robots of which a ``stronger`` one goes on instead.
+
         Args:
             future: of the order, from `PendingOrders.send`.
             robots: those that the order is for; None for all.
@@ -64,6 +66,8 @@ class ServedRun:
         result: Fields = {"tick": outcome.tick, "robots": self.states(robots, outcome.record)}
         if stops and (silent := self.view.silent(robots, outcome.record)):
             result["silent"] = silent
+        if outcome.stronger:
+            result["stronger"] = dict(outcome.stronger)
         if not outcome.refused:
             return result
         as_a_whole = "" in outcome.refused  # an `OrderRefused` that names no robot

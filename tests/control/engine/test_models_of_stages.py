@@ -11,14 +11,13 @@ from typing import Any
 
 import pytest
 
-from contid.control.engine import contact_stage
 from contid.control.engine.clearance_watch import ClearanceWatch
 from contid.control.engine.contact_stage import ContactStage
-from contid.control.engine.messages import Goto, Message
+from contid.control.engine.messages import Goto, Message, Resume
 from contid.control.engine.tick_costs import TickCosts, UnansweredError
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.watch.tip_watch import TipWatch
-from contid.control.tick.contact.current_contact import AxisContactFound
+from contid.control.tick.contact.current_contact import AxisContactFound, CurrentContact
 from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
 from contid.errors import ContidError
@@ -87,19 +86,25 @@ class StagedRun:
                 self.bad.append(BadModel(arm.model, **answers))
                 stage._guard.arms["f1"] = replace(arm, model=self.bad[-1])
 
-    def go(self, known: list[dict[str, Any]] | None = None, order: Message | None = None) -> list[Any]:
+    def go(
+        self,
+        known: list[dict[str, Any]] | None = None,
+        order: Message | None = None,
+        at: int = BROKEN_FROM,
+        heals: int = TICKS,
+    ) -> list[Any]:
         """The records of a run, with an order in the tick of the defect, or of a replay with its events."""
         self.engine.arm()
         while self.process.tick < TICKS:
             self.process.begin()
             for bad in self.bad:
-                bad.broken = self.process.tick >= BROKEN_FROM
+                bad.broken = BROKEN_FROM <= self.process.tick < heals
             for event in known or ():
                 if event["event"] == "overran" and event["tick"] == self.process.tick:
                     error = UnansweredError(event["message"], Fault(event["fault"]))
                     self.engine.robots.overran[event["robot"], event["question"]] = error
-            if order is not None and self.process.tick == BROKEN_FROM:
-                self.engine.obey(order, BROKEN_FROM)
+            if order is not None and self.process.tick == at:
+                self.engine.obey(order, at)
             self.process.turn()
         self.process.close()
         return self.collector.records
@@ -151,7 +156,7 @@ def touched(monkeypatch: pytest.MonkeyPatch) -> LoadedFile:
     def find(currents: Any, samples: Any) -> AxisContactFound | None:
         return AxisContactFound((0,), 0.1, 1.0) if touches.pop(currents, 0) == BROKEN_FROM else None
 
-    monkeypatch.setattr(contact_stage.CurrentContact, "tick", find)
+    monkeypatch.setattr(CurrentContact, "tick", find)
     before = ContactStage.before
 
     def count(stage: ContactStage, targets: Any, timing: Any, now_s: float) -> Any:
@@ -195,6 +200,22 @@ def test_a_model_that_is_late_where_its_tip_is_watched_is_a_fault_and_replays() 
     assert repr(again.go(run.collector.events)) == repr(records)
 
 
+def kept_apart() -> LoadedFile:
+    bases = iter((0, 200, 400))
+    text = re.sub(r"base: .*", lambda _: f"base: {{x_mm: {next(bases)}}}", fingers(3, buses=2))
+    return parse_robot_file(text + CLEARANCE, "fingers.yaml")
+
+
+@pytest.mark.parametrize("heals", [True, False])
+def test_the_others_move_again_when_the_body_is_known(heals: bool) -> None:
+    run = StagedRun(kept_apart())
+    run.break_model(unanswered, "shape")
+    records = run.go(order=Resume(("f0",)), at=330, heals=320 if heals else TICKS)
+    assert (records[-1].robots[0].mode is Mode.HOLD) is not heals
+    assert len(run.refused()) == (2 if heals else 3)
+    assert run.faults() == [("f1", "MODEL_TOO_SLOW")]
+
+
 @pytest.mark.parametrize(
     ("deed", "fault"), [(unanswered, "MODEL_TOO_SLOW"), (raises, "INTERNAL")], ids=["late", "raises"]
 )
@@ -202,9 +223,7 @@ def test_a_body_that_cannot_be_computed_is_a_fault_of_its_robot_and_the_others_h
     deed: Deed, fault: str
 ) -> None:
     """Where a body is that stops is unknown: no other may move, and none has a fault."""
-    bases = iter((0, 200, 400))
-    text = re.sub(r"base: .*", lambda _: f"base: {{x_mm: {next(bases)}}}", fingers(3, buses=2))
-    loaded = parse_robot_file(text + CLEARANCE, "fingers.yaml")
+    loaded = kept_apart()
     run = StagedRun(loaded)
     run.break_model(deed, "shape")
     records = run.go()

@@ -9,6 +9,7 @@ import pytest
 from contid.control.engine import messages as msg
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.buses import BusAnswered
+from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.tick import transitions
 from contid.control.tick.faults import Fault
@@ -152,6 +153,37 @@ def test_a_later_stop_that_leaves_more_power_does_not_replace_one_that_runs() ->
     assert (seen.state.mode, seen.done(), seen.powered) == (Mode.OFF, ["RELAX"], set())
     # It stops where it was: a way to the rest pose would be longer.
     assert seen.state.command != pytest.approx((0.06, 0.06), abs=1e-3)
+
+
+def stronger(seen: Seen) -> list[tuple[str, str]]:
+    refused = [each for each in seen.events if isinstance(each, OrderRefused)]
+    return [(each.stronger, each.message) for each in refused]
+
+
+@pytest.mark.parametrize("who", [None, ("f0",)])
+def test_a_stop_hears_of_a_stronger_one_that_goes_on(who: tuple[str, ...] | None) -> None:
+    """It was ignored without a word."""
+    weaker = msg.Stop(who, StopPolicy.HOLD)
+    seen = run({AT: [msg.Stop(policy=StopPolicy.RELAX)], AT + 2: [weaker]})
+    assert stronger(seen) == [("relax", "f0: its stop by relax goes on; hold would leave more power")]
+    assert seen.done() == ["RELAX"]
+    # One that is as strong, or stronger, is obeyed: there is nothing to tell.
+    for policy in (StopPolicy.RELAX, StopPolicy.VENT):
+        assert not stronger(run({AT: [msg.Stop(policy=StopPolicy.RELAX)], AT + 2: [msg.Stop(who, policy)]}))
+    held = run({AT: [msg.Stop(policy=StopPolicy.RELAX)], AT + 2: [msg.Hold(who)]})
+    assert stronger(held) == [("", "f0: cannot hold while STOPPING: its stop by relax goes on")]
+
+
+def test_a_hold_does_not_withdraw_a_relax_that_a_lost_bus_has_to_get() -> None:
+    options = "watchdog_ms: 5000\nfaults: [{at_s: 2.0, kind: lost, for_s: 0.2}]"
+    orders: dict[int, list[msg.Message]] = {
+        AT + 10: [msg.Estop()],
+        AT + 20: [msg.Stop(policy=StopPolicy.HOLD)],
+    }
+    seen = run(orders, text=fingers(1, options=options), ticks=900)
+    ((policy, words),) = stronger(seen)
+    assert (policy, seen.done(), seen.powered) == ("relax", ["RELAX"], set())
+    assert "is sent to its devices when their bus is back" in words
 
 
 def test_the_end_of_a_run_rests_a_robot_in_fault_by_its_own_policy_too() -> None:

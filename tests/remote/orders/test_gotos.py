@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -53,7 +54,7 @@ class Robots:
         before, after = [each for each in self.sent if isinstance(each, Mark)][-2:]
         for event in (
             MarkReached(number=before.number, tick=1),
-            *refusals,
+            *[replace(refusal, answers=after.number) for refusal in refusals],
             MarkReached(number=after.number, tick=1),
         ):
             self.pending.notice(event)

@@ -119,6 +119,8 @@ class OrderRefused(RunEvent):
 
     robot: RobotName = ""
     message: Text
+    answers: Annotated[int, "number of the order that it answers, that of the mark behind; 0 without"] = 0
+    stronger: Annotated[str, "policy of an earlier stop, which goes on and leaves less power"] = ""
 
 
 @run_event("mark")

@@ -135,7 +135,9 @@ def unpack_answer(message: bytes) -> Any:
 
 def _tuples(value: Any) -> Any:
     """The same with tuples for lists: JSON has no tuples."""
-    return tuple([_tuples(each) for each in value]) if isinstance(value, list) else value
+    if not isinstance(value, list):
+        return value
+    return tuple([_tuples(each) if isinstance(each, list) else each for each in value])
 
 
 def _plain(value: Any) -> Any:
