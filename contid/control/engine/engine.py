@@ -16,8 +16,7 @@ from contid.control.engine.contact_stage import ContactStage
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.exchange import Exchange
-from contid.control.engine.numbered_refusals import NumberedRefusals
-from contid.control.engine.order_handler import OrderHandler
+from contid.control.engine.order_handler import NumberedRefusals, OrderHandler
 from contid.control.engine.outcomes import Outcomes
 from contid.control.engine.pack_record import RecordPacker
 from contid.control.engine.ports import BusPort

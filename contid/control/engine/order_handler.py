@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from contid.control.engine import messages as msg
 from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.cycle import Sink
+from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import EffortLimited, MarkReached, OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.order_events import order_event, rows_event
@@ -19,6 +21,30 @@ from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import stronger
 from contid.control.tick.tip_feedback import Measurement
 from contid.targets import Target
+
+
+class NumberedRefusals:
+    """A sink before another one, which gives a refusal the number of the order that it answers.
+
+    What robots refuse by themselves, beside the orders, has none.
+
+    Attributes:
+        order: number of the order that is carried out now, 0 for none.
+    """
+
+    def __init__(self, sink: Sink) -> None:
+        self.order = 0
+        self._sink = sink
+
+    def write(self, values: list[float]) -> None:
+        """See `Sink.write`."""
+        self._sink.write(values)
+
+    def event(self, event: RunEvent) -> None:
+        """See `Sink.event`."""
+        if self.order and isinstance(event, OrderRefused):
+            event = replace(event, answers=self.order)
+        self._sink.event(event)
 
 
 class OrderHandler:
