@@ -79,7 +79,7 @@ def states_page() -> str:
         "that vents goes on venting. A fault while a robot is being armed brings its devices to the rest",
         "of `on_fault`; so does the loss of a bus with what the robot has on others. A relax or a vent",
         "that a lost bus did not get is sent when it is back; a later stop by `hold` does not withdraw it.",
-        "The answer to a stop that leaves more power than one that goes on says so (`stronger`).",
+        "The answer to a stop that leaves more power than one that goes on names that (`stronger`).",
         "",
         "| state | number | meaning | what can happen |",
         "|---|---|---|---|",

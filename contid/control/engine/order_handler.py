@@ -142,7 +142,7 @@ class OrderHandler:
                 selector.pause(who, step)
                 stopping = Stopping(policy, reason)
                 robots.order(who, stopping, now_s)
-                self._tell_stronger(who, stopping)
+                self._report_stronger(who, stopping)
                 chains.stopped(who, now_s)
             case msg.Estop(who):
                 selector.pause(who, step)
@@ -157,8 +157,8 @@ class OrderHandler:
             case msg.Finish(policy, reason):
                 selector.finish(policy, reason, now_s)
 
-    def _tell_stronger(self, who: msg.RobotNames, order: Stopping) -> None:
-        """Tell of which robots a stop goes on that leaves less power than the one just ordered."""
+    def _report_stronger(self, who: msg.RobotNames, order: Stopping) -> None:
+        """Emit of which robots a stop goes on that leaves less power than the one just ordered."""
         for index, (config, state) in enumerate(zip(self._robots.configs, self._robots.states, strict=True)):
             if who is not None and config.name not in who:
                 continue

@@ -161,13 +161,13 @@ def stronger(seen: Seen) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("who", [None, ("f0",)])
-def test_a_stop_hears_of_a_stronger_one_that_goes_on(who: tuple[str, ...] | None) -> None:
+def test_a_stop_is_answered_by_a_stronger_one_that_goes_on(who: tuple[str, ...] | None) -> None:
     """It was ignored without a word."""
     weaker = msg.Stop(who, StopPolicy.HOLD)
     seen = run({AT: [msg.Stop(policy=StopPolicy.RELAX)], AT + 2: [weaker]})
     assert stronger(seen) == [("relax", "f0: its stop by relax goes on; hold would leave more power")]
     assert seen.done() == ["RELAX"]
-    # One that is as strong, or stronger, is obeyed: there is nothing to tell.
+    # One that is as strong, or stronger, is obeyed: there is nothing to report.
     for policy in (StopPolicy.RELAX, StopPolicy.VENT):
         assert not stronger(run({AT: [msg.Stop(policy=StopPolicy.RELAX)], AT + 2: [msg.Stop(who, policy)]}))
     held = run({AT: [msg.Stop(policy=StopPolicy.RELAX)], AT + 2: [msg.Hold(who)]})

@@ -43,7 +43,7 @@ def built(folder: Path, how: str) -> ModelPort:
 
 
 @pytest.fixture
-def starved(folder: Path) -> Iterator[ModelPort]:
+def waiting(folder: Path) -> Iterator[ModelPort]:
     """A model that computes 20 ms, in a process that gets next to nothing of a processor."""
     port = built(folder, "slow in a loop")
     processor = min(os.sched_getaffinity(0))
@@ -73,25 +73,25 @@ def seconds_of(port: ModelPort) -> float:
 
 
 def test_an_event_loop_waits_no_longer_than_for_an_answer(
-    starved: ModelPort, monkeypatch: pytest.MonkeyPatch
+    waiting: ModelPort, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Beside others that compute it was held for 20 longest answers, and stops of clients with it."""
-    before = starved._link.pid
-    assert seconds_of(starved) < LONGEST_S + 0.3
+    before = waiting._link.pid
+    assert seconds_of(waiting) < LONGEST_S + 0.3
     # It is not asked again at once, and is not ended: that it is late is no fault of its own.
-    assert seconds_of(starved) < 0.05
+    assert seconds_of(waiting) < 0.05
     monkeypatch.setattr(model_port, "QUIET_S", 0.0)
-    assert starved._link.pid == before
-    assert starved.state.name == "READY"
+    assert waiting._link.pid == before
+    assert waiting.state.name == "READY"
 
 
-def test_a_check_in_a_thread_waits_as_long_as_others_compute(starved: ModelPort) -> None:
+def test_a_check_in_a_thread_waits_as_long_as_others_compute(waiting: ModelPort) -> None:
     waited: list[float] = []
-    check = threading.Thread(target=lambda: waited.append(seconds_of(starved)))
+    check = threading.Thread(target=lambda: waited.append(seconds_of(waiting)))
     check.start()
     time.sleep(0.5)
     # The loop does not wait for the question of the thread either.
-    assert seconds_of(starved) < LONGEST_S + 0.3
+    assert seconds_of(waiting) < LONGEST_S + 0.3
     check.join()
     assert waited[0] > 1.0
 

@@ -1,6 +1,6 @@
 """How long another process waits for a processor: neither computes nor sleeps.
 
-Linux tells how long a thread has computed, and how long it has waited before it ran (schedstat), but not for
+Linux counts how long a thread has computed, and how long it has waited before it ran (schedstat), but not for
 how long it waits at present, nor when it has begun to. One that waits at two looks, and did not sleep between
 them, has waited in the time between them but for what it has computed. Where it slept, only the waiting that
 is over is known, and counts.
