@@ -27,9 +27,17 @@ class _Begun(NamedTuple):
         """True once the control process has refused it, so that no end of it will come."""
         return self.result.done() and not self.result.cancelled() and robot in self.result.result().refused
 
+    def obeyed_before(self, tick: int) -> bool:
+        """True once the control process is known to have obeyed it before a tick."""
+        return self.result.done() and not self.result.cancelled() and self.result.result().tick < tick
+
 
 class Gotos:
-    """The gotos that have not ended, by robot, in the order in which they were sent and will end."""
+    """The gotos that have not ended, by robot, in the order in which they were sent and will end.
+
+    A goto ends in the tick that obeys the next one at the latest. Where the next one was obeyed before the
+    tick of an end, the end of the one before was lost, as in a ring that was overrun.
+    """
 
     def __init__(self, control: RunControl, view: TelemetryView, pending: PendingOrders) -> None:
         self._control = control
@@ -70,14 +78,18 @@ class Gotos:
 
     def ended(self, event: GotoEnded) -> None:
         """A goto ended; its move ends with the last one."""
-        robot, begun = event.robot, self._of(event.robot)
-        if not begun:
-            return
-        move = begun.popleft().move
+        begun = self._of(event.robot)
+        while len(begun) > 1 and begun[1].obeyed_before(event.tick):
+            self._end(begun.popleft().move, event.robot, "its end was not seen")
+        if begun:
+            self._end(begun.popleft().move, event.robot, event.message, event.arrived)
+
+    def _end(self, move: Move, robot: str, message: str, arrived: bool = False) -> None:
+        """The goto of a robot of a move ended."""
         move.waiting.discard(robot)
-        if not event.arrived:
+        if not arrived:
             move.failed.add(robot)
-            move.reasons[robot] = event.message or move.reasons.get(robot, "")
+            move.reasons[robot] = message or move.reasons.get(robot, "")
         if not move.waiting and not move.refused:
             faults = self._view.faults(self._control.newest(), tuple(move.failed))
             message = f"{', '.join(sorted(move.failed))} did not arrive" if move.failed else ""
@@ -90,11 +102,9 @@ class Gotos:
             begun[0].move.reasons[event.robot] = event.message
 
     def _of(self, robot: str) -> deque[_Begun]:
-        """The gotos of a robot, the first of them not refused."""
-        begun = self._begun.get(robot, deque())
-        while begun and begun[0].refused(robot):
-            begun.popleft()
-        return begun
+        """The gotos of a robot that were not refused."""
+        self._begun[robot] = deque(each for each in self._begun.get(robot, ()) if not each.refused(robot))
+        return self._begun[robot]
 
     def _newest(self, robot: str) -> Move | None:
         """The move of the newest goto of a robot, None for none that may still end."""

@@ -49,20 +49,20 @@ class Robots:
     def move(self, number: int) -> Move:
         return Move(number, 1, lambda sent: self.notices.append((number, sent["reached"], sent["message"])))
 
-    def answer(self, *refusals: OrderRefused) -> None:
+    def answer(self, *refusals: OrderRefused, tick: int = 1) -> None:
         """The events of the newest orders."""
         before, after = [each for each in self.sent if isinstance(each, Mark)][-2:]
         for event in (
-            MarkReached(number=before.number, tick=1),
+            MarkReached(number=before.number, tick=tick),
             *[replace(refusal, answers=after.number) for refusal in refusals],
-            MarkReached(number=after.number, tick=1),
+            MarkReached(number=after.number, tick=tick),
         ):
             self.pending.notice(event)
 
-    async def begin(self, number: int, *robots: str, refused: str = "") -> None:
+    async def begin(self, number: int, *robots: str, refused: str = "", tick: int = 1) -> None:
         begun = asyncio.create_task(self.gotos.begin(self.move(number), dict.fromkeys(robots, HERE)))
         await asyncio.sleep(0)
-        self.answer(*[OrderRefused(robot=refused, message="no way")] * bool(refused))
+        self.answer(*[OrderRefused(robot=refused, message="no way")] * bool(refused), tick=tick)
         await begun
 
 
@@ -97,7 +97,7 @@ async def test_a_move_confirmed_too_late_takes_no_end_of_another(
     with pytest.raises(RemoteError, match="has not confirmed it"):
         await robots.gotos.begin(robots.move(1), {"left": HERE})
     robots.answer(*[OrderRefused(robot="left", message="no way")] * refused)
-    await robots.begin(2, "left")
+    await robots.begin(2, "left", tick=5)
     for arrived in (False, True)[refused:]:
         robots.gotos.ended(GotoEnded(robot="left", arrived=arrived, tick=5))
     assert robots.notices == [(2, True, "")]
@@ -108,10 +108,32 @@ async def test_the_reason_of_a_move_survives_the_order_of_the_next_one() -> None
     await robots.begin(1, "left")
     lost = SqueezeChanged(tick=3, robot="left", what="lost", force_n=0.0, message="lost the object")
     robots.gotos.squeezed(lost)
-    await robots.begin(2, "left")
+    await robots.begin(2, "left", tick=5)
     robots.gotos.ended(GotoEnded(robot="left", arrived=False, tick=5))
     robots.gotos.ended(GotoEnded(robot="left", arrived=False, tick=6))
     assert robots.notices == [
         (1, False, "left did not arrive; left: lost the object"),
         (2, False, "left did not arrive"),
     ]
+
+
+@pytest.mark.parametrize("refused", [False, True])
+async def test_a_move_gets_its_own_end_after_one_whose_end_was_lost(refused: bool) -> None:
+    """Such as in a ring that was overrun; by their order alone the second move would never end."""
+    robots = Robots()
+    await robots.begin(1, "left", tick=10)
+    if refused:
+        with pytest.raises(RemoteError, match="no way"):
+            await robots.begin(2, "left", refused="left", tick=15)
+    await robots.begin(3, "left", tick=20)
+    robots.gotos.ended(GotoEnded(robot="left", arrived=True, tick=30))
+    assert [(number, reached) for number, reached, _ in robots.notices] == [(1, False), (3, True)]
+    assert "its end was not seen" in robots.notices[0][2]
+
+
+async def test_the_end_of_a_move_that_another_replaces_is_its_own() -> None:
+    robots = Robots()
+    await robots.begin(1, "left", tick=10)
+    await robots.begin(2, "left", tick=20)
+    robots.gotos.ended(GotoEnded(robot="left", arrived=False, tick=20))
+    assert [(number, reached) for number, reached, _ in robots.notices] == [(1, False)]
