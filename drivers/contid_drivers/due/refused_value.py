@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from typing import Final
 
 from contid.hal import AxisOnBus, DeviceKind
 from contid_drivers.due.wiring import MOTOR_FIELDS, REGULATOR_FIELDS, TENSION_FIELDS, axis_options
 
-#: Bytes of a configure message before its channels: header, checksum, role, watchdog, number of channels.
-_BEFORE = 3 + 2 + 4
+#: Bytes of a configure message before the configuration (header, checksum), and of that before its channels
+#: (role, watchdog, number of channels).
+_HEAD: Final = 3 + 2
+_BOARD: Final = 1 + 2 + 1
 
 
 def refused_value(blob: bytes, axes: Sequence[AxisOnBus], detail: int) -> str:
@@ -20,13 +23,13 @@ def refused_value(blob: bytes, axes: Sequence[AxisOnBus], detail: int) -> str:
         axes: its axes.
         detail: of the refusal: bytes of the message up to the end of the value.
     """
-    at, end = _BEFORE, detail
+    at, end = _BOARD, detail - _HEAD
     for axis in sorted(axes, key=lambda one: axis_options(one).number):
         options = axis_options(axis)
         motor = options.kind is DeviceKind.MOTOR
         tension = TENSION_FIELDS if options.tension is not None else {}
         for name, code in [*(MOTOR_FIELDS if motor else REGULATOR_FIELDS).items(), *tension.items()]:
-            (value,) = struct.unpack_from(f"<{code}", blob, at - 5)
+            (value,) = struct.unpack_from(f"<{code}", blob, at)
             at += struct.calcsize(f"<{code}")
             if at >= end:
                 return f"{axis.name}: {name} {value}"
