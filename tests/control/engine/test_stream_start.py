@@ -53,7 +53,7 @@ def test_later_rows_are_rarely_played_before_they_come() -> None:
 def test_rows_that_are_expected_again_and_again_stay_on_a_circle(period_s: float, first: int) -> None:
     """From a row on all are used before they come: as far off as one that goes straight on, not more in all.
 
-    That is a second difference. By rules 5 each was off a little more than the one before: 1.1 to 6.4 of them.
+    That is a second difference. By rules 5 each was off more than the one before: 1.1 to 6.4 of them.
     """
     curve, second_m = RowCurve(0, circle(0.0)), CIRCLE_M * (TURN_PER_S * period_s) ** 2
     off_m = []

@@ -129,7 +129,7 @@ class RowCurve:
             if self._rules < 6 or len(self._returns) == _MOST_RETURNS:
                 self._returns = []
             left = self._off(number) or (0.0,) * len(row)
-            # A distance that is on its way goes on, but for what is left behind already: none leads past rows.
+            # A distance on its way goes on, but for what is left behind already: none leads past the rows.
             kept = tuple([min(max(a / b, 0.0), 1.0) if b else 0.0 for a, b in zip(off, left, strict=True)])
             added = tuple([a - share * b for a, b, share in zip(off, left, kept, strict=True)])
             length = RETURN_S / self._period_s if self._period_s else 0.0
