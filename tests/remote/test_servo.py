@@ -23,6 +23,7 @@ pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 #: Of tests.support.fingers.
 VELOCITY_MM_S = 100.0
+TICK_S = 0.005
 
 
 def circle(state: ServoState) -> Mapping[str, float] | None:
@@ -31,6 +32,15 @@ def circle(state: ServoState) -> Mapping[str, float] | None:
     if state.time_s > 1.0:
         return None
     return {"f0.x_mm": 45.0 + 5.0 * math.cos(angle), "f0.y_mm": 75.0 + 5.0 * math.sin(angle)}
+
+
+def off_circle_mm(gap_s: float) -> float:
+    """How far a stream of 50 rows/s may leave the circle where no row came for up to ``gap_s``.
+
+    As far as straight on for that time and the rest of a row, and inside by a sixth of a second difference.
+    """
+    acceleration_mm_s2, period_s = 5.0 * math.pi**2, 0.02
+    return acceleration_mm_s2 * (gap_s * (gap_s + period_s) / 2.0 + period_s**2 / 6.0)
 
 
 def test_set_points_are_followed_within_the_rates_of_the_file(tmp_path: Path) -> None:
@@ -54,6 +64,8 @@ def test_set_points_are_followed_within_the_rates_of_the_file(tmp_path: Path) ->
     assert [state.step for state in seen] == sorted({state.step for state in seen})
     assert {*seen[0].robots} == {"f0", "f1"}
     assert seen[-1].tick > seen[0].tick
+    sent_s = max(after.time_s - before.time_s for before, after in pairwise(seen))
+    most_mm = off_circle_mm(sent_s + report.max_round_trip_ms / 1e3 + TICK_S)
     # What the tick recorded: the robot followed the circle, no axis faster than its limit.
     export = [*command("session", "export", str(record), "--csv", str(tmp_path / "all.csv"))]
     subprocess.run(export, check=True, capture_output=True, timeout=60)
@@ -63,7 +75,7 @@ def test_set_points_are_followed_within_the_rates_of_the_file(tmp_path: Path) ->
     assert len(followed) > 100
     for row in followed:
         x, y = float(row["target.f0.x_mm"]), float(row["target.f0.y_mm"])
-        assert math.hypot(x - 45.0, y - 75.0) == pytest.approx(5.0, abs=0.1)  # a curve near the rows
+        assert math.hypot(x - 45.0, y - 75.0) == pytest.approx(5.0, abs=most_mm)
     times = [float(row["t_s"]) for row in rows]
     for axis in ("left", "right"):
         lengths = [float(row[f"command.f0.{axis}_mm"]) for row in rows]

@@ -65,6 +65,11 @@ class ProducerClock:
         self._gaps_s = (0.0, 0.0)  # between the last rows
         self._bursts = 0  # before a period was learnt
 
+    @property
+    def longest_period_s(self) -> float:
+        """The longest that the rows of this clock allow: arrivals vary by ticks and by lateness."""
+        return self.period_s + (self._tick_s + self.late_s) / max(self._rows - 1, 1)
+
     def arrived(self, now_s: float, rows: int, used: int, stood: bool) -> Lesson:
         """A row arrived.
 

@@ -34,6 +34,8 @@ class RowClock:
 
     def __init__(self, tick_s: float, rules: int = MOTION_RULES) -> None:
         """``tick_s``: period of the ticks, at which rows arrive; ``rules``: of motion."""
+        self._plays_longest = rules > 5
+        self._tick_s = tick_s
         self._margin_s = MARGIN * tick_s
         self._producer = ProducerClock(tick_s, rules)
         self._phase = RowPhase(-LAG, tick_s)
@@ -91,8 +93,10 @@ class RowClock:
         phase, late_s = self._phase, self.late_s
         lesson = self._producer.arrived(now_s, rows, int(phase.position) + 2, phase.stands)
         phase.go_on()
-        if lesson is Lesson.PERIOD:
-            phase.start(self._due(now_s, late_s), 1.0 / self.period_s)
+        if lesson is Lesson.PERIOD and self._plays_longest:  # it is played a tick on in this tick
+            phase.start(self._due(now_s - self._tick_s, self.late_s), self._least_rate)
+        elif lesson is Lesson.PERIOD:
+            phase.start(self._due(now_s, late_s), self._least_rate)
         elif lesson is Lesson.ANEW and self.period_s:
             phase.slow_down(FASTEST / self.period_s)
 
@@ -103,10 +107,12 @@ class RowClock:
             return phase.position
         error = self._due(now_s, self.late_s) - phase.position
         if abs(error) > GREATEST_ERROR + SPARSE_S / period_s:  # it follows another clock
-            phase.start(phase.position + error, 1.0 / period_s)
+            phase.start(phase.position + error, self._least_rate)
         else:
+            # A row or more behind there are rows enough; else it goes on as slowly as those so far allow.
+            rate = 1.0 / period_s if error > 1.0 else self._least_rate
             most = max(GREATEST_ERROR, GREATEST_S / period_s)
-            phase.follow(min(max(error, -most), most), 1.0 / period_s)
+            phase.follow(min(max(error, -most), most), rate)
         return phase.position
 
     def stop(self, acceleration: float, jerk: float, forward: bool = False) -> bool:
@@ -121,6 +127,11 @@ class RowClock:
                 ``acceleration``.
         """
         return self._phase.stop(float(self.newest), 1.0 / self.period_s, acceleration, jerk, forward)
+
+    @property
+    def _least_rate(self) -> float:
+        """Rows per second that come at least, by the rows so far; by rules before 6 those of the fit."""
+        return 1.0 / (self._producer.longest_period_s if self._plays_longest else self.period_s)
 
     def _due(self, now_s: float, late_s: float) -> float:
         """Which row is to be played now, where rows come by so much too late."""

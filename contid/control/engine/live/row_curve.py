@@ -7,8 +7,12 @@ rows by a sixth of their second difference: on a circle by ``T^2 a / 6``.
 A row that is missing when the curve gets to it is the one expected after those that came: with their last
 difference, and the second difference on which the last three and those of `BEND_S` agree. A row that was used
 stays as it was; where another came in its place, the curve goes to the rows within `RETURN_S` by a quintic
-polynomial of their distance, which only shrinks. By motion rules before 4 the curve beyond the last row is a
-straight line, and returns at once, by a bend that exceeds the jerk of an easy path after 10 ms without a row.
+polynomial of their distance, which only shrinks. Where several were expected in turn, what each added to the
+distance has a way of its own.
+
+By motion rules before 4 the curve beyond the last row is a straight line, and returns at once, by a bend that
+exceeds the jerk of an easy path after 10 ms without a row. By rules 4 and 5 every row that comes after an
+expected one begins the way anew with the whole distance, which adds up to 62 times what each is off.
 
 Sources: C. de Boor, "A Practical Guide to Splines", Springer 2001, chapter IX; L. Biagiotti and C.
 Melchiorri, "Trajectory Planning for Automatic Machines and Robots", Springer 2008, section 2.1.5 (quintics).
@@ -30,6 +34,8 @@ _KEPT: Final = 100
 #: How long the curve takes from expected rows to those that came [s]; this many rows at least.
 RETURN_S: Final = 0.15
 _LEAST_RETURN: Final = 4.0
+#: Ways at once; the whole distance has a new one after that.
+_MOST_RETURNS: Final = 16
 #: Half of the time whose rows give the second difference of a path [s]; this many rows at least.
 BEND_S: Final = 0.05
 _LEAST_BEND: Final = 2
@@ -58,6 +64,11 @@ class _Return(NamedTuple):
         share = 1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
         return tuple([share * each for each in self.off])
 
+    def scaled(self, shares: Vector) -> _Return:
+        """The way with shares of its distance."""
+        off = tuple([a * b for a, b in zip(shares, self.off, strict=True)])
+        return self._replace(off=off)
+
 
 class RowCurve:
     """Rows by number, and the curve through them.
@@ -68,9 +79,9 @@ class RowCurve:
 
     def __init__(self, number: int, row: Vector, rules: int = MOTION_RULES) -> None:
         self.newest = number
-        self._expects_bends = rules > 3
+        self._rules = rules
         self._period_s = 0.0
-        self._return: _Return | None = None
+        self._returns: list[_Return] = []
         self._rows: dict[int, Vector] = {number: row}
         self._came: dict[int, Vector] = {number: row}
         self._first = number
@@ -110,20 +121,28 @@ class RowCurve:
         """A row comes; the one that was used in its place stays, and is left behind smoothly."""
         self._came[number] = row
         used = self._rows.get(number)
-        if used is not None and self._expects_bends:
+        self._returns = [each for each in self._returns if number - each.number < each.rows]
+        if used is None:
+            self._rows[number] = _sum(row, self._off(number))
+        elif self._rules > 3:
             off = tuple([a - b for a, b in zip(used, row, strict=True)])
+            if self._rules < 6 or len(self._returns) == _MOST_RETURNS:
+                self._returns = []
+            left = self._off(number) or (0.0,) * len(row)
+            # A distance on its way goes on, but for what is left behind already: none leads past the rows.
+            kept = tuple([min(max(a / b, 0.0), 1.0) if b else 0.0 for a, b in zip(off, left, strict=True)])
+            added = tuple([a - share * b for a, b, share in zip(off, left, kept, strict=True)])
             length = RETURN_S / self._period_s if self._period_s else 0.0
-            self._return = _Return(number, off, max(_LEAST_RETURN, length))
-        elif used is None:
-            left = self._off(number)
-            self._rows[number] = (
-                row if left is None else tuple([a + b for a, b in zip(row, left, strict=True)])
-            )
+            self._returns = [each.scaled(kept) for each in self._returns]
+            self._returns.append(_Return(number, added, max(_LEAST_RETURN, length)))
 
     def _off(self, number: int) -> Vector | None:
         """How far the curve is from the row of a number; None where it is on it."""
-        way = self._return
-        return None if way is None or not 0 <= number - way.number < way.rows else way.at(number)
+        off = None
+        for way in self._returns:
+            if number - way.number < way.rows:
+                off = way.at(number) if off is None else _sum(off, way.at(number))
+        return off
 
     def at(self, phase: float) -> Vector:
         """The curve at a phase; rows that it is made of are used."""
@@ -151,18 +170,24 @@ class RowCurve:
     def _expected(self, on: int) -> Vector:
         """The row that comes ``on`` rows after the newest, on the way from rows that were used."""
         straight = tuple([b + on * (b - a) for a, b in zip(self._before, self._last, strict=True)])
-        if not self._expects_bends:
+        if self._rules < 4:
             return straight
         if on > _FARTHEST:
             return self._row(self.newest + _FARTHEST)
         over = max(_LEAST_BEND, round(BEND_S / self._period_s)) if self._period_s else _LEAST_BEND
+        if self._rules > 5:  # rows before the first are none of the path
+            over = min(over, (self.newest - self._first) // 2)
+        row = straight if over == 0 else self._bent(straight, on, over)
+        return _sum(row, self._off(self.newest + on))
+
+    def _bent(self, straight: Vector, on: int, over: int) -> Vector:
+        """The row ``on`` rows straight on, moved by the second difference of the last rows."""
         share = 0.5 * on * (on + 1)
         bend = [share * agreed(near, far) for near, far in zip(self._bend(1), self._bend(over), strict=True)]
         size = math.hypot(*bend)
         most = _MOST_BEND * on * math.dist(self._before, self._last)
         bent = min(1.0, most / size) if size > 0.0 else 0.0
-        left = self._off(self.newest + on) or (0.0,) * len(bend)
-        return tuple([a + bent * b + c for a, b, c in zip(straight, bend, left, strict=True)])
+        return tuple([a + bent * b for a, b in zip(straight, bend, strict=True)])
 
     def _bend(self, over: int) -> Vector:
         """Second difference per row of the last rows that came, each ``over`` rows after the one before."""
@@ -177,6 +202,11 @@ class RowCurve:
             if row is not None:
                 self._oldest = row
             self._first += 1
+
+
+def _sum(row: Vector, off: Vector | None) -> Vector:
+    """A row and how far the curve is from it; None on it."""
+    return row if off is None else tuple([a + b for a, b in zip(row, off, strict=True)])
 
 
 def agreed(near: float, far: float) -> float:
