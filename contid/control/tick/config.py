@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 #: 4: late rows of a live stream are expected to go on as those before, and met smoothly; rows that waited are
 #: no new period (`contid.control.engine.live`); a robot on its way to a goto stops before a source moves
 #: it; a fault is not cleared while the robot brakes. 5: a correction of the tip of a robot without a target
-#: that began to fade is whole again with the next measurement. 6: a fault is not cleared while an axis repeats
-#: an old measurement; a robot whose fault was cleared is not compared with its last command.
+#: that began to fade is whole again with the next measurement. 6: a fault is not cleared while an axis
+#: repeats an old measurement; a robot whose fault was cleared is not compared with its last command.
 MOTION_RULES: Final = 6
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1

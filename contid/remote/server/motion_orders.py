@@ -108,7 +108,8 @@ class MotionOrders:
         if faulty:
             for name in faulty:
                 self._refusals.pop(name, None)
-            refused = (await self._run.pending.confirmed(self._run.pending.send([ClearFault(faulty)]))).refused
+            pending = self._run.pending
+            refused = (await pending.confirmed(pending.send([ClearFault(faulty)]))).refused
         left = set(faulty)
         deadline_s = time.monotonic() + CONFIRM_TIMEOUT_S
         while left:
