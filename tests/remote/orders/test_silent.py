@@ -23,7 +23,7 @@ def run(records: Iterator[int]) -> Any:
         return SimpleNamespace(tick=7, record=1, refused={})
 
     return ServedRun(
-        control=SimpleNamespace(newest=lambda: next(records)),  # type: ignore[arg-type]
+        control=SimpleNamespace(newest=lambda: next(records)),
         view=view,
         pending=SimpleNamespace(confirmed=confirmed),  # type: ignore[arg-type]
         moves=None,  # type: ignore[arg-type]

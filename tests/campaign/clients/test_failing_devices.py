@@ -14,9 +14,9 @@ from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.state import Effect, RobotState
 from contid.remote.server.lease import Lease
-from tests.campaign.adversary import drawn, run
-from tests.campaign.adversary_checks import checked
-from tests.campaign.adversary_virtual import found_in
+from tests.campaign.clients.failing_devices import drawn, run
+from tests.campaign.clients.seen_clients import checked
+from tests.campaign.clients.virtual_time import found_in
 
 SEEDS = int(os.environ.get("CONTID_CAMPAIGN_CASES", "2"))
 
@@ -37,13 +37,13 @@ def _estop_that_keeps_torque(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(transitions, "estop", _keeps_torque)
 
 
-def _stop_that_bars_nobody(patch: pytest.MonkeyPatch) -> None:
+def _stop_that_bars_no_client(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Lease, "_check_stopped", lambda self, client: None)
 
 
 @pytest.mark.parametrize(
     ("bug", "finds"),
-    [(_estop_that_keeps_torque, "rest: "), (_stop_that_bars_nobody, "answers: moved after a stop")],
+    [(_estop_that_keeps_torque, "rest: "), (_stop_that_bars_no_client, "answers: moved after a stop")],
 )
 def test_a_deliberate_bug_is_found(
     bug: Callable[[pytest.MonkeyPatch], None], finds: str, monkeypatch: pytest.MonkeyPatch

@@ -36,7 +36,7 @@ from contid_sessions.replay.replay import replay
 from tests.remote.orders.history import GOES, LEFT, MOVING, STOPS, History, Order
 
 if TYPE_CHECKING:
-    from tests.campaign.adversary import Case
+    from tests.campaign.clients.failing_devices import Case
 
 #: Orders that arm robots, and orders after which only those arm them.
 ARMS = frozenset({"resume", "recover"})

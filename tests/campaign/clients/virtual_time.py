@@ -1,6 +1,6 @@
-"""The cases of `tests.campaign.adversary` in virtual time: server and engine in this process, no waiting.
+"""The cases of `tests.campaign.clients.failing_devices` in virtual time: server and engine in this process, no waiting.
 
-``python -m tests.campaign.adversary_virtual [--seeds N] [--seed N]``; a second of a processor each. Only the
+``python -m tests.campaign.clients.virtual_time [--seeds N] [--seed N]``; a second of a processor each. Only the
 lease counts in real time.
 """
 
@@ -31,8 +31,8 @@ from contid.remote.server.server import SocketServer
 from contid.robot_file.load import LoadedFile, parse_robot_file
 from contid.session.format.entries import Entry
 from contid.trajectory.timed import Trajectory
-from tests.campaign.adversary import RATE_HZ, Case, Crowd, drawn
-from tests.campaign.adversary_checks import Seen, checks
+from tests.campaign.clients.failing_devices import RATE_HZ, Case, Crowd, drawn
+from tests.campaign.clients.seen_clients import Seen, checks
 
 #: Virtual seconds for which clients give orders, and until the run has ended after them.
 BUSY_S = 5.0
@@ -205,7 +205,9 @@ def found_in(seed: int) -> tuple[Case, list[str]]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tests.campaign.adversary_virtual", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.campaign.clients.virtual_time", description=__doc__
+    )
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("-v", action="store_true")

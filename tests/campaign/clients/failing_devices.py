@@ -1,8 +1,8 @@
 """Clients that give random orders in the same ticks to a real daemon whose simulated devices fail.
 
-``python -m tests.campaign.adversary [--seeds N] [--seed N]`` starts `contid run` on two fingers and a
+``python -m tests.campaign.clients.failing_devices [--seeds N] [--seed N]`` starts `contid run` on two fingers and a
 pneumatic arm, with up to five faults of their devices, and lets four clients give orders for some seconds;
-exit 1 on a violation. `tests.campaign.adversary_checks` has what must hold.
+exit 1 on a violation. `tests.campaign.clients.seen_clients` has what must hold.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ import yaml
 
 from contid.remote.protocol.socket_path import is_listening
 from contid.robot_file.load import configs_folder
-from tests.campaign.adversary_checks import checked
+from tests.campaign.clients.seen_clients import checked
 from tests.remote.orders.history import Order
 from tests.support.fingers import circle_csv, fingers
 from tests.support.waiting import until
@@ -364,7 +364,9 @@ async def _busy(case: Case, path: Path, robots: list[str], busy_s: float) -> Non
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tests.campaign.adversary", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.campaign.clients.failing_devices", description=__doc__
+    )
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="folder for what violated cases leave")
