@@ -58,7 +58,7 @@ class Exchange:
         samples: newest by axis.
         bus_of: by axis, the name of its bus.
         effort_shares: to which the effort of robots was limited last, by name.
-        unanswered: axes whose bus was still at its job after the newest tick, or has requests that wait.
+        unrested: indices of robots whose devices were asked to rest, and a bus is still at it after the tick.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Exchange:
         """Prepare; arguments as in `contid.control.engine.engine.Engine`, and where times are written."""
         self.samples: dict[str, Sample] = {}
         self.effort_shares: dict[str, float] = {}
-        self.unanswered: set[str] = set()
+        self.unrested: set[int] = set()
         self.bus_of = {axis: name for name, port in ports.items() for axis in port.bus.axes}
         self._robots = robots
         self._ports = dict(ports)
@@ -195,7 +195,7 @@ class Exchange:
     def run(self, commands: Mapping[str, Mapping[str, float]], timing: Timing, now_s: float) -> None:
         """One exchange with every idle bus; ``commands`` by bus and axis."""
         self._tick = timing.tick
-        self.unanswered.clear()
+        self.unrested.clear()
         now, buses_s = self._now, self._costs.buses_s
         at_s = now()
         # 1. A job for every idle bus; one without a worker is done when `start` returns.
@@ -221,8 +221,9 @@ class Exchange:
                 self._take_over(name, port, answer, now_s)
             elif port.busy and not port.lost:
                 self._stalled(name, port, now_s)
-            if port.busy or self._queued[name]:
-                self.unanswered.update(port.bus.axes)
+            if (port.busy or self._queued[name]) and not port.lost:
+                asked = (*(self._sent[name] if port.busy else ()), *self._queued[name])
+                self.unrested.update([index for index, what, _ in asked if isinstance(what.value, Rest)])
         # 3. How old the samples are now.
         after_s = now()
         self._costs.waited_s = min(after_s, end_s) - at_s

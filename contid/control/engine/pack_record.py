@@ -24,11 +24,13 @@ from contid.control.engine.tick_layout import (
     SKIPPED,
     SOURCE_TIME,
     TICK,
+    UNRESTED,
     WORK,
 )
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.robot_tick import TickResult
 from contid.control.tick.state import RobotState
+from contid.hal import Sample
 from contid.targets import Actuation, Target
 
 _NAN = math.nan
@@ -105,7 +107,7 @@ class RecordPacker:
             if (load := self._robots.loads.get(config.name)) is not None:
                 row[_ESTIMATED], row[_SIGMA] = load
             values += row
-            _add_axes(values, config, outcome, state, target, self._exchange)
+            _add_axes(values, config, outcome, state, target, self._exchange.samples)
         values[WORK] = self._now() - timing.deadline_s - timing.lateness_s
         self._sink.write(values)
 
@@ -116,6 +118,8 @@ class RecordPacker:
         row[_MODE], row[_FAULT] = state.mode, state.fault
         row[_TIP_ERROR] = outcome.tip_error_m
         flags = ENABLED if state.enabled else 0
+        if index in self._exchange.unrested:
+            flags |= UNRESTED
         solution = outcome.solution
         if solution is not None:
             flags |= CONVERGED if solution.converged else 0
@@ -152,9 +156,8 @@ def _add_axes(
     outcome: TickResult,
     state: RobotState,
     target: Target | None,
-    exchange: Exchange,
+    samples: Mapping[str, Sample],
 ) -> None:
-    samples, unanswered = exchange.samples, exchange.unanswered
     asked: Sequence[float] = ()
     solution = () if outcome.solution is None else outcome.solution.actuation
     if target is not None and (target.actuation is not None or target.arcs or target.extra):
@@ -173,8 +176,7 @@ def _add_axes(
         if limits:
             row[_LIMITS] = limits[axis]
         if (sample := samples.get(name)) is not None:
-            row[_TIME], row[_AGE] = sample.time_s, sample.age_s
-            row[_VALID] = sample.valid and name not in unanswered
+            row[_TIME], row[_VALID], row[_AGE] = sample.time_s, sample.valid, sample.age_s
             if sample.value is not None:
                 row[_VALUE] = sample.value
             if sample.velocity is not None:

@@ -25,6 +25,7 @@ from contid.targets import Vec3
 HAS_TARGET: Final = 1
 CONVERGED: Final = 2
 ENABLED: Final = 4
+UNRESTED: Final = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +92,9 @@ class RobotRecord(NamedTuple):
     fault: Annotated[
         int, About("tick", "0 none; `contid fault NUMBER` explains the others", compared="fault")
     ]
-    flags: Annotated[int, About("tick", "bits: 1 has a target, 2 converged, 4 devices enabled")]
+    flags: Annotated[
+        int, About("tick", "bits: 1 has a target, 2 converged, 4 devices enabled, 8 not yet at rest as asked")
+    ]
     limited_by: Annotated[int, About("solution", "bits; events 'limit_name' give their names")]
     iterations: Annotated[int, About("solution", "steps of the solver")]
     tip_m: Annotated[Vec3, About("target", "tip position in the world frame", compared="target")]

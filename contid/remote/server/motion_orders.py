@@ -135,9 +135,8 @@ class MotionOrders:
         for name in faulty:
             self._refusals.pop(name, None)
         if faulty:
-            refused = (
-                await self._run.pending.confirmed(self._run.pending.send([ClearFault(faulty)]))
-            ).refused
+            pending = self._run.pending
+            refused = (await pending.confirmed(pending.send([ClearFault(faulty)]))).refused
         why = ChainMap(refused, self._refusals)
         left, record = await self._still_faulty(faulty, why)
         if left:

@@ -12,7 +12,7 @@ from contid.control.engine.events import RunEvent
 from contid.control.engine.events.buses import TicksSkipped, TicksWaited
 from contid.control.engine.events.robots import FaultLatched
 from contid.control.engine.measured_tip import measured_actuation
-from contid.control.engine.tick_layout import ENABLED, RecordLayout, RobotRecord, TickRecord
+from contid.control.engine.tick_layout import ENABLED, UNRESTED, RecordLayout, RobotRecord, TickRecord
 from contid.control.engine.wiring import build_robot_configs, record_layout
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import PAGES, Fault
@@ -120,12 +120,17 @@ class TelemetryView:
         return Mode.OFF if record is None else Mode(self._of(robot, record).mode)
 
     def silent(self, robots: Sequence[str] | None, record: TickRecord | None) -> dict[str, list[str]]:
-        """By robot, the axes whose devices did not answer in the newest tick: no order reaches them."""
+        """By robot, the axes that an order to stop may not have reached.
+
+        Their devices did not answer in the newest tick, or are not yet at rest as asked.
+        """
         silent: dict[str, list[str]] = {}
         if record is not None:
             for name in self._names(robots):
-                samples = zip(self.configs[name].axis_names, self._of(name, record).axes, strict=True)
-                silent[name] = [axis for axis, sample in samples if sample.valid != 1.0]
+                found = self._of(name, record)
+                samples = zip(self.configs[name].axis_names, found.axes, strict=True)
+                unrested = bool(found.flags & UNRESTED)
+                silent[name] = [axis for axis, sample in samples if unrested or sample.valid != 1.0]
         return {name: axes for name, axes in silent.items() if axes}
 
     def command(self, robot: str, record: TickRecord | None) -> tuple[float, ...] | None:

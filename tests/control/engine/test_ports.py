@@ -14,6 +14,7 @@ from contid.control.engine.cycle import Timing
 from contid.control.engine.engine import Engine
 from contid.control.engine.messages import Estop, Finish, Resume, Stop
 from contid.control.engine.ports import BusJob, BusPort, perform
+from contid.control.engine.tick_layout import UNRESTED
 from contid.control.engine.wiring import build_robot_configs, open_buses
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect
@@ -94,8 +95,9 @@ def test_a_stuck_bus_faults_its_robot_and_the_other_runs_on() -> None:
 
 
 @pytest.mark.parametrize("order", [Estop(), Stop()])
-def test_axes_of_a_bus_that_is_still_at_an_order_to_stop_have_not_answered_it(order: Estop | Stop) -> None:
-    """The record of its tick had them as valid, and the order was answered with ok while they had torque."""
+@pytest.mark.parametrize("busy", [False, True], ids=["idle", "at an older job"])
+def test_the_record_has_that_a_bus_is_still_at_an_order_to_stop(order: Estop | Stop, busy: bool) -> None:
+    """Its axes had answered by the record, and the order was answered with ok while they had torque."""
     loaded = load(2, buses=2, on_interrupt="relax")
     clock = Ticking()
     simulated = open_buses(loaded, clock)
@@ -105,21 +107,25 @@ def test_axes_of_a_bus_that_is_still_at_an_order_to_stop_have_not_answered_it(or
     engine = Engine(build_robot_configs(loaded, 200.0), ports, 200.0, seen, clock.now, attended=True)
     engine.arm()
 
-    def turn(tick: int, timeout_s: float = 5.0) -> list[bool]:
+    def turn(tick: int, timeout_s: float = 5.0) -> tuple[bool, ...]:
         clock.now_s = tick / 200.0
         engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s + timeout_s))
-        axes = [axis for robot in seen.records[-1].robots for axis in robot.axes]
-        return [axis.valid == 1.0 for axis in axes]
+        return tuple(bool(robot.flags & UNRESTED) for robot in seen.records[-1].robots)
 
     try:
-        for tick in range(40):
+        for tick in range(39):
             turn(tick)
+        if not busy:
+            turn(39)
         buses["bus0"].free.clear()
+        if busy:
+            turn(39, 0.05)
         engine.obey(order, 40)
-        assert turn(40, 0.05) == [False, False, True, True]
-        assert turn(41, 0.05) == [False, False, True, True]
+        assert turn(40, 0.05) == (True, False)
         buses["bus0"].free.set()
-        assert turn(42) == [True, True, True, True]
+        if busy:
+            assert turn(41) == (True, False), "the older job was done, and the request waits for the next"
+        assert turn(42) == (False, False)
         bus = simulated["bus0"]
         assert isinstance(bus, SimBus)
         assert not any(device.on for device in bus.devices.values())

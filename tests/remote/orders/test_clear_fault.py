@@ -1,4 +1,4 @@
-"""What an order to clear a fault answers: states of the tick in which it was cleared, and its refusals."""
+"""What an order to clear a fault answers: the states of its tick, and refusals of its own alone."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def orders(modes: Iterator[Mode], events: tuple[Any, ...], refused: dict[str, st
 
 
 async def clear(found: MotionOrders) -> Any:
-    return await found.verbs["clear_fault"](SimpleNamespace(number=1), RequestFields({}))  # type: ignore[arg-type]
+    return await found.verbs["clear_fault"](SimpleNamespace(number=1), RequestFields({}))
 
 
 async def test_the_refusal_of_another_order_is_none_of_this_one() -> None:

@@ -11,9 +11,9 @@ import pytest
 from contid.remote.server.served_run import ServedRun
 
 
-def run(records: Iterator[int]) -> ServedRun:
+def run(records: Iterator[int]) -> Any:
     """A run whose records are the number of its silent axes."""
-    view = SimpleNamespace(
+    view: Any = SimpleNamespace(
         silent=lambda robots, record: {"f0": ["left"] * record} if record else {},
         configs={"f0": None},
         mode=lambda name, record: SimpleNamespace(name="OFF"),
@@ -22,15 +22,14 @@ def run(records: Iterator[int]) -> ServedRun:
     async def confirmed(future: Any) -> Any:
         return SimpleNamespace(tick=7, record=1, refused={})
 
-    found: Any = ServedRun(
-        control=SimpleNamespace(newest=lambda: next(records)),  # type: ignore[arg-type]
-        view=view,  # type: ignore[arg-type]
+    return ServedRun(
+        control=SimpleNamespace(newest=lambda: next(records)),
+        view=view,
         pending=SimpleNamespace(confirmed=confirmed),  # type: ignore[arg-type]
         moves=None,  # type: ignore[arg-type]
         lease=None,  # type: ignore[arg-type]
         notify=lambda client, fields: None,
     )
-    return found
 
 
 @pytest.mark.parametrize(
@@ -41,9 +40,9 @@ def run(records: Iterator[int]) -> ServedRun:
 async def test_axes_that_answer_soon_after_the_tick_are_not_silent(
     records: Iterator[int], silent: dict[str, Any]
 ) -> None:
-    answer = await run(records).confirmed(None, None, stops=True)  # type: ignore[arg-type]
+    answer = await run(records).confirmed(None, None, stops=True)
     assert answer == {"tick": 7, "robots": {"f0": "OFF"}, **silent}
 
 
 async def test_only_orders_to_stop_wait_for_them() -> None:
-    assert "silent" not in await run(iter([])).confirmed(None, None)  # type: ignore[arg-type]
+    assert "silent" not in await run(iter([])).confirmed(None, None)
