@@ -20,7 +20,7 @@ from contid.control.tick.next_command import next_command, tip_tolerance_m
 from contid.kinematics.array import Array
 from contid.robot_file.base import Quantity
 from contid.robot_file.load import load_named
-from contid.targets import Target, vec3
+from contid.targets import Actuation, Target, vec3
 from contid.units import BAR
 from tests.support.robot_configs import SLACK
 
@@ -66,7 +66,8 @@ def followed(tips: Array) -> Followed:
     """Every tick along tips, as a robot takes them; the limits of the axes hold in each."""
     model, limits = CONFIG.model, CONFIG.limits
     command = goal = model.inverse(Target(tip_m=vec3(tips[0].tolist())), tuple(model.lower)).actuation
-    steps, straight, jumps = (0.0,) * 6, False, 0
+    steps: Actuation = (0.0,) * 6
+    straight, jumps = False, 0
     late_m, least_m = list[float](), list[float]()
     for tip in tips[1:]:
         target = Target(tip_m=vec3(tip.tolist()))
