@@ -202,7 +202,7 @@ def test_without_the_calibration_the_wrong_model_would_be_a_load(weighed):
 CHI2 = 16.3
 
 
-def test_sides_of_hysteresis_that_nobody_knows_are_in_the_interval(weighed):
+def test_sides_of_hysteresis_that_are_not_known_are_in_the_interval(weighed):
     """A new estimator does not know from where an arm came; loads of 2 g stood beside intervals of 0.6 g."""
     plant, rng = Plant(1), np.random.default_rng(6)
     for _ in range(6):

@@ -4,7 +4,7 @@
     V = noise^2/n I + what the calibration left open
 
 by Levenberg-Marquardt with the model's compliance dh/dF. An arm at rest is in a stable equilibrium: a step to
-a force under which the model buckles is shortened, for beyond it the tip says nothing about the force. The
+a force under which the model buckles is shortened: beyond it the tip does not depend on the force alone. The
 part of V that the calibration left open does not shrink with the number of measurements: more of them average
 the tracker, not the error of the model. A pure function of its inputs: the same measurements give the same
 estimate.
