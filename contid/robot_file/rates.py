@@ -6,7 +6,7 @@ import cmath
 import enum
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Final, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
@@ -47,7 +47,9 @@ class ShapeSchedule(Strict):
     Attributes:
         middle, half: middle and half of the range of every axis, in the unit of the file.
         least_hz, most_hz: range of the frequencies.
-        first, second: polynomials of the logarithm of the first and second frequency [Hz], without a load.
+        first, second: polynomials of the first and second frequency, without a load.
+        polynomials: what they are of: the logarithm of the frequency [Hz], or the squared period [s2], which
+            grows with the squares of bends.
         load_g: mass for which the next two hold; greater ones count as this one.
         first_loaded, second_loaded: polynomials of f0^2 / f^2 - 1 under that mass; in between they grow with
             it. Without them a load does not count.
@@ -64,6 +66,7 @@ class ShapeSchedule(Strict):
     first_loaded: tuple[float, ...] = ()
     second_loaded: tuple[float, ...] = ()
     payload_g: NonNegative = 0.0
+    polynomials: Literal["log", "squared_period"] = "log"
 
     @model_validator(mode="after")
     def _counts(self) -> ShapeSchedule:
@@ -99,21 +102,30 @@ class ShapeSchedule(Strict):
 
     def scaled(self, share: float) -> ShapeSchedule:
         """Of a body whose frequencies are a share of these."""
-        log = math.log(share)
+
+        def scaled(own: Sequence[float]) -> tuple[float, ...]:
+            if self.polynomials == "log":
+                return (own[0] + math.log(share), *own[1:])
+            return tuple(each / share**2 for each in own)
+
         return self.model_copy(
             update={
                 "least_hz": min(HIGHEST_HZ, max(LOWEST_HZ, self.least_hz * share)),
                 "most_hz": min(HIGHEST_HZ, max(LOWEST_HZ, self.most_hz * share)),
-                "first": (self.first[0] + log, *self.first[1:]),
-                "second": (self.second[0] + log, *self.second[1:]),
+                "first": scaled(self.first),
+                "second": scaled(self.second),
             }
         )
 
     def _frequency(
-        self, terms: Sequence[float], log: Sequence[float], loaded: Sequence[float], share: float
+        self, terms: Sequence[float], own: Sequence[float], loaded: Sequence[float], share: float
     ) -> float:
-        low, high = math.log(self.least_hz), math.log(self.most_hz)
-        found = math.exp(min(high, max(low, sum(a * b for a, b in zip(log, terms, strict=True)))))
+        value = sum(a * b for a, b in zip(own, terms, strict=True))
+        if self.polynomials == "log":
+            low, high = math.log(self.least_hz), math.log(self.most_hz)
+            found = math.exp(min(high, max(low, value)))
+        else:
+            found = min(max(value, self.most_hz**-2), self.least_hz**-2) ** -0.5
         if loaded and share:
             slower = sum(a * b for a, b in zip(loaded, terms, strict=True))
             found /= math.sqrt(max(LEAST_STIFFNESS, 1.0 + share * slower))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
@@ -70,7 +71,7 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
     if poses < _PER_TERM * terms:
         raise ContidError(f"--schedule {poses}: {axes} axes need at least {round(_PER_TERM * terms)} poses")
     at_rest = np.array(robot.rest[:axes])
-    actuations = np.vstack((random_actuations(robot, poses - 1, seed), at_rest))
+    actuations = np.vstack((random_actuations(robot, poses - 1, seed, spread=True), at_rest))
     # Those of many elements are as many times higher at other poses as at rest.
     finer = _frequencies(pose_arm(robot), at_rest[None, :]) / _frequencies(MovingArm(robot), at_rest[None, :])
     free = finer * _frequencies(MovingArm(robot), actuations)
@@ -94,15 +95,16 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
         )
     free, loaded = (np.clip(_apart(each), LOWEST_HZ, HIGHEST_HZ) for each in (free, loaded))
     least, most = (float(each) for each in (min(free.min(), loaded.min()), max(free.max(), loaded.max())))
-    logs = _fit(rows[~kept], np.log(free[~kept]))
+    fitted = _best_fit(rows, free, ~kept)
     slower = _fit(rows[~kept], (free / loaded)[~kept] ** 2 - 1.0) if load_g else None
     schedule: dict[str, Any] = {
         "middle": _digits(middle),
         "half": _digits(half),
         "least_hz": float(f"{least:.4g}"),
         "most_hz": float(f"{most:.4g}"),
-        "first": _digits(logs[:, 0]),
-        "second": _digits(logs[:, 1]),
+        "polynomials": fitted.polynomials,
+        "first": _digits(fitted.numbers[:, 0]),
+        "second": _digits(fitted.numbers[:, 1]),
     }
     if slower is not None:
         schedule |= {
@@ -110,7 +112,7 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
             "first_loaded": _digits(slower[:, 0]),
             "second_loaded": _digits(slower[:, 1]),
         }
-    predicted = np.exp(rows[kept] @ logs)
+    predicted = fitted.frequencies[kept]
     errors = [np.abs(predicted / free[kept] - 1.0)]
     if slower is not None:
         under = predicted / np.sqrt(np.maximum(LEAST_STIFFNESS, 1.0 + rows[kept] @ slower))
@@ -126,7 +128,9 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
     )
 
 
-def random_actuations(robot: RobotDescription, count: int, seed: int, share: float = 1.0) -> Array:
+def random_actuations(
+    robot: RobotDescription, count: int, seed: int, share: float = 1.0, spread: bool = False
+) -> Array:
     """Random actuations ``(count, axes)`` [m or Pa]: of a tendon robot from bends of its sections.
 
     Args:
@@ -134,6 +138,7 @@ def random_actuations(robot: RobotDescription, count: int, seed: int, share: flo
         count: how many.
         seed: of the generator.
         share: of the greatest bend, or of the range of the pressures.
+        spread: scale each pose by a random factor: few poses of random sections are nearly straight.
     """
     rng = np.random.default_rng(seed)
     low, high = np.array(robot.lower), np.array(robot.upper)
@@ -146,6 +151,8 @@ def random_actuations(robot: RobotDescription, count: int, seed: int, share: flo
     found: list[tuple[float, ...]] = []
     for _ in range(20 * count):
         bend, towards = greatest * rng.random(sections), rng.uniform(-np.pi, np.pi, sections)
+        if spread:
+            bend *= rng.random()
         arcs = np.column_stack((bend * np.cos(towards), bend * np.sin(towards), np.zeros(sections)))
         answer = model.inverse(Target(arcs=tuple(arcs.ravel().tolist())), robot.rest)
         if answer.converged:
@@ -198,6 +205,31 @@ def _terms(shares: Array) -> Array:
 
 def _fit(rows: Array, values: Array) -> Array:
     return np.asarray(np.linalg.lstsq(rows, values, rcond=_FLAT)[0], dtype=np.float64)
+
+
+class _FittedFrequencies(NamedTuple):
+    """Value of ``polynomials``, their numbers ``(terms, 2)``, and the frequencies ``(poses, 2)`` [Hz]."""
+
+    polynomials: str
+    numbers: Array
+    frequencies: Array
+
+
+def _best_fit(rows: Array, frequencies: Array, own: NDArray[np.bool_]) -> _FittedFrequencies:
+    """Logarithms or squared periods, whichever are nearer to the poses ``own`` that both are fitted to.
+
+    Frequencies of a rod have a peak where it is straight, beside which squared periods grow.
+    """
+    logs = _fit(rows[own], np.log(frequencies[own]))
+    # With the least errors of squared periods as shares of them.
+    weighted = (rows[own] * each[:, None] for each in frequencies[own].T ** 2)
+    periods = np.column_stack([_fit(each, np.ones(len(each))) for each in weighted])
+    ends = float(frequencies.max()) ** -2, float(frequencies.min()) ** -2
+    fits = (
+        _FittedFrequencies("log", logs, np.exp(rows @ logs)),
+        _FittedFrequencies("squared_period", periods, np.clip(rows @ periods, *ends) ** -0.5),
+    )
+    return min(fits, key=lambda fit: float(np.square(fit.frequencies[own] / frequencies[own] - 1.0).mean()))
 
 
 def _digits(values: Array) -> list[float]:

@@ -21,6 +21,7 @@ from contid.kinematics.model import build_model
 from contid.robot_file import load as load_module
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import load_named, parse_robot_file
+from contid.robot_file.rates import InputShape
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
 from contid.units import STANDARD_GRAVITY
@@ -172,6 +173,25 @@ def test_a_schedule_is_written_and_lies_about_the_frequencies_of_the_model(tmp_p
         assert found == pytest.approx([0.9 * between, 1.1 * between], rel=0.05)
     printed = pose_modes(robot, robot.rest[:3], 1).modes[0]
     assert robot.rates.shape.frequency_hz == pytest.approx(printed.frequency_hz, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_schedule_of_a_tendon_robot_is_right_near_straight_too() -> None:
+    """Bends of random sections are seldom small together, and logarithms have no peak there: 28 % off."""
+    (robot,) = load_named("tendon3").driven.values()
+    found = schedule.schedule_of(robot, 140)
+    shape = InputShape.model_validate(found.shape)
+    assert shape.schedule is not None
+    assert shape.schedule.polynomials == "squared_period"
+    arm = MovingArm(robot)
+    off = []
+    for actuation in schedule.random_actuations(robot, 20, seed=9, share=0.25):
+        arm.settle(actuation.tolist())
+        true = schedule._apart(schedule._frequencies(arm, actuation[None, :]))[0]
+        own = shape.schedule.frequencies(robot.quantity.from_si(actuation).tolist())
+        off.append(np.abs(np.array(own) / true - 1.0))
+    assert np.median(off) < 0.06
+    assert np.quantile(off, 0.9) < 0.12
 
 
 def test_a_schedule_of_a_tendon_robot_has_room_for_the_fall_of_tensions(tmp_path: Path) -> None:

@@ -50,6 +50,21 @@ def test_frequencies_are_the_polynomials_of_the_pose_held_within_the_range() -> 
             assert hz == pytest.approx(np.clip(np.exp(np.dot(log, [1.0, *x, *upper])), 1.5, 3.0), rel=1e-12)
 
 
+def test_squared_periods_grow_with_the_squares_of_bends() -> None:
+    """A body of 4 Hz whose bends by 1 and 2 add 0.06 and 0.24 s2 to its squared period of 1/16 s2."""
+    found = schedule(
+        1, polynomials="squared_period", first=(0.0625, 0.0, 0.24), second=(0.01, 0.0, 0.0), middle=(0.0,),
+        half=(2.0,), least_hz=1.9, most_hz=8.0,
+    )  # fmt: skip
+    assert found.frequencies([0.0]) == pytest.approx((4.0, 8.0))
+    assert found.frequencies([-1.0])[0] == pytest.approx((0.0625 + 0.06) ** -0.5)
+    assert found.frequencies([2.0])[0] == 1.9  # of 1.82
+    assert found.model_copy(update={"first": (-1.0, 0.0, 0.0)}).frequencies([0.0])[0] == 8.0
+    stiffer = found.scaled(1.25)
+    assert stiffer.frequencies([1.0])[0] == pytest.approx(1.25 * (0.0625 + 0.06) ** -0.5)
+    assert stiffer.frequencies([0.0])[1] == pytest.approx(10.0)
+
+
 def test_a_mass_slows_as_one_on_a_spring() -> None:
     """With f0^2 / f^2 - 1 = 0.44 under 10 g the modal mass is 10 / 0.44 g."""
     loaded = schedule(1, first_loaded=(0.44, 0.0, 0.0), second_loaded=(0.0, 0.0, 0.0), load_g=10.0)

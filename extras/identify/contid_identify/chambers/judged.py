@@ -1,6 +1,6 @@
 """What the predictions of a `ChamberMotion` are off by, on tips that its numbers were not fitted to.
 
-Blocks of time kept out are of the same patterns, mounting and hour as those fitted, and say nothing about
+Blocks of time kept out are of the same patterns, mounting and hour as those fitted, and show nothing of
 others. With recordings left out as a whole, each predicted by a fit to the others, errors hold between
 recordings as well: of other patterns where they are of several, of another day where they are of two.
 """
