@@ -19,12 +19,12 @@ from contid.control.daemon.run_request import RunRequest, load
 from contid.control.engine.cycle import RealClock
 from contid.control.engine.wiring import wired_buses
 from contid.errors import DeviceError
-from contid.hal.pulses import PulsedBus
 from contid.robot_file.load import load_robot_file, parse_robot_file
 from contid_bringup import motor
 from contid_bringup.command import Person, command
 from contid_bringup.motor import MotorResult, bring_up_motor
 from contid_devices.doctor import command as doctor
+from contid_devices.pulsed_motors import PulsedBus
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.options import DueBusOptions
 from contid_emulate.due import DueEmulator
