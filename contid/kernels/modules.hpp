@@ -5,8 +5,9 @@
 
 #include "python.hpp"
 
-// A domain each, NB_DOMAIN: both register the same C++ types, and a test may load both.
+// A domain each: both register the same C++ types, and a test may load both.
+#define CONTID_DOMAIN KERNEL_MODULE
 NB_MODULE(KERNEL_MODULE, module) { contid::bind(module); }
-#undef NB_DOMAIN
-#define NB_DOMAIN KERNEL_MODULE_WIDE
+#undef CONTID_DOMAIN
+#define CONTID_DOMAIN KERNEL_MODULE_WIDE
 NB_MODULE(KERNEL_MODULE_WIDE, module) { contid::bind(module); }

@@ -18,6 +18,29 @@
 
 namespace contid::section_build {
 
+// The limits of a step. Of one type, so that the code of a step is compiled once for cones and for tangent planes.
+class Limits {
+ public:
+  // `tangents`: planes in place of the cones; null for the cones themselves. Both have to outlive this.
+  Limits(const Feasible& feasible, const TangentLimits* tangents = nullptr)
+      : feasible_(feasible), tangents_(tangents) {}
+
+  int size() const { return feasible_.size(); }
+  int flat() const { return tangents_ ? feasible_.limits() : planes(); }
+  int planes() const { return feasible_.flat(); }  // limits before the cones, or before the planes in their place
+
+  double worst(const double* at, const LimitSet& held, int& number) const {
+    return tangents_ ? tangents_->worst(at, held, number) : feasible_.worst(at, held, number);
+  }
+  void normal(const double* at, int number, double* out) const {
+    tangents_ ? tangents_->normal(at, number, out) : feasible_.normal(at, number, out);
+  }
+
+ private:
+  const Feasible& feasible_;
+  const TangentLimits* tangents_;
+};
+
 constexpr int kMaxHeld = kMaxLengths + kMaxRows;
 constexpr int kLimitsTried = 40;
 
@@ -109,7 +132,6 @@ struct Held {
 };
 
 // Add limits to what is held until l + d is feasible, `d` in place: see bounded_step.
-template <class Limits>
 inline void hold_limits(const Factor& whiten, const double* at, const Limits& limits, double excess, int number,
                         Held& held, double* d) {
   const int n = limits.size();
@@ -158,9 +180,8 @@ inline void hold_limits(const Factor& whiten, const double* at, const Limits& li
 
 // The best step with l + d feasible, in place, from the best one without limits; false when that is it already.
 // `whiten` is the lower Cholesky factor of the metric; `task` (may be null) are whitened rows of a task whose error
-// counts 1/weight. `limits` are Feasible or TangentLimits. Each is linearised at the present point, so a curved one is
+// counts 1/weight. Each limit is linearised at the present point, so a curved one is
 // met by several tangent planes; `cones` (may be null) gets the sum of their multipliers per section.
-template <class Limits>
 inline bool bounded_step(const Factor& whiten, const double* at, const Limits& limits, const Whitened* task, int rows,
                          double weight, double* d, double* cones = nullptr) {
   const int n = limits.size();

@@ -9,7 +9,7 @@ namespace contid::section_build {
 //     d = W^-1 (z + J^T y),    (J W^-1 J^T + w) y = e - J W^-1 z
 // The weight w bounds y where the task is singular; what it leaves of e is asked for once more. `cones` gets the
 // multipliers of the cones.
-template <int Rows, class Limits>
+template <int Rows>
 inline void equation_step_of(const Limits& limits, const Task& task, const double* e, const double* z, const double* at,
                              const Factor& whiten, double weight, double* d, double* y, double* cones) {
   const int n = limits.size();
@@ -48,7 +48,6 @@ inline void equation_step_of(const Limits& limits, const Task& task, const doubl
   }
 }
 
-template <class Limits>
 inline void equation_step(const Limits& limits, const Task& task, const double* e, const double* z, const double* at,
                           const Factor& whiten, double weight, double* d, double* y, double* cones) {
   with_rows(task.rows, [&](auto rows) {

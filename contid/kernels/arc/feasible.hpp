@@ -24,7 +24,6 @@ struct Feasible {
 
   int size() const { return sections.size(); }
   int flat() const { return 2 * size() + 3; }  // limits before the cones
-  int planes() const { return flat(); }
   int limits() const { return flat() + sections.count; }
 
   // No tip is farther from the base than this.

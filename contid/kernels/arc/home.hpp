@@ -54,10 +54,12 @@ class Homing {
       for (int a = 0; curved && a < task.rows; ++a)
         for (int i = 0; i < n; ++i) z[i] += stiffness * task.derivative(a, i) * e[a];
       double cones[kMaxSections] = {};
-      if (curved)
-        equation_step(TangentLimits(feasible, lengths), task, e, z, lengths, {metric, false}, t.weight, d, y, cones);
-      else
+      if (curved) {
+        const TangentLimits tangents(feasible, lengths);
+        equation_step({feasible, &tangents}, task, e, z, lengths, {metric, false}, t.weight, d, y, cones);
+      } else {
         equation_step(feasible, task, e, z, lengths, whiten, t.weight, d, y, cones);
+      }
       // The step that the linear model predicts must close most of the error: else the target is not met here.
       double left = 0.0, met[kMaxRows];
       task.product(d, n, met);

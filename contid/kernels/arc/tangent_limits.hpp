@@ -19,10 +19,6 @@ struct TangentLimits {
     }
   }
 
-  int size() const { return feasible.size(); }
-  int flat() const { return feasible.limits(); }
-  int planes() const { return feasible.flat(); }  // limits before the tangent planes
-
   double worst(const double* l, const LimitSet& held, int& number) const {
     number = 0;
     if (inside(l)) return -kInfinity;

@@ -48,11 +48,13 @@ bool MotionSolver::solve(Control control, Arrival arrival, double jerk_share) {
 std::string MotionSolver::reason(Control control, Arrival arrival, double jerk_share) {
   if (solve(control, arrival, jerk_share)) return "";
   try {
-    ruckig::RuckigThrow<ruckig::DynamicDOFs>(asked_.position.size()).calculate(ruckig_->input, ruckig_->motion);
+    ruckig_->solver.validate_input(ruckig_->input, false, true);
   } catch (const ruckig::RuckigError& error) {
     return error.what();
   }
-  return "it would take more than two hours";
+  const ruckig::Result result = ruckig_->solver.calculate(ruckig_->input, ruckig_->motion);
+  return result == ruckig::Result::ErrorTrajectoryDuration ? "it would take more than two hours"
+                                                           : "ruckig finds none within the limits";
 }
 
 double MotionSolver::duration_s() const { return ruckig_->motion.get_duration(); }

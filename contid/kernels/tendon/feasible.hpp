@@ -29,7 +29,6 @@ struct Feasible {
 
   int size() const { return sections.size(); }
   int flat() const { return planes_count; }
-  int planes() const { return flat(); }
   int limits() const { return flat() + sections.count; }
 
   double longest() const {
@@ -141,10 +140,6 @@ struct TangentLimits {
     }
   }
 
-  int size() const { return feasible.size(); }
-  int flat() const { return feasible.limits(); }
-  int planes() const { return feasible.flat(); }
-
   double worst(const double* x, const LimitSet& held, int& number) const {
     double most = feasible.worst_flat(x, held, number);
     for (int s = 0; s < feasible.sections.count; ++s) {
@@ -158,7 +153,7 @@ struct TangentLimits {
   void normal(const double* x, int number, double* out) const {
     if (number < feasible.flat()) return feasible.normal(x, number, out);
     const int s = number - feasible.flat();
-    for (int i = 0; i < size(); ++i) out[i] = 0.0;
+    for (int i = 0; i < feasible.size(); ++i) out[i] = 0.0;
     for (int i = 0; i < 2; ++i) out[2 * s + i] = normals[s][i];
   }
 
