@@ -1,8 +1,8 @@
 """Clients that give random orders in the same ticks to a real daemon whose simulated devices fail.
 
-``python -m tests.campaign.clients.failing_devices [--seeds N] [--seed N]`` starts `contid run` on two fingers and a
-pneumatic arm, with up to five faults of their devices, and lets four clients give orders for some seconds;
-exit 1 on a violation. `tests.campaign.clients.seen_clients` has what must hold.
+``python -m tests.campaign.clients.failing_devices [--seeds N] [--seed N]`` starts `contid run` on two fingers
+and a pneumatic arm, with up to five faults of their devices, and lets four clients give orders for some
+seconds; exit 1 on a violation. `tests.campaign.clients.seen_clients` has what must hold.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The cases of `tests.campaign.clients.failing_devices` in virtual time: server and engine in this process, no waiting.
+"""The cases of `tests.campaign.clients.failing_devices` in virtual time, in this process.
 
-``python -m tests.campaign.clients.virtual_time [--seeds N] [--seed N]``; a second of a processor each. Only the
-lease counts in real time.
+``python -m tests.campaign.clients.virtual_time [--seeds N] [--seed N]``; a second of a processor each. Only
+the lease counts in real time.
 """
 
 from __future__ import annotations
