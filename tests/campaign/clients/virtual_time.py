@@ -1,4 +1,4 @@
-"""The cases of `tests.campaign.clients.failing_devices` in virtual time, server and engine in this process.
+"""The cases of `tests.campaign.clients.failing_devices` in virtual time, in this process.
 
 ``python -m tests.campaign.clients.virtual_time [--seeds N] [--seed N]``; a second of a processor each. Only
 the lease counts in real time.
