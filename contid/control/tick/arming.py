@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from contid.control.tick.axis_motions import inwards, motion_to, outside, planned, rates
+from contid.control.tick.axis_motions import inwards, motion_to, outside, planned, rates_along_path
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.play import NO_LEAD
@@ -115,4 +115,4 @@ def approach(
     goal = config.model.inverse(in_base, seed or state.command).actuation
     if not all(map(math.isfinite, goal)):
         return fail(config, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)
-    return planned(state, motion_to(config, state.command, rates(config, state), goal), start_s)
+    return planned(state, motion_to(config, state.command, rates_along_path(config, state), goal), start_s)

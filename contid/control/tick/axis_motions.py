@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.joint_steps import within
-from contid.control.tick.state import AxisMotion, RobotState
+from contid.control.tick.state import FULL_PACE, AxisMotion, RobotState
 from contid.targets import Actuation, Target
 from contid.trajectory.approach import Approach
 from contid.trajectory.standstill import JerkLimitedStop
@@ -55,6 +55,22 @@ def rates(config: RobotConfig, state: RobotState) -> PresentRates:
         return PresentRates(tuple([step / h for step in state.increments]), (0.0,) * len(state.increments))
     changes = [step - was for step, was in zip(state.increments, state.before, strict=True)]
     return PresentRates.at_end(state.increments, changes, h)
+
+
+def rates_along_path(config: RobotConfig, state: RobotState) -> PresentRates:
+    """Rates at the last command by the clock of paths, which is slower where a body lags.
+
+    A motion that begins with them, played by that clock, goes on as the robot moves.
+    """
+    if state.path_paces == FULL_PACE or not state.before:
+        return rates(config, state)
+    last_s, before_s = (pace * config.period_s for pace in state.path_paces[1:])
+    middle_s = 0.5 * (last_s + before_s)
+    mean = [step / last_s for step in state.increments]
+    was = zip(mean, state.before, strict=True)
+    acceleration = tuple([(velocity - step / before_s) / middle_s for velocity, step in was])
+    rising = zip(mean, acceleration, strict=True)
+    return PresentRates(tuple([v + 0.5 * a * last_s for v, a in rising]), acceleration)
 
 
 def motion_to(

@@ -43,7 +43,8 @@ if TYPE_CHECKING:
 #: tick asks it is a fault of its robot; robots whose bodies are kept apart from it hold; a fault is not
 #: cleared while an axis repeats an old measurement; a robot whose fault was cleared is not compared with its
 #: last command; the clock of a live stream begins as slowly as its rows allow, and each expected row is left
-#: behind on a way of its own (`contid.control.engine.live`).
+#: behind on a way of its own (`contid.control.engine.live`); the pace of a path that is slowed changes within
+#: half of the jerk, and motions that begin meanwhile are planned by it.
 MOTION_RULES: Final = 6
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1

@@ -122,7 +122,8 @@ def tick(
                 state = _close(config, state, next_target, now_s)
             elif next_target is not None:
                 following = apply_event(config, state, Event.FOLLOW, now_s)
-                state = approach(config, following, next_target, now_s, now_s - config.period_s)
+                start_s = now_s - state.path_paces[0] * config.period_s
+                state = approach(config, following, next_target, now_s, start_s)
         if state.mode not in _DRIVEN or not state.enabled:
             return TickResult(state)
         if state.squeeze is not None and state.squeeze.start:
@@ -361,7 +362,7 @@ def _limited(
         state.mode, state.since_s, state.fault, state.message, state.enabled, state.arm_requested,
         state.follow, state.goto, command, increments, state.increments, reference, state.motion,
         state.motion_s, state.policy, state.misses, state.pending, state.correction, state.recovering, lead,
-        straight, state.squeeze, guard_state, shaped, state.was_armed,
+        straight, state.squeeze, guard_state, shaped, state.was_armed, state.path_paces,
     )  # fmt: skip
     device = config.transmission.to_device(led(acting, lead.added) if lead.added else acting)
     return TickResult(after, device, limits=flags if any(flags) else ())

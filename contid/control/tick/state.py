@@ -23,6 +23,10 @@ from contid.trajectory.straight_stop import StraightStop
 
 NO_CORRECTION: Final = Correction()
 
+#: Part of a tick by which the clocks of paths go on in a tick, newest first.
+PathPaces: TypeAlias = tuple[float, float, float]
+FULL_PACE: Final[PathPaces] = (1.0, 1.0, 1.0)
+
 #: A motion in actuator space.
 AxisMotion: TypeAlias = Approach | JerkLimitedStop | StraightStop
 
@@ -88,6 +92,7 @@ class RobotState:
         guard: of a robot that follows live targets; None for one that does not.
         shaped: what goes to the devices of a robot whose commands are shaped.
         was_armed: its devices were asked to be ready in this run, so that they may have power.
+        path_paces: in this tick and in the two before (`contid.control.engine.watch.path_pace`).
     """
 
     mode: Mode = Mode.OFF
@@ -115,3 +120,4 @@ class RobotState:
     guard: GuardState | None = None
     shaped: Shaped = NOT_SHAPED
     was_armed: bool = False
+    path_paces: PathPaces = FULL_PACE

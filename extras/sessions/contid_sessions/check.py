@@ -8,6 +8,7 @@ Only records, events and the limits of the robot file are used, neither the limi
 | position | a command is inside the limits of its axis; from outside it never goes further out |
 | velocity, acceleration | differences of consecutive commands, from standstill at the first |
 | jerk | third differences within one planned motion, without RUN and the end of the shortest stop |
+| jerk on a slowed path | one and a half times that, while a body that lags slows paths |
 | arming | the first command is at the measured position |
 | follow | a measured axis follows its commands within the tolerance of the robot file |
 | estop | no command in the tick after an emergency stop, and OFF (a fault stays) |
@@ -24,7 +25,7 @@ from typing import Final
 
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.buses import RecorderOverrun
-from contid.control.engine.events.robots import FaultLatched, OrderGiven
+from contid.control.engine.events.robots import FaultLatched, OrderGiven, PathSlowed
 from contid.control.engine.messages import ClearFault, Grip, Measured, Recover
 from contid.control.engine.tick_layout import RobotRecord, TickRecord
 from contid.control.engine.wiring import build_robot_configs
@@ -37,6 +38,8 @@ from contid_sessions.check_follow import FollowCheck
 
 #: Rounding of float64 in commands, as a share of their largest value.
 _ROUNDING: Final = 1e-9
+#: Share of the jerk that a path has whose pace changes: its own, and half for the pace.
+_SLOWED: Final = 1.5
 #: The profiles of planned motions come from another library: rounding of its times.
 _JERK_ROUNDING: Final = 1e-3
 #: Modes in which a robot may stop in the shortest way (`contid.trajectory.straight_stop`).
@@ -119,7 +122,7 @@ class _RobotCheck:
         powers = zip((config.velocity, config.acceleration, config.jerk), (h, h * h, h**3), strict=True)
         self._most = tuple([tuple([rate * power for rate in rates]) for rates, power in powers])
         self._follow = FollowCheck(config)
-        self._yields = False
+        self._yields = self._slowed = False
         self._travel = [axis.upper - axis.lower for axis in config.limits]
         self._room = [_ROUNDING * max(abs(axis.lower), abs(axis.upper)) for axis in config.limits]
         self.forget()
@@ -138,6 +141,8 @@ class _RobotCheck:
     def tick(self, tick: int, now: RobotRecord, events: Sequence[RunEvent]) -> Iterator[tuple[str, str]]:
         """Rules broken in a tick, with messages."""
         orders = [each.order for each in events if isinstance(each, OrderGiven) and self._meant(each)]
+        for event in events:
+            self._slowed = not event.over if isinstance(event, PathSlowed) else self._slowed
         for order in orders:
             if order["order"] == Grip.NAME:
                 self._follow.effort_share = float(order["share"])
@@ -208,10 +213,11 @@ class _RobotCheck:
             self._beside |= limited
         self._planned.append(command)
         if len(self._planned) == 4:
+            part = _SLOWED if self._slowed else 1.0
             jolts = [
                 f"{self._config.axes[k]} {third / most_jerks[k]:.6g} times its limit"
                 for k, third in enumerate(self._thirds())
-                if abs(third) > most_jerks[k] * (1.0 + _JERK_ROUNDING) + 8.0 * self._room[k]
+                if abs(third) > part * most_jerks[k] * (1.0 + _JERK_ROUNDING) + 8.0 * self._room[k]
             ]
             # After a limited command the axes go back to their plan, within their acceleration alone.
             if not self._beside:

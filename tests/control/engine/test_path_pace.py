@@ -6,6 +6,7 @@ import io
 import itertools
 import math
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
@@ -15,7 +16,9 @@ from contid.control.engine.events.robots import PathSlowed
 from contid.control.engine.messages import Goto, Message
 from contid.control.engine.report import RunReport
 from contid.control.engine.virtual import run_virtual
+from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.faults import Fault
+from contid.control.tick.supervisor import Mode
 from contid.robot_file.load import parse_robot_file
 from contid.session.read import Session
 from contid.targets import Target
@@ -122,3 +125,32 @@ def test_a_slowed_run_replays_to_the_bit_and_by_older_rules_does_not(tmp_path: P
 def test_the_terminal_shows_it() -> None:
     event = PathSlowed(tick=1, robot="f0", axis="f0.left", over=True, lost_s=0.5, message="follows again")
     assert event_text(event) == "f0: follows again"
+
+
+@pytest.mark.parametrize("seed", [26, 38])
+def test_points_on_a_slowed_path_keep_the_acceleration_and_one_and_a_half_of_the_jerk(seed: int) -> None:
+    """Random points amid earlier ways, while a body lags: by motion rules 5 the jerk is 7.5 and 2.7 of it."""
+    random = Random(seed)
+    play_deg, share = random.choice([8, 12, 15]), random.choice([0.15, 0.2, 0.3])
+    kind = random.choice([f"kind: play, by_deg: {play_deg}", f"kind: slow, share: {share}"])
+    loaded = load(2, options=f"faults:\n  - {{at_s: 0.4, axis: f0.left, {kind}, for_s: 3}}\n")
+    orders: dict[int, list[Message]] = {}
+    for k in range(7):
+        tick = 100 + 110 * k + random.randrange(60)
+        orders[tick] = [
+            Goto(f"f{n}", Target(tip_m=(random.uniform(low, high), random.uniform(0.07, 0.085), 0.0)))
+            for n, (low, high) in enumerate(((0.03, 0.06), (0.04, 0.07)))
+        ]
+    seen = Collector(loaded)
+    run_virtual(loaded, RATE, None, sinks=[seen], orders=orders, ticks=900)
+    assert path_events(seen)
+    for index, config in enumerate(build_robot_configs(loaded, RATE)):
+        records = [record.robots[index] for record in seen.records]
+        for four in zip(*(records[k:] for k in range(4)), strict=False):
+            limited = any(axis.limits for each in four for axis in each.axes)
+            if limited or any(each.mode != Mode.APPROACH for each in four):
+                continue
+            for axis, (limit, jerk) in enumerate(zip(config.limits, config.jerk, strict=True)):
+                a, b, c, d = (each.axes[axis].command for each in four)
+                assert abs(d - 2.0 * c + b) <= limit.change * (1.0 + 1e-9)
+                assert abs(d - 3.0 * c + 3.0 * b - a) <= 1.5 * jerk / RATE**3 * (1.0 + 1e-6)

@@ -10,7 +10,10 @@ of whoever sends them.
 The pace follows what is asked of it by two equal lags, for which half of the acceleration and of the jerk of
 every axis is enough at its present speed: a step from 0 to 1 by ``k t exp(-k t)`` has slopes of at most
 ``k / e``, and changes of the slope of at most ``1.14 k^2``. Where the path itself needs the acceleration, the
-pace waits. Everything is a function of recorded samples, so a replay slows in the same ticks.
+pace has what is left, and its slope changes within half of the jerk, so an axis has at most one and a half of
+its jerk. A motion that begins meanwhile is planned by the slow clock (`RobotState.path_paces`). By motion
+rules before 6 the pace waits at once, and motions begin at full pace, up to eight times the jerk. Everything
+is a function of recorded samples, so a replay slows in the same ticks.
 
 One event has the robot and axis that slow the path, once the pace is below `STATED`; one follows when the
 pace was 1 for `OVER_S`. Until then no other axis is named, and the time lost is added up.
@@ -30,7 +33,7 @@ from contid.control.engine.stages import Targets, TickStage
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.engine.watch.body_watch import BodyWatch
 from contid.control.engine.watch.watched_body import WatchedBody
-from contid.control.tick.state import RobotState
+from contid.control.tick.state import FULL_PACE, RobotState
 from contid.control.tick.supervisor import Mode
 from contid.trajectory.approach import Approach
 
@@ -64,6 +67,7 @@ class PathPace(TickStage):
         self.pace = 1.0
         self._robots, self._watch, self._selector, self._sink = robots, body_watch, selector, sink
         self._period_s = robots.configs[0].period_s if robots.configs else 1.0
+        self._plans_at_pace = any(config.motion_rules > 5 for config in robots.configs)
         self._grace = math.ceil(GRACE_S / self._period_s)
         self._first_lag = 1.0  # what is asked for behind one of the two lags; `pace` is behind both
         self._pace_before = 1.0  # in the tick before
@@ -74,12 +78,17 @@ class PathPace(TickStage):
 
     def before(self, targets: Targets, timing: Timing, now_s: float) -> Targets:
         """See `TickStage.before`: slows what moves by the newest comparison."""
-        if self._watch.behind < BEGIN and self.pace == 1.0 and self._named is None:
+        quiet = self._watch.behind < BEGIN and self.pace == 1.0 and self._named is None
+        if quiet and self._robots.states[0].path_paces == FULL_PACE:
             self._behind = self._newest = 0.0
             return targets
         source = self._selector.source
         timed = source if isinstance(source, Timed) else None
-        moving = [index for index, state in enumerate(self._robots.states) if _on_path(state, timed)]
+        moving = [
+            index
+            for index, state in enumerate(self._robots.states)
+            if _on_path(state, timed) or (self._plans_at_pace and _begins(state))
+        ]
         for index, body in enumerate(self._watch.bodies):
             body.grace = self._grace if index in moving else 0
         worst = max(
@@ -88,8 +97,15 @@ class PathPace(TickStage):
         self._change(0.0 if worst is None else worst.behind, moving)
         if self.pace < 1.0:
             self._delay(timed, moving)
+        self._state_paces()
         self._report(worst, timing.tick)
         return targets
+
+    def _state_paces(self) -> None:
+        """Let motions that begin in this tick know the pace at which they are played (motion rules 6)."""
+        if self._plans_at_pace:
+            for index, state in enumerate(self._robots.states):
+                self._robots.states[index] = replace(state, path_paces=(self.pace, *state.path_paces[:2]))
 
     def _delay(self, timed: Timed | None, moving: list[int]) -> None:
         """Let the clocks of the trajectory and of the motions of this tick be later."""
@@ -113,7 +129,13 @@ class PathPace(TickStage):
         if asked == 1.0 and 1.0 - min(first, pace) < WHOLE:
             first = pace = 1.0
         before, self._pace_before = self._pace_before, self.pace
-        if all(self._allows(index, self.pace / before, pace / self.pace) for index in moving):
+        if self._plans_at_pace:
+            last, sought = self.pace / before - 1.0, pace / self.pace - 1.0
+            change = self._smooth(moving, last, sought)
+            part = 1.0 if sought == 0.0 else min(max(change / sought, 0.0), 1.0)
+            self._first_lag += part * (first - self._first_lag)
+            self.pace = min(self.pace * (1.0 + change), 1.0)
+        elif all(self._allows(index, self.pace / before, pace / self.pace) for index in moving):
             self._first_lag, self.pace = first, pace
 
     def _asked(self, behind: float, rising_per_s: float) -> float:
@@ -149,6 +171,29 @@ class PathPace(TickStage):
                 return False
         return True
 
+    def _smooth(self, moving: list[int], last: float, sought: float) -> float:
+        """The change of the pace next to one that is sought that the axes can follow.
+
+        All are shares of the pace, ``last`` that of the tick before. Changes of it use half of the jerk; the
+        acceleration that the path itself leaves is all used, and comes first.
+        """
+        least, most = -math.inf, math.inf
+        for index in moving:
+            state, config = self._robots.states[index], self._robots.configs[index]
+            befores = state.before or state.increments
+            for step, was, limit, jerk in zip(
+                state.increments, befores, config.limits, config.jerk, strict=True
+            ):
+                if step == 0.0:
+                    continue
+                by_jerk = _SHARE * jerk * self._period_s**3 / abs(step)
+                sought = min(max(sought, last - by_jerk), last + by_jerk)
+                by_path = step - was * (1.0 + last)
+                room = max(limit.change, abs(by_path))
+                ends = (-room - by_path) / step, (room - by_path) / step
+                least, most = max(least, min(ends)), min(most, max(ends))
+        return min(max(sought, least), most)
+
     def _report(self, worst: WatchedBody | None, tick: int) -> None:
         """One event when a body slows its path, and one when it follows again."""
         self._full_ticks = self._full_ticks + 1 if self.pace == 1.0 else 0
@@ -179,3 +224,8 @@ def _on_path(state: RobotState, timed: Timed | None) -> bool:
     if state.mode is Mode.RUN:
         return timed is not None and state.follow
     return state.mode is Mode.APPROACH and isinstance(state.motion, Approach)
+
+
+def _begins(state: RobotState) -> bool:
+    """True for a robot whose motion to a target begins in this tick, perhaps amid another."""
+    return state.mode is Mode.HOLD and state.goto is not None
