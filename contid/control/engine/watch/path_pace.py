@@ -172,7 +172,7 @@ class PathPace(TickStage):
         return True
 
     def _smooth(self, moving: list[int], last: float, sought: float) -> float:
-        """The change of the pace next to one that is sought that the axes can follow.
+        """The change of the pace that the axes can follow, next to the one that is sought.
 
         All are shares of the pace, ``last`` that of the tick before. Changes of it use half of the jerk; the
         acceleration that the path itself leaves is all used, and comes first.
