@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -49,6 +50,10 @@ class SwingingPose:
             change = np.zeros((self._arm.rod.count, STRAINS))
             change[:, : self._arm.rod.elements.strains] = shape.reshape(self._arm.rod.count, -1)
             self._ways.append(reach_m / mode.per_unit_m * change)
+            # So far the strains change along a mode, and it moves farther than in proportion.
+            for _ in range(8):
+                moved_m = float(np.linalg.norm(self.line_m(-1, 1.0) - self.line_m(-1, 0.0), axis=1).max())
+                self._ways[-1] = math.sqrt(reach_m / moved_m) * self._ways[-1]
 
     def line_m(self, mode: int, share: float) -> Array:
         """The backbone ``(points, 3)`` in the base frame, from the base to the tip.

@@ -34,7 +34,8 @@ class Watched:
         self._config = axes.config
         self.fault, self.message, self.watched_s = Fault.NONE, "", 0.0
         self._samples: dict[str, Sample] = {}
-        robots: Any = SimpleNamespace(configs=(axes.config,), fail=self._fail)
+        self._state = RobotState(Mode.RUN, enabled=True)
+        robots: Any = SimpleNamespace(configs=(axes.config,), states=[self._state], fail=self._fail)
         exchange: Any = SimpleNamespace(
             samples=self._samples,
             effort_shares={},
@@ -43,7 +44,6 @@ class Watched:
         self._watch = BodyWatch(robots, exchange)
         #: Greatest distance of an axis from its range as a share of its tolerance, and ticks beyond a half.
         self.behind, self.slowed = 0.0, 0
-        self._state = RobotState(Mode.RUN, enabled=True)
 
     def _fail(self, index: int, fault: Fault, message: str, now_s: float) -> None:
         self.fault, self.message = fault, message

@@ -8,16 +8,12 @@ from typing import Any
 
 import pytest
 
-from contid.control.engine.events.robots import MarkReached, OrderRefused
+from contid.control.engine.events.robots import OrderRefused
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import RemoteError, RequestFields
 from contid.remote.server.motion_orders import MotionOrders
 
-FOREIGN = (
-    MarkReached(number=3, tick=8),
-    OrderRefused(robot="f0", message="f0: cannot hold"),
-    MarkReached(number=4, tick=8),
-)
+FOREIGN = (OrderRefused(robot="f0", message="f0: cannot hold", answers=4),)
 OWN = (OrderRefused(robot="f0", message="f0: not cleared, f0.left reports overload"),)
 
 

@@ -20,7 +20,7 @@ def run(records: Iterator[int]) -> Any:
     )
 
     async def confirmed(future: Any) -> Any:
-        return SimpleNamespace(tick=7, record=1, refused={})
+        return SimpleNamespace(tick=7, record=1, refused={}, stronger={})
 
     return ServedRun(
         control=SimpleNamespace(newest=lambda: next(records)),
