@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -14,7 +13,7 @@ from contid.units import MM_PER_M
 from contid_dynamics.report import PoseModes, modes_of, pose_arm
 from contid_dynamics.rod import STRAINS
 
-#: Largest displacement of a drawn mode, as a share of the length of the body.
+#: Largest displacement of a drawn mode, as a share of the length of the body, where it grows in proportion.
 AMPLITUDE: Final = 0.2
 
 
@@ -50,10 +49,6 @@ class SwingingPose:
             change = np.zeros((self._arm.rod.count, STRAINS))
             change[:, : self._arm.rod.elements.strains] = shape.reshape(self._arm.rod.count, -1)
             self._ways.append(reach_m / mode.per_unit_m * change)
-            # So far the strains change along a mode, and it moves farther than in proportion.
-            for _ in range(8):
-                moved_m = float(np.linalg.norm(self.line_m(-1, 1.0) - self.line_m(-1, 0.0), axis=1).max())
-                self._ways[-1] = math.sqrt(reach_m / moved_m) * self._ways[-1]
 
     def line_m(self, mode: int, share: float) -> Array:
         """The backbone ``(points, 3)`` in the base frame, from the base to the tip.

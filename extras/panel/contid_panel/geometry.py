@@ -168,7 +168,8 @@ def modes(geometry: PanelGeometry, name: str, actuation: Actuation) -> Fields:
 
     Returns:
         ``modes``: ``frequency_hz``, ``ratio``, and ``lines`` of the backbone in the world [mm]: to one
-        side, at rest, to the other, so large that the farthest point moves by 0.2 of the length.
+        side, at rest, to the other, so large that the farthest point would move by 0.2 of the
+        length in proportion.
 
     Raises:
         ContidError: the robot has no `dynamics`, or no equilibrium was found.

@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,9 @@ def built(folder: Path, how: str) -> ModelPort:
     (port,) = model_ports(isolated(parse_robot_file(text, "fingers.yaml")))
     try:
         port.finish_building()
+        while not port._link.pid:  # until its keeper has reported it; 0 would be this process
+            port.tend()
+            time.sleep(0.01)
     except ModelLostError:
         port.close()
         raise
@@ -54,6 +58,9 @@ def waiting(folder: Path) -> Iterator[ModelPort]:
             pass
     os.sched_setaffinity(port._link.pid, {processor})
     os.sched_setscheduler(port._link.pid, os.SCHED_IDLE, os.sched_param(0))
+    share = Path(f"/proc/{port._link.pid}/autogroup")
+    if share.exists():  # each session has a part of its own of a processor, whatever its processes are
+        share.write_text("19")
     (folder / "trigger").touch()
     time.sleep(0.06)  # the model looks at it every 50 ms
     port.longest_s = LONGEST_S
@@ -87,13 +94,20 @@ def test_an_event_loop_waits_no_longer_than_for_an_answer(
 
 def test_a_check_in_a_thread_waits_as_long_as_others_compute(waiting: ModelPort) -> None:
     waited: list[float] = []
-    check = threading.Thread(target=lambda: waited.append(seconds_of(waiting)))
+
+    def ask() -> None:
+        began_s = time.monotonic()
+        with suppress(ModelLostError):  # it may get enough of a processor at last
+            waiting.ask(False, "forward", HERE)
+        waited.append(time.monotonic() - began_s)
+
+    check = threading.Thread(target=ask)
     check.start()
     time.sleep(0.5)
     # The loop does not wait for the question of the thread either.
     assert seconds_of(waiting) < LONGEST_S + 0.3
     check.join()
-    assert waited[0] > 1.0
+    assert waited[0] > 4.0 * LONGEST_S
 
 
 def test_a_model_may_compute_for_long_before_the_first_tick(folder: Path) -> None:
