@@ -1,1 +1,1 @@
-"""What drivers share: a locked serial port, ports by adapter, the memory of devices, deferred signals."""
+"""What drivers share: a locked serial port, ports by adapter, and the memory of devices."""

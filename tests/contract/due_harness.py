@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from contid.hal import AxisOnBus, DeviceKind, Rest
-from contid.kit.clock import MonotonicClock
+from contid_driverkit.clock import MonotonicClock
 from contid_driverkit.contract import Facts, RealTimeRig
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from contid.hal import AxisOnBus, DeviceKind, Rest
-from contid.kit.clock import MonotonicClock
+from contid_driverkit.clock import MonotonicClock
 from contid_driverkit.contract import Facts, RealTimeRig
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus

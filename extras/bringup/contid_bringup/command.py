@@ -188,9 +188,9 @@ def _bring_up_regulators(
 ) -> Iterator[ProvenAxis]:
     from contid.hal import Rest
     from contid.hal.pulses import Proves
-    from contid.kit.clock import MonotonicClock
-    from contid.kit.signals import defer_signals
     from contid_bringup.regulator import bring_up_regulator
+    from contid_driverkit.clock import MonotonicClock
+    from contid_driverkit.signals import defer_signals
 
     name, options, clock = bus.wiring.name, bus.wiring.options, MonotonicClock()
     report = functools.partial(click.echo, err=True)

@@ -14,7 +14,6 @@ docs/devices/drivers.md has a driver on it; a part is `contid.kit`, which the dr
 * `defer_signals`: no signal between two orders that belong together.
 """
 
-from contid.kit.clock import MonotonicClock
 from contid.kit.locked_port import PORT_ERRORS, LockedPort
 from contid.kit.remembered import BusMemory, Remembered, accept_remedy, memory_of
 from contid.kit.serial_ports import (
@@ -26,13 +25,14 @@ from contid.kit.serial_ports import (
     port_name,
     usb_ports,
 )
-from contid.kit.signals import defer_signals
+from contid_driverkit.clock import MonotonicClock
 from contid_driverkit.control_file import ControlFile
 from contid_driverkit.effort_homing import EffortStop, HomesByEffort, home_by_effort
 from contid_driverkit.polled_bus import PolledBus, Reading
 from contid_driverkit.port_checks import examine_bus, latency_timer, owner, port_findings
 from contid_driverkit.pseudo_port import PseudoPort
 from contid_driverkit.serial_bus import SerialBus
+from contid_driverkit.signals import defer_signals
 
 __all__ = [
     "PORT_ERRORS",

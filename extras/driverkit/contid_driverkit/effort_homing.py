@@ -19,8 +19,8 @@ from pydantic import BaseModel, Field
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Bus, Clock, Homed, Report, Rest
 from contid.hal.homing import BACKOFF_MIN_DEG
-from contid.kit.clock import MonotonicClock
-from contid.kit.signals import defer_signals
+from contid_driverkit.clock import MonotonicClock
+from contid_driverkit.signals import defer_signals
 
 #: Between two exchanges.
 POLL_S: Final = 0.01

@@ -12,9 +12,9 @@ import pytest
 
 from contid.hal import AxisOnBus
 from contid.kit import locked_port
-from contid.kit.clock import MonotonicClock
 from contid_devices.due import homing, pulses
 from contid_devices.due.firmware_build import build_host
+from contid_driverkit.clock import MonotonicClock
 from contid_driverkit.pseudo_port import PseudoPort
 from contid_drivers.due import bus, frames, session
 from contid_drivers.due.codes import Type

@@ -9,8 +9,8 @@ from contextlib import closing
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Homed, Report, Rest
-from contid.kit.clock import MonotonicClock
-from contid.kit.signals import defer_signals
+from contid_driverkit.clock import MonotonicClock
+from contid_driverkit.signals import defer_signals
 from contid_drivers.due.bus import SILENCE_S, DueBus
 from contid_drivers.due.codes import Reason
 from contid_drivers.due.options import DueBusOptions

@@ -10,9 +10,9 @@ from typing import Final
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, DeviceKind, Rest
 from contid.hal.pulses import EncoderAnswer, ProvenDevice
-from contid.kit.clock import MonotonicClock
-from contid.kit.signals import defer_signals
 from contid_devices.pulsed_motors import DriveFacts, PulseAnswer
+from contid_driverkit.clock import MonotonicClock
+from contid_driverkit.signals import defer_signals
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.codes import DUTY_FULL, TRACE_MS, Reason, Refusal
 from contid_drivers.due.messages import PulseTrace

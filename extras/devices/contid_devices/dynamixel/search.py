@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 from contid.errors import DeviceError
-from contid.kit.signals import defer_signals
+from contid_driverkit.signals import defer_signals
 from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis, Turn

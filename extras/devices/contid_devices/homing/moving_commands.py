@@ -12,7 +12,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from contid.errors import ContidError
-from contid.kit.signals import ENDING, handled_by
+from contid_driverkit.signals import ENDING, handled_by
 
 if TYPE_CHECKING:
     from contid.control.engine.wiring import WiredBus

@@ -29,7 +29,7 @@ def reading(buses: Sequence[WiredBus]) -> Iterator[Callable[[], Mapping[str, Sam
     Raises:
         DeviceNotFoundError: a port or a device is missing, or another process has the port.
     """
-    from contid.kit.clock import MonotonicClock
+    from contid_driverkit.clock import MonotonicClock
 
     opened: list[Bus] = []
     try:
