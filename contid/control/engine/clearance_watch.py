@@ -32,7 +32,7 @@ from contid.control.engine.stages import Targets, TickStage
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import transitions
 from contid.control.tick.axis_motions import braking_at_once, straight_stop
-from contid.control.tick.robot_tick import TickResult, tick
+from contid.control.tick.robot_tick import TickResult, tick_again
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import ARMED, Mode
 from contid.robot_file.base import StopPolicy
@@ -158,8 +158,7 @@ class ClearanceWatch(TickStage):
     def _again(self, index: int, state: RobotState, now_s: float) -> TickResult:
         """The result of a tick that begins with a state in which the robot stops."""
         config = self._robots.configs[index]
-        result = tick(config, state, now_s, self._exchange.samples_of(config), None)
-        return replace(result, held=True)
+        return tick_again(config, state, now_s, self._exchange.samples_of(config))
 
     def _placed(self, outcomes: Sequence[TickResult]) -> Walk:
         """The walk at the last commands, or at the samples of robots without power."""

@@ -7,7 +7,6 @@ what differs between them: clock, ports and sink.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 from contid.clearance.guard import ClearanceGuard
 from contid.control.engine.chain_monitor import ChainMonitor
@@ -33,7 +32,7 @@ from contid.control.engine.watch.tip_watch import TipWatch
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
-from contid.control.tick.robot_tick import TickResult, stop_without_model, tick
+from contid.control.tick.robot_tick import TickResult, stop_without_model, tick, tick_again
 from contid.control.tick.supervisor import Mode
 from contid.kinematics.rope.chain import ChainGuard
 from contid.targets import Target
@@ -238,5 +237,4 @@ class Engine:
         """The ticks of the robots of a stage that failed after them, from their states with the fault."""
         for index in stage.robots:
             config, state = self.robots.configs[index], self.robots.states[index]
-            result = tick(config, state, now_s, self.exchange.samples_of(config), None)
-            outcomes[index] = replace(result, held=True)
+            outcomes[index] = tick_again(config, state, now_s, self.exchange.samples_of(config))

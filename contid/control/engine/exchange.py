@@ -223,7 +223,7 @@ class Exchange:
                 self._stalled(name, port, now_s)
             if (port.busy or self._queued[name]) and not port.lost:
                 asked = (*(self._sent[name] if port.busy else ()), *self._queued[name])
-                self.unrested.update([index for index, what, _ in asked if isinstance(what.value, Rest)])
+                self.unrested.update([each.robot for each in asked if isinstance(each.effect.value, Rest)])
         # 3. How old the samples are now.
         after_s = now()
         self._costs.waited_s = min(after_s, end_s) - at_s

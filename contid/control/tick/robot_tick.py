@@ -137,6 +137,13 @@ def tick(
         return stop_without_model(config, failed, now_s)
 
 
+def tick_again(
+    config: RobotConfig, state: RobotState, now_s: float, samples: tuple[Sample, ...]
+) -> TickResult:
+    """The tick of a robot that a stage made stop, from the state in which it does; without a target."""
+    return replace(tick(config, state, now_s, samples, None), held=True)
+
+
 def _stands(config: RobotConfig, state: RobotState) -> bool:
     """True for a robot whose next state and command are those it has: nothing has to be computed."""
     return (

@@ -14,7 +14,7 @@ import logging
 import time
 from collections import ChainMap
 from collections.abc import Mapping
-from typing import Final
+from typing import Final, NamedTuple
 
 from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.messages import ClearFault, Grip, Hold, Recover, Resume
@@ -42,6 +42,13 @@ _LOOK_S: Final = 0.02
 #: Greatest number of a move, and greatest time of the monotonic clock [s], that a request may have.
 _MAX_NUMBER: Final = 1e15
 _MAX_TIME_S: Final = 1e12
+
+
+class _StillFaulty(NamedTuple):
+    """Robots that did not leave FAULT, and the record that shows it."""
+
+    robots: tuple[str, ...]
+    record: TickRecord | None
 
 
 class MotionOrders:
@@ -146,9 +153,7 @@ class MotionOrders:
             raise RemoteError(Code.FAULT, message, self._run.view.faults(record, left))
         return {"cleared": sorted(faulty), "robots": self._run.states(robots, record)}
 
-    async def _still_faulty(
-        self, faulty: tuple[str, ...], why: Mapping[str, str]
-    ) -> tuple[tuple[str, ...], TickRecord | None]:
+    async def _still_faulty(self, faulty: tuple[str, ...], why: Mapping[str, str]) -> _StillFaulty:
         """Of robots whose devices were asked to clear, those in FAULT once all the others have left it.
 
         Waits until each left it or refused, and no longer than `CONFIRM_TIMEOUT_S`; with the record that
@@ -160,7 +165,7 @@ class MotionOrders:
             record = self._run.control.newest()
             left = {name for name in left if self._run.view.mode(name, record) is Mode.FAULT}
             if not left or left <= why.keys() or time.monotonic() > deadline_s:
-                return tuple(sorted(left)), record
+                return _StillFaulty(tuple(sorted(left)), record)
             await asyncio.sleep(_LOOK_S)
 
     async def _move(self, caller: Caller, request: RequestFields) -> Fields:

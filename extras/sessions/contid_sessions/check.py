@@ -142,7 +142,8 @@ class _RobotCheck:
         """Rules broken in a tick, with messages."""
         orders = [each.order for each in events if isinstance(each, OrderGiven) and self._meant(each)]
         for event in events:
-            self._slowed = not event.over if isinstance(event, PathSlowed) else self._slowed
+            if isinstance(event, PathSlowed):
+                self._slowed = not event.over
         for order in orders:
             if order["order"] == Grip.NAME:
                 self._follow.effort_share = float(order["share"])

@@ -22,8 +22,9 @@ pace was 1 for `OVER_S`. Until then no other axis is named, and the time lost is
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.events.robots import PathSlowed
@@ -53,6 +54,21 @@ OVER_S: Final = 1.0
 #: Share of acceleration and jerk that changes of the pace may use, and how quick they are at most [1/s].
 _SHARE: Final = 0.5
 _QUICKEST: Final = 50.0
+
+
+class _Change(NamedTuple):
+    """The speed of an axis on a path, and how it changed [m, Pa or rad, in ticks].
+
+    Attributes:
+        step: in the last tick.
+        by_path: its change that the path needed; that of the pace is none of the path.
+        most, most_jolt: greatest change in a tick, and greatest change of the change.
+    """
+
+    step: float
+    by_path: float
+    most: float
+    most_jolt: float
 
 
 class PathPace(TickStage):
@@ -135,7 +151,7 @@ class PathPace(TickStage):
             part = 1.0 if sought == 0.0 else min(max(change / sought, 0.0), 1.0)
             self._first_lag += part * (first - self._first_lag)
             self.pace = min(self.pace * (1.0 + change), 1.0)
-        elif all(self._allows(index, self.pace / before, pace / self.pace) for index in moving):
+        elif self._allows(moving, self.pace / before, pace / self.pace):
             self._first_lag, self.pace = first, pace
 
     def _asked(self, behind: float, rising_per_s: float) -> float:
@@ -157,17 +173,20 @@ class PathPace(TickStage):
                     quick = min(quick, by_push, math.sqrt(_SHARE * jerk / (1.14 * speed)))
         return 1.0 - math.exp(-quick * self._period_s)
 
-    def _allows(self, index: int, last_ratio: float, ratio: float) -> bool:
-        """True when the axes of a robot may change their speed by a ratio, besides what the path needs.
+    def _changes(self, moving: list[int], last_ratio: float) -> Iterator[_Change]:
+        """How every axis on a path changed its speed; ``last_ratio``: the last change of the pace."""
+        for index in moving:
+            state, config = self._robots.states[index], self._robots.configs[index]
+            befores = state.before or state.increments
+            rows = zip(state.increments, befores, config.limits, config.jerk, strict=True)
+            for step, was, limit, jerk in rows:
+                yield _Change(step, step - was * last_ratio, limit.change, jerk * self._period_s**3)
 
-        The last change of the pace, a ratio as well, is not one of the path.
-        """
-        state, limits = self._robots.states[index], self._robots.configs[index].limits
-        befores = state.before or state.increments
-        for step, was, limit in zip(state.increments, befores, limits, strict=True):
-            by_path = step - was * last_ratio
-            change = abs(by_path + step * (ratio - 1.0))
-            if change > limit.change and change > abs(by_path):
+    def _allows(self, moving: list[int], last_ratio: float, ratio: float) -> bool:
+        """True when all axes may change their speed by a ratio, besides what the path needs."""
+        for axis in self._changes(moving, last_ratio):
+            change = abs(axis.by_path + axis.step * (ratio - 1.0))
+            if change > axis.most and change > abs(axis.by_path):
                 return False
         return True
 
@@ -178,20 +197,14 @@ class PathPace(TickStage):
         acceleration that the path itself leaves is all used, and comes first.
         """
         least, most = -math.inf, math.inf
-        for index in moving:
-            state, config = self._robots.states[index], self._robots.configs[index]
-            befores = state.before or state.increments
-            for step, was, limit, jerk in zip(
-                state.increments, befores, config.limits, config.jerk, strict=True
-            ):
-                if step == 0.0:
-                    continue
-                by_jerk = _SHARE * jerk * self._period_s**3 / abs(step)
-                sought = min(max(sought, last - by_jerk), last + by_jerk)
-                by_path = step - was * (1.0 + last)
-                room = max(limit.change, abs(by_path))
-                ends = (-room - by_path) / step, (room - by_path) / step
-                least, most = max(least, min(ends)), min(most, max(ends))
+        for step, by_path, most_change, most_jolt in self._changes(moving, 1.0 + last):
+            if step == 0.0:
+                continue
+            by_jerk = _SHARE * most_jolt / abs(step)
+            sought = min(max(sought, last - by_jerk), last + by_jerk)
+            room = max(most_change, abs(by_path))
+            ends = (-room - by_path) / step, (room - by_path) / step
+            least, most = max(least, min(ends)), min(most, max(ends))
         return min(max(sought, least), most)
 
     def _report(self, worst: WatchedBody | None, tick: int) -> None:
