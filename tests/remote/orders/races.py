@@ -73,6 +73,8 @@ class StopModel:
 
     def __init__(self) -> None:
         self.standing: set[int] = set()
+        #: By request under way: whose stop it ended by moving, which stands again if it is refused.
+        self.ended: list[set[int]] = []
         self.moved: Counter[str] = Counter()
         self.broken: list[str] = []
         self.estops = 0
@@ -88,12 +90,17 @@ class StopModel:
             isinstance(message, Rows) and any(target is not None for target in message.targets.values())
         ):
             if fields.get("after_stop"):
-                self.standing.clear()
+                self.lift()
             if others := self.standing - {client}:
                 self.broken.append(f"client {client} {verb}: {type(message).__name__} after {others}")
             self.moved[verb] += 1
             ended |= self.standing & {client}
             self.standing.discard(client)
+
+    def lift(self) -> None:
+        """No stop stands, nor will one that a move ended which is refused only now."""
+        for stops in (self.standing, *self.ended):
+            stops.clear()
 
 
 class VirtualRun:
@@ -198,6 +205,7 @@ class Race:
         request = {"verb": verb, **fields}
         ended: set[int] = set()
         REQUEST.set((client.number, request, ended))
+        self.model.ended.append(ended)
         self.orders += 1
         try:
             if verb in ("estop", "malformed"):
@@ -214,13 +222,15 @@ class Race:
             if verb == "move":  # its stop stands
                 self.model.standing |= ended
             return None
+        finally:
+            self.model.ended = [each for each in self.model.ended if each is not ended]
         if "tick" in result and "robots" in result and verb != "start":
             robots = zip(self.run.loaded.driven, self.run.records[result["tick"]].robots, strict=True)
             modes = {name: Mode(record.mode).name for name, record in robots}
             if result["robots"] != modes:
                 self.foreign.append(f"{verb}: {result}, the record has {modes}")
         if verb == "acquire" and not fields.get("unless_stopped"):
-            self.model.standing.clear()
+            self.model.lift()
         if "t_s" in fields.get("columns", ()):  # begun in one step; its rows move nothing yet
             self.model.standing.discard(client.number)
         return result

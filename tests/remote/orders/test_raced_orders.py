@@ -91,6 +91,24 @@ async def test_an_order_to_go_on_that_is_refused_leaves_the_stop_standing(race: 
     assert race.refused["stopped"] == 1
 
 
+async def test_a_stop_that_was_lifted_does_not_stand_again_for_a_refused_move(race: Race) -> None:
+    """A client moves during its own stop, and another one acquires before that move is refused."""
+    program, person, other = Client(2), Client(5), Client(4)
+    while race.run.newest() is None or not await race.give(program, "move", target=POINT):
+        await asyncio.sleep(0)
+    for _ in range(40):
+        await asyncio.sleep(0)
+    stopping = asyncio.create_task(race.give(program, "stop"))
+    moving = asyncio.create_task(race.give(program, "move", target={**POINT, "f0.x_mm": 50.0}))
+    acquiring = asyncio.create_task(race.give(person, "acquire", takeover=True))
+    assert [await moving, await acquiring is None, await stopping is None] == [None, False, False]
+    assert race.refused["refused"] == 1, race.refused
+    assert await race.give(person, "release") is not None
+    await race.give(other, "resume")  # which robots on their way to rest may refuse
+    assert race.model.moved["resume"] == 1, race.refused
+    assert race.model.broken == []
+
+
 POINT = {"f0.x_mm": 45.0, "f0.y_mm": 75.0}
 TIMED_ROWS = [[0.05 * step, 50.0, 75.0] for step in range(3)]
 
