@@ -1,5 +1,7 @@
 """Nothing may be left behind: a test that leaves a thread, a child process, a file or a task fails.
 
+The processes that it left are ended, so that no other test fails for it.
+
 pytest-asyncio runs each test in a loop of its own, so tasks are checked before that loop closes.
 """
 
@@ -12,6 +14,7 @@ import signal
 import threading
 import time
 from collections.abc import AsyncIterator, Iterator
+from contextlib import suppress
 from multiprocessing import resource_tracker
 from pathlib import Path
 
@@ -45,14 +48,8 @@ def _descriptors() -> dict[int, str]:
 
 
 def _children() -> set[int]:
-    """Children of every thread of this process, also dead ones that have not been waited for."""
-    found: set[int] = set()
-    for thread in os.listdir("/proc/self/task"):  # noqa: PTH208
-        try:
-            found.update(map(int, Path(f"/proc/self/task/{thread}/children").read_text().split()))
-        except OSError:  # the thread has ended
-            continue
-    return found - {forked.pid()}
+    """Children of this process, also dead ones that have not been waited for, which a test may have started."""
+    return forked.children() - {forked.pid()} - forked.adopted()
 
 
 def _command_line(pid: int) -> str:
@@ -112,6 +109,12 @@ def nothing_left_behind(garbage_of_other_modules: None) -> Iterator[None]:
     while (rest := _left_behind(threads, children, descriptors)) and time.monotonic() < deadline:
         gc.collect()
         time.sleep(0.02)
+    # A process that is left shares processors and open files with every test that follows.
+    for pid in _children() - children if rest else ():
+        if "resource_tracker" not in _command_line(pid):
+            with suppress(ProcessLookupError, ChildProcessError):
+                os.kill(pid, signal.SIGKILL)
+                os.waitpid(pid, 0)
     assert not rest, f"left behind: {rest}"
 
 
