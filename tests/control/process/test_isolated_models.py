@@ -109,8 +109,8 @@ TRIED = [
 def share_of(how: str) -> float:
     """Periods that an answer may take: none but those of models that are to be too slow is found too slow.
 
-    The keeper of a process that ends may be scheduled late, a note of 10 MB takes 20 ms and more, and an answer
-    that is there when this process itself was late is taken.
+    The keeper of a process that ends may be scheduled late, a note of 10 MB takes 20 ms and more, and an
+    answer that is there when this process itself was late is taken.
     """
     found = FOUND[how]
     return 60.0 if found is not None and found[0] is not SLOW else 0.9

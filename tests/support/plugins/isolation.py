@@ -48,7 +48,7 @@ def _descriptors() -> dict[int, str]:
 
 
 def _children() -> set[int]:
-    """Children of this process, also dead ones that have not been waited for, which a test may have started."""
+    """Children of this process that a test may have started, also dead ones that were not waited for."""
     return forked.children() - {forked.pid()} - forked.adopted()
 
 
