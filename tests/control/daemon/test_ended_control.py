@@ -44,7 +44,7 @@ def test_an_exit_inside_a_driver_is_no_success(
         assert ending == f"the control process ended with status {status}, without a report of the run"
 
 
-#: The simulated bus of the control process opens for as long as nobody ends it.
+#: The simulated bus of the control process opens for ever.
 OPENING = """\
 import sys
 if "contid.control.process" in sys.orig_argv:

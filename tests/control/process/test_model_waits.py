@@ -1,7 +1,7 @@
 """Questions of a model outside ticks: an event loop waits for one no longer than it may take.
 
-The process of the model is stopped, and what the kernel tells of it is replaced: that it waits for a
-processor all the time. `test_process_time` has what the kernel tells of one that does wait.
+The process of the model is stopped, and what the kernel reports of it is replaced: that it waits for a
+processor all the time. `test_process_time` has what the kernel reports of one that does wait.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def built(folder: Path, how: str) -> ModelPort:
 
 
 class WaitsAlways:
-    """What `ProcessTime` tells of a process that gets nothing of a processor."""
+    """What `ProcessTime` reports of a process that gets nothing of a processor."""
 
     def __init__(self, pid: int) -> None:
         self.pid, self._last_s = pid, 0.0
