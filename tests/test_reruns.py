@@ -15,7 +15,11 @@ pytestmark = pytest.mark.process
 ROOT = Path(__file__).parent.parent
 #: Helpers that start daemons, which keep to the clock of this machine.
 DAEMONS = re.compile(r"^from tests\.support\.(daemons|fleets|panels) import", re.MULTILINE)
-HOOKS = "from tests.support.plugins.reruns import pytest_collection_modifyitems, pytest_sessionfinish\n"
+HOOKS = """\
+from tests.support.plugins.reruns import (
+    pytest_collection_modifyitems, pytest_sessionfinish, pytest_terminal_summary,
+)
+"""
 UNSTEADY = """
 import pytest
 
@@ -61,6 +65,8 @@ def test_reruns(mark: str, rate: str | None, code: int, workers: tuple[str, ...]
         check=False,
     )
     assert done.returncode == code, done.stdout + done.stderr
+    named = "RERUN test_unsteady.py::test_unsteady - assert 1 > 1" in done.stdout
+    assert named == bool(mark), done.stdout
 
 
 def test_tests_of_daemons_are_realtime() -> None:

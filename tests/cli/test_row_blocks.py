@@ -145,7 +145,7 @@ def test_rows_typed_into_a_pipe_are_answered_at_once() -> None:
         process.stdin.flush()
         assert process.stdout.readline() == first
         process.stdin.close()
-        assert process.wait(20) == 0
+        assert process.wait(60) == 0
 
 
 def test_line_ends_may_be_split_between_blocks(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -112,7 +112,7 @@ def test_a_request_that_waits_ends_with_the_connection(tmp_path: Path) -> None:
         await asyncio.sleep(0.0)
         await client._disconnect()
         with pytest.raises(ConnectionLostError, match="this client was closed"):
-            await asyncio.wait_for(waiting, 5.0)
+            await asyncio.wait_for(waiting, 60.0)
         silent.close()
         await silent.wait_closed()
 
@@ -130,6 +130,6 @@ def test_a_request_that_cannot_be_sent_ends_in_its_time(tmp_path: Path) -> None:
         client = AsyncClient(tmp_path / "socket", timeout_s=0.05)
         client._waiting, client._wire = {}, cast(AsyncSocketWire, FullWire())
         with pytest.raises(ConnectionLostError, match="no response within"):
-            await asyncio.wait_for(client.request("hold"), 5.0)
+            await asyncio.wait_for(client.request("hold"), 60.0)
 
     asyncio.run(ask())

@@ -185,7 +185,7 @@ def test_the_asynchronous_client_takes_a_coroutine() -> None:
     async def main(path: Path) -> None:
         async with AsyncClient(path) as client:
             report = await client.servo(50.0, controller)
-            assert report.steps + report.skipped == 10
+            assert report.steps <= 10 <= report.steps + report.skipped
 
     with daemon() as running, running.client() as client:
         armed(client)

@@ -42,7 +42,7 @@ async def test_its_job_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
     def slow(setup: RunSetup, options: Mapping[str, str], virtual: bool, host: str | None = None) -> Header:
         reached.set()
-        ordered.wait(10.0)
+        ordered.wait(60.0)
         return describe(setup, options, virtual, host)
 
     monkeypatch.setattr("contid.session.recording_observer.subprocess.Popen", Recorder)
@@ -52,7 +52,7 @@ async def test_its_job_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     recordings = Recordings(tmp_path, {})
     recordings.attach(RunSetup(loaded, 200.0, tmp_path / "ring", None, OnEnd.HOLD, attended=True), 1)
     begun = asyncio.create_task(recordings.begin("person"))
-    await asyncio.to_thread(reached.wait, 10.0)
+    await asyncio.to_thread(reached.wait, 60.0)
     recordings.before_order(Play(circle(loaded)))
     ordered.set()
     assert (await begun).done

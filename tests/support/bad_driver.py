@@ -93,6 +93,8 @@ def recursed(depth: int = 0) -> int:
     return recursed(depth + 1) + 1
 
 
+#: Time of an exchange that is too slow [s]: also beside ticks that a busy machine makes ten times as long.
+SLOW_S = 0.2
 #: What happens in each exchange once it is bad; then the samples are as ever.
 DEEDS: dict[str, Callable[[], Any]] = {
     "raise": lambda: raised(ValueError("no idea")),
@@ -114,9 +116,9 @@ DEEDS: dict[str, Callable[[], Any]] = {
     "hang": lambda: time.sleep(1e6),
     "hang in a loop": spin,
     "hang with the GIL": lambda: ctypes.PyDLL(None).sleep(1000),
-    "slow": lambda: time.sleep(0.02),
-    "slow in a loop": lambda: spun(0.02),
-    "slow with the GIL": lambda: ctypes.PyDLL(None).usleep(20_000),
+    "slow": lambda: time.sleep(SLOW_S),
+    "slow in a loop": lambda: spun(SLOW_S),
+    "slow with the GIL": lambda: ctypes.PyDLL(None).usleep(round(1e6 * SLOW_S)),
     "threads": started,
     "forks": lambda: forked(lambda: time.sleep(1000)),
     "forks that compute": lambda: forked(spin),

@@ -57,6 +57,10 @@ WATCHDOG_SHARE: Final = 0.25
 CLOSE_TIMEOUT_S: Final = 0.5
 
 
+class DaemonGoneError(BaseException):
+    """The daemon is gone and nothing is armed; no `SystemExit`, which may be a defect of a driver."""
+
+
 class ParentWatch:
     """Detects the end of the daemon by its pipe and by the parent-death signal.
 
@@ -78,7 +82,7 @@ class ParentWatch:
         """Handler of the parent-death signal."""
         self._signalled = True
         if not self.running:
-            raise SystemExit(0)  # nothing is armed: stop waiting for a bus to open
+            raise DaemonGoneError  # stop waiting for a bus to open
 
 
 class ControlProcess:
@@ -176,6 +180,8 @@ def main(descriptor: int) -> int:
     try:
         with handle_logs(setup.log_level, logs):
             return _serve(setup, inbox, parent_watch, ring, logs, isolated, models)
+    except DaemonGoneError:
+        return 0
     finally:
         gc.unfreeze()  # what `disable_gc` froze is collected at the exit: models of the kernels are in cycles
         logs.write(ring)
@@ -210,7 +216,6 @@ def _serve(
         log.debug("open: %s", ", ".join([*isolated, *buses]))
         logs.write(ring)
         why_not = request_real_time()
-        ring.event(RunStarted(realtime=not why_not, message=why_not))
         ports |= {
             name: BusPort(
                 bus, threaded=len(buses) + len(isolated) > 1, reopen_aside=True, prepare=ring.mark_preparing
@@ -218,7 +223,8 @@ def _serve(
             for name, bus in buses.items()
         }
         process = ControlProcess(setup, inbox, parent_watch, ring, ports, models, logs)
-        parent_watch.running = True
+        parent_watch.running = True  # first: a run that has started ends with its report
+        ring.event(RunStarted(realtime=not why_not, message=why_not))
         disable_gc()
         try:
             process.run()

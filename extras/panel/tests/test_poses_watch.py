@@ -33,7 +33,7 @@ async def test_a_folder_that_cannot_be_searched_for_a_moment(
     monkeypatch.setattr(poses, "default_pose_file", pose_file)
     monkeypatch.setattr(poses, "PERIOD_S", 0.0)
     watching = asyncio.create_task(poses.PanelPoses(cast(Hub, hub)).watch())
-    async with asyncio.timeout(10.0):
+    async with asyncio.timeout(60.0):
         while not sent:
             await asyncio.sleep(0.01)
     watching.cancel()

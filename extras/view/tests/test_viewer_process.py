@@ -54,6 +54,7 @@ def started() -> Iterator[Callable[..., subprocess.Popen[str]]]:
     for process in running:
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
+        if process.stdout is not None and not process.stdout.closed:
             process.communicate(timeout=30)
 
 
@@ -251,13 +252,15 @@ def test_invalid_targets_are_refused_before_the_run_starts(tmp_path: Path) -> No
 @pytest.mark.realtime
 def test_a_page_of_a_running_robot(tmp_path: Path, started: Callable[..., subprocess.Popen[str]]) -> None:
     trajectory = tmp_path / "circle.csv"
-    trajectory.write_text(rows_of("hand", "--laps", "4"))
-    process = started("run", "hand", "--mock", "--view", "serve", "--trajectory", str(trajectory))
+    trajectory.write_text(rows_of("hand"))
+    source = ("--trajectory", str(trajectory), "--on-end", "hold")
+    process = started("run", "hand", "--mock", "--view", "serve", *source)
     line = line_with(process.stderr, "view: http://127.0.0.1:")
     with urllib.request.urlopen(line.split("view: ")[1].strip()) as answer:
         assert answer.status == 200
+    process.send_signal(signal.SIGINT)
     process.communicate(timeout=60)
-    assert process.returncode == 0
+    assert process.returncode == 130
     with pytest.raises(OSError, match="refused"):
         urllib.request.urlopen(line.split("view: ")[1].strip())
 

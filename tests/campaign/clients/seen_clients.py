@@ -153,6 +153,13 @@ def checks(seen: Seen) -> list[str]:
 class _Lease(History):
     """The lease alone; states are judged here, robot by robot."""
 
+    def _may_be_held(self, order: Order) -> bool:
+        """Also by a move under way: it holds the lease up to its answer, also if that refuses."""
+        return super()._may_be_held(order) or any(
+            each.verb == "move" and each.ok is False and each.client != order.client
+            and each.sent < order.answered and each.answered > order.sent for each in self.orders
+        )  # fmt: skip
+
     def _states(self, order: Order) -> Iterator[str]:
         return iter(())
 

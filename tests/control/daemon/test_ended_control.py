@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,6 +14,7 @@ import pytest
 from contid.control.daemon.report_builder import ReportBuilder
 from contid.control.engine.events.run import RunFailed, StopBegan
 from tests.control.daemon.ended_control import LIBRARY, control_of, ended
+from tests.support.command import environment
 from tests.support.daemons import armed
 from tests.support.daemons import fast_daemon as daemon
 from tests.support.waiting import until
@@ -38,6 +42,34 @@ def test_an_exit_inside_a_driver_is_no_success(
         code, ending, _ = ended(running)
         assert code == 3
         assert ending == f"the control process ended with status {status}, without a report of the run"
+
+
+#: The simulated bus of the control process opens for ever.
+OPENING = """\
+import sys
+if "contid.control.process" in sys.orig_argv:
+    import pathlib, time
+    from contid_drivers.sim.bus import SimBus
+    def open(self):
+        pathlib.Path("opening").touch()
+        time.sleep(1000.0)
+    SimBus.open = open
+"""
+
+
+def test_ctrl_c_while_a_bus_opens_is_no_defect_of_its_driver(tmp_path: Path) -> None:
+    """The signal comes inside the driver, whose own `SystemExit` would be a defect."""
+    (tmp_path / "sitecustomize.py").write_text(OPENING)
+    folders = os.pathsep.join((str(tmp_path), environment()["PYTHONPATH"]))
+    command = [sys.executable, "-m", "contid", "run", "finger", "--mock", "--json"]
+    with subprocess.Popen(
+        command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": folders}, text=True,
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    ) as running:  # fmt: skip
+        until((tmp_path / "opening").exists, "the bus opens")
+        running.send_signal(signal.SIGINT)
+        out, messages = running.communicate(timeout=60)
+    assert (running.returncode, json.loads(out)["ending"]) == (130, "interrupted"), messages
 
 
 def test_what_a_person_ended_keeps_its_exit_code() -> None:

@@ -6,11 +6,13 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 
+import psutil
 import pytest
 
 from contid.control.process.isolation.process_time import ProcessTime
+from tests.support.waiting import until
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
@@ -22,8 +24,9 @@ def spin() -> None:
         pass
 
 
-def share_waited(do: Callable[[], None], before_s: float = 0.2, looks: int = 1) -> float:
-    """Share of a time that a child, which has the least priority, waits for a processor."""
+@contextmanager
+def child_of(do: Callable[[], None]) -> Iterator[int]:
+    """A child that has the least priority; its process id."""
     begun, begins = os.pipe()
     child = os.fork()
     if not child:
@@ -33,22 +36,26 @@ def share_waited(do: Callable[[], None], before_s: float = 0.2, looks: int = 1) 
             do()
         finally:
             os._exit(0)
-    found = ProcessTime(child)
     try:
         os.read(begun, 1)  # beside others that compute, a process may start late
-        time.sleep(before_s)
+        yield child
+    finally:
+        os.close(begun)
+        os.close(begins)
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+
+
+def share_waited(do: Callable[[], None], looks: int = 1) -> float:
+    """Share of a time that such a child waits for a processor."""
+    with child_of(do) as child, closing(ProcessTime(child)) as found:
+        time.sleep(0.2)
         found.begin()
         began_s, waited_s = time.monotonic(), 0.0
         for _ in range(looks):
             time.sleep(LOOK_S / looks)
             waited_s += found.waited_s()
         return waited_s / (time.monotonic() - began_s)
-    finally:
-        found.close()
-        os.close(begun)
-        os.close(begins)
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
 
 
 @contextmanager
@@ -68,7 +75,7 @@ def busy_processor() -> Iterator[None]:
 
 
 def sleep_then_spin() -> None:
-    time.sleep(0.17)
+    signal.sigwait({signal.SIGUSR1})
     spin()
 
 
@@ -85,9 +92,19 @@ def test_one_beside_others_that_compute_waits(looks: int) -> None:
 
 
 def test_a_sleep_before_a_look_is_no_waiting() -> None:
-    """The look finds it waiting for a processor, but most of the time it slept."""
-    with busy_processor():
-        assert share_waited(sleep_then_spin, before_s=0.0) < 0.5
+    """The look finds it waiting for a processor, but until the signal it slept."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
+    try:
+        with busy_processor(), child_of(sleep_then_spin) as child, closing(ProcessTime(child)) as found:
+            until(lambda: psutil.Process(child).status() == psutil.STATUS_SLEEPING, "it sleeps")
+            found.begin()
+            time.sleep(LOOK_S)
+            slept_until_s = time.monotonic()
+            os.kill(child, signal.SIGUSR1)
+            time.sleep(0.03)
+            assert found.waited_s() < time.monotonic() - slept_until_s + 0.1 * LOOK_S
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def test_none_is_no_process() -> None:

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -35,6 +36,8 @@ _lock = threading.Lock()
 _connection: socket.socket | None = None
 _process: subprocess.Popen[bytes] | None = None
 _environment: Mapping[str, str] = {}
+#: Orphans that the kernel gave to this process while it was a "child subreaper": no test has started them.
+_adopted: set[int] = set()
 
 
 def environment() -> dict[str, str]:
@@ -49,9 +52,11 @@ def use(connection: socket.socket) -> None:
 
 
 def close() -> None:
-    """End the starter."""
+    """End the starter, also where a process that a test has left keeps a copy of the connection."""
     global _connection, _process
     if _connection is not None:
+        with suppress(OSError):  # the starter has ended
+            _connection.shutdown(socket.SHUT_RDWR)
         _connection.close()
     if _process is not None:
         _process.wait()
@@ -61,6 +66,26 @@ def close() -> None:
 def pid() -> int | None:
     """Process id of the starter, once it runs."""
     return None if _process is None else _process.pid
+
+
+def children() -> set[int]:
+    """Children of every thread of this process, also dead ones that have not been waited for."""
+    found: set[int] = set()
+    for thread in os.listdir("/proc/self/task"):  # noqa: PTH208 -- at every test
+        with suppress(OSError):  # the thread has ended
+            found.update(map(int, Path(f"/proc/self/task/{thread}/children").read_text().split()))
+    return found
+
+
+def adopted() -> set[int]:
+    """Orphans of processes that ended while this one was their reaper; those that have ended are reaped."""
+    for orphan in [*_adopted]:
+        try:
+            if os.waitpid(orphan, os.WNOHANG)[0]:
+                _adopted.discard(orphan)
+        except ChildProcessError:
+            _adopted.discard(orphan)
+    return {*_adopted}
 
 
 def descriptors() -> set[int]:
@@ -85,11 +110,12 @@ class ForkedPopen(subprocess.Popen[Any]):
         )
         folder = os.fspath(Path.cwd() if cwd is None else cwd)
         if request is None or not Path(folder).is_dir():
-            super()._execute_child(  # type: ignore[misc]
-                args, executable, preexec_fn, close_fds, pass_fds, cwd, env, startupinfo, creationflags,
-                shell, p2cread, p2cwrite, c2pread, c2pwrite, errread, errwrite, restore_signals, gid, gids,
-                uid, umask, start_new_session, process_group,
-            )  # fmt: skip
+            with _lock:  # what `_fork` finds beside its own process is adopted
+                super()._execute_child(  # type: ignore[misc]
+                    args, executable, preexec_fn, close_fds, pass_fds, cwd, env, startupinfo, creationflags,
+                    shell, p2cread, p2cwrite, c2pread, c2pwrite, errread, errwrite, restore_signals, gid,
+                    gids, uid, umask, start_new_session, process_group,
+                )  # fmt: skip
             return
         sys.audit("subprocess.Popen", args[0], args, cwd, env)
         own = {
@@ -178,12 +204,14 @@ def _fork(request: dict[str, Any], descriptors: list[int]) -> int:
     with _lock:
         connection = _start()
         libc = ctypes.CDLL(None)
+        before = children()
         libc.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
         try:
             starter.send(connection, request, descriptors)
             (own,) = struct.unpack("!i", connection.recv(4, socket.MSG_WAITALL))
         finally:
             libc.prctl(_PR_SET_CHILD_SUBREAPER, 0, 0, 0, 0)
+        _adopted.update(children() - before - {own})
     return int(own)
 
 

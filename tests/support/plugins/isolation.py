@@ -1,5 +1,7 @@
 """Nothing may be left behind: a test that leaves a thread, a child process, a file or a task fails.
 
+The processes that it left are ended, so that no other test fails for it.
+
 pytest-asyncio runs each test in a loop of its own, so tasks are checked before that loop closes.
 """
 
@@ -11,7 +13,9 @@ import os
 import signal
 import threading
 import time
+import warnings
 from collections.abc import AsyncIterator, Iterator
+from contextlib import suppress
 from multiprocessing import resource_tracker
 from pathlib import Path
 
@@ -30,6 +34,8 @@ settings.load_profile("contid")
 for number, action in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, action)
+#: Collections left that give no warning about resources.
+_quiet_looks = 0
 # Threads that belong to the test runner itself, not to the code under test.
 RUNNER_THREADS = ("pytest_timeout", "execnet", "asyncio_", "ThreadPoolExecutor-pytest")
 
@@ -45,14 +51,8 @@ def _descriptors() -> dict[int, str]:
 
 
 def _children() -> set[int]:
-    """Children of every thread of this process, also dead ones that have not been waited for."""
-    found: set[int] = set()
-    for thread in os.listdir("/proc/self/task"):  # noqa: PTH208
-        try:
-            found.update(map(int, Path(f"/proc/self/task/{thread}/children").read_text().split()))
-        except OSError:  # the thread has ended
-            continue
-    return found - {forked.pid()}
+    """Children of this process that a test may have started, also dead ones that were not waited for."""
+    return forked.children() - {forked.pid()} - forked.adopted()
 
 
 def _command_line(pid: int) -> str:
@@ -90,16 +90,35 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """A try that failed leaves what its traceback kept: no warning about that is of the tests that follow."""
+    global _quiet_looks
+    if report.outcome in ("failed", "rerun"):
+        _quiet_looks = 2  # the interpreter keeps the newest traceback until the next test
+
+
+def _collect() -> None:
+    """Collect garbage; what a failed try left is closed without a warning."""
+    global _quiet_looks
+    with warnings.catch_warnings():
+        if _quiet_looks:
+            _quiet_looks -= 1
+            warnings.simplefilter("ignore", ResourceWarning)
+        gc.collect()
+
+
 @pytest.fixture(scope="module", autouse=True)
 def garbage_of_other_modules() -> None:
     """Collect once per module what outlived the tests that made it; the rest is not looked at again."""
-    gc.collect()
+    _collect()
     gc.freeze()
 
 
 @pytest.fixture(autouse=True)
 def nothing_left_behind(garbage_of_other_modules: None) -> Iterator[None]:
     """Fail a test that leaves threads, child processes or file descriptors."""
+    if _quiet_looks:
+        _collect()
     threads = {t.ident for t in threading.enumerate()}
     # multiprocessing starts its resource tracker once per interpreter and keeps its pipe.
     resource_tracker.ensure_running()
@@ -112,6 +131,12 @@ def nothing_left_behind(garbage_of_other_modules: None) -> Iterator[None]:
     while (rest := _left_behind(threads, children, descriptors)) and time.monotonic() < deadline:
         gc.collect()
         time.sleep(0.02)
+    # A process that is left shares processors and open files with every test that follows.
+    for pid in _children() - children if rest else ():
+        if "resource_tracker" not in _command_line(pid):
+            with suppress(ProcessLookupError, ChildProcessError):
+                os.kill(pid, signal.SIGKILL)
+                os.waitpid(pid, 0)
     assert not rest, f"left behind: {rest}"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 import pytest
 
@@ -18,6 +19,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("realtime"):
             item.add_marker(pytest.mark.flaky(reruns=RERUNS, reruns_delay=RERUN_DELAY_S))
+
+
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """Name the tests that were tried again, and why: each is a failure that the next try has hidden."""
+    for report in terminalreporter.stats.get("rerun", []):
+        crash = getattr(report.longrepr, "reprcrash", None)
+        lines = (crash.message if crash is not None else report.longreprtext).splitlines()
+        terminalreporter.write_line(f"RERUN {report.nodeid} - {lines[0][:200] if lines else 'no message'}")
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:

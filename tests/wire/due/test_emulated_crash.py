@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-import time
+from contextlib import suppress
 
 import psutil
 import pytest
@@ -12,13 +12,19 @@ from contid.errors import DeviceError
 from contid_drivers.due.options import DueBusOptions, Role
 from contid_emulate.due import DueEmulator
 from contid_emulate.tracking import moving
+from tests.support.waiting import until
 from tests.wire.due.boards import MOTORS
 
 pytestmark = pytest.mark.process
 
 
 def board_process() -> psutil.Process:
-    return next(child for child in psutil.Process().children() if "--pty" in child.cmdline())
+    """The process of the board; this process may have other children, which end meanwhile."""
+    for child in psutil.Process().children():
+        with suppress(psutil.NoSuchProcess):
+            if "--pty" in child.cmdline():
+                return child
+    raise AssertionError("no board runs")
 
 
 @pytest.mark.parametrize("fault", [signal.SIGFPE, signal.SIGSEGV])
@@ -36,7 +42,7 @@ def test_a_command_to_a_board_that_has_ended_is_refused_as_such(tmp_path):
     with DueEmulator(options, MOTORS) as emulator:
         process = board_process()
         process.send_signal(signal.SIGINT)
-        process.wait(5.0)
+        process.wait(60.0)
         for _ in range(2):  # the first one may still fit into the pipe
             with pytest.raises(DeviceError, match=r"the emulated board .* has ended"):
                 emulator.command("get 0")
@@ -49,9 +55,7 @@ def test_bodies_whose_board_has_ended_are_reported():
 
     lines: list[str] = []
     with moving(Ended(), None, lines.append):  # type: ignore[arg-type]
-        until = time.monotonic() + 5.0
-        while not lines and time.monotonic() < until:
-            time.sleep(0.01)
+        until(lambda: lines, "it is reported")
     assert lines == ["bodies no longer move: due emulator: the emulated board has ended"]
 
 
