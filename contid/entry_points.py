@@ -13,6 +13,10 @@ contid imports no extra: the metadata of a distribution names what it adds, and 
 | ``contid.workspaces`` | `contid.api.workspace.MeasureWorkspace`, of robots in the plane and in space |
 | ``contid.emulators`` | by the name of a driver, a function like `contid.hal.Emulates.emulator` |
 | ``contid.tools`` | by the name of a driver, an object with interfaces of `contid.hal.optional` for it |
+| ``contid.chains`` | ``ropes``: a class of `contid.control.engine.chains.ChainGuards` of a loaded file |
+| ``contid.solvers`` | by `RobotDescription.kinematics`, a class of models of a description |
+| ``contid.clearance`` | ``bodies``: a class of `contid.control.engine.stages.BodyClearance` of a file |
+| ``contid.library`` | names of ``contid`` and its client beside those of the core: ``Sim`` and others |
 | ``contid.addresses`` | a function from a text ``NAME:...`` to a `contid.remote.client.wires.Address` |
 
 Drivers (``contid.drivers``), bodies of simulated robots (``contid.bodies``), models
@@ -25,6 +29,8 @@ from __future__ import annotations
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final
 
+from contid.errors import ContidError
+
 COMMANDS: Final = "contid.commands"
 OBSERVERS: Final = "contid.observers"
 CHECKS: Final = "contid.checks"
@@ -33,6 +39,10 @@ EXPORTS: Final = "contid.exports"
 MODES: Final = "contid.modes"
 WORKSPACES: Final = "contid.workspaces"
 ADDRESSES: Final = "contid.addresses"
+LIBRARY: Final = "contid.library"
+CHAINS: Final = "contid.chains"
+SOLVERS: Final = "contid.solvers"
+CLEARANCE: Final = "contid.clearance"
 EMULATORS: Final = "contid.emulators"
 TOOLS: Final = "contid.tools"
 
@@ -49,6 +59,25 @@ def load_one(group: str, name: str) -> Any | None:
     for point in entry_points(group=group, name=name):
         return _load(point)
     return None
+
+
+def required(group: str, name: str, what: str, extra: str) -> Any:
+    """The object of one name.
+
+    Args:
+        group: of entry points.
+        name: of the object.
+        what: needs it, for the message.
+        extra: that has it.
+
+    Raises:
+        ContidError: no installed package offers it.
+    """
+    found = load_one(group, name)
+    if found is None:
+        package = f"contid_{extra}, which is not installed; `pip install contid` installs it"
+        raise ContidError(f"{what} needs the package {package}")
+    return found
 
 
 def _load(point: EntryPoint) -> Any | None:

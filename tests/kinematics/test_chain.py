@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from contid.errors import BadInputError
-from contid.kinematics.rope.chain import ChainGuard, Tip
 from contid.robot_file.chain import Chain
 from contid.robot_file.load import load_robot_file, parse_robot_file
+from contid_ropes.chain import ChainGuard, Tip
 from tests.kinematics.ph_golden import GOLDEN, MM, two_section_pose
 
 CHAIN = Path(__file__).parents[2] / "configs" / "chain.yaml"

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
-from contid.control.engine.chain_monitor import ChainMonitor
+from contid.control.engine.chains import ArmsTogether
 from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.events.robots import ContactBegan, OrderRefused
 from contid.control.engine.exchange import Exchange
@@ -47,7 +47,7 @@ class ContactStage(TickStage):
             in it from a contact until it is back; only then the end of its goto is reported.
     """
 
-    def __init__(self, robots: Robots, exchange: Exchange, chains: ChainMonitor, sink: Sink) -> None:
+    def __init__(self, robots: Robots, exchange: Exchange, chains: ArmsTogether, sink: Sink) -> None:
         self.robots = [index for index, config in enumerate(robots.configs) if config.contact is not None]
         self._robots = robots
         self._exchange = exchange

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from contid.control.engine import messages as msg
-from contid.control.engine.chain_monitor import ChainMonitor
+from contid.control.engine.chains import ArmsTogether
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import EffortLimited, MarkReached, OrderRefused
@@ -59,7 +59,7 @@ class OrderHandler:
         robots: Robots,
         selector: TargetSelector,
         exchange: Exchange,
-        chains: ChainMonitor,
+        chains: ArmsTogether,
         stages: Sequence[TickStage],
         sink: Sink,
         stage_failed: Callable[[TickStage, Exception, float], None],
@@ -80,7 +80,7 @@ class OrderHandler:
         selector = self._selector
         if isinstance(message, msg.Rows):
             self._sink.event(rows_event(message, tick_number))
-            if self._chains.chains:
+            if self._chains.any:
                 self._chains.begin_gotos(now_s)
             if not selector.finishing:  # nothing may delay the end of a run
                 selector.rows(message.targets, now_s)
@@ -90,7 +90,7 @@ class OrderHandler:
             message = msg.Hold()
         if (order := order_event(message, tick_number)) is not None:
             self._sink.event(order)
-        if self._chains.chains and not isinstance(message, msg.Goto):
+        if self._chains.any and not isinstance(message, msg.Goto):
             self._chains.begin_gotos(now_s)
         # A client that gives orders may give more: the run then waits even if every robot is in FAULT.
         selector.attended = selector.attended or not isinstance(message, msg.Measured | msg.EndOfRows)

@@ -19,6 +19,7 @@ from typing import Final, Protocol, TypeAlias
 from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.robots import Robots
+from contid.control.tick.preflight.kept_apart import ChecksClearance
 from contid.control.tick.robot_tick import TickResult
 from contid.errors import ContidError
 from contid.targets import Target
@@ -88,12 +89,21 @@ class EngineParts:
         exchange: with their devices.
         react: to contacts; None where no robot looks for any.
         sink: of the events.
+        follows_trajectory: True while the source of targets is a trajectory, whose rows were checked before.
     """
 
     robots: Robots
     exchange: Exchange
     react: React | None
     sink: Sink
+    follows_trajectory: Callable[[], bool]
+
+
+class BodyClearance(ChecksClearance, Protocol):
+    """What a robot file keeps apart, in the tick too: the extra `clearance` builds it."""
+
+    def stage(self, parts: EngineParts) -> TickStage:
+        """The stage that keeps the bodies apart."""
 
 
 #: Builds the stage of the robot with an index, None when it needs none.

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from typing import Any, Final, Protocol
 
 from contid import entry_points
-from contid.errors import ContidError
 from contid.hal import TipMeasured
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
@@ -111,8 +110,4 @@ def _body(robot: str, description: Cosserat | TendonRobot) -> SimulatedMotion:
 
 
 def _load(robot: str, kind: str) -> Any:
-    found = entry_points.load_one(BODIES, kind)
-    if found is None:
-        package = "contid_dynamics, which is not installed; `pip install contid` installs it"
-        raise ContidError(f"{robot}: its key `sim` (body {kind!r}) needs the package {package}")
-    return found
+    return entry_points.required(BODIES, kind, f"{robot}: its key `sim` (body {kind!r})", "dynamics")

@@ -11,10 +11,10 @@ import numpy as np
 
 from contid.control.engine.wiring import build_robot_configs, chain_guards
 from contid.kinematics.array import Array
-from contid.kinematics.rope.chain import ChainGuard, Tip
 from contid.robot_file.clearance import ObstacleDescription, PlaneDescription
 from contid.robot_file.load import LoadedFile
 from contid.units import MM_PER_M
+from contid_ropes.chain import ChainGuard, Tip
 from contid_view.body import SolidBody
 from contid_view.robot_scene import RobotDrawing, RobotScene
 

@@ -13,9 +13,9 @@ from contid.cli.support.parameters import POSITIVE, Numbers, robot_names
 from contid.units import m_to_mm
 
 if TYPE_CHECKING:
-    from contid.kinematics.body_shape import BodyShape
     from contid.robot_file.load import LoadedFile
     from contid.targets import Target
+    from contid_ropes.body_shape import BodyShape
 
     #: Shape of one robot for its target of a row.
     Shaper = Callable[[str, Target], BodyShape]
@@ -52,11 +52,11 @@ def command(
     independent of the model. Rows are counted from 1.
     """
     from contid.cli.support.rows import located_at, open_rows, read_rows
-    from contid.kinematics.body_shape import of_rope
-    from contid.kinematics.rope.chain import ChainGuard
     from contid.robot_file.chain import Chain
     from contid.robot_file.load import load_named
     from contid.units import MM_PER_M
+    from contid_ropes.body_shape import of_rope
+    from contid_ropes.chain import ChainGuard
 
     length_m = None
     if lengths_mm is not None:
@@ -88,9 +88,9 @@ def command(
 
 
 def _by_model(loaded: LoadedFile, points: int) -> Shaper:
-    from contid.kinematics.body_shape import by_model
     from contid.kinematics.frames import BaseFrame
     from contid.kinematics.model import build_model
+    from contid_ropes.body_shape import by_model
 
     robots = {name: robot for name, robot in loaded.file.robots.items() if not robot.passive}
     models = {name: build_model(robot) for name, robot in robots.items()}
@@ -106,8 +106,8 @@ def _by_model(loaded: LoadedFile, points: int) -> Shaper:
 
 
 def _by_pose(loaded: LoadedFile, points: int, length_m: float | None) -> Shaper:
-    from contid.kinematics.body_shape import from_pose
     from contid.kinematics.frames import BaseFrame
+    from contid_ropes.body_shape import from_pose
 
     def shaper(name: str, target: Target) -> BodyShape:
         robot = loaded.file.robots[name]

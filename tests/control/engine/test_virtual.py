@@ -9,8 +9,6 @@ from pathlib import Path
 import pytest
 
 from contid.control.engine import messages as msg
-from contid.control.engine.chain_monitor import ChainMonitor
-from contid.control.engine.clearance_watch import ClearanceWatch
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.contact_stage import ContactStage
 from contid.control.engine.cycle import OnEnd
@@ -23,6 +21,8 @@ from contid.control.tick.supervisor import Mode
 from contid.kinematics.model import Model
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Solution, Target
+from contid_clearance.watch import ClearanceWatch
+from contid_ropes.monitor import ChainMonitor
 from tests.support.fingers import Collector, circle, load
 
 RATE = 200.0

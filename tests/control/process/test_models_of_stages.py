@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 
-from contid.control.engine.clearance_watch import ClearanceWatch
 from contid.control.engine.contact_stage import ContactStage
 from contid.control.engine.messages import Goto, Message, Resume
 from contid.control.engine.tick_costs import TickCosts, UnansweredError
@@ -24,6 +23,7 @@ from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile, parse_robot_file
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
+from contid_clearance.watch import ClearanceWatch
 from tests.support.broken.broken_run import BadModel
 from tests.support.fingers import Collector, circle_csv, fingers
 

@@ -24,7 +24,7 @@ from contid.control.engine.messages import Play
 from contid.control.engine.order_events import answer_of, order_of
 from contid.control.engine.tick_costs import UnansweredError
 from contid.control.engine.tick_layout import DEADLINE, LATENESS, SKIPPED, TICK
-from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard
+from contid.control.engine.wiring import build_robot_configs, chains_of, clearance_of
 from contid.control.process.isolation.model_ports import models_beside
 from contid.control.tick.faults import Fault
 from contid.errors import ContidError, SessionError
@@ -121,8 +121,8 @@ def _replay(session: Session, loaded: LoadedFile, tolerance: float) -> Replayed:
         trajectory=session.trajectory(loaded),
         on_end=OnEnd(session.option("on_end") or "stop"),
         attended=session.option("attended") == "true",
-        guards=chain_guards(loaded),
-        clearance=clearance_guard(loaded),
+        chains=chains_of(loaded),
+        clearance=clearance_of(loaded),
     )
     comparison = Comparison(session.layout, session.device_units, tolerance)
     by_tick: dict[int, list[RunEvent]] = defaultdict(list)
